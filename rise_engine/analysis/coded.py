@@ -8,8 +8,9 @@ from pathlib import Path
 
 from rise_engine.analysis.model import CodedAnnotation, Outage, PlayedAct
 from rise_engine.analysis.outages import seconds_without_engine
+from rise_engine.errors import SessionError
 from rise_engine.session.coded import CodedFile, read_coded, read_spans, told_span
-from rise_engine.session.coded_formats import CodedError, CodedSpan
+from rise_engine.session.coded_formats import CodedSpan
 from rise_engine.session.levels import LevelFilter
 
 Spans = Sequence[tuple[float, float]]
@@ -35,14 +36,14 @@ def read_annotations(
     found: list[CodedAnnotation] = []
     try:
         files = read_coded(folder)
-    except CodedError as error:
+    except SessionError as error:
         problems.append(str(error))
         return ()
     speech = robot_speech(acts, end) if files else ()
     for file in files:
         try:
             spans = read_spans(folder, file)
-        except CodedError as error:
+        except SessionError as error:
             problems.append(f"what was annotated in {file.name} is left out: {error}")
             continue
         found += [coded_annotation(each, file, level, speech, outages) for each in spans]

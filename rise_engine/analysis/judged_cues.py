@@ -14,6 +14,7 @@ from msgspec import Struct, field
 
 from rise_engine.analysis.causes import actor_of
 from rise_engine.analysis.model import SessionData, SessionFacts
+from rise_engine.errors import SessionError
 from rise_engine.expression import Assignment, LanguageError
 from rise_engine.kernel.behaviors import (
     BehaviorError,
@@ -25,7 +26,7 @@ from rise_engine.kernel.behaviors import (
 )
 from rise_engine.kernel.records import ControlRecord, CueRecord, Mark, MistakeRecord, TaskRecord
 from rise_engine.scenario.model import Scenario, normal_topic
-from rise_engine.session.folder import SessionError, read_info
+from rise_engine.session.folder import read_info
 from rise_engine.session.replay import load_session_scenario
 from rise_engine.session.shadow import (
     NO_ANSWERS,

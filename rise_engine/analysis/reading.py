@@ -19,6 +19,7 @@ from rise_engine.analysis.model import Outage, SessionData, SessionFacts
 from rise_engine.analysis.outages import OutageCollector
 from rise_engine.analysis.phases import PhaseCollector, PointCollector, count_repairs
 from rise_engine.analysis.session_records import SessionRecords
+from rise_engine.errors import SessionError
 from rise_engine.kernel.records import (
     AnyRecord,
     CheckRecord,
@@ -31,11 +32,10 @@ from rise_engine.kernel.records import (
     SyncRecord,
 )
 from rise_engine.scenario.model import SIMULATED, Scenario
-from rise_engine.session.errors import SessionError
 from rise_engine.session.folder import is_abandoned
 from rise_engine.session.labels import RelabelledError
 from rise_engine.session.levels import ExportLevel
-from rise_engine.session.media import MediaError, MediaFile, read_media
+from rise_engine.session.media import MediaFile, read_media
 from rise_engine.study.labels import reassignment_of
 from rise_engine.study.sessions import GIVEN_UP
 from rise_engine.study.traces import owner_of, study_of_session, wizard_names
@@ -239,6 +239,6 @@ def _judgement(source: SessionRecords, study: Path | None, few: Iterable[AnyReco
 def _media(folder: Path, problems: list[str]) -> tuple[MediaFile, ...]:
     try:
         return read_media(folder)
-    except MediaError as error:
+    except SessionError as error:
         problems.append(str(error))
         return ()

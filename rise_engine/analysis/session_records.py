@@ -12,9 +12,10 @@ from typing import Any
 
 import msgspec
 
+from rise_engine.errors import SessionError
 from rise_engine.kernel.records import AnyRecord, SessionRecord
 from rise_engine.scenario.model import Scenario
-from rise_engine.session.folder import INFO, JOURNAL, SCENARIO_COPY, SessionError, SessionInfo, read_info
+from rise_engine.session.folder import INFO, JOURNAL, SCENARIO_COPY, SessionInfo, read_info
 from rise_engine.session.journal_reader import JournalContents, read_journal
 from rise_engine.session.levels import ExportLevel, LevelFilter
 from rise_engine.session.private_values import PrivateValues

@@ -8,7 +8,7 @@ import msgspec
 from msgspec import Struct
 
 from rise_engine import __version__
-from rise_engine.bundle.errors import BundleError
+from rise_engine.export.format import ExportError
 from rise_engine.session.levels import ExportLevel
 
 ABOUT_FILE = "bundle.json"
@@ -43,10 +43,10 @@ def write_about(root: Path, about: AboutBundle) -> None:
 
 
 def read_about(root: Path) -> AboutBundle:
-    """`bundle.json` of the bundle in `root`. Raises BundleError when it is missing or is none."""
+    """`bundle.json` of the bundle in `root`. Raises ExportError when it is missing or is none."""
     try:
         return msgspec.json.decode((root / ABOUT_FILE).read_bytes(), type=AboutBundle)
     except FileNotFoundError:
-        raise BundleError(f"it is no bundle that can be made again: it has no {ABOUT_FILE}") from None
+        raise ExportError(f"it is no bundle that can be made again: it has no {ABOUT_FILE}") from None
     except (OSError, msgspec.DecodeError) as error:
-        raise BundleError(f"{ABOUT_FILE} cannot be read: {error}") from None
+        raise ExportError(f"{ABOUT_FILE} cannot be read: {error}") from None

@@ -11,8 +11,8 @@ from collections.abc import Iterator
 from contextlib import ExitStack, contextmanager
 from pathlib import Path
 
-from rise_engine.bundle.errors import BundleError
 from rise_engine.bundle.manifest import files_in
+from rise_engine.export.format import ExportError
 from rise_engine.scenario.study_paths import why_no_name
 from rise_engine.session.unfinished_files import erase_unfinished, private_folder
 from rise_engine.text import clean
@@ -47,7 +47,7 @@ def opened_bundle(path: Path) -> Iterator[Path]:
 
     What a killed program has left of one that was unpacked is erased first.
 
-    :raises BundleError: it is neither, or would do harm.
+    :raises ExportError: it is neither, or would do harm.
     """
     beside = Path(tempfile.gettempdir(), "rise-bundle")
     if path.is_dir():
@@ -56,7 +56,7 @@ def opened_bundle(path: Path) -> Iterator[Path]:
         yield path
         return
     if not path.exists():
-        raise BundleError(f"there is no {path}")
+        raise ExportError(f"there is no {path}")
     with ExitStack() as stack:
         try:
             archive = stack.enter_context(zipfile.ZipFile(path))
@@ -64,17 +64,17 @@ def opened_bundle(path: Path) -> Iterator[Path]:
             _check(archive, path.stat().st_size, shutil.disk_usage(folder).free)
             _unpack(archive, folder)
         except (zipfile.BadZipFile, zlib.error, EOFError, NotImplementedError, RuntimeError) as error:
-            raise BundleError(f"{path} is no zip file that can be read ({error})") from None
+            raise ExportError(f"{path} is no zip file that can be read ({error})") from None
         except OSError as error:
-            raise BundleError(f"{path} cannot be unpacked: {error.strerror or error}") from None
+            raise ExportError(f"{path} cannot be unpacked: {error.strerror or error}") from None
         yield folder
 
 
 def _refuse_links(folder: Path) -> None:
-    """A bundle has none, and one could lead to any file of whoever reads it. Raises BundleError."""
+    """A bundle has none, and one could lead to any file of whoever reads it. Raises ExportError."""
     links = sorted(path.relative_to(folder).as_posix() for path in folder.rglob("*") if path.is_symlink())
     if links:
-        raise BundleError(f"it is no bundle, because these in it are links: {_some(links)}")
+        raise ExportError(f"it is no bundle, because these in it are links: {_some(links)}")
 
 
 def _some(names: list[str]) -> str:
@@ -85,7 +85,7 @@ def _check(archive: zipfile.ZipFile, size: int, free: int) -> None:
     """Look at what a zip file says that it holds, before any of it is unpacked.
 
     :param size: how large it is. :param free: how much room there is.
-    :raises BundleError: it holds what no bundle has, or too much; all that is wrong, a line for each.
+    :raises ExportError: it holds what no bundle has, or too much; all that is wrong, a line for each.
     """
     entries = archive.infolist()
     total = sum(entry.file_size for entry in entries)
@@ -107,7 +107,7 @@ def _check(archive: zipfile.ZipFile, size: int, free: int) -> None:
         if names:
             problems.append(f"it is no bundle, because these in it {what}: {_some(names)}")
     if problems:
-        raise BundleError(*problems)
+        raise ExportError(*problems)
 
 
 def _is_plain(entry: zipfile.ZipInfo) -> bool:

@@ -11,8 +11,8 @@ from typing import Any
 
 from msgspec import Struct, field
 
+from rise_engine.errors import SessionError
 from rise_engine.scenario.loader import load
-from rise_engine.session.errors import SessionError
 from rise_engine.session.folder import JOURNAL, SCENARIO_COPY, SessionInfo, read_info, spoken_as
 from rise_engine.session.labels import read_labels
 from rise_engine.session.unfinished_files import private_folder

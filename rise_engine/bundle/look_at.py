@@ -8,9 +8,9 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 
 from rise_engine.analysis.model import SessionData
+from rise_engine.errors import SessionError
 from rise_engine.kernel.records import TaskRecord
 from rise_engine.kernel.speech import SAY
-from rise_engine.session.errors import SessionError
 from rise_engine.session.levels import ExportLevel
 from rise_engine.session.sharing import SharedSession
 from rise_engine.session.suggestions import suggest_words

@@ -18,24 +18,23 @@ from rise_engine.bundle.archive import write_zip
 from rise_engine.bundle.crate import METADATA, CrateContents, CrateSession, metadata_text
 from rise_engine.bundle.derived import FORMATS, REPORT, sessions_in_order, with_license, write_derived
 from rise_engine.bundle.environment import ENVIRONMENT_FILE, PROGRAM, environment_text, wheel_in, write_program
-from rise_engine.bundle.errors import BundleError
 from rise_engine.bundle.inputs import check_inputs
 from rise_engine.bundle.look_at import LookAt
 from rise_engine.bundle.manifest import fingerprint, manifest_text
 from rise_engine.bundle.study_files import copy_scenarios, log_text, participants_text, study_text, told_name
 from rise_engine.bundle.texts import license_text, readme_text
+from rise_engine.errors import SessionError
 from rise_engine.export.format import ExportError
 from rise_engine.export.formats import load_format
 from rise_engine.export.questionnaire_tables import answers_text, told_answers
 from rise_engine.export.writing import export_context, new_export
 from rise_engine.session.coded import coded_paths
 from rise_engine.session.disk import make_private_folder, write_private_file
-from rise_engine.session.errors import SessionError
 from rise_engine.session.folder import INFO, JOURNAL
 from rise_engine.session.media import MEDIA_FILE
 from rise_engine.session.scenario_copies import copy_folders
 from rise_engine.session.shadow import shadow_files
-from rise_engine.session.sharing import CannotShare, share_session
+from rise_engine.session.sharing import share_session
 from rise_engine.study.plan_file import PLAN_FILE
 from rise_engine.study.publishing import authors_of
 from rise_engine.study.state import StudyStatus, read_state
@@ -72,10 +71,10 @@ def make_bundle(
     :param out: a new folder, or a new file whose name ends in `.zip`.
     :param options: how much it tells.
     :param remarks: what of the study's sessions is not among `folders`, in sentences.
-    :raises BundleError: it cannot be made; nothing of it is there.
+    :raises ExportError: it cannot be made; nothing of it is there.
     """
     if not folders:
-        raise BundleError("there is no session to put into a bundle", *remarks)
+        raise ExportError("there is no session to put into a bundle", *remarks)
     study, is_folder = Path(state.study.folder).resolve(), out.suffix != ".zip"
     people = {study: state.pseudonyms}
     try:
@@ -89,7 +88,7 @@ def make_bundle(
             if root != here:
                 write_zip(root, here)
     except (ExportError, SessionError) as error:
-        raise BundleError(str(error)) from None
+        raise ExportError(str(error)) from None
     return bundle.report
 
 
@@ -114,7 +113,7 @@ class _Bundle:
         self.report = BundleReport()
 
     def write(self, root: Path) -> None:
-        """Everything, its metadata and check sums at last. Raises SessionError, ExportError, BundleError, OSError."""
+        """Everything, its metadata and check sums at last. Raises SessionError, ExportError, OSError."""
         self._write_sessions(root / SESSIONS)
         inputs = self._write_study(root)
         about = AboutBundle(self._options, rehearsals=self._rehearsals(), absent=self._absent)
@@ -162,7 +161,7 @@ class _Bundle:
             try:
                 self._write_session(data, target / name)
                 self.report.sessions += 1
-            except CannotShare as error:
+            except SessionError as error:
                 self.report.left_out.append(
                     f"session {name} itself, because {error}. What the level tells of it is in {UNPROVED}/"
                 )
@@ -178,7 +177,7 @@ class _Bundle:
                 recordings = pluralize(len(data.media), "recording")
                 self.report.left_out.append(f"{recordings} of {name}: add the files yourself, if people agreed to that")
         if not self._sessions:
-            raise BundleError("no session could be read", *self.report.left_out)
+            raise ExportError("no session could be read", *self.report.left_out)
 
     def _write_session(self, data: SessionData, target: Path) -> None:
         if self._level == "full":

@@ -6,8 +6,8 @@ from pathlib import Path
 
 from rise_engine.bundle.about import ABOUT_FILE
 from rise_engine.bundle.crate import METADATA
-from rise_engine.bundle.errors import BundleError
 from rise_engine.bundle.manifest import ManifestCheck, check_manifest
+from rise_engine.export.format import ExportError
 from rise_engine.study.traces import MANIFEST_FILE
 
 
@@ -15,12 +15,12 @@ def check_bundle(root: Path) -> ManifestCheck:
     """Compare a bundle with its check sums.
 
     :param root: its folder.
-    :raises BundleError: it is no bundle, or cannot be read.
+    :raises ExportError: it is no bundle, or cannot be read.
     """
     missing = [name for name in (METADATA, ABOUT_FILE, MANIFEST_FILE) if not (root / name).is_file()]
     if missing:
-        raise BundleError(f"it is no bundle: it has no {' and no '.join(missing)}")
+        raise ExportError(f"it is no bundle: it has no {' and no '.join(missing)}")
     try:
         return check_manifest(root)
     except OSError as error:
-        raise BundleError(f"it cannot be read: {error.strerror or error}") from None
+        raise ExportError(f"it cannot be read: {error.strerror or error}") from None

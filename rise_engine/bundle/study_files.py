@@ -11,8 +11,8 @@ from collections.abc import Callable, Iterable, Mapping
 from pathlib import Path
 from typing import Any
 
-from rise_engine.bundle.errors import BundleError
 from rise_engine.export.bids_people import cut_age
+from rise_engine.export.format import ExportError
 from rise_engine.json_codec import encode
 from rise_engine.session.disk import make_private_folder
 from rise_engine.session.levels import ExportLevel, LevelFilter, without_dates
@@ -35,7 +35,7 @@ def study_text(text: str, people: Mapping[str, str], level: ExportLevel) -> str:
 
     :param text: as it stands.
     :param people: what each is called in the bundle, by name.
-    :raises BundleError: they cannot be taken out.
+    :raises ExportError: they cannot be taken out.
     """
     if level == "full" or "wizards" not in tomllib.loads(text):
         return text
@@ -54,7 +54,7 @@ def study_text(text: str, people: Mapping[str, str], level: ExportLevel) -> str:
     except tomllib.TOMLDecodeError:  # they are still there
         before, after = {}, {"wizards": {}}
     if before | {"wizards": {}} != after | {"wizards": {}} or not before:
-        raise BundleError(
+        raise ExportError(
             "the names of wizards in study.toml cannot be taken out: write [wizards] as a table of its own"
         )
     return new

@@ -7,7 +7,8 @@ from datetime import datetime
 from pathlib import Path
 
 from rise_engine.checks.outcome import Finding
-from rise_engine.session.folder import JOURNAL, SessionError, has_begun, read_info
+from rise_engine.errors import SessionError
+from rise_engine.session.folder import JOURNAL, has_begun, read_info
 from rise_engine.session.lock import is_journal_locked
 from rise_engine.session.replay import compare_replay
 from rise_engine.study.labels import refuse_relabelled

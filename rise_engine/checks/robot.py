@@ -11,20 +11,12 @@ from msgspec.structs import replace
 from rise_engine.checks.child import ChildRequest
 from rise_engine.checks.outcome import Finding
 from rise_engine.engine.clock import RealClock
-from rise_engine.engine.drivers import (
-    DriverError,
-    RobotOptionsError,
-    driver_name_for,
-    make_robot,
-    open_bridge,
-    profile_findings,
-)
+from rise_engine.engine.drivers import RobotOptionsError, driver_name_for, make_robot, open_bridge, profile_findings
 from rise_engine.engine.engine import Engine
-from rise_engine.errors import RiseError
+from rise_engine.errors import AdapterError
 from rise_engine.kernel.inputs import RobotChanged, Submit
 from rise_engine.kernel.records import FINAL, AnyRecord, TaskRecord
 from rise_engine.kernel.speech import SPEECH, why_not_speak
-from rise_engine.ports.bridge import BridgeError
 from rise_engine.ports.robot import Robot, RobotReport
 from rise_engine.scenario.loader import load
 from rise_engine.scenario.model import SIMULATED, RobotProfile, Scenario
@@ -44,10 +36,6 @@ WORDS = dict(zip(_WORDS.split()[::2], _WORDS.split()[1::2], strict=True))
 """What the robot says to be heard, by the scenario's language."""
 
 
-class CannotLook(RiseError):
-    """The robot cannot be looked for; the text says why."""
-
-
 async def look_at_robot(request: ChildRequest) -> Finding:
     """Whether the scenario's robot answers, and offers every action that the scenario uses. Nothing is sent to it."""
     try:
@@ -62,7 +50,7 @@ async def look_at_robot(request: ChildRequest) -> Finding:
         async with _connected_robot(request, scenario, profile) as (robot, _):
             robot.connect(changes.take)
             found = await changes.wait()
-    except CannotLook as error:
+    except AdapterError as error:
         return Finding(False, reason=str(error))
     if found is None:
         return Finding(False, reason=f"{profile.title} did not answer within {ANSWER_SECONDS:g} s")
@@ -87,7 +75,7 @@ async def say_word(request: ChildRequest) -> Finding:
         profile = narrow_profile(scenario.robot, frozenset({_sent_as(scenario.robot, SPEECH)}))
         async with _connected_robot(request, scenario, profile) as (robot, clock):
             ended = await _say(replace(scenario, robot=profile), robot, clock, word)
-    except CannotLook as error:
+    except AdapterError as error:
         return Finding(False, reason=str(error))
     if ended is None:
         return Finding(False, reason=f"the robot did not come to the end of “{word}” within {WORD_SECONDS:g} s")
@@ -135,10 +123,10 @@ def _is_simulated(scenario: Scenario) -> bool:
 def _load(request: ChildRequest) -> Scenario:
     loaded = load(request.scenario, robot=request.robot, mode=request.mode)
     if loaded.scenario is None:
-        raise CannotLook(f"the scenario has errors: {loaded.errors[0]}")
+        raise AdapterError(f"the scenario has errors: {loaded.errors[0]}")
     robot = loaded.scenario.robot
     if request.mode == "real" and robot.driver == SIMULATED:
-        raise CannotLook(
+        raise AdapterError(
             f"the robot {robot.name} is only simulated, and the mode is real: no robot would move; "
             "name the real one (`robot` in study.toml or scenario.toml)"
         )
@@ -175,20 +163,20 @@ class _RobotChanges:
 async def _connected_robot(
     request: ChildRequest, scenario: Scenario, profile: RobotProfile
 ) -> AsyncIterator[tuple[Robot, RealClock]]:
-    """The robot as a session would have it, not connected yet, and its clock. Raises CannotLook."""
+    """The robot as a session would have it, not connected yet, and its clock. Raises AdapterError."""
     clock = RealClock(asyncio.get_running_loop())
     try:
         bridge = await open_bridge(request.ros, profile, scenario.mode)
-    except BridgeError as error:
-        raise CannotLook("; ".join(error.lines)) from None
+    except AdapterError as error:
+        raise AdapterError("; ".join(error.lines)) from None
     try:
         robot = make_robot(profile, scenario.mode, clock, seed=0, bridge=bridge)
         try:
             yield robot, clock
         finally:
             robot.close()
-    except (DriverError, RobotOptionsError) as error:
-        raise CannotLook(str(error)) from None
+    except (AdapterError, RobotOptionsError) as error:
+        raise AdapterError(str(error)) from None
     finally:
         if bridge is not None:
             await bridge.close()

@@ -16,10 +16,10 @@ from rise_engine.cli.agreement_text import agreement_csv, agreement_json, agreem
 from rise_engine.cli.export import level_option, select_sessions
 from rise_engine.cli.options import ALL_SESSIONS, STUDIES_OR_SESSIONS
 from rise_engine.cli.terminal import json_document, print_notes, refusing, write_bytes
+from rise_engine.errors import SessionError
 from rise_engine.exit_status import OK, PARTIAL, USAGE
 from rise_engine.export.format import ExportError
 from rise_engine.export.writing import new_export
-from rise_engine.session.errors import SessionError
 from rise_engine.session.levels import ExportLevel
 from rise_engine.session.shadow import shadow_files
 from rise_engine.study.traces import study_of_session, wizard_names

@@ -17,6 +17,7 @@ from rise_engine.analysis.reading import read_session
 from rise_engine.cli.media import parse_moment, read_marks
 from rise_engine.cli.options import JSON, SESSION
 from rise_engine.cli.terminal import print_lines, print_notes, refusing, show
+from rise_engine.errors import SessionError
 from rise_engine.exit_status import OK, PARTIAL, USAGE
 from rise_engine.export.media_clock import clock_of_file
 from rise_engine.recording.alignment import align_by_moments
@@ -30,13 +31,7 @@ from rise_engine.session.coded import (
     read_spans,
     remove_coded,
 )
-from rise_engine.session.coded_formats import (
-    CodedClock,
-    CodedDocument,
-    CodedError,
-    read_coded_document,
-    tiers_taken,
-)
+from rise_engine.session.coded_formats import CodedClock, CodedDocument, read_coded_document, tiers_taken
 from rise_engine.session.levels import LEVELS, LevelFilter
 from rise_engine.session.media import MediaFile
 from rise_engine.text import pluralize
@@ -94,9 +89,9 @@ def add(
     taken = tuple(tiers_taken(document, tiers))
     said = tuple(tiers_taken(document, speech)) if speech else ()
     if missing := [each for each in said if each not in taken]:
-        raise CodedError(f"--speech {missing[0]} is not among the tiers that --tier names")
+        raise SessionError(f"--speech {missing[0]} is not among the tiers that --tier names")
     if not taken:
-        raise CodedError(f"{path} has no tier of yours: everything in it was written by this program")
+        raise SessionError(f"{path} has no tier of yours: everything in it was written by this program")
     clock, by = _find_clock(path, session, document, moments)
     entry = CodedFile(
         name=path.name,
@@ -120,18 +115,18 @@ def _refuse_other_session(path: Path, folder: Path, document: CodedDocument) -> 
     """A file that was made from another session says so."""
     names = {LevelFilter(level, None).session_name(folder.name) for level in LEVELS}
     if document.session and document.session not in names:
-        raise CodedError(f"{path} was made from the session {document.session}, not from {folder.name}")
+        raise SessionError(f"{path} was made from the session {document.session}, not from {folder.name}")
 
 
 def _find_clock(
     path: Path, folder: Path, document: CodedDocument, moments: Sequence[str]
 ) -> tuple[CodedClock, ClockSource]:
-    """How the file's times come from the session's. Raises CodedError."""
+    """How the file's times come from the session's. Raises SessionError."""
     if moments:
         given = [parse_moment(each, read_marks(folder)[0]) for each in moments]
         found = align_by_moments(given)
         if found.offset is None:
-            raise CodedError(found.problem)
+            raise SessionError(found.problem)
         laid = MediaFile(path=path.name, kind="other", offset=found.offset, rate=found.rate, marks=found.marks)
         return clock_of_file(laid, read_session(folder).outages).as_coded(), "given"
     if document.clock is not None:
@@ -144,7 +139,7 @@ def _find_clock(
     named = (
         f"the recordings that it names ({', '.join(name for name, _ in document.media)}) are" if document.media else ""
     )
-    raise CodedError(
+    raise SessionError(
         f"where {path} lies against the session is not known: "
         + (f"{named} not laid against it. rise-engine media add does that; or say" if named else "say")
         + " --at SECONDS, the session second at which its times begin, or --at FILE=SESSION, one moment in both"
@@ -166,7 +161,7 @@ def list_coded(session: Path, as_json: bool) -> int:
         try:
             lines += _lines(session, each)
             documents.append(_values(session, each))
-        except CodedError as error:
+        except SessionError as error:
             problems.append(f"error: {error}")
     nothing = f"{session.name} has no annotations: rise-engine coded add SESSION FILE"
     show(lines if lines or problems else [nothing], {"files": documents}, as_json=as_json)
@@ -187,7 +182,7 @@ def remove(session: Path, file: str) -> None:
 
 
 def _lines(folder: Path, file: CodedFile) -> list[str]:
-    """A file in words. Raises CodedError."""
+    """A file in words. Raises SessionError."""
     counts = Counter(each.tier for each in read_spans(folder, file))
     by = {"file": "as the file says", "media": "by its recording", "given": "as somebody has said"}[file.clock_by]
     clock = file.clock

@@ -150,7 +150,7 @@ def select_sessions(named: Sequence[str], *, all: bool = False) -> Selection:
     :param all: of studies, also the sessions that do not count or did not end.
     :raises ExportError: nothing is left to export, or one is the session of somebody who has withdrawn.
     :raises SessionError: one is no session.
-    :raises StudyUnusable: a study's files are not right.
+    :raises FileError: a study's files are not right.
     :raises StudyLogError: a study's log cannot be read.
     """
     selection = Selection(several=len(named) > 1)

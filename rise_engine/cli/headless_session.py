@@ -23,12 +23,13 @@ from rise_engine.cli.transcript import Output, ThreadedOutput
 from rise_engine.engine.clock import RealClock, SessionClock, VirtualClock
 from rise_engine.engine.drivers import make_robot, open_bridge, simulated_robot_warning
 from rise_engine.engine.engine import Engine
+from rise_engine.errors import FileError
 from rise_engine.kernel.inputs import Note, SessionStarted
 from rise_engine.kernel.records import AnyRecord, TaskRecord, describe_open_goals
 from rise_engine.ports.bridge import Bridge
 from rise_engine.protocol.session_options import SessionOptions
 from rise_engine.protocol.session_start import first_input, start_remarks
-from rise_engine.protocol.task_file import TaskFileError, TaskFileReader, TimedTask, warning_for_task
+from rise_engine.protocol.task_file import TaskFileReader, TimedTask, warning_for_task
 from rise_engine.scenario.model import Scenario
 from rise_engine.server.hub import SessionHub
 
@@ -66,7 +67,7 @@ class RunOptions(Struct, frozen=True):
 def run_session(options: RunOptions) -> int:
     """Run a session to its end and give the exit status.
 
-    Raises rise_engine.engine.drivers.DriverError and RobotOptionsError and BridgeError, before anything has started.
+    Raises rise_engine.errors.AdapterError and RobotOptionsError, before anything has started.
     """
     if options.virtual:
         return _run_virtual(options)
@@ -319,7 +320,7 @@ def _submit_from_standard_input(loop: asyncio.AbstractEventLoop, session: _Headl
     def submit_line(text: bytes) -> None:
         try:
             task = reader.read_line(text)
-        except TaskFileError as error:  # the session goes on without this line
+        except FileError as error:  # the session goes on without this line
             print_notes(*error.lines)
             session.status = exit_status.USAGE
         else:

@@ -8,7 +8,8 @@ from shlex import quote
 import click
 
 from rise_engine.cli.terminal import Refused, exit_with_usage, not_written, print_lines, reason_of
-from rise_engine.imports.woz4u_file import NotWoz4uError, read_woz4u
+from rise_engine.errors import ExchangeError
+from rise_engine.imports.woz4u_file import read_woz4u
 from rise_engine.imports.woz4u_study import ImportedStudy, make_study
 from rise_engine.scenario.diagnostics import Diagnostics
 from rise_engine.scenario.loader import load
@@ -42,7 +43,7 @@ def woz4u(file: str, output: str, title: str | None) -> None:
     diagnostics = Diagnostics()
     try:
         read = read_woz4u(_read(path), path.name, diagnostics)
-    except NotWoz4uError as error:
+    except ExchangeError as error:
         exit_with_usage(str(error))
     if diagnostics.errors:
         raise Refused(findings=diagnostics.sorted())
@@ -57,15 +58,15 @@ def woz4u(file: str, output: str, title: str | None) -> None:
 
 
 def _read(path: Path) -> str:
-    """:raises NotWoz4uError: the file cannot be read."""
+    """:raises ExchangeError: the file cannot be read."""
     try:
         if path.stat().st_size > _LARGEST:
-            raise NotWoz4uError(f"{path} is larger than {_LARGEST // 1_000_000} MB")
+            raise ExchangeError(f"{path} is larger than {_LARGEST // 1_000_000} MB")
         return path.read_text("utf-8-sig")
     except OSError as error:
-        raise NotWoz4uError(f"{path} cannot be read: {reason_of(error)}") from None
+        raise ExchangeError(f"{path} cannot be read: {reason_of(error)}") from None
     except UnicodeDecodeError:
-        raise NotWoz4uError(f"{path} is not UTF-8; save it as that") from None
+        raise ExchangeError(f"{path} is not UTF-8; save it as that") from None
 
 
 def _said_file(folder: Path, name: str) -> str | None:

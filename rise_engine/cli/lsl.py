@@ -12,8 +12,9 @@ import click
 
 from rise_engine.cli.terminal import refusing
 from rise_engine.client import EngineGone
+from rise_engine.errors import AdapterError
 from rise_engine.exit_status import FAILED, INTERRUPTED, OK, USAGE
-from rise_engine.ports.outlet import OutletError, OutletPlan
+from rise_engine.ports.outlet import OutletPlan
 from rise_engine.protocol.registry import RegistryError, find_running, socket_path
 from rise_engine.recording.outlets import find_outlet
 
@@ -58,7 +59,7 @@ async def _send(plan: OutletPlan) -> int:
     finish = asyncio.Event()
     for number in (signal.SIGINT, signal.SIGTERM):
         asyncio.get_running_loop().add_signal_handler(number, finish.set)
-    with refusing(USAGE, of=OutletError), refusing(FAILED, of=EngineGone):
+    with refusing(USAGE, of=AdapterError), refusing(FAILED, of=EngineGone):
         await find_outlet(OUTLET)(plan, finish)
     return INTERRUPTED if finish.is_set() else OK
 

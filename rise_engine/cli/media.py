@@ -15,6 +15,7 @@ from msgspec.structs import replace
 
 from rise_engine.cli.options import JSON, SESSION
 from rise_engine.cli.terminal import exit_with_usage, print_lines, print_notes, reason_of, refusing, show, write_json
+from rise_engine.errors import SessionError
 from rise_engine.exit_status import OK, PARTIAL, USAGE
 from rise_engine.kernel.records import RecordingRecord, SessionRecord, SyncRecord
 from rise_engine.recording.alignment import (
@@ -24,16 +25,14 @@ from rise_engine.recording.alignment import (
     align_by_marks,
     align_by_moments,
 )
-from rise_engine.recording.finding import FindingError, find_marks
+from rise_engine.recording.finding import find_marks
 from rise_engine.recording.media_files import MediaFacts, Sound, hash_file, look_at_media
-from rise_engine.session.errors import SessionError
 from rise_engine.session.folder import JOURNAL
 from rise_engine.session.journal_reader import read_journal
 from rise_engine.session.media import (
     MEDIA_FILE,
     AlignedBy,
     FoundMark,
-    MediaError,
     MediaFile,
     media_path,
     read_media,
@@ -125,9 +124,9 @@ def _look(path: Path) -> MediaFacts:
     try:
         return look_at_media(path)
     except FileNotFoundError:
-        raise MediaError(f"there is no file {path}") from None
+        raise SessionError(f"there is no file {path}") from None
     except OSError as error:
-        raise MediaError(f"{path} cannot be read: {reason_of(error)}") from None
+        raise SessionError(f"{path} cannot be read: {reason_of(error)}") from None
 
 
 def _known_paths(folder: Path) -> list[str]:
@@ -158,14 +157,14 @@ def _print_added(addition: _Addition, facts: Sequence[tuple[Path, MediaFacts]], 
 
 
 def _add(addition: _Addition, path: Path, facts: MediaFacts) -> _Added:
-    """Register one file. Raises MediaError when that cannot be done."""
+    """Register one file. Raises SessionError when that cannot be done."""
     folder = addition.folder
     stored = stored_path(folder, str(path))
     before = next((each for each in read_media(folder) if each.path == stored), None)
     try:
         file = _describe(stored, path, facts, before, addition.name)
     except OSError as error:
-        raise MediaError(f"{path} cannot be read: {reason_of(error)}") from None
+        raise SessionError(f"{path} cannot be read: {reason_of(error)}") from None
     by: AlignedBy = "marks" if addition.find else "given"
     if addition.find:
         found = _find(path, facts, addition.marks)
@@ -221,7 +220,7 @@ def _find(path: Path, facts: MediaFacts, marks: Sequence[SessionMark]) -> Alignm
     try:
         sound = Sound(path)
         return align_by_marks(sounds, find_marks(sound.blocks(), sound.rate))
-    except FindingError as error:
+    except SessionError as error:
         return Alignment(problem=str(error))
 
 

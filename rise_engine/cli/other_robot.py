@@ -6,11 +6,12 @@ from collections.abc import Sequence
 from pathlib import Path
 
 from rise_engine.bundle.courses import CourseComparison, RecordedSession, TaskNames, compare_courses, read_recorded
-from rise_engine.bundle.errors import BundleError
 from rise_engine.cli.headless_session import LIVELOCK, LIVELOCK_SECONDS
 from rise_engine.engine.clock import VirtualClock
-from rise_engine.engine.drivers import DriverError, RobotOptionsError, make_robot
+from rise_engine.engine.drivers import RobotOptionsError, make_robot
 from rise_engine.engine.engine import Engine
+from rise_engine.errors import AdapterError
+from rise_engine.export.format import ExportError
 from rise_engine.kernel.inputs import AnyInput, Submit
 from rise_engine.kernel.records import AnyRecord
 from rise_engine.scenario.file_names import DEFAULT_PATHS
@@ -25,8 +26,8 @@ def compare_on_robot(folder: Path, robot: str) -> CourseComparison:
     What the session's own robot reported, and what its time gave, is not repeated: the other robot gives that.
 
     :param robot: the name of a profile (docs/reference/robots.md).
-    :raises BundleError: the scenario does not load for that robot, or goes round in circles with it.
-    :raises rise_engine.session.errors.SessionError: the session cannot be read.
+    :raises ExportError: the scenario does not load for that robot, or goes round in circles with it.
+    :raises rise_engine.errors.SessionError: the session cannot be read.
     """
     info = read_info(folder)
     recorded = read_recorded(folder, info.seed)
@@ -37,24 +38,24 @@ def compare_on_robot(folder: Path, robot: str) -> CourseComparison:
 def load_for_robot(folder: Path, robot: str) -> Scenario:
     """The scenario of the session in `folder`, for another robot, which is simulated.
 
-    :raises BundleError: it does not load.
+    :raises ExportError: it does not load.
     """
     copy, info = folder / SCENARIO_COPY, read_info(folder)
     paths = {kind: path for kind, path in DEFAULT_PATHS.items() if (copy / path).exists()}
     loaded = load(copy, robot=robot, mode="debug", paths=paths, **spoken_as(info))
     if loaded.scenario is None:
         findings = [str(each) for each in loaded.errors]
-        raise BundleError(f"the scenario cannot be run on the robot {robot!r}:", *findings)
+        raise ExportError(f"the scenario cannot be run on the robot {robot!r}:", *findings)
     return loaded.scenario
 
 
 def run_on_robot(recorded: RecordedSession, scenario: Scenario) -> Sequence[AnyRecord]:
-    """The records that come of it. Raises BundleError."""
+    """The records that come of it. Raises ExportError."""
     clock = VirtualClock()
     try:
         robot = make_robot(scenario.robot, "debug", clock, recorded.seed)
-    except (DriverError, RobotOptionsError) as error:
-        raise BundleError(str(error)) from None
+    except (AdapterError, RobotOptionsError) as error:
+        raise ExportError(str(error)) from None
     records: list[AnyRecord] = []
     before, after = TaskNames(), TaskNames()
     for record in recorded.records:
@@ -79,8 +80,8 @@ def run_on_robot(recorded: RecordedSession, scenario: Scenario) -> Sequence[AnyR
         if clock.now() >= moment + LIVELOCK_SECONDS:
             moment, inputs = clock.now(), engine.inputs
         elif engine.inputs - inputs > LIVELOCK + len(recorded.inputs):
-            raise BundleError(f"something goes round in circles at {clock.now():g} s")
+            raise ExportError(f"something goes round in circles at {clock.now():g} s")
     engine.end_now("the recorded session ended")
     if engine.failure is not None:
-        raise BundleError(f"the engine failed, which is a mistake in this program: {engine.failure!r}")
+        raise ExportError(f"the engine failed, which is a mistake in this program: {engine.failure!r}")
     return records

@@ -15,7 +15,6 @@ from rise_engine.bundle.about import AboutBundle, read_about
 from rise_engine.bundle.archive import opened_bundle
 from rise_engine.bundle.courses import CourseComparison
 from rise_engine.bundle.derived import DerivedCheck, compare_derived, sessions_in_order
-from rise_engine.bundle.errors import BundleError
 from rise_engine.bundle.inputs import InputsCheck, check_inputs
 from rise_engine.bundle.manifest import ManifestCheck, fingerprint
 from rise_engine.bundle.reproducing import check_bundle
@@ -23,11 +22,11 @@ from rise_engine.cli.options import JSON
 from rise_engine.cli.other_robot import compare_on_robot, load_for_robot
 from rise_engine.cli.proof_text import proof_lines, proof_row
 from rise_engine.cli.terminal import Refused, print_lines, refusing, write_json
-from rise_engine.errors import RiseError
+from rise_engine.errors import FileError, RiseError, SessionError
 from rise_engine.exit_status import DIFFERENT, OK, USAGE
-from rise_engine.session.errors import SessionError
+from rise_engine.export.format import ExportError
 from rise_engine.study.proof import ProvedSession, prove_sessions
-from rise_engine.study.state import StudyStatus, StudyUnusable, read_state
+from rise_engine.study.state import StudyStatus, read_state
 from rise_engine.study.study_log import StudyLogError
 from rise_engine.text import pluralize
 
@@ -86,7 +85,7 @@ def reproduce(bundle: str, robot: str | None, as_json: bool) -> int:
     Exit status: 0 as it was; 1 something differs, is missing or cannot be replayed; 2 there is no such bundle or robot.
     """
     path = Path(bundle)
-    with refusing(USAGE, of=BundleError, where=bundle), opened_bundle(path) as root:
+    with refusing(USAGE, of=ExportError, where=bundle), opened_bundle(path) as root:
         check = check_bundle(root)
         found = Reproduction(check, read_about(root), fingerprint(root))
         state = _state_of(root, found)
@@ -120,7 +119,7 @@ def _show_nothing(*lines: str) -> None:
 def _state_of(root: Path, found: Reproduction) -> StudyStatus | None:
     try:
         return read_state(root)
-    except (StudyUnusable, StudyLogError) as error:
+    except (FileError, StudyLogError) as error:
         found.problems += error.lines
         return None
 
@@ -139,7 +138,7 @@ def _make_again(root: Path, state: StudyStatus | None, folders: Sequence[Path], 
 def _on_robot(folder: Path, robot: str) -> OtherCourse:
     try:
         return OtherCourse(folder.name, compare_on_robot(folder, robot))
-    except (BundleError, SessionError) as error:
+    except (ExportError, SessionError) as error:
         return OtherCourse(folder.name, None, str(error))
 
 

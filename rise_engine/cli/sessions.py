@@ -16,10 +16,10 @@ from rise_engine.cli.options import JSON
 from rise_engine.cli.terminal import exit_with_usage, print_lines, print_notes, show, table_lines, write_json
 from rise_engine.cli.unfinished import unfinished_lines, unfinished_sessions
 from rise_engine.client.running_sessions import all_running_sessions, sessions_on_other_computers
+from rise_engine.errors import SessionError
 from rise_engine.protocol.messages import SessionSummary
 from rise_engine.session.folder import (
     JOURNAL,
-    SessionError,
     SessionInfo,
     duration_text,
     has_begun,

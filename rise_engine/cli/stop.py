@@ -13,6 +13,7 @@ import click
 
 from rise_engine.cli.terminal import Refused, print_lines, print_notes
 from rise_engine.client.socket import SocketClient
+from rise_engine.errors import SessionError
 from rise_engine.exit_status import FAILED
 from rise_engine.protocol.client import Reply
 from rise_engine.protocol.registry import (
@@ -25,7 +26,7 @@ from rise_engine.protocol.registry import (
     session_name,
     socket_path,
 )
-from rise_engine.session.folder import SessionError, read_info, running_sessions
+from rise_engine.session.folder import read_info, running_sessions
 from rise_engine.session.lock import user_name
 from rise_engine.study.sessions import SESSIONS, read_verdict
 from rise_engine.study.study_toml import is_study

@@ -14,6 +14,7 @@ from rise_engine.cli.loading import diagnostic_row
 from rise_engine.cli.options import JSON, STUDY_OR_HERE
 from rise_engine.cli.proof_text import proof_lines, proof_row
 from rise_engine.cli.terminal import Refused, exit_with_usage, print_lines, print_notes, write_json
+from rise_engine.errors import FileError
 from rise_engine.exit_status import OK, REFUSED
 from rise_engine.study.design import cells, runs
 from rise_engine.study.model import Study
@@ -22,7 +23,7 @@ from rise_engine.study.planning import last_planned, plan_study
 from rise_engine.study.proof import ProvedSession, prove_sessions
 from rise_engine.study.review import StudyReview, review_study
 from rise_engine.study.session_kinds import session_kinds
-from rise_engine.study.state import StudyUnusable, read_state
+from rise_engine.study.state import read_state
 from rise_engine.study.study_log import StudyLogError, read_log
 from rise_engine.study.study_toml import STUDY_FILE, load_study
 from rise_engine.text import pluralize
@@ -107,7 +108,7 @@ def check(study: Path, sessions: bool, as_json: bool) -> int:
 def _proved(path: Path) -> Iterator[ProvedSession]:
     try:
         state = read_state(path)
-    except (StudyUnusable, StudyLogError):
+    except (FileError, StudyLogError):
         state = None
     return prove_sessions(path, state)
 

@@ -131,4 +131,4 @@ def _plan(state: StudyStatus, options: SessionOptions, *, serves: bool = False) 
         if state.state_of(options.participant) == "to-judge":
             command = f"rise-engine study outcome {shlex.quote(state.study.folder)} {options.participant}"
             hints.append(f"  {command} complete | aborted | excluded")
-        raise Refused(*error.sentences, hints=hints) from None
+        raise Refused(*error.lines, hints=hints) from None

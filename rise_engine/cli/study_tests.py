@@ -10,12 +10,13 @@ import click
 from rise_engine.cli.loading import sound_scenario
 from rise_engine.cli.options import JSON, SCENARIO
 from rise_engine.cli.terminal import exit_with_usage, print_lines, reason_of, write_json
+from rise_engine.errors import FileError
 from rise_engine.exit_status import OK, REFUSED
 from rise_engine.scenario.loader import load
 from rise_engine.scenario.model import Scenario
 from rise_engine.text import pluralize
 from rise_engine.trial.playing import StudyTestOutcome, play_test
-from rise_engine.trial.study_test import ENDING, StudyTestError, read_study_test
+from rise_engine.trial.study_test import ENDING, read_study_test
 from rise_engine.trial.study_test import FOLDER as TESTS
 
 
@@ -42,7 +43,7 @@ def _play(scenario: Scenario, folder: Path, path: Path) -> StudyTestOutcome | tu
     name = _shown(folder, path)
     try:
         return play_test(scenario, read_study_test(path.read_bytes(), name, scenario))
-    except StudyTestError as error:
+    except FileError as error:
         return error.lines
     except OSError as error:
         return (f"{name}: error: it cannot be read ({reason_of(error)})",)

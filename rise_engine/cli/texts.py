@@ -20,6 +20,7 @@ from rise_engine.cli.terminal import (
 )
 from rise_engine.edit.plan import EditRefused
 from rise_engine.edit.workspace import Workspace
+from rise_engine.errors import ExchangeError
 from rise_engine.exit_status import OK, REFUSED, USAGE
 from rise_engine.scenario.languages import language_problem
 from rise_engine.scenario.loader import LoadResult, load
@@ -29,7 +30,7 @@ from rise_engine.texts.csv_file import read_csv, write_csv
 from rise_engine.texts.importing import TextImport, import_table, summary
 from rise_engine.texts.po_file import read_po, write_po
 from rise_engine.texts.reading import ReadTable
-from rise_engine.texts.table import Only, TextsError, TextTable, make_table
+from rise_engine.texts.table import Only, TextTable, make_table
 from rise_engine.texts.xlsx_file import read_xlsx, write_xlsx
 
 _KINDS = (".csv", ".xlsx", ".po")
@@ -103,7 +104,7 @@ def import_(folder: str, file: str, languages: tuple[str, ...], dry_run: bool, n
 
     Exit status: 0; 1 something was refused, or the study would have errors; 2 wrong usage, or no such table.
     """
-    with refusing(USAGE, of=TextsError, where=file):
+    with refusing(USAGE, of=ExchangeError, where=file):
         table = _read_table(Path(file), languages)
         with refusing(USAGE, of=EditRefused):
             workspace = Workspace(Path(folder))
@@ -194,10 +195,10 @@ def _read_table(path: Path, languages: tuple[str, ...]) -> ReadTable:
     _check_kind(kind)
     try:
         if path.stat().st_size > _LARGEST:
-            raise TextsError(f"this file is larger than {_LARGEST // 1_000_000} MB")
+            raise ExchangeError(f"this file is larger than {_LARGEST // 1_000_000} MB")
         data = path.read_bytes()
     except OSError as error:
-        raise TextsError(f"it cannot be read: {reason_of(error)}") from None
+        raise ExchangeError(f"it cannot be read: {reason_of(error)}") from None
     if kind == ".xlsx":
         return read_xlsx(data)
     return read_csv(data) if kind == ".csv" else read_po(data, languages[0] if len(languages) == 1 else "")
@@ -205,7 +206,7 @@ def _read_table(path: Path, languages: tuple[str, ...]) -> ReadTable:
 
 def _check_kind(kind: str) -> None:
     if kind not in _KINDS:
-        raise TextsError("a table of texts is a .csv, an .xlsx or a .po file")
+        raise ExchangeError("a table of texts is a .csv, an .xlsx or a .po file")
 
 
 def _languages_text(table: TextTable) -> str:

@@ -7,9 +7,10 @@ import shlex
 from collections.abc import Mapping
 from typing import NamedTuple
 
+from rise_engine.errors import SessionError
 from rise_engine.protocol.messages import SessionSummary
 from rise_engine.protocol.registry import session_name
-from rise_engine.session.folder import SessionError, describe_session, find_unfinished, read_info
+from rise_engine.session.folder import describe_session, find_unfinished, read_info
 
 MAX_SCENARIOS = 3
 """Scenarios that are listed at most, those with the latest sessions."""

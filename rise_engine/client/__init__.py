@@ -7,8 +7,8 @@ from __future__ import annotations
 
 import os
 
-from rise_engine.client.session import Rejected, Session
-from rise_engine.protocol.client import EngineGone, LinkLost, Role
+from rise_engine.client.session import Session
+from rise_engine.protocol.client import EngineGone, LinkLost, Rejected, Role
 
 __all__ = ["EngineGone", "LinkLost", "Rejected", "Session", "connect"]
 

@@ -8,10 +8,11 @@ from collections.abc import AsyncIterator, Iterator, Sequence
 from contextlib import suppress
 from pathlib import Path
 
+from rise_engine.errors import SessionError
 from rise_engine.kernel.records import AnyRecord
 from rise_engine.kernel.view import SessionView
 from rise_engine.protocol.client import AttachReply, ClientInput, ControlVerb, EngineGone, Reply, Update
-from rise_engine.session.folder import JOURNAL, SessionError, read_info
+from rise_engine.session.folder import JOURNAL, read_info
 from rise_engine.session.journal_reader import read_journal
 from rise_engine.session.replay import load_session_scenario
 

@@ -11,7 +11,6 @@ from types import TracebackType
 from typing import Any, TypeVar
 
 from rise_engine.client.socket import SocketClient
-from rise_engine.errors import RiseError
 from rise_engine.kernel.inputs import CheckReport, Note, OutcomeReport, RecordingReport, Submit, SyncMark
 from rise_engine.kernel.records import FINAL, AnyRecord, CheckResult, OutcomeStatus, RecordingStatus
 from rise_engine.kernel.task_view import TaskView
@@ -20,11 +19,11 @@ from rise_engine.protocol.client import (
     AttachReply,
     ClientInput,
     ControlVerb,
-    EndRefused,
     EngineGone,
     Heartbeat,
     JournalStatus,
     LinkLost,
+    Rejected,
     Resync,
     Role,
     ShadowStatus,
@@ -33,10 +32,6 @@ from rise_engine.protocol.client import (
 from rise_engine.scenario.model import Scenario
 
 T = TypeVar("T")
-
-
-class Rejected(RiseError):
-    """The session did not accept what was asked for; the text says why."""
 
 
 class Session:
@@ -352,7 +347,7 @@ class Session:
         """
         try:
             await self._client.close(end_session=True, reason=reason)
-        except EndRefused as error:
+        except Rejected as error:
             raise Rejected(str(error)) from None
         if self._following is not None:
             await asyncio.wait([self._following])

@@ -13,6 +13,7 @@ import time
 from collections.abc import AsyncIterator, Sequence
 from pathlib import Path
 
+from rise_engine.errors import SessionError
 from rise_engine.kernel.inputs import Note, Submit
 from rise_engine.kernel.records import (
     AnyRecord,
@@ -38,7 +39,7 @@ from rise_engine.protocol.client import (
 )
 from rise_engine.scenario.model import Scenario
 from rise_engine.session.disk import error_message
-from rise_engine.session.folder import JOURNAL, SessionError, read_info
+from rise_engine.session.folder import JOURNAL, read_info
 from rise_engine.session.journal_reader import read_journal
 from rise_engine.session.lock import is_journal_locked
 from rise_engine.session.replay import load_session_scenario
@@ -46,7 +47,6 @@ from rise_engine.session.shadow import (
     Shadow,
     ShadowCue,
     ShadowEnd,
-    ShadowError,
     ShadowKey,
     ShadowLine,
     ShadowMark,
@@ -70,7 +70,7 @@ def start_time(folder: Path, text: str) -> float:
     """The session time that somebody means with `--at`: seconds (`12.5`), or a mark that recordings show (`mark`, the
     first one; `mark3`, the one with that number).
 
-    :raises ShadowError: there is no such time or mark; the text says which there are.
+    :raises SessionError: there is no such time or mark; the text says which there are.
     """
     if not text.startswith("mark"):
         try:
@@ -78,7 +78,7 @@ def start_time(folder: Path, text: str) -> float:
         except ValueError:
             seconds = -1.0
         if not 0 <= seconds < float("inf"):
-            raise ShadowError(f"`{text}` is no time: seconds of the session (12.5), `mark`, or `mark2`")
+            raise SessionError(f"`{text}` is no time: seconds of the session (12.5), `mark`, or `mark2`")
         return seconds
     marks = {
         record.number: record.t
@@ -86,12 +86,12 @@ def start_time(folder: Path, text: str) -> float:
         if isinstance(record, SyncRecord)
     }
     if not marks:
-        raise ShadowError("the session has no mark for recordings: give seconds, or begin at its beginning")
+        raise SessionError("the session has no mark for recordings: give seconds, or begin at its beginning")
     wanted = text.removeprefix("mark")
     number = min(marks, key=lambda each: marks[each]) if not wanted else int(wanted) if wanted.isdecimal() else -1
     if number not in marks:
         known = ", ".join(f"mark{each}" for each in sorted(marks))
-        raise ShadowError(f"the session has no `{text}`; it has {known}")
+        raise SessionError(f"the session has no `{text}`; it has {known}")
     return marks[number]
 
 
@@ -156,15 +156,15 @@ class ShadowClient:
     def _open(self) -> AttachReply:
         info = read_info(self._folder)
         if is_journal_locked(self._folder / JOURNAL):
-            raise ShadowError("the session still runs: its cues can be played when it has ended")
+            raise SessionError("the session still runs: its cues can be played when it has ended")
         records = list(read_journal(self._folder / JOURNAL).read_records())
         scenario = load_session_scenario(self._folder, info, [])
         marked = [each for each in records if isinstance(each, CueRecord) and each.status == "marked"]
         ahead = [each for each in marked if self._lies_ahead(each)]
         if not marked:
-            raise ShadowError("the session has no cue: there is nothing for a second wizard to judge")
+            raise SessionError("the session has no cue: there is nothing for a second wizard to judge")
         if not ahead:
-            raise ShadowError(f"after {self._at:g} s the session has no cue: there is nothing to judge any more")
+            raise SessionError(f"after {self._at:g} s the session has no cue: there is nothing to judge any more")
         view = SessionView()
         while self._next < len(records) and not self._lies_ahead(records[self._next]):
             if not _is_hidden(records[self._next]):
@@ -336,7 +336,7 @@ class ShadowClient:
                 return False
             try:
                 await asyncio.to_thread(self._append, line)
-            except (OSError, ShadowError) as error:
+            except (OSError, SessionError) as error:
                 reason = error_message(error) if isinstance(error, OSError) else str(error)
                 self._trouble = f"NOT KEPT, and paused: {reason}"
                 self._halt()

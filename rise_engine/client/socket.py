@@ -19,9 +19,9 @@ from rise_engine.protocol.client import (
     AttachReply,
     ClientInput,
     ControlVerb,
-    EndRefused,
     EngineGone,
     LinkLost,
+    Rejected,
     Reply,
     Resync,
     Role,
@@ -160,7 +160,7 @@ class SocketClient:
             with suppress(EngineGone):
                 reply = await connection.request(EndMessage(connection.next_id(), reason))
                 if not reply.accepted:
-                    raise EndRefused(reply.reason)
+                    raise Rejected(reply.reason)
                 await connection.ended.wait()
         await self._disconnect()
 
@@ -197,7 +197,8 @@ class SocketClient:
 
 def _load_copy(folder: Path, hash: str) -> Scenario:
     """The scenario with this hash. Raises EngineGone."""
-    from rise_engine.session.folder import SessionError, read_info  # which reads XML: rarely needed
+    from rise_engine.errors import SessionError
+    from rise_engine.session.folder import read_info
     from rise_engine.session.scenario_copies import load_copy_with_hash
 
     try:

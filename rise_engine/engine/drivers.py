@@ -10,16 +10,9 @@ from __future__ import annotations
 from importlib.metadata import EntryPoint
 from typing import Any, cast
 
-from rise_engine.errors import RiseError
+from rise_engine.errors import AdapterError, RiseError
 from rise_engine.plugins import find_plugin, installed_plugins
-from rise_engine.ports.bridge import (
-    Bridge,
-    BridgeError,
-    BridgeOpener,
-    ProfileChecker,
-    ProfileFinding,
-    RosConnection,
-)
+from rise_engine.ports.bridge import Bridge, BridgeOpener, ProfileChecker, ProfileFinding, RosConnection
 from rise_engine.ports.robot import Clock, Driver, Robot
 from rise_engine.scenario.model import SIMULATED, Mode, RobotProfile
 
@@ -32,10 +25,6 @@ ROS_BRIDGE = "ros2"
 """The bridge that `--ros` is about."""
 
 
-class DriverError(RiseError):
-    """No usable driver of that name is installed. The message is a sentence for a person."""
-
-
 class RobotOptionsError(RiseError):
     """The driver cannot understand the profile's options or a fault. The message is a sentence for a person."""
 
@@ -46,19 +35,19 @@ def driver_names() -> set[str]:
 
 
 def _load_plugin(entry: EntryPoint, what: str) -> Any:
-    """The code behind an entry point. Raises DriverError, in which `what` names it."""
+    """The code behind an entry point. Raises AdapterError, in which `what` names it."""
     try:
         return entry.load()
     except Exception as error:  # code of others runs as it is imported
-        raise DriverError(f"{what} ({entry.value}) cannot be loaded: {error}") from error
+        raise AdapterError(f"{what} ({entry.value}) cannot be loaded: {error}") from error
 
 
 def find_driver(name: str) -> Driver:
-    """The driver of that name. Raises DriverError when it is not installed or cannot be loaded."""
+    """The driver of that name. Raises AdapterError when it is not installed or cannot be loaded."""
     entry = find_plugin(DRIVERS, name)
     if entry is None:
         installed = ", ".join(sorted(installed_plugins(DRIVERS).names)) or "none"
-        raise DriverError(
+        raise AdapterError(
             f"the robot driver {name!r} is not installed (installed: {installed}); "
             f"a driver is a Python package with an entry point of that name in the group {DRIVERS!r}"
         )
@@ -80,7 +69,7 @@ def make_robot(
 ) -> Robot:
     """The robot for one session, over `bridge` if its driver is one.
 
-    Raises DriverError, and RobotOptionsError when the profile's options or a fault cannot be understood.
+    Raises AdapterError, and RobotOptionsError when the profile's options or a fault cannot be understood.
     """
     name = driver_name_for(profile, mode)
     if name == ROS_BRIDGE and bridge is not None:
@@ -89,10 +78,10 @@ def make_robot(
         return bridge.robot(clock)
     try:
         driver = find_driver(name)
-    except DriverError:
+    except AdapterError:
         if find_plugin(BRIDGES, name) is None:
             raise
-        raise DriverError(
+        raise AdapterError(
             f"{profile.title} is reached over ROS 2, which this session does without; "
             "it runs in real time and without `--ros off`, or is rehearsed with `--mode debug`"
         ) from None
@@ -109,15 +98,15 @@ async def open_bridge(connection: RosConnection, profile: RobotProfile, mode: Mo
     :param profile: the session's robot.
     :param mode: the session's.
     :return: the open connection, which whoever called closes; None: the session does without.
-    :raises BridgeError: it cannot be had.
+    :raises AdapterError: it cannot be had.
     """
     reaches_robot = driver_name_for(profile, mode) == ROS_BRIDGE
     if connection.transport == "off" or (connection.transport == "auto" and not reaches_robot):
         return None
     try:
         opener: BridgeOpener = load_ros_plugin(BRIDGES)
-    except DriverError as error:
-        raise BridgeError(str(error)) from error
+    except AdapterError as error:
+        raise AdapterError(str(error)) from error
     return await opener(connection, profile if reaches_robot else None)
 
 
@@ -128,17 +117,17 @@ def profile_findings(profile: RobotProfile) -> list[ProfileFinding]:
         return []
     try:
         check: ProfileChecker = _load_plugin(entry, f"the check of the robot driver {profile.driver!r}")
-    except DriverError as error:
+    except AdapterError as error:
         return [ProfileFinding(str(error), "driver", "missing")]
     return check(profile)
 
 
 def load_ros_plugin(group: str) -> Any:
     """What the ROS 2 bridge offers in a group of entry points (BRIDGES: a `BridgeOpener`, DOCTORS: an `Examiner`,
-    PARAMETERS: a `ParameterReader`). Raises DriverError."""
+    PARAMETERS: a `ParameterReader`). Raises AdapterError."""
     entry = find_plugin(group, ROS_BRIDGE)
     if entry is None:
-        raise DriverError(f"no ROS 2 bridge is installed: no entry point {ROS_BRIDGE!r} in the group {group!r}")
+        raise AdapterError(f"no ROS 2 bridge is installed: no entry point {ROS_BRIDGE!r} in the group {group!r}")
     return _load_plugin(entry, "the ROS 2 bridge")
 
 

@@ -48,10 +48,6 @@ class Followed(Struct, frozen=True):
     """Whether chance decided something in it."""
 
 
-class PathMismatch(RiseError):
-    """A path that does not belong to the scenario, or to the bounds."""
-
-
 class _Draws(Decisions):
     """Decisions that tell chance from what only the moment decides."""
 
@@ -75,7 +71,7 @@ def act_traits(scenario: Scenario, path: Path, bounds: Bounds) -> dict[str, ActT
 def follow_path(scenario: Scenario, path: Path, bounds: Bounds) -> list[Followed]:
     """Go a path: first its beginning, then a step for each of its moves.
 
-    Raises PathMismatch when it cannot be gone.
+    Raises RiseError when it cannot be gone.
     """
     kernel = SituationKernel(
         scenario, (), act_traits(scenario, path, bounds), set(scenario.acts), in_order=bounds.pace is None
@@ -90,7 +86,7 @@ def follow_path(scenario: Scenario, path: Path, bounds: Bounds) -> list[Followed
         try:
             input, task, timer = _input_of(kernel, scenario, bounds, step.move, before)
         except (LookupError, StopIteration) as error:
-            raise PathMismatch(f"step {at + 1} of the path is not possible: {step.move}") from error
+            raise RiseError(f"step {at + 1} of the path is not possible: {step.move}") from error
         draws.begin([*step.move.chance])
         draws.drawn = False
         records, _ = kernel.kernel.handle(msgspec.structs.replace(input, t=float(at + 1)))
@@ -131,7 +127,7 @@ def _compare(kernel: SituationKernel, wanted: Situation, number: int) -> None:
         ([act.name for act in now.asked], [act.name for act in wanted.asked]),
     ):
         if one != other:
-            raise PathMismatch(f"step {number} of the path leads to {one}, and not to {other}")
+            raise RiseError(f"step {number} of the path leads to {one}, and not to {other}")
 
 
 def _input_of(

@@ -68,7 +68,7 @@ def find_times(scenario: Scenario, path: Path, bounds: Bounds | None = None) -> 
 
     :param scenario: what was explored. :param path: a way through its situations.
     :param bounds: with which it was explored: what is tried, and how fast acts go.
-    :raises PathMismatch: the path is of another scenario (`rise_engine.explore.following`).
+    :raises RiseError: the path is of another scenario (`rise_engine.explore.following`).
     """
     scenario = replace(scenario, mode="debug")
     followed, keys = follow_path(scenario, path, bounds or Bounds()), _compared_keys(scenario, path)

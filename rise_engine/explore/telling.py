@@ -40,7 +40,7 @@ def tell_path(scenario: Scenario, path: Path, bounds: Bounds | None = None) -> l
         path: a way through its situations.
         bounds: with which it was explored; what is tried stands there.
 
-    Raises rise_engine.explore.following.PathMismatch when the path is of another scenario.
+    Raises rise_engine.errors.RiseError when the path is of another scenario.
     """
     followed = follow_path(scenario, path, bounds or Bounds())
     return [_tell(scenario, before, step) for before, step in pairwise(followed)]

@@ -5,7 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 
 from rise_engine.analysis.reading import read_sessions
-from rise_engine.errors import RiseError
+from rise_engine.errors import StudyError
 from rise_engine.export.session_tables import FACTS, SESSIONS, factor_column
 from rise_engine.export.table_schema import cell
 from rise_engine.study.kept_rows import CONSENT, ID, new_id
@@ -21,26 +21,22 @@ _LEFT_OUT = frozenset(
 """Columns of the table of sessions that say who it was or when, or by which a copy of the record is found."""
 
 
-class NothingToKeep(RiseError):
-    """Nothing may be kept of somebody, or nothing can; nobody was withdrawn."""
-
-
 def rows_to_keep(study: Path, participant: str, sessions: list[str]) -> list[dict[str, str]]:
     """A row for each counted session of a participant, under one fresh id.
 
     :param study: the study's folder.
     :param participant: their pseudonym.
     :param sessions: names of their folders in the study's sessions.
-    :raises NothingToKeep: they have not agreed to it, or it is not known whether they have.
-    :raises rise_engine.session.errors.SessionError: one of their sessions cannot be read.
+    :raises StudyError: they have not agreed to it, or it is not known whether they have.
+    :raises rise_engine.errors.SessionError: one of their sessions cannot be read.
     """
     loaded = load_study(study, check_scenarios=False).study
     if loaded is None:
-        raise NothingToKeep(f"{STUDY_FILE} has errors, so nobody can say who has agreed to what. Nothing was erased")
+        raise StudyError(f"{STUDY_FILE} has errors, so nobody can say who has agreed to what. Nothing was erased")
     found = [each for each in load_participants(loaded).participants if each.participant == participant]
     column = f"{CONSENT_PREFIX}{CONSENT}"
     if not any(each.consent.get(CONSENT) for each in found):
-        raise NothingToKeep(
+        raise StudyError(
             f"{participant} has not agreed that anything is kept: {PARTICIPANTS_FILE} has no date in {column}. "
             "Nothing was erased; without --keep-anonymous, everything is"
         )

@@ -41,7 +41,7 @@ class ExportContext(Struct):
 
 
 class ExportError(RiseError):
-    """The export cannot be made; the text says why, in a sentence or several lines."""
+    """An export or a bundle cannot be made or read; a sentence, or several lines."""
 
 
 class ExportFormat(Struct, frozen=True):

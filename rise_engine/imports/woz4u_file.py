@@ -7,7 +7,7 @@ from typing import Any
 
 from msgspec import Struct
 
-from rise_engine.errors import RiseError
+from rise_engine.errors import ExchangeError
 from rise_engine.scenario.diagnostics import Diagnostics
 from rise_engine.scenario.model import SourceLocation
 
@@ -24,10 +24,6 @@ _NUMBERS = frozenset({"red", "green", "blue"})
 MAX_CHARACTERS = 300_000
 """Of a configuration: thousands of buttons."""
 _MAX_DEPTH = 20
-
-
-class NotWoz4uError(RiseError, ValueError):
-    """The file is no configuration of WoZ4U, or cannot be read here; the message says why, for a person."""
 
 
 class WozItem(Struct, frozen=True):
@@ -60,12 +56,12 @@ def read_woz4u(text: str, name: str, diagnostics: Diagnostics) -> WozFile:
 
     :param text: the YAML.
     :param name: the file's, for findings.
-    :raises NotWoz4uError: it is no YAML, has none of WoZ4U's lists, or `ruamel.yaml` is not installed.
+    :raises ExchangeError: it is no YAML, has none of WoZ4U's lists, or `ruamel.yaml` is not installed.
     """
     values = _read_yaml(text, name)
     if not isinstance(values, dict) or not {*SECTIONS, *EYE_MOVEMENTS} & values.keys():
         listed = ", ".join(SECTIONS)
-        raise NotWoz4uError(f"{name} is no configuration of WoZ4U: it has none of the lists {listed}")
+        raise ExchangeError(f"{name} is no configuration of WoZ4U: it has none of the lists {listed}")
     reader = _ConfigurationReader(name, diagnostics)
     items = [item for section in SECTIONS for item in reader.items(section, values)]
     items += reader.eye_movements(values)
@@ -86,9 +82,9 @@ def _read_yaml(text: str, name: str) -> Any:
         from ruamel.yaml.events import AliasEvent, CollectionEndEvent, CollectionStartEvent
         from ruamel.yaml.parser import RoundTripParser
     except ImportError:
-        raise NotWoz4uError('YAML needs ruamel.yaml: pip install "rise-tui[tables]"') from None
+        raise ExchangeError('YAML needs ruamel.yaml: pip install "rise-tui[tables]"') from None
     if len(text) > MAX_CHARACTERS:
-        raise NotWoz4uError(f"{name} is longer than {MAX_CHARACTERS:,} characters; make two files of it")
+        raise ExchangeError(f"{name} is longer than {MAX_CHARACTERS:,} characters; make two files of it")
 
     class ShallowParser(RoundTripParser):
         """Ends where values are nested as in no configuration: the time to read them grows with the square of that."""
@@ -101,21 +97,21 @@ def _read_yaml(text: str, name: str) -> Any:
             if self.depth > _MAX_DEPTH or isinstance(event, AliasEvent):
                 where = f"{name}:{event.start_mark.line + 1}:{event.start_mark.column + 1}"
                 if isinstance(event, AliasEvent):
-                    raise NotWoz4uError(f"{where}: `*` means a value from elsewhere; write the value itself here")
-                raise NotWoz4uError(f"{where}: values are nested more than {_MAX_DEPTH} deep, as in no configuration")
+                    raise ExchangeError(f"{where}: `*` means a value from elsewhere; write the value itself here")
+                raise ExchangeError(f"{where}: values are nested more than {_MAX_DEPTH} deep, as in no configuration")
             return event
 
     try:
         yaml = YAML(typ="rt", pure=True)
         yaml.Parser = ShallowParser
         return yaml.load(text)
-    except NotWoz4uError:
+    except ExchangeError:
         raise
     except (YAMLError, ValueError, RecursionError) as error:
         mark = getattr(error, "problem_mark", None)
         where = f":{mark.line + 1}:{mark.column + 1}" if mark is not None else ""
         problem = getattr(error, "problem", None) or "values are nested too deeply, or one is none that there is"
-        raise NotWoz4uError(f"{name}{where}: this is not YAML: {problem}") from None
+        raise ExchangeError(f"{name}{where}: this is not YAML: {problem}") from None
 
 
 class _ConfigurationReader:

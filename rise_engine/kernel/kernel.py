@@ -11,6 +11,7 @@ from __future__ import annotations
 from itertools import count
 from typing import ClassVar, Literal
 
+from rise_engine.errors import RiseError
 from rise_engine.kernel.act_runner import ActRunner
 from rise_engine.kernel.commands import Command, StartAction
 from rise_engine.kernel.core import Core, parse_task_id
@@ -46,7 +47,7 @@ from rise_engine.kernel.records import (
 from rise_engine.kernel.reports import record_report
 from rise_engine.kernel.scenario_change import carry_over, changes_in_words, why_not_take_over
 from rise_engine.kernel.scheduler import Scheduler
-from rise_engine.kernel.snapshot import Snapshot, SnapshotError
+from rise_engine.kernel.snapshot import Snapshot
 from rise_engine.kernel.stop import StopLatch
 from rise_engine.kernel.task_handlers import TaskHandlers
 from rise_engine.kernel.wizard_marks import WizardMarks
@@ -229,15 +230,15 @@ class Kernel:
             scenario: the one that the snapshot was taken with, read from the same files.
             snapshot: as `snapshot` gave it; it is copied.
 
-        Raises SnapshotError for another scenario.
+        Raises RiseError for another scenario.
         """
         if snapshot.scenario != scenario.hash:
-            raise SnapshotError("the scenario's files are not those that the snapshot was taken with")
+            raise RiseError("the scenario's files are not those that the snapshot was taken with")
         kernel = cls(scenario, snapshot.seed)
         try:
             kernel._restore(snapshot.copy())
         except LookupError as error:  # a scenario without files has no hash to tell it apart
-            raise SnapshotError(f"the snapshot was taken of another scenario: it has no {error}") from error
+            raise RiseError(f"the snapshot was taken of another scenario: it has no {error}") from error
         return kernel
 
     def _restore(self, snapshot: Snapshot) -> None:
@@ -273,9 +274,9 @@ class Kernel:
         """Go on with the scenario that was offered: memory, chance, numbers and rules stay as they are."""
         after, before, core = self.offered, self.scenario, self.core
         if after is None or after.hash != input.hash or before.hash != input.was:
-            raise SnapshotError(f"the scenario {input.hash[:12]} is not the one that was offered")
+            raise RiseError(f"the scenario {input.hash[:12]} is not the one that was offered")
         if problems := self.why_not_take_over(after):
-            raise SnapshotError("; ".join(problems))
+            raise RiseError("; ".join(problems))
         snapshot = carry_over(before, after, self.snapshot()).copy()
         records, commands, numbers = core.records, core.commands, core.numbers
         self.scenario, self.offered = after, None

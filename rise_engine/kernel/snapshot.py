@@ -8,7 +8,6 @@ from typing import Any
 import msgspec
 from msgspec import Struct
 
-from rise_engine.errors import RiseError
 from rise_engine.kernel.act_runner import ActRun
 from rise_engine.kernel.core import Task, TimerTarget
 from rise_engine.kernel.failures import FailuresState
@@ -18,10 +17,6 @@ from rise_engine.kernel.kept_events import KeptEvent
 from rise_engine.kernel.records import OpenGoal
 from rise_engine.kernel.stop import StoodRule, StopStatus
 from rise_engine.kernel.wizard_marks import WizardMarksState
-
-
-class SnapshotError(RiseError, ValueError):
-    """A snapshot does not fit the scenario that it is to go on with; the message is a sentence for a person."""
 
 
 class RuleSnapshot(Struct, frozen=True):

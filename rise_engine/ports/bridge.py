@@ -12,7 +12,6 @@ from typing import Any, Literal, Protocol, TypeAlias, TypeVar, get_args
 
 from msgspec import Struct
 
-from rise_engine.errors import RiseError
 from rise_engine.ports.robot import Clock, Robot
 from rise_engine.scenario.model import RobotProfile
 
@@ -29,10 +28,6 @@ class RosConnection(Struct, frozen=True):
     transport: RosTransport = "auto"
     arguments: tuple[str, ...] = ()
     """As after `--ros-args`: remappings, parameters, an enclave."""
-
-
-class BridgeError(RiseError):
-    """The connection cannot be had: everything that is in the way, with what to do."""
 
 
 SessionT = TypeVar("SessionT", contravariant=True)
@@ -107,7 +102,7 @@ class BridgeOpener(Protocol):
         :param profile: the robot that is reached over this connection; None when there is none, and only other programs
             take part.
         :return: the open connection; whoever called closes it.
-        :raises BridgeError: when it cannot be had; also with everything that is wrong in the profile.
+        :raises AdapterError: when it cannot be had; also with everything that is wrong in the profile.
         """
         ...
 
@@ -133,7 +128,7 @@ class ParameterReader(Protocol):
         :param many: ... and of those that can be given several times (`--fault`).
         :param written: what the command line says itself, which counts more.
         :return: the options, to stand before what is `written`; and the middleware's other arguments.
-        :raises BridgeError: with a sentence for what is no parameter.
+        :raises AdapterError: with a sentence for what is no parameter.
         """
         ...
 

@@ -13,12 +13,6 @@ from typing import Literal, TypeAlias
 
 from msgspec import Struct
 
-from rise_engine.errors import RiseError
-
-
-class OutletError(RiseError):
-    """It cannot pass on anything, or not any more; a sentence for the wizard, with what to do."""
-
 
 class OutletPlan(Struct, frozen=True):
     """What is to be passed on."""
@@ -37,4 +31,4 @@ class OutletPlan(Struct, frozen=True):
 
 OutletRunner: TypeAlias = Callable[[OutletPlan, Event], Awaitable[None]]
 """What an entry point names: (plan, finish) -> None. It returns when the session is over, or soon after `finish` was
-set. It raises OutletError when it cannot go on."""
+set. It raises AdapterError when it cannot go on."""

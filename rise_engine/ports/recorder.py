@@ -12,7 +12,7 @@ from typing import Literal, Protocol, TypeAlias
 
 from msgspec import Struct
 
-from rise_engine.errors import RiseError
+from rise_engine.errors import AdapterError
 from rise_engine.scenario.model import Json
 
 MediaKind: TypeAlias = Literal["video", "audio", "bag", "streams", "other"]
@@ -21,12 +21,13 @@ CALL_SECONDS = 5.0
 """How long each call may take."""
 
 
-class RecorderError(RiseError):
+class RecorderError(AdapterError):
     """It cannot record, or not any more; a sentence for the wizard, with what to do."""
 
-
-class RecorderEnded(RecorderError):
-    """What recorded has ended by itself, and can be started anew."""
+    def __init__(self, *lines: str, ended: bool = False) -> None:
+        """`ended`: what recorded has ended by itself, and can be started anew."""
+        super().__init__(*lines)
+        self.ended = ended
 
 
 class RecordingPlan(Struct, frozen=True):

@@ -133,8 +133,8 @@ class LinkLost(EngineGone):
     """This connection was cut (the client was too slow, say), but the engine goes on: attach again."""
 
 
-class EndRefused(RiseError):
-    """This client may not end the session; the message says why, for a person."""
+class Rejected(RiseError):
+    """The session did not accept what was asked for; the text says why."""
 
 
 class Client(Protocol):
@@ -214,6 +214,6 @@ class Client(Protocol):
         """Leave; the session goes on.
 
         :param end_session: also let the engine stop the robot and end the session.
-        :raises EndRefused: when this client may not end it; it stays attached.
+        :raises Rejected: when this client may not end it; it stays attached.
         """
         ...

@@ -64,10 +64,6 @@ class TaskFile(Struct, frozen=True):
     """Empty: the file does not say."""
 
 
-class TaskFileError(FileError):
-    """A task file with mistakes: all of them, a line for each."""
-
-
 class TaskFileReader:
     """Reads a task file line by line, as it comes."""
 
@@ -83,7 +79,7 @@ class TaskFileReader:
         self._at = 0.0
 
     def read_line(self, text: bytes | str) -> TimedTask | None:
-        """The task of the next line, or None for a line without one. Raises TaskFileError with all its mistakes."""
+        """The task of the next line, or None for a line without one. Raises FileError with all its mistakes."""
         self._line += 1
         if isinstance(text, bytes):
             try:
@@ -140,26 +136,26 @@ class TaskFileReader:
         self.seed = value.get("seed", self.seed)
         self.condition = value.get("condition", self.condition)
 
-    def _make_error(self, messages: list[str], column: int | None = None) -> TaskFileError:
+    def _make_error(self, messages: list[str], column: int | None = None) -> FileError:
         where = f"{self.file}:{self._line}" if column is None else f"{self.file}:{self._line}:{column}"
-        return TaskFileError(*(f"{where}: error: {message}" for message in messages))
+        return FileError(*(f"{where}: error: {message}" for message in messages))
 
 
 def read_task_file(text: bytes, file: str) -> TaskFile:
-    """A whole file. Raises TaskFileError with all mistakes."""
+    """A whole file. Raises FileError with all mistakes."""
     reader = TaskFileReader(file, as_it_comes=False)
     tasks: list[TimedTask] = []
     problems: list[str] = []
     for line in text.split(b"\n"):
         try:
             task = reader.read_line(line)
-        except TaskFileError as error:
+        except FileError as error:
             problems.append(str(error))
         else:
             if task is not None:
                 tasks.append(task)
     if problems:
-        raise TaskFileError(*problems)
+        raise FileError(*problems)
     tasks.sort(key=lambda task: task.at)
     return TaskFile(tuple(tasks), tuple(reader.faults), reader.seed, reader.condition)
 

@@ -12,10 +12,6 @@ from rise_engine.text import clean
 Result = TypeVar("Result")
 
 
-class CalledOff(RecorderError):
-    """Nobody waits for the answer any more."""
-
-
 async def call_within(
     seconds: float, call: Coroutine[Any, Any, Result], what: str, unless: asyncio.Event | None = None
 ) -> Result:
@@ -25,8 +21,7 @@ async def call_within(
     :param call: of the code of somebody.
     :param what: was asked of it, for the sentence: `to start`.
     :param unless: set when the answer is of no use any more.
-    :raises CalledOff: `unless` was set before there was one.
-    :raises RecorderError: it gave no answer, or raised something.
+    :raises RecorderError: it gave no answer, or raised something; or `unless` was set before there was one.
     """
     task = asyncio.create_task(call)
     waiting: set[asyncio.Task[Any]] = {task}
@@ -40,7 +35,7 @@ async def call_within(
     if not task.done():
         task.add_done_callback(lambda ended: ended.cancelled() or ended.exception())
         if unless is not None and unless.is_set():
-            raise CalledOff(f"nobody needs to know {what} any more")
+            raise RecorderError(f"nobody needs to know {what} any more")
         raise RecorderError(f"it was asked {what} and did not answer within {seconds:g} s")
     try:
         return task.result()

@@ -12,7 +12,7 @@ from collections.abc import Iterable, Iterator
 from importlib import import_module
 from typing import TYPE_CHECKING, Any, get_args
 
-from rise_engine.errors import RiseError
+from rise_engine.errors import SessionError
 from rise_engine.recording.alignment import HeardMark
 from rise_engine.recording.chirp import CHIRP_SECONDS, HIGH_HZ, LOW_HZ, Sweep, chirp
 
@@ -43,16 +43,12 @@ _MARGIN_HZ = 200.0
 SWEEPS: tuple[Sweep, ...] = get_args(Sweep)
 
 
-class FindingError(RiseError):
-    """Marks cannot be looked for; the text says why, and what to do."""
-
-
 def load_numpy() -> Any:
-    """numpy. Raises FindingError where it is not installed."""
+    """numpy. Raises SessionError where it is not installed."""
     try:
         return import_module("numpy")
     except ImportError:
-        raise FindingError('marks are found with numpy: pip install "rise-tui[sync]"') from None
+        raise SessionError('marks are found with numpy: pip install "rise-tui[sync]"') from None
 
 
 def find_marks(blocks: Iterable[Samples], rate: int) -> list[HeardMark]:
@@ -61,11 +57,11 @@ def find_marks(blocks: Iterable[Samples], rate: int) -> list[HeardMark]:
     :param blocks: the sound, one channel, between -1 and 1, in pieces of any length.
     :param rate: samples in a second, 9,000 at least: the sweeps reach 4 kHz.
     :return: those that stand `BELIEVED` times above everything else that sounds alike.
-    :raises FindingError: numpy is missing, or the rate is too low.
+    :raises SessionError: numpy is missing, or the rate is too low.
     """
     numpy = load_numpy()
     if rate < 2 * HIGH_HZ + 1_000:
-        raise FindingError(f"the sound has {rate} samples a second, and marks need 9,000 at least")
+        raise SessionError(f"the sound has {rate} samples a second, and marks need 9,000 at least")
     matcher = _Matcher(numpy, rate)
     best: list[tuple[float, float, Sweep]] = []
     for start, block in _overlapping(numpy, blocks, matcher.length):

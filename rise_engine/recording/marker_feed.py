@@ -21,10 +21,10 @@ from msgspec import Struct
 from rise_engine.analysis.markers import describe_session, live_words, source_id
 from rise_engine.analysis.model import SessionFacts
 from rise_engine.client import LinkLost, Session, connect
+from rise_engine.errors import AdapterError, SessionError
 from rise_engine.json_codec import encode
 from rise_engine.kernel.records import AnyRecord
-from rise_engine.ports.outlet import OutletError, OutletPlan
-from rise_engine.session.errors import SessionError
+from rise_engine.ports.outlet import OutletPlan
 from rise_engine.session.folder import JOURNAL
 from rise_engine.session.journal_format import encode_record
 from rise_engine.session.journal_reader import read_journal
@@ -75,7 +75,7 @@ class MarkerOutlet(Protocol):
 
 
 OpenStream: TypeAlias = Callable[[MarkerStream], MarkerOutlet]
-"""Raises OutletError."""
+"""Raises AdapterError."""
 
 
 class MarkerFeed:
@@ -99,7 +99,7 @@ class MarkerFeed:
     async def run(self, finish: asyncio.Event) -> None:
         """Send until the session ends, or `finish` is set; then let consumers fetch the last ones.
 
-        Raises EngineGone when there is no such session, or its engine went without an end, and OutletError.
+        Raises EngineGone when there is no such session, or its engine went without an end, and AdapterError.
         """
         stopping = asyncio.create_task(finish.wait())
         following = asyncio.create_task(self._follow())
@@ -137,12 +137,12 @@ class MarkerFeed:
                 await asyncio.sleep(LOOK_SECONDS)
 
     def _open(self, session: Session) -> None:
-        """Make the stream. Raises OutletError."""
+        """Make the stream. Raises AdapterError."""
         if self._outlet is not None:
             return
         reply = session.attach_reply
         if reply.origin is None:
-            raise OutletError("this session's time is not that of the clock, so its markers have no times for others")
+            raise AdapterError("this session's time is not that of the clock, so its markers have no times for others")
         facts = session_facts(session)
         stream = MarkerStream(
             name="rise",
@@ -169,7 +169,7 @@ class MarkerFeed:
             _LOG.warning("whole records go out in clear text: all that is said, but for private keys, notes and names")
 
     async def _make_words(self, session: Session) -> Callable[[AnyRecord], Iterable[str]]:
-        """What makes markers of records. Raises OutletError when nobody can say what must not go out."""
+        """What makes markers of records. Raises AdapterError when nobody can say what must not go out."""
         private = PrivateValues(session.scenario)
         folder = Path(session.attach_reply.folder) if session.attach_reply.folder else None
         study = study_of_session(folder) if folder is not None else None
@@ -249,10 +249,10 @@ def session_facts(session: Session) -> SessionFacts:
 
 
 def _records_before(folder: Path | None) -> list[AnyRecord]:
-    """What the session has recorded so far. Raises OutletError."""
+    """What the session has recorded so far. Raises AdapterError."""
     if folder is None:
         return []
     try:
         return list(read_journal(folder / JOURNAL).read_records())
     except SessionError as error:
-        raise OutletError(f"nobody can say what is private in this session: {error}") from None
+        raise AdapterError(f"nobody can say what is private in this session: {error}") from None

@@ -16,9 +16,8 @@ from typing import Protocol
 
 from msgspec import Struct
 
-from rise_engine.client import Rejected
 from rise_engine.kernel.view import SessionView
-from rise_engine.protocol.client import AttachReply, EngineGone
+from rise_engine.protocol.client import AttachReply, EngineGone, Rejected
 from rise_engine.recording.chirp import LEAD_SECONDS, SOUND_SECONDS, mark_sound, sweep_of
 from rise_engine.study.model import SyncSettings
 from rise_engine.text import clean

@@ -14,8 +14,9 @@ from typing import TYPE_CHECKING, Any
 import msgspec
 from msgspec import Struct
 
+from rise_engine.errors import SessionError
 from rise_engine.ports.recorder import MediaKind
-from rise_engine.recording.finding import FindingError, load_numpy
+from rise_engine.recording.finding import load_numpy
 from rise_engine.session.disk import file_hash
 from rise_engine.text import clean
 
@@ -135,7 +136,7 @@ class Sound:
         """
         :param path: the file.
         :param program: ffmpeg; None: the one that is installed.
-        :raises FindingError: it cannot be read, or numpy is missing.
+        :raises SessionError: it cannot be read, or numpy is missing.
         """
         self._path, self._numpy = path, load_numpy()
         self._program = program if program is not None else shutil.which("ffmpeg") or ""
@@ -144,7 +145,7 @@ class Sound:
             self.rate = self._wav(lambda file: int(file.getframerate()))
 
     def blocks(self) -> Iterator[Samples]:
-        """The samples. Raises FindingError when it has no sound, or when it ends in the middle of reading."""
+        """The samples. Raises SessionError when it has no sound, or when it ends in the middle of reading."""
         return self._from_ffmpeg() if self._program else self._from_wav()
 
     def _from_ffmpeg(self) -> Iterator[Samples]:
@@ -168,7 +169,7 @@ class Sound:
                 process.stdout.close()
             if status and not came:
                 said.seek(0)
-                raise FindingError(_why_no_sound(self._path, said.read().decode("utf-8", "replace").strip()))
+                raise SessionError(_why_no_sound(self._path, said.read().decode("utf-8", "replace").strip()))
 
     def _from_wav(self) -> Iterator[Samples]:
         with wave.open(str(self._path)) as file:
@@ -193,11 +194,11 @@ class Sound:
             with wave.open(str(self._path)) as file:
                 return read(file)
         except (wave.Error, EOFError) as error:
-            raise FindingError(
+            raise SessionError(
                 f"{self._path} is no WAV file that can be read without ffmpeg ({error}): install ffmpeg"
             ) from None
         except OSError as error:
-            raise FindingError(f"{self._path} cannot be read: {error.strerror or error}") from None
+            raise SessionError(f"{self._path} cannot be read: {error.strerror or error}") from None
 
 
 def _why_no_sound(path: Path, said: str) -> str:

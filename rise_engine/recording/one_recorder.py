@@ -15,12 +15,11 @@ from rise_engine.ports.recorder import (
     CALL_SECONDS,
     MediaKind,
     Recorder,
-    RecorderEnded,
     RecorderError,
     RecorderStatus,
     RecordingPlan,
 )
-from rise_engine.recording.calls import CalledOff, call_within
+from rise_engine.recording.calls import call_within
 from rise_engine.recording.watch import GrowthWatch
 from rise_engine.study.model import RecorderSettings
 from rise_engine.study.recorder_drivers import open_recorder
@@ -117,7 +116,7 @@ class SupervisedRecorder:
             self._started_at = self.now()
             self._path = await call_within(CALL_SECONDS, recorder.start(), "to start", finish)
         except RecorderError as error:
-            if not isinstance(error, CalledOff):
+            if not finish.is_set():
                 self._fail(error)
             if asked_to_start:  # it may have begun, and nobody is to be recorded unawares
                 await _quietly(CALL_SECONDS, recorder.stop(), "to stop")
@@ -134,11 +133,11 @@ class SupervisedRecorder:
         while not await _wait(finish, self.look_seconds):
             try:
                 status = await call_within(CALL_SECONDS, recorder.status(), "how it stands", finish)
-            except CalledOff:
-                break
-            except RecorderEnded as error:
-                return str(error)
             except RecorderError as error:
+                if finish.is_set():
+                    break
+                if error.ended:
+                    return str(error)
                 self._fail(error)
                 continue
             self._path = status.path or self._path

@@ -6,7 +6,8 @@ import asyncio
 from collections import deque
 from contextlib import suppress
 
-from rise_engine.client import EngineGone, LinkLost, Rejected, Session, connect
+from rise_engine.client import EngineGone, LinkLost, Session, connect
+from rise_engine.protocol.client import Rejected
 from rise_engine.recording.one_recorder import RecordingState
 
 AGAIN_SECONDS = 1.0

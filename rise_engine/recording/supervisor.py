@@ -14,9 +14,10 @@ from typing import TypeAlias
 
 from msgspec.structs import replace
 
-from rise_engine.client import EngineGone, Rejected, Session
+from rise_engine.client import EngineGone, Session
 from rise_engine.errors import RiseError
 from rise_engine.ports.recorder import RecorderError, RecordingPlan
+from rise_engine.protocol.client import Rejected
 from rise_engine.recording.calls import call_within
 from rise_engine.recording.companion import CompanionRequest
 from rise_engine.recording.marks import GivenMark, give_mark

@@ -13,12 +13,12 @@ from msgspec import Struct
 from msgspec.structs import replace
 
 from rise_engine.analysis.reading import read_session, read_sessions
+from rise_engine.errors import SessionError
 from rise_engine.report.document import Document
 from rise_engine.report.session_report import session_report
 from rise_engine.report.sheet import sheet_markdown
 from rise_engine.report.study_facts import study_figures
 from rise_engine.report.study_report import StudyReportInput, study_report
-from rise_engine.session.errors import SessionError
 from rise_engine.session.levels import ExportLevel
 from rise_engine.session.replay import ReplayComparison, compare_replay
 from rise_engine.study.checked import checks_after
@@ -75,7 +75,7 @@ def make_study_report(
     :param private: further private memory keys.
     :param conditions: tell them also while the study hides them and is not complete.
     :param left_out: of a bundle: how many sessions that do not count are not in it, by their purpose.
-    :raises rise_engine.study.state.StudyUnusable: its files are not right.
+    :raises rise_engine.errors.FileError: its files are not right.
     :raises rise_engine.study.study_log.StudyLogError: its log cannot be read.
     """
     state = read_state(folder)

@@ -27,14 +27,13 @@ from rise_engine.scxml.chart import (
     SendNode,
     SendPlace,
 )
-from rise_engine.scxml.script import Constant, Script, ScriptRefusedError
+from rise_engine.scxml.script import UNDECLARED, ChartRefusedError, Constant, Script
 from rise_engine.scxml.translation import (
     REFUSED,
     Kind,
     Knowledge,
     Possible,
     Said,
-    UndeclaredError,
     known_constant,
     say_condition,
     say_value,
@@ -218,9 +217,9 @@ class ContentTranslator:
             return (), {**known, name: constant}  # read only where a `<foreach>` goes through it
         try:
             said = say_value(node.value.root, known)
-        except UndeclaredError:
-            return None, known
-        except ScriptRefusedError as error:
+        except ChartRefusedError as error:
+            if error.code == UNDECLARED:
+                return None, known
             self.report(error.code, node.value.location, str(error))
             return (), {**known, name: REFUSED}
         if "list" in said.value.kinds:
@@ -251,9 +250,9 @@ class ContentTranslator:
         if array is None or array.kinds != {"list"}:
             try:
                 said = say_value(node.array.root, known)
-            except UndeclaredError:
-                return "failed"
-            except ScriptRefusedError as error:
+            except ChartRefusedError as error:
+                if error.code == UNDECLARED:
+                    return "failed"
                 self.report(error.code, node.array.location, str(error))
                 return None
             if not said.value.kinds & {"list", "refused"}:
@@ -322,9 +321,9 @@ class ContentTranslator:
             return None
         try:
             said = say_condition(script.root, known)
-        except UndeclaredError:
-            return None
-        except ScriptRefusedError as error:
+        except ChartRefusedError as error:
+            if error.code == UNDECLARED:
+                return None
             self.report(error.code, script.location, str(error))
             return Said("false", 8, REFUSED, None)
         value = value_beforehand(script.root, known) if self.follows_values else None

@@ -10,7 +10,6 @@ from collections.abc import Iterator
 
 from msgspec import Struct
 
-from rise_engine.errors import RiseError
 from rise_engine.scenario.model import SourceLocation
 from rise_engine.scxml.chart import (
     ERROR,
@@ -38,21 +37,12 @@ from rise_engine.scxml.interpretation import (
     take,
     without_conflicts,
 )
-from rise_engine.scxml.script import Constant, Script
+from rise_engine.scxml.script import ChartRefusedError, Constant, Script
 
 MAX_STATES = 200
 """Flat states. Charts that people draw have tens; nobody can look through a rule with more."""
 MAX_TRANSITIONS = 2_000
 _PLATFORM = ("done.", "error.", "done", "error")
-
-
-class NotFlattenedError(RiseError, ValueError):
-    """A chart that cannot be flattened; `code` names the kind of reason."""
-
-    def __init__(self, code: str, message: str, location: SourceLocation) -> None:
-        super().__init__(message)
-        self.code = code
-        self.location = location
 
 
 class FlatTransition(Struct, eq=False):
@@ -95,7 +85,7 @@ class FlatChart(Struct):
 
 
 def flatten(chart: Chart) -> FlatChart:
-    """Raises NotFlattenedError."""
+    """Raises ChartRefusedError."""
     return _Flattener(chart).flatten()
 
 
@@ -134,7 +124,7 @@ class _Flattener:
             if not is_legal(step.configuration, self.root):
                 ids = ", ".join(f"`{target.id}`" for target in taken.targets)
                 message = f"this leads to states that cannot be active together: {ids}"
-                raise NotFlattenedError("chart", message, taken.location)
+                raise ChartRefusedError("chart", message, location=taken.location)
             remembered = (
                 (history.order, tuple(each.order for each in saved)) for history, saved in step.history.items()
             )
@@ -150,7 +140,7 @@ class _Flattener:
                 f"flattened, this chart has more than {MAX_STATES} states: parallel regions multiply, and each history "
                 "multiplies with what it can remember; make rules of its regions by hand"
             )
-            raise NotFlattenedError("size", message, self.root.location)
+            raise ChartRefusedError("size", message, location=self.root.location)
         return state
 
     def own_name(self, name: str) -> str:
@@ -191,7 +181,7 @@ class _Flattener:
                 message = (
                     "this transition waits for nothing, leads nowhere and does nothing: it would be taken for ever"
                 )
-                raise NotFlattenedError("endless", message, taken[0].location)
+                raise ChartRefusedError("endless", message, location=taken[0].location)
             if not is_idle or conditions:
                 location = taken[0].location
                 state.transitions.append(
@@ -206,7 +196,7 @@ class _Flattener:
         self.transitions += 1
         if self.transitions > MAX_TRANSITIONS:
             message = f"flattened, this chart has more than {MAX_TRANSITIONS:,} transitions"
-            raise NotFlattenedError("size", message, self.root.location)
+            raise ChartRefusedError("size", message, location=self.root.location)
 
 
 _Choice = tuple[ChartTransition, Script | None]

@@ -24,12 +24,12 @@ from rise_engine.scxml.chart import (
 )
 from rise_engine.scxml.script import (
     REFUSED_NODE,
+    ChartRefusedError,
     Constant,
     InState,
     Operation,
     Script,
     ScriptNode,
-    ScriptRefusedError,
     Variable,
     is_variable_name,
     read_assignments,
@@ -107,7 +107,7 @@ class ContentReader:
         location = self.file.value_location(element, attribute)
         try:
             script = read_script(text, location)
-        except ScriptRefusedError as error:
+        except ChartRefusedError as error:
             self.refuse(error.code, element, str(error), attribute, error.index)
             return Script(text, REFUSED_NODE, location)
         if script.root is not None:
@@ -125,7 +125,7 @@ class ContentReader:
             return Script(text, Constant(" ".join(text.split())), location)
         try:
             return read_script(text, location)
-        except ScriptRefusedError as error:
+        except ChartRefusedError as error:
             self.refuse(error.code, element, str(error))
             return Script(text, REFUSED_NODE, location)
 
@@ -138,7 +138,7 @@ class ContentReader:
         location = self.file.element_location(element)
         try:
             found = read_assignments(element.text)
-        except ScriptRefusedError as error:
+        except ChartRefusedError as error:
             self.diagnostics.error(error.code, self.file.text_location(element, error.index), str(error))
             return []
         return [

@@ -26,20 +26,18 @@ from rise_engine.scxml.flattening import (
     FlatChart,
     FlatState,
     FlatTransition,
-    NotFlattenedError,
     all_transitions,
     flatten,
     outside_events,
 )
 from rise_engine.scxml.interpretation import matches
 from rise_engine.scxml.reading import read_chart
-from rise_engine.scxml.script import ScriptRefusedError
+from rise_engine.scxml.script import UNDECLARED, ChartRefusedError
 from rise_engine.scxml.translation import (
     UNDEFINED,
     Knowledge,
     Possible,
     Said,
-    UndeclaredError,
     all_hold,
     say_condition,
     value_beforehand,
@@ -108,7 +106,8 @@ def rules_of_chart(
     chart.outside = outside
     try:
         flat = flatten(chart)
-    except NotFlattenedError as error:
+    except ChartRefusedError as error:
+        assert error.location is not None
         diagnostics.error(error.code, error.location, str(error))
         return None
     own_name = name or chart.name or re.sub(r"\.[^.]*\Z", "", source.name.rpartition("/")[2])
@@ -266,12 +265,12 @@ class _RuleMaker:
             assert script.root is not None
             try:
                 said = say_condition(script.root, known)
-            except UndeclaredError as error:
-                if self.awaits_errors:
+            except ChartRefusedError as error:
+                if error.code == UNDECLARED and self.awaits_errors:
                     message = f"there is no variable {error} here, so this raises `{ERROR}` each time it is looked at"
                     self.report("condition-error", script.location, f"{message}; conditions of rules raise nothing")
-                return None
-            except ScriptRefusedError as error:
+                if error.code == UNDECLARED:
+                    return None
                 self.report(error.code, script.location, str(error))
                 continue
             truth = said.truth

@@ -16,19 +16,22 @@ from rise_engine.expression import ExpressionError
 from rise_engine.expression.tokens import unquote
 from rise_engine.scenario.model import SourceLocation
 
+ILLEGAL = "illegal"
+"""The code of a text that is no expression of ECMAScript at all."""
+UNDECLARED = "undeclared"
+"""The code of a variable that there is not: evaluating it is an error for certain. The message is its name."""
 
-class ScriptRefusedError(RiseError, ValueError):
-    """A script, or a part of one, that cannot be said exactly in our conditions. `code` names the kind of reason."""
 
-    def __init__(self, code: str, message: str, index: int = 0) -> None:
+class ChartRefusedError(RiseError, ValueError):
+    """A chart or a script that cannot be said exactly in our rules. `code` names the kind of reason."""
+
+    def __init__(self, code: str, message: str, index: int = 0, location: SourceLocation | None = None) -> None:
         super().__init__(message)
         self.code = code
         self.index = index
-        """Where in the text, from 0."""
-
-
-class IllegalScriptError(RiseError, ValueError):
-    """A text that is no expression of ECMAScript at all."""
+        """Where in the text of a script, from 0."""
+        self.location = location
+        """Where in the chart; None: whoever reads the script knows it."""
 
 
 class Constant(Struct, frozen=True):
@@ -119,20 +122,22 @@ _PAYLOAD = ("data", "type", "sendid")
 
 
 def read_script(text: str, location: SourceLocation) -> Script:
-    """Read an expression. Raises ScriptRefusedError for what cannot be said here."""
+    """Read an expression. Raises ChartRefusedError for what cannot be said here."""
     try:
         parser = _ScriptParser(text)
         root = parser.expression()
         if parser.sign("=") and not isinstance(root, Variable | EventField):
             return Script(text, None, location)  # nothing can be assigned to `1`
         parser.end()
-    except IllegalScriptError:
+    except ChartRefusedError as error:
+        if error.code != ILLEGAL:
+            raise
         return Script(text, None, location)
     return Script(text, root, location)
 
 
 def read_assignments(text: str) -> list[ScriptAssignment]:
-    """Read the statements of a `<script>`; all of them must be assignments. Raises ScriptRefusedError."""
+    """Read the statements of a `<script>`; all of them must be assignments. Raises ChartRefusedError."""
     parser = _ScriptParser(text)
     found: list[ScriptAssignment] = []
     try:
@@ -142,8 +147,10 @@ def read_assignments(text: str) -> list[ScriptAssignment]:
             found.append(parser.assignment())
             if not parser.is_at_end() and not parser.sign(";") and not parser.is_on_new_line():
                 raise parser.refused()
-    except IllegalScriptError:
-        raise ScriptRefusedError("script", "this script cannot be read; assignments can: `n = n + 1;`") from None
+    except ChartRefusedError as error:
+        if error.code != ILLEGAL:
+            raise
+        raise ChartRefusedError("script", "this script cannot be read; assignments can: `n = n + 1;`") from None
     return found
 
 
@@ -162,7 +169,7 @@ class _ScriptParser:
             match = _TOKEN.match(text, at)
             if match is None:
                 index = len(text) - len(text[at:].lstrip())
-                raise ScriptRefusedError("expression", f"`{text[index : index + 1]}` cannot be read here", index)
+                raise ChartRefusedError("expression", f"`{text[index : index + 1]}` cannot be read here", index)
             group = match.lastindex or _END
             self.tokens.append((group, match[group], match.start(group)))
             at = match.end()
@@ -187,10 +194,10 @@ class _ScriptParser:
             return word
         return ""
 
-    def refused(self) -> ScriptRefusedError:
+    def refused(self) -> ChartRefusedError:
         _, word, index = self.tokens[self.at]
         shown = f"`{word}`" if word else "the end of this expression"
-        return ScriptRefusedError("expression", f"{shown} cannot be said in a condition of ours, or not here", index)
+        return ChartRefusedError("expression", f"{shown} cannot be said in a condition of ours, or not here", index)
 
     def end(self) -> None:
         if not self.is_at_end():
@@ -219,7 +226,7 @@ class _ScriptParser:
             return self.unary()
         left = self.expression(level + 1)
         if self.tokens[self.at][:2] == (_WORD, "in") and self.tokens[self.at + 1][1].startswith("_"):
-            raise ScriptRefusedError("system-variable", "what a system variable has in it is not known here")
+            raise ChartRefusedError("system-variable", "what a system variable has in it is not known here")
         while operator := self.sign(*_LEVELS[level]):
             left = Operation(operator, (left, self.expression(level + 1)))
         return left
@@ -227,7 +234,7 @@ class _ScriptParser:
     def unary(self) -> ScriptNode:
         self.depth += 1
         if self.depth > _DEEPEST:
-            raise ScriptRefusedError("expression", f"this is nested more than {_DEEPEST} deep")
+            raise ChartRefusedError("expression", f"this is nested more than {_DEEPEST} deep")
         try:
             if operator := self.sign("!", "-", "+"):
                 return Operation({"!": "not", "-": "negative", "+": "positive"}[operator], (self.unary(),))
@@ -243,10 +250,10 @@ class _ScriptParser:
         self.at += 1
         if group == _NUMBER:
             if re.match(r"0\d", word):
-                raise ScriptRefusedError("expression", f"`{word}`: write numbers without a leading 0", index)
+                raise ChartRefusedError("expression", f"`{word}`: write numbers without a leading 0", index)
             number = float(word)
             if number >= _LARGEST:
-                raise ScriptRefusedError("expression", f"`{word}`: whole numbers are exact below 2^53 only", index)
+                raise ChartRefusedError("expression", f"`{word}`: whole numbers are exact below 2^53 only", index)
             return Constant(int(number) if number.is_integer() else number)
         if group == _TEXT:
             return Constant(_text_of(word, index))
@@ -261,7 +268,7 @@ class _ScriptParser:
             return ArrayNode(self.entries("]"))
         self.at -= 1
         if group == _END or word in (")", "]", "*", "/", "%", "<", ">", "=", "==", "&&", "||", ",", "."):
-            raise IllegalScriptError
+            raise ChartRefusedError(ILLEGAL, "")
         raise self.refused()
 
     def entries(self, closing: str) -> tuple[ScriptNode, ...]:
@@ -277,7 +284,7 @@ class _ScriptParser:
 
     def word(self, word: str, index: int) -> ScriptNode:
         if word in _NO_EXPRESSION:
-            raise IllegalScriptError
+            raise ChartRefusedError(ILLEGAL, "")
         if word in ("true", "false", "null"):
             return Constant({"true": True, "false": False, "null": None}[word])
         if word == "undefined":
@@ -290,9 +297,9 @@ class _ScriptParser:
             return self.event_field(index)
         if word.startswith("_"):
             message = f"`{word}` is a system variable; rules have none"
-            raise ScriptRefusedError("system-variable", message, index)
+            raise ChartRefusedError("system-variable", message, index)
         if word in ("function", "new", "this", "delete", "void", "class", "await", "yield", "super", "import"):
-            raise ScriptRefusedError("expression", f"`{word}` cannot be said in a condition of ours", index)
+            raise ChartRefusedError("expression", f"`{word}` cannot be said in a condition of ours", index)
         return Variable(word)
 
     def in_state(self, index: int) -> ScriptNode:
@@ -300,7 +307,7 @@ class _ScriptParser:
         if len(arguments) == 1 and isinstance(arguments[0], Constant) and isinstance(arguments[0].value, str):
             return InState(arguments[0].value)
         message = "`In` takes the id of one state, in quotation marks: In('waiting')"
-        raise ScriptRefusedError("computed", message, index)
+        raise ChartRefusedError("computed", message, index)
 
     def math_function(self, index: int) -> ScriptNode:
         name = ""
@@ -312,7 +319,7 @@ class _ScriptParser:
             if len(arguments) == _FUNCTIONS[name]:
                 return Operation(name, arguments)
         known = ", ".join(f"Math.{each}" for each in _FUNCTIONS)
-        raise ScriptRefusedError("expression", f"of Math, only {known} mean exactly the same here", index)
+        raise ChartRefusedError("expression", f"of Math, only {known} mean exactly the same here", index)
 
     def event_field(self, index: int) -> ScriptNode:
         field = self.tokens[self.at + 1][1] if self.tokens[self.at][1] == "." else ""
@@ -321,12 +328,12 @@ class _ScriptParser:
             return EventField(field)
         if field == "origintype":
             message = "`_event.origintype` names an I/O processor; rules have none"
-            raise ScriptRefusedError("system-variable", message, index)
+            raise ChartRefusedError("system-variable", message, index)
         if field in _PAYLOAD:
             message = f"events of rules carry nothing, so there is no `_event.{field}`; set a variable before the event"
-            raise ScriptRefusedError("payload", message, index)
+            raise ChartRefusedError("payload", message, index)
         message = "`_event` is a system variable; of it, only `_event.name` can be known"
-        raise ScriptRefusedError("system-variable", message, index)
+        raise ChartRefusedError("system-variable", message, index)
 
     def member(self, node: ScriptNode) -> ScriptNode:
         """Nothing can be taken out of a value, and nothing called."""
@@ -335,7 +342,7 @@ class _ScriptParser:
             index = self.tokens[self.at][2]
             what = "calls of functions" if word == "(" else "parts of values and their methods"
             code = "list-arithmetic" if isinstance(node, ArrayNode) else "expression"
-            raise ScriptRefusedError(code, f"{what} cannot be taken over exactly", index)
+            raise ChartRefusedError(code, f"{what} cannot be taken over exactly", index)
         return node
 
 
@@ -344,8 +351,8 @@ def _text_of(quoted: str, index: int) -> str:
     try:
         value = unquote(quoted, quoted, 0)
     except ExpressionError as error:
-        raise ScriptRefusedError("expression", error.message, index) from None
+        raise ChartRefusedError("expression", error.message, index) from None
     if any(ord(character) > 0xFFFF for character in value):
         message = "a character beyond U+FFFF counts as two in ECMAScript, and as one here"
-        raise ScriptRefusedError("expression", message, index)
+        raise ChartRefusedError("expression", message, index)
     return value

@@ -15,14 +15,14 @@ from typing import Any, Literal, TypeAlias
 
 from msgspec import Struct
 
-from rise_engine.errors import RiseError
 from rise_engine.scxml.script import (
+    UNDECLARED,
     ArrayNode,
+    ChartRefusedError,
     Constant,
     EventField,
     Operation,
     ScriptNode,
-    ScriptRefusedError,
     Variable,
 )
 
@@ -48,10 +48,6 @@ class Possible(Struct, frozen=True):
 
 Knowledge: TypeAlias = Mapping[str, Possible]
 """What is known at one place of the chart, by the names of variables; `_event.name` is one of them."""
-
-
-class UndeclaredError(RiseError, LookupError):
-    """A variable that there is not: evaluating this is an error for certain."""
 
 
 class Said(Struct, frozen=True):
@@ -133,12 +129,12 @@ def say_constant(value: Constant) -> str:
 
 
 def say_value(node: ScriptNode, knowledge: Knowledge) -> Said:
-    """A value. Raises ScriptRefusedError, UndeclaredError."""
+    """A value. Raises ChartRefusedError."""
     return _Translator(knowledge).value(node)
 
 
 def say_condition(node: ScriptNode, knowledge: Knowledge) -> Said:
-    """Whether a value holds, as ECMAScript sees it. Raises ScriptRefusedError, UndeclaredError."""
+    """Whether a value holds, as ECMAScript sees it. Raises ChartRefusedError."""
     return _Translator(knowledge).truth(node)
 
 
@@ -171,7 +167,7 @@ class _Translator:
     def variable(self, name: str) -> Said:
         found = self.knowledge.get(name)
         if found is None or found.kinds == {"undeclared"}:
-            raise UndeclaredError(name)
+            raise ChartRefusedError(UNDECLARED, name)
         if "undeclared" in found.kinds:
             raise _refused(f"`{name}` may be declared by then or not; give it a `<data>`")
         return Said(name, _ATOM, found)
@@ -414,5 +410,5 @@ def _bracketed(said: Said, least: int) -> str:
     return said.text if said.strength >= least else f"({said.text})"
 
 
-def _refused(message: str, code: str = "expression") -> ScriptRefusedError:
-    return ScriptRefusedError(code, message)
+def _refused(message: str, code: str = "expression") -> ChartRefusedError:
+    return ChartRefusedError(code, message)

@@ -18,12 +18,11 @@ from msgspec import Struct
 from msgspec.structs import replace
 
 from rise_engine.engine.engine import Engine, ReplyCallback, versions
-from rise_engine.errors import RiseError
 from rise_engine.kernel.inputs import ControlChanged, ControlStatus, Note, OutcomeReport, Submit
 from rise_engine.kernel.records import ActionRecord, AnyRecord, TaskRecord
 from rise_engine.kernel.task_view import TaskView
 from rise_engine.kernel.view import SessionView
-from rise_engine.protocol.client import ClientInput, ControlVerb, Reply, Role, Update
+from rise_engine.protocol.client import ClientInput, ControlVerb, Rejected, Reply, Role, Update
 from rise_engine.protocol.messages import VERSION, SessionSummary
 from rise_engine.server.client_names import find_lookalike, name_problem
 
@@ -31,10 +30,6 @@ _LOG = logging.getLogger(__name__)
 
 ALLOWED_WITHOUT_CONTROL = frozenset({"stopAll", "cancelOpenGoals", "markMistake"})
 """What everybody who is attached may ask for: it starts nothing. So may notes be added."""
-
-
-class NotAdmitted(RiseError):
-    """Somebody cannot attach; the text says why, for a person."""
 
 
 class AttachedClient(Struct, frozen=True, eq=False):
@@ -112,7 +107,7 @@ class SessionHub:
         :param name: who it is; a second one of the same name gets a number.
         :param role: what it may do.
         :param source: what the record names instead of `role:name`, for one who speaks for others (`ros:domain_task`).
-        :raises NotAdmitted: the name cannot be one, or looks like another's; or the session has ended.
+        :raises Rejected: the name cannot be one, or looks like another's; or the session has ended.
         """
         name = normalize("NFC", name)
         before = [self.view.wizard] if self.view.wizard else []  # of a session that goes on
@@ -122,7 +117,7 @@ class SessionHub:
         if self.engine.ended:
             problem = "the session has ended"
         if problem:
-            raise NotAdmitted(problem)
+            raise Rejected(problem)
         if source is None:
             source = f"{role}:{name}"
         unique = source

@@ -15,10 +15,11 @@ from msgspec.structs import replace
 
 from rise_engine import exit_status
 from rise_engine.engine.clock import RealClock
-from rise_engine.engine.drivers import DriverError, RobotOptionsError, make_robot, open_bridge
+from rise_engine.engine.drivers import RobotOptionsError, make_robot, open_bridge
 from rise_engine.engine.engine import versions
+from rise_engine.errors import AdapterError, SessionError
 from rise_engine.kernel.inputs import SessionStarted
-from rise_engine.ports.bridge import Bridge, BridgeError, RosConnection
+from rise_engine.ports.bridge import Bridge, RosConnection
 from rise_engine.ports.robot import Robot
 from rise_engine.protocol.registry import RegistryError, SessionLock, acquire_lock, session_name
 from rise_engine.protocol.session_options import SessionOptions
@@ -32,7 +33,6 @@ from rise_engine.server.spawn import ReportStartup, StartupProgress
 from rise_engine.server.study_session import StudyPreparation
 from rise_engine.session.folder import (
     JOURNAL,
-    SessionError,
     belongs_to,
     create_session,
     find_session,
@@ -296,14 +296,14 @@ class SessionPreparation:
         """The connection to ROS, where the session has one. Raises ServeRefused."""
         try:
             return await open_bridge(self.ros, self.scenario.robot, self.scenario.mode)
-        except BridgeError as error:
+        except AdapterError as error:
             raise ServeRefused(exit_status.REFUSED, *(f"error: {line}" for line in error.lines)) from None
 
     def make_robot(self, clock: RealClock, bridge: Bridge[SessionHub] | None) -> Robot:
         """The session's robot, over the bridge if that is its driver. Raises ServeRefused."""
         try:
             return make_robot(self.scenario.robot, self.scenario.mode, clock, self.seed, self.faults, bridge)
-        except DriverError as error:
+        except AdapterError as error:
             raise ServeRefused(exit_status.REFUSED, f"error: {error}") from None
         except RobotOptionsError as error:
             raise ServeRefused(exit_status.USAGE, f"error: {error}") from None
@@ -316,7 +316,7 @@ def _language_of_session(plan: SessionPlan, options: SessionOptions, robot: str 
     try:
         return plan.spoken_in(options.language, load(plan.run.scenario, robot=robot, mode=plan.mode))
     except CannotBegin as error:
-        raise ServeRefused(exit_status.REFUSED, *error.sentences) from None
+        raise ServeRefused(exit_status.REFUSED, *error.lines) from None
 
 
 def _with_study_of_session(options: SessionOptions) -> SessionOptions:

@@ -36,7 +36,7 @@ from rise_engine.kernel.records import (
 )
 from rise_engine.kernel.task_view import TaskView
 from rise_engine.lag_meter import LagMeter
-from rise_engine.protocol.client import Heartbeat, JournalStatus, Reply, Update
+from rise_engine.protocol.client import Heartbeat, JournalStatus, Rejected, Reply, Update
 from rise_engine.protocol.messages import (
     MAX_LINE_BYTES,
     MAX_MESSAGE_BYTES,
@@ -64,7 +64,7 @@ from rise_engine.scenario.model import Scenario
 from rise_engine.scenario.serialization import encode_scenario
 from rise_engine.server.attachment import Attachment
 from rise_engine.server.connection import LINGER_SECONDS, ClientConnection, split_into_pieces
-from rise_engine.server.hub import AttachedClient, NotAdmitted, SessionHub
+from rise_engine.server.hub import AttachedClient, SessionHub
 from rise_engine.session.journal_format import encode_record
 from rise_engine.time_slicer import TimeSlicer
 
@@ -249,7 +249,7 @@ class SessionServer:
             case AttachMessage():
                 try:
                     self._attach(connection, message)
-                except NotAdmitted as refusal:
+                except Rejected as refusal:
                     _refuse(connection, str(refusal))
             case AskSummaryMessage():
                 connection.finish(encode_line(self.summary()))
@@ -279,14 +279,14 @@ class SessionServer:
                 self.hub.take_over_scenario(client, answer)
 
     def _attach(self, connection: ClientConnection, message: AttachMessage) -> None:
-        """Raises NotAdmitted."""
+        """Raises Rejected."""
         if message.version != VERSION:
-            raise NotAdmitted(
+            raise Rejected(
                 f"this session speaks version {VERSION} of the protocol, and you speak version {message.version}; "
                 "use the same release of rise-tui for both"
             )
         if self.connections[connection] is not None:
-            raise NotAdmitted("you are attached already")
+            raise Rejected("you are attached already")
         client = self.hub.attach(message.name, message.role)
         self._flush_records()  # the state has them already
         attachment = self.connections[connection] = Attachment(connection, client, resyncs=message.resync)

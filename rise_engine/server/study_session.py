@@ -13,12 +13,13 @@ from contextlib import ExitStack
 from pathlib import Path
 
 from rise_engine import exit_status
+from rise_engine.errors import FileError, SessionError
 from rise_engine.kernel.inputs import CheckReport, SessionStarted
 from rise_engine.kernel.view import SessionView
 from rise_engine.protocol.session_options import SessionOptions
 from rise_engine.protocol.session_start import assigned_keys
 from rise_engine.server.refusal import ServeRefused
-from rise_engine.session.folder import SessionError, SessionInfo, find_session, mark_abandoned
+from rise_engine.session.folder import SessionInfo, find_session, mark_abandoned
 from rise_engine.session.lock import read_holder
 from rise_engine.study.begin import (
     BeginRequest,
@@ -37,7 +38,7 @@ from rise_engine.study.sessions import (
     refuse_running_elsewhere,
     session_fields,
 )
-from rise_engine.study.state import OpenStudy, StudyStatus, StudyUnusable
+from rise_engine.study.state import OpenStudy, StudyStatus
 from rise_engine.study.study_log import LockedLog, StudyLogError
 
 _LOG = logging.getLogger(__name__)
@@ -84,7 +85,7 @@ class StudyPreparation:
     def _open(self, stack: ExitStack) -> OpenStudy:
         try:
             return stack.enter_context(OpenStudy(self.folder))
-        except StudyUnusable as error:
+        except FileError as error:
             raise ServeRefused(exit_status.REFUSED, *error.lines) from None
         except StudyLogError as error:
             raise ServeRefused(exit_status.NOT_WRITTEN, str(error)) from None
@@ -117,11 +118,11 @@ class StudyPreparation:
             return plan_session(state, request)
         except CannotBegin as error:
             if error.running:
-                self._raise_running(open.state, *error.sentences)
+                self._raise_running(open.state, *error.lines)
             if error.unfinished is not None:
                 path = self.root / error.unfinished.folder
-                raise ServeRefused(exit_status.UNFINISHED, *error.sentences, unfinished=[path]) from None
-            raise ServeRefused(exit_status.REFUSED, *error.sentences) from None
+                raise ServeRefused(exit_status.UNFINISHED, *error.lines, unfinished=[path]) from None
+            raise ServeRefused(exit_status.REFUSED, *error.lines) from None
 
     def _raise_running(self, state: StudyStatus, *sentences: str) -> None:
         """Their own session is named with its socket, so that a console can attach; never somebody else's."""
@@ -239,7 +240,7 @@ class StudyPreparation:
         try:
             with OpenStudy(self.folder):
                 pass  # opening it writes what the session folders say
-        except (StudyUnusable, StudyLogError) as error:
+        except (FileError, StudyLogError) as error:
             _LOG.error("the outcome is in the journal and not yet in the study's log: %s", error)
 
 

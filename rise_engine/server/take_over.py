@@ -7,10 +7,11 @@ from collections.abc import Callable
 from pathlib import Path
 
 from rise_engine.engine.engine import Engine, ReplyCallback
+from rise_engine.errors import SessionError
 from rise_engine.protocol.client import Reply
 from rise_engine.scenario.loader import LoadResult, load
 from rise_engine.scenario.model import Scenario
-from rise_engine.session.folder import SessionError, read_info, spoken_as
+from rise_engine.session.folder import read_info, spoken_as
 from rise_engine.session.scenario_copies import remove_copy, write_copy
 
 MOST_ERRORS = 3

@@ -14,13 +14,8 @@ from typing import Literal, TypeAlias
 from msgspec import Struct
 from msgspec.structs import replace
 
-from rise_engine.session.coded_formats import (
-    CodedClock,
-    CodedError,
-    CodedSpan,
-    read_coded_document,
-    replace_words,
-)
+from rise_engine.errors import SessionError
+from rise_engine.session.coded_formats import CodedClock, CodedSpan, read_coded_document, replace_words
 from rise_engine.session.disk import make_private_folder, write_private_file
 from rise_engine.session.levels import LevelFilter
 from rise_engine.session.listed_files import change_list, list_bytes, read_list
@@ -58,9 +53,9 @@ def read_coded(folder: Path) -> tuple[CodedFile, ...]:
     """The annotation files of a session, in the order in which they were added.
 
     :param folder: the session's.
-    :raises CodedError: coded.json cannot be read.
+    :raises SessionError: coded.json cannot be read.
     """
-    return read_list(folder / CODED_FILE, CodedFile, CodedError)
+    return read_list(folder / CODED_FILE, CodedFile)
 
 
 def read_spans(folder: Path, file: CodedFile) -> list[CodedSpan]:
@@ -68,14 +63,14 @@ def read_spans(folder: Path, file: CodedFile) -> list[CodedSpan]:
 
     :param folder: the session's.
     :param file: as coded.json has it.
-    :raises CodedError: it cannot be read, or is another one than was added.
+    :raises SessionError: it cannot be read, or is another one than was added.
     """
     if not file.sha256:
         return list(file.spans)
     path = folder / CODED_FOLDER / file.name
     data = read_bytes(path)
     if hashlib.sha256(data).hexdigest() != file.sha256:
-        raise CodedError(f"{path} was changed since it was added: rise-engine coded add {folder.name} {path}")
+        raise SessionError(f"{path} was changed since it was added: rise-engine coded add {folder.name} {path}")
     document = read_coded_document(file.name, data, file.observation, folder.name)
     to_session = file.clock.to_session
     return [
@@ -88,13 +83,13 @@ def read_spans(folder: Path, file: CodedFile) -> list[CodedSpan]:
 
 
 def read_bytes(path: Path) -> bytes:
-    """An annotation file. Raises CodedError."""
+    """An annotation file. Raises SessionError."""
     try:
         if path.stat().st_size > MAX_BYTES:
-            raise CodedError(f"{path} is larger than {MAX_BYTES // 1_000_000} MB, which no annotation file is")
+            raise SessionError(f"{path} is larger than {MAX_BYTES // 1_000_000} MB, which no annotation file is")
         return path.read_bytes()
     except OSError as error:
-        raise CodedError(f"{path} cannot be read: {error.strerror or error}") from None
+        raise SessionError(f"{path} cannot be read: {error.strerror or error}") from None
 
 
 def add_coded(folder: Path, file: CodedFile, data: bytes) -> bool:
@@ -104,7 +99,7 @@ def add_coded(folder: Path, file: CodedFile, data: bytes) -> bool:
     :param file: what is said of it.
     :param data: what it holds.
     :return: whether there was one of that name.
-    :raises CodedError: it cannot be written.
+    :raises SessionError: it cannot be written.
     """
     before: list[CodedFile] = []
 
@@ -114,7 +109,7 @@ def add_coded(folder: Path, file: CodedFile, data: bytes) -> bool:
         write_private_file(folder / CODED_FOLDER / file.name, data)
         return [file if each.name == file.name else each for each in files] if before else [*files, file]
 
-    change_list(folder / CODED_FILE, CodedFile, CodedError, put)
+    change_list(folder / CODED_FILE, CodedFile, put)
     return bool(before)
 
 
@@ -123,24 +118,24 @@ def remove_coded(folder: Path, name: str) -> None:
 
     :param folder: the session's.
     :param name: the file's.
-    :raises CodedError: there is none of that name, or it cannot be deleted.
+    :raises SessionError: there is none of that name, or it cannot be deleted.
     """
 
     def take_out(files: list[CodedFile]) -> list[CodedFile]:
         if not any(each.name == name for each in files):
             listed = ", ".join(each.name for each in files) or "none"
-            raise CodedError(f"{folder.name} has no annotation file {name}; it has {listed}")
+            raise SessionError(f"{folder.name} has no annotation file {name}; it has {listed}")
         (folder / CODED_FOLDER / name).unlink(missing_ok=True)
         return [each for each in files if each.name != name]
 
-    change_list(folder / CODED_FILE, CodedFile, CodedError, take_out)
+    change_list(folder / CODED_FILE, CodedFile, take_out)
 
 
 def coded_paths(folder: Path) -> list[Path]:
     """coded.json and the files of which it tells; none where there is none."""
     try:
         files = read_coded(folder)
-    except CodedError:
+    except SessionError:
         return []
     theirs = (folder / CODED_FOLDER / each.name for each in files if each.sha256)
     return [folder / CODED_FILE, *theirs] if files else []
@@ -168,7 +163,7 @@ def told_coded(folder: Path, level: LevelFilter) -> list[CodedFile]:
                     spans=spans,
                 )
             )
-    except CodedError:
+    except SessionError:
         return []
     return told
 
@@ -188,7 +183,7 @@ def redacted_files(folder: Path, change: Callable[[str], str]) -> dict[Path, byt
 
     :param folder: the session's.
     :param change: from a text to another one.
-    :raises CodedError: one cannot be read.
+    :raises SessionError: one cannot be read.
     """
     found: dict[Path, bytes] = {}
     files: list[CodedFile] = []

@@ -19,8 +19,8 @@ import msgspec
 from lxml import etree
 from msgspec import Struct
 
+from rise_engine.errors import SessionError
 from rise_engine.nearest_name import did_you_mean
-from rise_engine.session.errors import SessionError
 
 OWN_ANNOTATOR, OWN_TYPE = "rise-tui", "rise"
 """Who made a tier of ELAN that this program wrote, and its linguistic type."""
@@ -35,10 +35,6 @@ _NUMBER = r"(-?\d+(?:\.\d+)?)"
 _CLOCK_TEXT = re.compile(rf"annotation seconds = {_NUMBER} \+ {_NUMBER} \* session seconds")
 _GAP_TEXT = re.compile(rf"{_NUMBER} s more from session second {_NUMBER} on")
 _BORIS_STATE = "state event"
-
-
-class CodedError(SessionError):
-    """An annotation file cannot be read, or is not what was meant; the text says why."""
 
 
 class CodedClock(Struct, frozen=True):
@@ -101,7 +97,7 @@ def read_coded_document(name: str, data: bytes, observation: str = "", session: 
     :param data: what it holds.
     :param observation: which of several in a file of BORIS; empty: that of the session, or the only one.
     :param session: the session's name.
-    :raises CodedError: it cannot be read.
+    :raises SessionError: it cannot be read.
     """
     match PurePath(name).suffix.lower():
         case ".eaf":
@@ -110,7 +106,7 @@ def read_coded_document(name: str, data: bytes, observation: str = "", session: 
             return _read_project(name, data, observation, session)
         case ".csv" | ".tsv":
             return _read_table(name, data, observation, session)
-    raise CodedError(f"{name} is no annotation file: it ends in {', '.join(SUFFIXES)}")
+    raise SessionError(f"{name} is no annotation file: it ends in {', '.join(SUFFIXES)}")
 
 
 def replace_words(name: str, data: bytes, replace: Callable[[str], str]) -> bytes:
@@ -133,7 +129,7 @@ def replace_words(name: str, data: bytes, replace: Callable[[str], str]) -> byte
                 changed = msgspec.json.encode(_replaced(msgspec.json.decode(data), replace))
             case _:
                 changed = replace(_decode(name, data)).encode()
-    except (CodedError, msgspec.DecodeError):
+    except (SessionError, msgspec.DecodeError):
         return data
     return changed if replace(data.decode("utf-8", "replace")) != data.decode("utf-8", "replace") else data
 
@@ -154,17 +150,17 @@ def _parse_xml(name: str, data: bytes) -> etree._Element:
     try:
         return etree.fromstring(data, parser)
     except etree.XMLSyntaxError as error:
-        raise CodedError(f"{name}:{error.lineno or 1}: this is no XML: {error.msg}") from None
+        raise SessionError(f"{name}:{error.lineno or 1}: this is no XML: {error.msg}") from None
 
 
 def _read_eaf(name: str, data: bytes) -> CodedDocument:
     root = _parse_xml(name, data)
     if root.tag != "ANNOTATION_DOCUMENT":
-        raise CodedError(f"{name}:1: this is no file of ELAN: it begins with <{root.tag}>, not <ANNOTATION_DOCUMENT>")
+        raise SessionError(f"{name}:1: this is no file of ELAN: it begins with <{root.tag}>, not <ANNOTATION_DOCUMENT>")
     header = root.find("HEADER")
     unit = 1.0 if header is None or header.get("TIME_UNITS", "milliseconds") == "milliseconds" else None
     if unit is None:
-        raise CodedError(f"{name}: its times are in {header.get('TIME_UNITS')}, not in milliseconds")  # type: ignore[union-attr]
+        raise SessionError(f"{name}: its times are in {header.get('TIME_UNITS')}, not in milliseconds")  # type: ignore[union-attr]
     told = {each.get("NAME", ""): (each.text or "").strip() for each in root.iter("PROPERTY")}
     document = CodedDocument([], [], parse_clock(told.get(CLOCK, "")), told.get(SESSION, ""), problems=[])
     document.media = tuple(
@@ -290,20 +286,20 @@ def _read_project(name: str, data: bytes, observation: str, session: str) -> Cod
             kind = "" if _BORIS_STATE in str(behavior.get("type", "")).lower() else "POINT"
             rows.append((float(at) - offset, str(subject), str(code), str(modifiers), str(comment), kind))
     except (msgspec.DecodeError, KeyError, TypeError, ValueError, AttributeError) as error:
-        raise CodedError(f"{name}: this is no project of BORIS that can be read: {error!r}") from None
+        raise SessionError(f"{name}: this is no project of BORIS that can be read: {error!r}") from None
     _pair(name, rows, document)
     return document
 
 
 def _observation(name: str, known: list[str], wanted: str, session: str) -> str:
-    """Which observation of a file is the session's. Raises CodedError."""
+    """Which observation of a file is the session's. Raises SessionError."""
     for each in filter(None, (wanted, session)):
         if each in known:
             return each
     if not wanted and len(known) == 1:
         return known[0]
     near = did_you_mean(wanted or session, known, limit=0)
-    raise CodedError(
+    raise SessionError(
         f"{name} has no observation {wanted or session!r}; it has {', '.join(known) or 'none'}{near}. Say which one is "
         "the session's: --observation NAME"
     )
@@ -336,7 +332,9 @@ def _decode(name: str, data: bytes) -> str:
         return data.decode("utf-8-sig")
     except UnicodeDecodeError as error:
         line = data[: error.start].count(b"\n") + 1
-        raise CodedError(f"{name}:{line}: this is not UTF-8; export it from BORIS again, or save it as UTF-8") from None
+        raise SessionError(
+            f"{name}:{line}: this is not UTF-8; export it from BORIS again, or save it as UTF-8"
+        ) from None
 
 
 def _read_table(name: str, data: bytes, observation: str, session: str) -> CodedDocument:
@@ -351,7 +349,7 @@ def _read_table(name: str, data: bytes, observation: str, session: str) -> Coded
         elif header and any(cells):
             rows.append((lines.line_num, dict(zip(header, cells, strict=False))))
     if not header or not ({"Time", "Start (s)"} & set(header)):
-        raise CodedError(
+        raise SessionError(
             f"{name}: this is no table of events of BORIS: one row has to be Subject, Behavior and Time, or Start (s)"
         )
     known = list(dict.fromkeys(row["Observation id"] for _, row in rows if "Observation id" in row))
@@ -408,16 +406,16 @@ def _seconds(name: str, line: int, row: dict[str, str], column: str) -> float:
     try:
         return float(text)
     except ValueError:
-        raise CodedError(f"{name}:{line}: {column!r} is a number of seconds, not {text!r}") from None
+        raise SessionError(f"{name}:{line}: {column!r} is a number of seconds, not {text!r}") from None
 
 
 def tiers_taken(document: CodedDocument, wanted: Iterable[str]) -> Iterator[str]:
-    """The tiers that somebody means, by their names; all without any. Raises CodedError for an unknown one."""
+    """The tiers that somebody means, by their names; all without any. Raises SessionError for an unknown one."""
     for each in wanted:
         if each not in document.tiers:
             near = did_you_mean(each, document.tiers, limit=0)
             listed = ", ".join(document.tiers) or "none"
-            raise CodedError(f"the file has no tier {each!r}{near or '.'} Its tiers of yours are: {listed}")
+            raise SessionError(f"the file has no tier {each!r}{near or '.'} Its tiers of yours are: {listed}")
         yield each
     if not wanted:
         yield from document.tiers

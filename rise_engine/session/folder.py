@@ -27,6 +27,7 @@ import msgspec
 from msgspec import Struct, field
 from msgspec.structs import asdict, replace
 
+from rise_engine.errors import SessionError
 from rise_engine.kernel.inputs import SessionStarted
 from rise_engine.kernel.records import Purpose
 from rise_engine.nearest_name import did_you_mean
@@ -35,7 +36,6 @@ from rise_engine.scenario.file_names import DEFAULT_PATHS
 from rise_engine.scenario.loader import load
 from rise_engine.scenario.model import Scenario
 from rise_engine.session.disk import make_private_folder, write_private_file
-from rise_engine.session.errors import SessionError as SessionError
 from rise_engine.session.journal_format import FORMAT
 from rise_engine.session.journal_format import JOURNAL as JOURNAL
 from rise_engine.session.labels import label_differences, labels_for, read_labels, refuse_differences

@@ -61,9 +61,10 @@ JournalLine: TypeAlias = JournalHeader | InputLine | AnyRecord
 class LineError(RiseError):
     """A line is not what was written; the text says what is wrong with it."""
 
-
-class NewerFormatError(LineError):
-    """A newer program wrote this."""
+    def __init__(self, why: str, *, newer: bool = False) -> None:
+        """`newer`: a newer program wrote this."""
+        super().__init__(why)
+        self.newer = newer
 
 
 def encode_header(program: str) -> bytes:
@@ -99,7 +100,7 @@ def join_step(line: bytes, encoded: Iterable[bytes]) -> bytes:
 
 
 def read_line(data: bytes) -> JournalLine:
-    """What a line (without its line end) holds. Raises LineError, NewerFormatError."""
+    """What a line (without its line end) holds. Raises LineError."""
     body = data[:-_CHECKSUM_BYTES]
     if data[-_CHECKSUM_BYTES:] != b',"crc":"%08x"}' % crc32(body):
         if re.fullmatch(rb',"crc":".{8}"}', data[-_CHECKSUM_BYTES:], re.DOTALL) is None:
@@ -114,10 +115,11 @@ def read_line(data: bytes) -> JournalLine:
             return InputLine(_read_number(text).n, _read_input(text))
         header = msgspec.json.decode(text, type=JournalHeader)
     except (msgspec.DecodeError, UnicodeDecodeError) as error:
-        raise NewerFormatError(f"it holds something that this version does not know ({error})") from None
+        raise LineError(f"it holds something that this version does not know ({error})", newer=True) from None
     if header.journal > FORMAT:
-        raise NewerFormatError(
+        raise LineError(
             f"it was written by a newer version ({header.program or 'unknown'}, format {header.journal}; "
-            f"this one reads up to format {FORMAT})"
+            f"this one reads up to format {FORMAT})",
+            newer=True,
         )
     return header

@@ -19,15 +19,14 @@ from typing import IO, Literal
 
 from msgspec import Struct, field
 
+from rise_engine.errors import SessionError
 from rise_engine.kernel.inputs import SessionEnded
 from rise_engine.kernel.records import AnyRecord, SessionRecord
-from rise_engine.session.errors import SessionError
 from rise_engine.session.journal_format import (
     InputLine,
     JournalHeader,
     JournalLine,
     LineError,
-    NewerFormatError,
     read_line,
 )
 
@@ -205,9 +204,9 @@ def _read_valid_lines(file: IO[bytes], end: int, contents: JournalContents) -> I
         line = line[:-1]
         try:
             found = read_line(line)
-        except NewerFormatError as error:
-            raise SessionError(f"{contents.path}:{number}: {error}: install that version") from None
         except LineError as error:
+            if error.newer:
+                raise SessionError(f"{contents.path}:{number}: {error}: install that version") from None
             suspect[number] = str(error)
             continue
         if isinstance(found, JournalHeader):

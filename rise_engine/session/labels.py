@@ -12,9 +12,9 @@ from typing import Any
 
 import msgspec
 
+from rise_engine.errors import SessionError
 from rise_engine.json_codec import JsonError, decode
 from rise_engine.kernel.records import SessionRecord
-from rise_engine.session.errors import SessionError
 from rise_engine.session.journal_format import JOURNAL, LineError, read_line
 from rise_engine.text import escape_surrogates
 

@@ -13,29 +13,29 @@ from typing import TypeVar
 
 import msgspec
 
+from rise_engine.errors import SessionError
 from rise_engine.session.disk import Disk, error_message, write_private_file
-from rise_engine.session.errors import SessionError
 
 WAIT_SECONDS, TRY_SECONDS = 10.0, 0.02
 """How long somebody waits for another program that writes it just now. That takes milliseconds."""
 _Item = TypeVar("_Item")
 
 
-def read_list(path: Path, item: type[_Item], error: type[SessionError]) -> tuple[_Item, ...]:
+def read_list(path: Path, item: type[_Item]) -> tuple[_Item, ...]:
     """What stands in a list, in its order; nothing when there is no such file.
 
     :param path: the file.
     :param item: what it holds.
-    :param error: what is raised when it cannot be read.
+    :raises SessionError: it cannot be read.
     """
     try:
         return tuple(msgspec.json.decode(path.read_bytes(), type=list[item]))  # type: ignore[valid-type]
     except FileNotFoundError:
         return ()
     except OSError as problem:
-        raise error(f"{path} cannot be read: {problem.strerror or problem}") from None
+        raise SessionError(f"{path} cannot be read: {problem.strerror or problem}") from None
     except (msgspec.DecodeError, UnicodeError) as problem:
-        raise error(f"{path} is not what was written there: {problem}. Mend it, or move it away") from None
+        raise SessionError(f"{path} is not what was written there: {problem}. Mend it, or move it away") from None
 
 
 def list_bytes(items: Sequence[object]) -> bytes:
@@ -43,31 +43,29 @@ def list_bytes(items: Sequence[object]) -> bytes:
     return msgspec.json.format(msgspec.json.encode(items), indent=1) + b"\n"
 
 
-def change_list(
-    path: Path, item: type[_Item], error: type[SessionError], change: Callable[[list[_Item]], list[_Item]]
-) -> None:
+def change_list(path: Path, item: type[_Item], change: Callable[[list[_Item]], list[_Item]]) -> None:
     """Replace a list by what `change` makes of it, in one step.
 
     :param path: the file.
     :param item: what it holds.
-    :param error: what is raised when it cannot be read or written; then nothing is changed.
     :param change: gets what stands there.
+    :raises SessionError: it cannot be read or written; then nothing is changed.
     """
     try:
-        with _locked(path, error):
-            data = list_bytes(change(list(read_list(path, item, error))))
+        with _locked(path):
+            data = list_bytes(change(list(read_list(path, item))))
             new = path.with_name(f"{path.name}.new")
             write_private_file(new, data)
             new.replace(path)
             Disk().sync_folder(path.parent)
     except UnicodeError:
-        raise error("a path or name is no text that can be written: give that file another name") from None
+        raise SessionError("a path or name is no text that can be written: give that file another name") from None
     except OSError as problem:
-        raise error(f"{path} cannot be written: {error_message(problem)}") from None
+        raise SessionError(f"{path} cannot be written: {error_message(problem)}") from None
 
 
 @contextmanager
-def _locked(path: Path, error: type[SessionError]) -> Iterator[None]:
+def _locked(path: Path) -> Iterator[None]:
     """Nobody else changes the list meanwhile. The lock is the folder's own, so that no file is left of it."""
     descriptor = os.open(path.parent, os.O_RDONLY | os.O_CLOEXEC)
     try:
@@ -78,7 +76,7 @@ def _locked(path: Path, error: type[SessionError]) -> Iterator[None]:
                 break
             except BlockingIOError:
                 if time.monotonic() > deadline:
-                    raise error(f"{path} is held by another program: try again") from None
+                    raise SessionError(f"{path} is held by another program: try again") from None
             except OSError:  # a file system without locks: then the last one who writes wins
                 break
             time.sleep(TRY_SECONDS)

@@ -26,8 +26,8 @@ from weakref import WeakSet
 import msgspec
 from msgspec import Struct
 
+from rise_engine.errors import SessionError
 from rise_engine.session.disk import error_message, write_private_file
-from rise_engine.session.errors import SessionError
 
 HOLDER_FILE = "engine.json"
 TRIES, TRY_SECONDS = 500, 0.01
@@ -83,10 +83,6 @@ class JournalLockedError(SessionError):
         self.holder = holder
 
 
-class HeldElsewhereError(SessionError):
-    """Another computer had the session last, and nobody here can see whether it still has."""
-
-
 class JournalLock:
     """The right to write a journal, held until `release` or the end of this process."""
 
@@ -95,7 +91,7 @@ class JournalLock:
 
         `here`: a person has decided that the computer which had the session last does not run it any more.
 
-        Raises JournalLockedError when an engine runs the session; HeldElsewhereError when one on another computer may;
+        Raises JournalLockedError when an engine runs the session; SessionError when one on another computer may;
         SessionError when there is no journal, or it may not be written.
         """
         self._note = journal.with_name(HOLDER_FILE)
@@ -104,7 +100,7 @@ class JournalLock:
         trusted = locked and (before is None or before.is_this_computer or file_system(journal) in ONE_MACHINE)
         if before is not None and not trusted and not here:
             os.close(self._descriptor)
-            raise HeldElsewhereError(_elsewhere_message(journal.parent, before))
+            raise SessionError(_elsewhere_message(journal.parent, before))
         _held_locks.add(self)
         self.write_holder()
 

@@ -12,18 +12,14 @@ from typing import Literal, TypeAlias
 import msgspec
 from msgspec import Struct
 
+from rise_engine.errors import SessionError
 from rise_engine.ports.recorder import MediaKind
-from rise_engine.session.errors import SessionError
 from rise_engine.session.listed_files import change_list, read_list
 
 MEDIA_FILE = "media.json"
 AlignedBy: TypeAlias = Literal["", "marks", "given", "start"]
 """How a file was laid against the session's clock. marks: by marks that were found in it; given: somebody said it;
 start: by when its recorder was started, which is no time of the first frame; empty: not at all."""
-
-
-class MediaError(SessionError):
-    """media.json cannot be read or written, or does not know what was named; the text says why."""
 
 
 class FoundMark(Struct, frozen=True):
@@ -86,9 +82,9 @@ def read_media(folder: Path) -> tuple[MediaFile, ...]:
     """What stands in a session's media.json, in its order; nothing when there is none.
 
     :param folder: the session's.
-    :raises MediaError: it cannot be read.
+    :raises SessionError: it cannot be read.
     """
-    return read_list(folder / MEDIA_FILE, MediaFile, MediaError)
+    return read_list(folder / MEDIA_FILE, MediaFile)
 
 
 def register_media(folder: Path, file: MediaFile) -> MediaFile | None:
@@ -97,7 +93,7 @@ def register_media(folder: Path, file: MediaFile) -> MediaFile | None:
     :param folder: the session's.
     :param file: a path within that folder is made relative to it.
     :return: what stood there before.
-    :raises MediaError: it cannot be read or written; then nothing is changed.
+    :raises SessionError: it cannot be read or written; then nothing is changed.
     """
     file = msgspec.structs.replace(file, path=stored_path(folder, file.path))
     before: list[MediaFile] = []
@@ -108,7 +104,7 @@ def register_media(folder: Path, file: MediaFile) -> MediaFile | None:
             return [*files, file]
         return [file if each is before[0] else each for each in files if each not in before[1:]]
 
-    change_list(folder / MEDIA_FILE, MediaFile, MediaError, put)
+    change_list(folder / MEDIA_FILE, MediaFile, put)
     return before[0] if before else None
 
 
@@ -118,7 +114,7 @@ def remove_media(folder: Path, named: str) -> MediaFile:
     :param folder: the session's.
     :param named: its path, also as it stands there, or its name, if no other file has that.
     :return: what stood there.
-    :raises MediaError: there is none of that name, or several; or it cannot be written. Then nothing is changed.
+    :raises SessionError: there is none of that name, or several; or it cannot be written. Then nothing is changed.
     """
     removed: list[MediaFile] = []
 
@@ -126,12 +122,12 @@ def remove_media(folder: Path, named: str) -> MediaFile:
         removed.append(find_media(folder, files, named))
         return [each for each in files if each is not removed[0]]
 
-    change_list(folder / MEDIA_FILE, MediaFile, MediaError, take_out)
+    change_list(folder / MEDIA_FILE, MediaFile, take_out)
     return removed[0]
 
 
 def find_media(folder: Path, files: list[MediaFile], named: str) -> MediaFile:
-    """The file that somebody means, by its path, the end of it, or its recorder. Raises MediaError."""
+    """The file that somebody means, by its path, the end of it, or its recorder. Raises SessionError."""
     path = stored_path(folder, named)
     exact = [each for each in files if each.path in (named, path)]
     found = exact or [each for each in files if named in (Path(each.path).name, each.name)]
@@ -139,8 +135,8 @@ def find_media(folder: Path, files: list[MediaFile], named: str) -> MediaFile:
         return found[0]
     listed = ", ".join(each.path for each in found or files) or "none"
     if found:
-        raise MediaError(f"{named} can be any of {listed}: say which by its path")
-    raise MediaError(f"{MEDIA_FILE} of {folder.name} has no file {named}; it has {listed}")
+        raise SessionError(f"{named} can be any of {listed}: say which by its path")
+    raise SessionError(f"{MEDIA_FILE} of {folder.name} has no file {named}; it has {listed}")
 
 
 def media_path(folder: Path, file: MediaFile) -> Path:

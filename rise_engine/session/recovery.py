@@ -13,11 +13,12 @@ from pathlib import Path
 
 from msgspec import Struct
 
+from rise_engine.errors import SessionError
 from rise_engine.kernel import Kernel
 from rise_engine.kernel.view import SessionView
 from rise_engine.scenario.model import Scenario
 from rise_engine.session.disk import Disk, error_message
-from rise_engine.session.folder import JOURNAL, SessionError, SessionInfo, has_ended, read_info
+from rise_engine.session.folder import JOURNAL, SessionInfo, has_ended, read_info
 from rise_engine.session.journal_format import encode_header, encode_record, with_checksum
 from rise_engine.session.journal_reader import JournalContents, ProgressCallback, read_journal
 from rise_engine.session.lock import JournalLock

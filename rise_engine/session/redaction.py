@@ -20,13 +20,13 @@ from typing import Any, get_args
 import msgspec
 from msgspec import Struct, field
 
+from rise_engine.errors import SessionError
 from rise_engine.kernel import Kernel
 from rise_engine.kernel.inputs import AnyInput, TaskFunction
 from rise_engine.kernel.records import ENGINE, AnyRecord
 from rise_engine.session.coded import CODED_FILE, CODED_FOLDER, redacted_files
 from rise_engine.session.disk import Disk, error_message
 from rise_engine.session.erasure import has_other_names
-from rise_engine.session.errors import SessionError
 from rise_engine.session.folder import INFO, JOURNAL, SCENARIO_COPY, SessionInfo, read_info
 from rise_engine.session.journal_format import InputLine, JournalHeader, encode_input, encode_record, with_checksum
 from rise_engine.session.journal_reader import JournalContents, read_journal
@@ -86,10 +86,6 @@ _SMALL = 5_000_000
 _TEXTS = (".jsonl", ".csv", ".json", ".toml", ".txt", ".md")
 
 
-class RedactionRefused(SessionError):
-    """Nothing was changed; the text says why."""
-
-
 def redact(
     folder: Path,
     words: Words,
@@ -107,7 +103,7 @@ def redact(
     `before`: is told what will be changed, before anything is.
 
     Raises SessionError, and then the session is as it was: it runs (JournalLockedError), its journal is torn or
-    damaged, the words decide what happened (RedactionRefused, with the place), or the disk does not take it.
+    damaged, the words decide what happened (SessionError, with the place), or the disk does not take it.
     """
     disk = disk or Disk()
     read_info(folder, compare=False)  # whether it is a session at all
@@ -115,7 +111,7 @@ def redact(
     try:
         return _Redaction(folder, words, disk, lock).run(by, before or (lambda report: None), try_only=try_only)
     except WordError as error:
-        raise RedactionRefused(f"{error}. Nothing was changed") from None
+        raise SessionError(f"{error}. Nothing was changed") from None
     except OSError as error:
         raise SessionError(
             f"{folder} cannot be redacted: {error_message(error)}. It replays as before; "
@@ -176,12 +172,12 @@ class _Redaction:
 
     def _refuse_damaged(self, contents: JournalContents) -> None:
         if contents.torn and not contents.ended:
-            raise RedactionRefused(
+            raise SessionError(
                 f"{self._path} is torn at its end: recover the session first (rise-engine serve --session "
                 f"{self._folder.name}), and end it; nothing was changed"
             )
         if contents.torn or contents.damaged or contents.gaps or contents.header is None:
-            raise RedactionRefused(
+            raise SessionError(
                 f"{self._path} is damaged, so nobody can prove that it still says what happened without the words. "
                 "Nothing was changed; what can be read can be exported, and the folder can be deleted"
             )
@@ -189,7 +185,7 @@ class _Redaction:
 
     def _refuse_pseudonym(self, info: SessionInfo) -> None:
         if self._words.find(info.participant):
-            raise RedactionRefused(
+            raise SessionError(
                 f"the study knows this session by {info.participant!r}, a pseudonym, so that word stays. Nothing was "
                 "changed. Who withdraws is erased with `rise-engine study withdraw`"
             )
@@ -197,7 +193,7 @@ class _Redaction:
     # --- the journal ---
 
     def _write_journal(self, contents: JournalContents, info: SessionInfo) -> None:
-        """The new one, beside the old one. Raises RedactionRefused at the first record that differs."""
+        """The new one, beside the old one. Raises SessionError at the first record that differs."""
         notes: list[str] = []
         kernel = Kernel(load_session_scenario(self._folder, info, notes), info.seed)
         descriptor = self._disk.open(self._new, create=True)
@@ -260,7 +256,7 @@ class _Redaction:
         try:
             return msgspec.convert(replaced, type(input))
         except msgspec.ValidationError as error:
-            raise RedactionRefused(f"an input would not be one any more ({error}). Nothing was changed") from None
+            raise SessionError(f"an input would not be one any more ({error}). Nothing was changed") from None
 
     def _new_value(self, name: str, value: Any) -> Any:
         if name in self._fixed or (name in ("function", "calling_type") and value in _OWN_WORDS):
@@ -285,12 +281,12 @@ class _Redaction:
                     f"`{name}` of record {old['seq']} ({old['kind']}, of input {cause}) differs",
                 )
 
-    def _difference(self, line: int, what: str) -> RedactionRefused:
+    def _difference(self, line: int, what: str) -> SessionError:
         """Why nothing was changed: the words decide something, or the session never replayed."""
         with suppress(SessionError):
             comparison = compare_replay(self._folder)
             if not comparison.identical:
-                return RedactionRefused(
+                return SessionError(
                     "the session does not replay as it is, with this version of the program "
                     f"({comparison.difference}); redact it with the version that wrote it. Nothing was changed"
                 )
@@ -301,16 +297,16 @@ class _Redaction:
                 f". They also stand within longer words ({', '.join(longer[:8])}): --whole-words leaves those as they "
                 "are"
             )
-        return RedactionRefused(sentence + ". What must not be kept and cannot be redacted has to be deleted")
+        return SessionError(sentence + ". What must not be kept and cannot be redacted has to be deleted")
 
     def _prove_replay(self, info: SessionInfo) -> None:
-        """Raises RedactionRefused unless what stands in the new file now replays identically."""
+        """Raises SessionError unless what stands in the new file now replays identically."""
         replay = Replay(Kernel(load_session_scenario(self._folder, info, []), info.seed), self._new)
         for _ in replay.steps():
             pass
         contents = replay.contents
         if replay.difference is not None or replay.missing or contents.damaged or contents.torn:
-            raise RedactionRefused(f"the new journal does not replay ({replay.difference}). Nothing was changed")
+            raise SessionError(f"the new journal does not replay ({replay.difference}). Nothing was changed")
 
     # --- session.toml ---
 
@@ -358,7 +354,7 @@ class _Redaction:
         """The new ones, beside the journal. Nothing in them decides what happened, so there is nothing to prove."""
         for path in shadow_files(self._folder):
             if is_being_written(path):
-                raise RedactionRefused(f"{path} is being written by a console: leave that first. Nothing was changed")
+                raise SessionError(f"{path} is being written by a console: leave that first. Nothing was changed")
             old = path.read_bytes().split(b"\n")
             new = [replace_words(line, self._words.replace) for line in old]
             if changed := sum(before != after for before, after in zip(old, new, strict=True)):

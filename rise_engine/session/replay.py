@@ -14,13 +14,14 @@ import msgspec
 from msgspec import Struct
 from msgspec.structs import replace
 
+from rise_engine.errors import SessionError
 from rise_engine.kernel import Kernel
 from rise_engine.kernel.commands import CancelTimer, SetTimer
 from rise_engine.kernel.inputs import TimerElapsed
 from rise_engine.kernel.records import AnyRecord
 from rise_engine.scenario.loader import load
 from rise_engine.scenario.model import Scenario
-from rise_engine.session.folder import JOURNAL, SessionError, SessionInfo, load_scenario_copy, read_info, spoken_as
+from rise_engine.session.folder import JOURNAL, SessionInfo, load_scenario_copy, read_info, spoken_as
 from rise_engine.session.journal_format import InputLine, JournalHeader, encode_record, with_checksum
 from rise_engine.session.journal_reader import JournalContents, ProgressCallback
 from rise_engine.session.scenario_copies import offer_changed

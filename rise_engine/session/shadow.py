@@ -17,9 +17,9 @@ import msgspec
 from msgspec import Struct
 
 from rise_engine import __version__
+from rise_engine.errors import SessionError
 from rise_engine.kernel.records import Mark
 from rise_engine.session.disk import Disk, error_message, make_private_folder
-from rise_engine.session.errors import SessionError
 
 SHADOW_FOLDER = "shadow"
 SHADOW_FORMAT = 1
@@ -147,22 +147,18 @@ class Shadow(Struct, frozen=True, kw_only=True):
         return at, open_cue
 
 
-class ShadowError(SessionError):
-    """A shadow cannot be begun, gone on with or read; the text says why."""
-
-
 # --- reading ----------------------------------------------------------------------------------------------------------
 
 
 def read_shadow(path: Path) -> Shadow:
     """One file. A line that cannot be read, as the last one of a program that was killed, is left out and told.
 
-    :raises ShadowError: it cannot be read at all, or does not begin as such a file.
+    :raises SessionError: it cannot be read at all, or does not begin as such a file.
     """
     try:
         text = path.read_bytes()
     except OSError as error:
-        raise ShadowError(f"{path} cannot be read: {error.strerror}") from None
+        raise SessionError(f"{path} cannot be read: {error.strerror}") from None
     lines: list[ShadowLine] = []
     problems: list[str] = []
     for number, line in enumerate(text.split(b"\n"), 1):
@@ -173,9 +169,9 @@ def read_shadow(path: Path) -> Shadow:
         except msgspec.MsgspecError as error:
             problems.append(f"{path.name}:{number}: cannot be read, and is left out ({error})")
     if not lines or not isinstance(header := lines[0], ShadowHeader):
-        raise ShadowError(f"{path} is no shadow of a session: its first line does not say who judges")
+        raise SessionError(f"{path} is no shadow of a session: its first line does not say who judges")
     if header.format > SHADOW_FORMAT:
-        raise ShadowError(f"{path} was written by a newer version of this program ({header.version})")
+        raise SessionError(f"{path} was written by a newer version of this program ({header.version})")
     return Shadow(path=path, header=header, lines=tuple(lines[1:]), problems=tuple(problems))
 
 
@@ -194,7 +190,7 @@ def read_shadows(folder: Path) -> tuple[list[Shadow], list[str]]:
     for path in shadow_files(folder):
         try:
             shadows.append(read_shadow(path))
-        except ShadowError as error:
+        except SessionError as error:
             problems.append(str(error))
     return shadows, problems
 
@@ -213,7 +209,7 @@ class ShadowWriter:
     def begin(cls, folder: Path, wizard: str, *, speed: float = 1.0, disk: Disk | None = None) -> ShadowWriter:
         """A new file in the session's folder, with its header.
 
-        :raises ShadowError: the disk does not take it.
+        :raises SessionError: the disk does not take it.
         """
         disk = disk or Disk()
         began = datetime.now().astimezone().isoformat(timespec="seconds")
@@ -236,14 +232,14 @@ class ShadowWriter:
                     raise
                 return writer
         except OSError as error:
-            raise ShadowError(f"no shadow can be kept in {folder}: {error_message(error)}") from None
-        raise ShadowError(f"{folder / SHADOW_FOLDER} is full")
+            raise SessionError(f"no shadow can be kept in {folder}: {error_message(error)}") from None
+        raise SessionError(f"{folder / SHADOW_FOLDER} is full")
 
     @classmethod
     def resume(cls, path: Path, *, disk: Disk | None = None) -> ShadowWriter:
         """Go on with a file; what is in it stays, also a line that was torn.
 
-        :raises ShadowError: somebody else writes it now, or it cannot be opened.
+        :raises SessionError: somebody else writes it now, or it cannot be opened.
         """
         disk = disk or Disk()
         try:
@@ -254,7 +250,7 @@ class ShadowWriter:
                 disk.write(descriptor, b"\n", size)
                 writer._size += 1
         except OSError as error:
-            raise ShadowError(f"{path} cannot be gone on with: {error_message(error)}") from None
+            raise SessionError(f"{path} cannot be gone on with: {error_message(error)}") from None
         return writer
 
     @classmethod
@@ -263,7 +259,7 @@ class ShadowWriter:
             fcntl.flock(descriptor, fcntl.LOCK_EX | fcntl.LOCK_NB)
         except BlockingIOError:
             disk.close(descriptor)
-            raise ShadowError(f"{path} is being written by another console") from None
+            raise SessionError(f"{path} is being written by another console") from None
         return cls(path, descriptor, disk, size)
 
     def append(self, line: ShadowLine) -> None:

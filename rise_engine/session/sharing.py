@@ -18,12 +18,12 @@ import msgspec
 from msgspec import Struct, field
 from msgspec.structs import replace
 
+from rise_engine.errors import SessionError
 from rise_engine.kernel import Kernel
 from rise_engine.kernel.inputs import AnyInput, Note, SessionStarted, Submit
 from rise_engine.kernel.records import ENGINE, AnyRecord, MemoryRecord, TaskRecord
 from rise_engine.session.coded import CODED_FILE, told_coded
 from rise_engine.session.disk import make_private_folder, write_private_file
-from rise_engine.session.errors import SessionError
 from rise_engine.session.folder import (
     INFO,
     JOURNAL,
@@ -68,10 +68,6 @@ _BY_NAME = frozenset(
 )
 
 
-class CannotShare(SessionError):
-    """The session cannot be given to others; the text says why."""
-
-
 class SharedSession(Struct):
     """What came of sharing a session."""
 
@@ -96,7 +92,7 @@ def share_session(
     :param level: `shared` or `public`.
     :param private: further private memory keys, beside those that the session's scenario names.
     :param wizards: what to call each wizard, by name.
-    :raises CannotShare: it is damaged, it does not replay, or it would be another session without what is private.
+    :raises SessionError: it is damaged, it does not replay, or it would be another session without what is private.
         Nothing is left at `target`, then.
     :raises OSError: it cannot be written.
     """
@@ -113,7 +109,7 @@ class _Sharing:
             self._contents = read_journal(folder / JOURNAL)
             self._scenario = load_scenario_copy(folder, self._info)
         except SessionError as error:
-            raise CannotShare(str(error)) from None
+            raise SessionError(str(error)) from None
         _refuse_damaged(self._contents)
         self._keys = private
         self._level = level
@@ -152,7 +148,7 @@ class _Sharing:
             self._write(target, inputs)
             comparison = compare_replay(target)
             if not comparison.identical:
-                raise CannotShare(f"what would be shared does not replay: {comparison.difference}")
+                raise SessionError(f"what would be shared does not replay: {comparison.difference}")
         except BaseException:
             _remove(target)
             raise
@@ -170,7 +166,7 @@ class _Sharing:
         try:
             shared: AnyInput = msgspec.convert(private, type(line.input))
         except msgspec.ValidationError as error:
-            raise CannotShare(f"an input would not be one any more ({error})") from None
+            raise SessionError(f"an input would not be one any more ({error})") from None
         return shared
 
     def _without_private(self, input: AnyInput, body: dict[str, Any]) -> dict[str, Any]:
@@ -222,7 +218,7 @@ class _Sharing:
                 offer_changed(kernel, self._folder, input)
                 records, _ = kernel.handle(input)
             except Exception as error:  # what the kernel never met
-                raise CannotShare(f"without what is private, it cannot be carried out ({error})") from error
+                raise SessionError(f"without what is private, it cannot be carried out ({error})") from error
             yield records
 
     def _compare(self, inputs: list[tuple[int, AnyInput]], new: LevelFilter) -> None:
@@ -249,19 +245,19 @@ class _Sharing:
         if made:
             raise self._difference(made[0], "is not there")
 
-    def _difference(self, record: AnyRecord, what: str) -> CannotShare:
+    def _difference(self, record: AnyRecord, what: str) -> SessionError:
         kind = type(record).__name__.removesuffix("Record").lower()
         try:
             comparison = compare_replay(self._folder)
         except SessionError as error:
-            return CannotShare(str(error))
+            return SessionError(str(error))
         if not comparison.identical:
-            return CannotShare(
+            return SessionError(
                 f"it does not replay with this version of the program ({comparison.difference}), so nobody can prove "
                 "what it is without what is private"
             )
         key = f" (`{record.key}`)" if isinstance(record, MemoryRecord) else ""
-        return CannotShare(
+        return SessionError(
             f"what is private, or was typed, decides what happened: without it record {record.seq} ({kind}{key}, at "
             f"{record.t:.1f} s) {what}"
         )
@@ -300,9 +296,9 @@ class _Sharing:
 
 def _refuse_damaged(contents: JournalContents) -> None:
     if contents.torn or contents.damaged or contents.gaps or contents.header is None:
-        raise CannotShare("its journal is damaged, so nobody can prove what it is without what is private")
+        raise SessionError("its journal is damaged, so nobody can prove what it is without what is private")
     if not contents.ended:
-        raise CannotShare("it has not ended")
+        raise SessionError("it has not ended")
 
 
 def _remove(folder: Path) -> None:

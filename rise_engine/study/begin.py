@@ -12,7 +12,7 @@ from datetime import datetime
 from msgspec import Struct
 from msgspec.structs import replace
 
-from rise_engine.errors import RiseError
+from rise_engine.errors import StudyError
 from rise_engine.kernel.inputs import CheckReport, SessionStarted
 from rise_engine.nearest_name import did_you_mean
 from rise_engine.scenario.loader import LoadResult
@@ -38,12 +38,11 @@ WITH_PERSON: frozenset[Purpose] = frozenset({"counted", "pilot"})
 """Sessions in which a person takes part, who must have consented."""
 
 
-class CannotBegin(RiseError):
+class CannotBegin(StudyError):
     """The session cannot begin; one sentence for each reason, all that hold at once."""
 
     def __init__(self, *sentences: str, running: bool = False, unfinished: SessionEntry | None = None) -> None:
         super().__init__(*sentences)
-        self.sentences = sentences
         self.running = running
         """Whether a session of the study runs."""
         self.unfinished = unfinished

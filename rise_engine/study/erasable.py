@@ -13,9 +13,9 @@ from pathlib import Path
 
 from msgspec import Struct
 
+from rise_engine.errors import SessionError
 from rise_engine.scenario.file_names import SCENARIO_FILE
 from rise_engine.session.disk import tree_hash
-from rise_engine.session.errors import SessionError
 from rise_engine.session.folder import INFO, JOURNAL, read_info
 from rise_engine.study.kept_rows import FILE as KEPT_FILE
 from rise_engine.study.plan_file import PLAN_FILE

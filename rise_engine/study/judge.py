@@ -4,12 +4,11 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
-from rise_engine.errors import RiseError
+from rise_engine.errors import SessionError, StudyError
 from rise_engine.kernel.inputs import OutcomeReport
 from rise_engine.kernel.records import OutcomeStatus
 from rise_engine.nearest_name import did_you_mean
 from rise_engine.scenario.model import Json
-from rise_engine.session.errors import SessionError
 from rise_engine.session.folder import mark_abandoned
 from rise_engine.study.labels import Reassignment, reassignments
 from rise_engine.study.sessions import StudySession, outcome_fields, read_verdict, refuse_running_elsewhere
@@ -18,10 +17,6 @@ from rise_engine.study.state import OpenStudy, StudyStatus
 
 COMMAND_LINE = "command-line"
 """Who says it, where nobody gives a name."""
-
-
-class CannotJudge(RiseError):
-    """Nothing was written; the text says why, a sentence a line."""
 
 
 def judge_session(
@@ -44,17 +39,17 @@ def judge_session(
     :param source: who says it.
     :param here: another computer had the session last, and somebody has looked: it does not run there any more.
     :return: the session as it was before.
-    :raises CannotJudge: with every reason why not.
+    :raises StudyError: with every reason why not.
     :raises rise_engine.study.study_log.StudyLogError: it cannot be written.
     """
     target = session_to_judge(open.state, participant, session)
     problems = _outcome_problems(open.state, target, status, reason)
     if problems:
-        raise CannotJudge(*problems)
+        raise StudyError(*problems)
     try:
         refuse_running_elsewhere(target, here=here)
     except SessionError as error:
-        raise CannotJudge(str(error)) from None
+        raise StudyError(str(error)) from None
     report = OutcomeReport(status=status, reason=reason.strip(), source=source)
     open.log.append("outcome", **outcome_fields(target.entry, report, read_verdict(target.path).seconds))
     if target.left_open:
@@ -76,7 +71,7 @@ def reassign_session(
     :param reason: why.
     :param source: who says it.
     :return: whose it is now.
-    :raises CannotJudge: with every reason why not.
+    :raises StudyError: with every reason why not.
     :raises rise_engine.study.study_log.StudyLogError: it cannot be written.
     """
     state = open.state
@@ -84,7 +79,7 @@ def reassign_session(
     target = next((each for each in state.sessions if each.name == session), None)
     if target is None:
         near = did_you_mean(session, [each.name for each in state.sessions])
-        raise CannotJudge(f"the study has no session {session!r}{near}")
+        raise StudyError(f"the study has no session {session!r}{near}")
     entry = target.entry
     slot = _row_that_goes(state, target, participant)
     problems = [] if reason.strip() else ["say why it is another participant's: --reason"]
@@ -103,7 +98,7 @@ def reassign_session(
         )
     problems += [f"{name} has withdrawn" for name in (entry.participant, participant) if name in state.places.withdrawn]
     if problems:
-        raise CannotJudge(*problems)
+        raise StudyError(*problems)
     theirs = [each.entry for each in state.sessions if each.entry.participant == participant]
     counted = [each.attempt for each in theirs if (each.purpose, each.run) == ("counted", entry.run)]
     fields: dict[str, Json] = {
@@ -147,7 +142,7 @@ def exclude_participant(open: OpenStudy, participant: str, reason: str, *, sourc
     :param reason: why.
     :param source: who says it.
     :return: the row that is free now; None: they held none.
-    :raises CannotJudge: with every reason why not.
+    :raises StudyError: with every reason why not.
     :raises rise_engine.study.study_log.StudyLogError: it cannot be written.
     """
     state = open.state
@@ -162,7 +157,7 @@ def exclude_participant(open: OpenStudy, participant: str, reason: str, *, sourc
     if _of(state, participant, "running"):
         problems.append(f"a session of {participant} is running: end it first")
     if problems:
-        raise CannotJudge(*problems)
+        raise StudyError(*problems)
     slot = state.places.slots.get(participant)
     open.log.append("excluded", participant=participant, slot=slot, reason=reason.strip(), source=source)
     return slot
@@ -171,7 +166,7 @@ def exclude_participant(open: OpenStudy, participant: str, reason: str, *, sourc
 def session_to_judge(state: StudyStatus, participant: str, name: str = "") -> StudySession:
     """The session that somebody means: the one of that name; without it, the one without outcome, or else the last.
 
-    :raises CannotJudge: there is none, or it never counts.
+    :raises StudyError: there is none, or it never counts.
     """
     _check_known(state, participant)
     theirs = [each for each in state.sessions if each.entry.participant == participant]
@@ -180,13 +175,13 @@ def session_to_judge(state: StudyStatus, participant: str, name: str = "") -> St
         found = next((each for each in theirs if each.name == name), None)
         if found is None:
             near = did_you_mean(name, [each.name for each in theirs])
-            raise CannotJudge(f"{participant} has no session {name}{near}")
+            raise StudyError(f"{participant} has no session {name}{near}")
         if found not in counted:
-            raise CannotJudge(f"{name} is a {found.entry.purpose} session: it never counts and needs no outcome")
+            raise StudyError(f"{name} is a {found.entry.purpose} session: it never counts and needs no outcome")
         return found
     if not counted:
         rehearsed = "; those that they had do not count" if theirs else ""
-        raise CannotJudge(f"{participant} has had no session yet{rehearsed}")
+        raise StudyError(f"{participant} has had no session yet{rehearsed}")
     return next((each for each in counted if each.entry.outcome is None), counted[-1])
 
 
@@ -227,7 +222,7 @@ def _check_known(state: StudyStatus, participant: str) -> None:
     known = dict.fromkeys(each.participant for each in state.standing.participants)
     if participant not in known:
         near = did_you_mean(participant, list(known))
-        raise CannotJudge(f"the study knows no participant {participant!r}{near}")
+        raise StudyError(f"the study knows no participant {participant!r}{near}")
 
 
 def _of(state: StudyStatus, participant: str, status: str) -> list[StudySession]:

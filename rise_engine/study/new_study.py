@@ -11,7 +11,7 @@ from textwrap import wrap
 
 from msgspec import Struct
 
-from rise_engine.errors import RiseError
+from rise_engine.errors import StudyError
 from rise_engine.scenario.diagnostics import Diagnostic
 from rise_engine.scenario.model import Json
 from rise_engine.scenario.study_paths import why_no_name, why_not_read
@@ -21,10 +21,6 @@ from rise_engine.study.model import Level, Study, StudyCheck
 from rise_engine.study.participants import PARTICIPANTS_FILE, header_line
 from rise_engine.study.report_table import REPORT_ITEMS
 from rise_engine.study.study_toml import STUDY_FILE, load_study
-
-
-class NewStudyError(RiseError):
-    """A study could not be made; the text says why, and nothing of it is there."""
 
 
 class NewStudy(Struct, frozen=True):
@@ -44,28 +40,28 @@ def write_new_study(folder: Path, new: NewStudy, *, accept_errors: bool = False)
     :param folder: where.
     :param new: what.
     :param accept_errors: write also a study with errors, which somebody can mend who has answered many questions.
-    :raises NewStudyError: there is something in the folder, or it cannot be written, or the study has errors.
+    :raises StudyError: there is something in the folder, or it cannot be written, or the study has errors.
     """
     if problem := folder_problem(folder):
-        raise NewStudyError(problem)
+        raise StudyError(problem)
     folder = folder.resolve()
     for source in new.sources.values():
         if folder.is_relative_to(source.resolve()):
-            raise NewStudyError(f"{folder} lies in the scenario {source}, which is to be copied into it")
+            raise StudyError(f"{folder} lies in the scenario {source}, which is to be copied into it")
     try:
         folder.parent.mkdir(parents=True, exist_ok=True)
         made = Path(mkdtemp(prefix=f".{folder.name}.", dir=folder.parent))
     except OSError as error:
-        raise NewStudyError(f"{folder} cannot be made: {error_message(error)}") from None
+        raise StudyError(f"{folder} cannot be made: {error_message(error)}") from None
     try:
         _fill(made, new)
         loaded = load_study(made)
         if loaded.study is None and not accept_errors:
-            raise NewStudyError("the study would have errors:", *map(str, loaded.errors))
+            raise StudyError("the study would have errors:", *map(str, loaded.errors))
         made.rename(folder)  # an empty folder of that name is replaced
         return loaded.errors
     except OSError as error:
-        raise NewStudyError(f"{error.filename or folder} cannot be written: {error_message(error)}") from None
+        raise StudyError(f"{error.filename or folder} cannot be written: {error_message(error)}") from None
     finally:  # also when somebody interrupts it
         shutil.rmtree(made, ignore_errors=True)
 
@@ -83,7 +79,7 @@ def folder_problem(folder: Path) -> str:
 def _fill(folder: Path, new: NewStudy) -> None:
     for name, source in new.sources.items():
         if problem := why_no_name(name, None):
-            raise NewStudyError(problem)
+            raise StudyError(problem)
         _copy_scenario(source, folder / name, source)
     (folder / STUDY_FILE).write_text(study_toml_text(new), encoding="utf-8")
     (folder / PARTICIPANTS_FILE).write_text(f"{header_line(new.study)}\n", encoding="utf-8")

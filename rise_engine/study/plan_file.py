@@ -14,7 +14,7 @@ from pathlib import Path
 
 from msgspec import Struct
 
-from rise_engine.errors import RiseError
+from rise_engine.errors import StudyError
 from rise_engine.nearest_name import did_you_mean, in_backquotes, limited_comparisons
 from rise_engine.scenario.diagnostics import Diagnostic, Diagnostics
 from rise_engine.session.disk import Disk, error_message
@@ -28,10 +28,6 @@ PLAN_FILE = "plan.csv"
 NEW_PLAN_FILE = "plan.csv.new"
 """A plan that is written and has not its place yet."""
 _NO_LINKS = (errno.EPERM, errno.EOPNOTSUPP, errno.ENOSYS, errno.EACCES, errno.EMLINK)
-
-
-class PlanError(RiseError):
-    """The plan cannot be written; the text says why."""
 
 
 class PlanLoad(Struct, frozen=True):
@@ -77,7 +73,7 @@ def write_new_plan(folder: Path, text: str, disk: Disk | None = None) -> None:
     :param folder: the study's.
     :param text: what stands in it.
     :param disk: for tests that let it fail.
-    :raises PlanError: it cannot be written.
+    :raises StudyError: it cannot be written.
     """
     disk = disk or Disk()
     new = folder / NEW_PLAN_FILE
@@ -93,7 +89,7 @@ def write_new_plan(folder: Path, text: str, disk: Disk | None = None) -> None:
     except OSError as error:
         with suppress(OSError):
             new.unlink(missing_ok=True)
-        raise PlanError(f"{new} cannot be written: {error_message(error)}") from None
+        raise StudyError(f"{new} cannot be written: {error_message(error)}") from None
 
 
 def put_new_plan(folder: Path, disk: Disk | None = None) -> None:
@@ -101,7 +97,7 @@ def put_new_plan(folder: Path, disk: Disk | None = None) -> None:
 
     :param folder: the study's.
     :param disk: for tests that let it fail.
-    :raises PlanError: there is one already, or it cannot be renamed.
+    :raises StudyError: there is one already, or it cannot be renamed.
     """
     disk = disk or Disk()
     new, path = folder / NEW_PLAN_FILE, folder / PLAN_FILE
@@ -109,9 +105,9 @@ def put_new_plan(folder: Path, disk: Disk | None = None) -> None:
         _name_without_replacing(new, path)
         disk.sync_folder(folder)
     except FileExistsError:
-        raise PlanError(f"{path} exists already; a plan is never overwritten") from None
+        raise StudyError(f"{path} exists already; a plan is never overwritten") from None
     except OSError as error:
-        raise PlanError(f"{path} cannot be written: {error_message(error)}") from None
+        raise StudyError(f"{path} cannot be written: {error_message(error)}") from None
 
 
 def _name_without_replacing(new: Path, path: Path) -> None:
@@ -130,7 +126,7 @@ def set_plan_aside(folder: Path) -> str:
     """Give plan.csv another name, beside it, so that a new one can be put in its place; returns that name.
 
     :param folder: the study's.
-    :raises PlanError: it cannot be renamed.
+    :raises StudyError: it cannot be renamed.
     """
     number = 1
     while (aside := folder / f"plan-{number}.csv").exists():
@@ -138,21 +134,21 @@ def set_plan_aside(folder: Path) -> str:
     try:
         (folder / PLAN_FILE).rename(aside)
     except OSError as error:
-        raise PlanError(f"{folder / PLAN_FILE} cannot be renamed to {aside.name}: {error_message(error)}") from None
+        raise StudyError(f"{folder / PLAN_FILE} cannot be renamed to {aside.name}: {error_message(error)}") from None
     return aside.name
 
 
 def plan_hash(folder: Path, name: str = PLAN_FILE) -> str:
     """SHA-256 of a plan's file; empty where there is none.
 
-    :raises PlanError: it cannot be read.
+    :raises StudyError: it cannot be read.
     """
     try:
         return sha256((folder / name).read_bytes()).hexdigest()
     except FileNotFoundError:
         return ""
     except OSError as error:
-        raise PlanError(f"{folder / name} cannot be read: {error.strerror or error}") from None
+        raise StudyError(f"{folder / name} cannot be read: {error.strerror or error}") from None
 
 
 def read_plan(study: Study, only: frozenset[int] | None = None) -> PlanLoad:

@@ -13,6 +13,7 @@ from pathlib import Path
 from msgspec import Struct
 
 from rise_engine import __version__
+from rise_engine.errors import StudyError
 from rise_engine.nearest_name import in_backquotes
 from rise_engine.scenario.model import Json, Scenario
 from rise_engine.study.balance import Balance, prove_balance
@@ -22,7 +23,6 @@ from rise_engine.study.plan import make_plan
 from rise_engine.study.plan_file import (
     NEW_PLAN_FILE,
     PLAN_FILE,
-    PlanError,
     plan_hash,
     plan_text,
     put_new_plan,
@@ -63,7 +63,7 @@ def plan_study(
     :param participants: of participants.csv, which may exclude somebody.
     :param again: why there is to be a new plan; None: there is to be the first one.
     :param anyway: why it is made although sessions have problems; empty: none is known.
-    :raises PlanError: there is another plan, or none can be made; a sentence for each problem.
+    :raises StudyError: there is another plan, or none can be made; a sentence for each problem.
     :raises rise_engine.study.study_log.StudyLogError: the log cannot be read or written.
     """
     folder = Path(study.folder)
@@ -106,14 +106,14 @@ def _plan_first(study: Study, scenarios: Mapping[str, Scenario], log: LockedLog,
     present = plan_hash(folder)
     if is_list:
         if not present:
-            raise PlanError(f'with between = "list" you write {PLAN_FILE} yourself, and there is none in {folder}')
+            raise StudyError(f'with between = "list" you write {PLAN_FILE} yourself, and there is none in {folder}')
         made = _read(study, f"Your {PLAN_FILE} is the plan now.")
         log.append("planned", **_entry_fields(study, scenarios, made.slots, present), **why)
         return made
     slots = make_plan(study)
     text = plan_text(study, slots)
     if present and present != text_hash(text):
-        raise PlanError(
+        raise StudyError(
             f"{folder / PLAN_FILE} exists, and this program has not made it. If it is meant, write between = "
             f'"list" under [assignment]; if not, move it away'
         )
@@ -135,7 +135,7 @@ def _plan_again(
     folder, entries = Path(study.folder), log.entries()
     planned = last_planned(entries)
     if planned is None:
-        raise PlanError("there is no plan yet that could be made again; leave --again away")
+        raise StudyError("there is no plan yet that could be made again; leave --again away")
     holders = held_slots(entries, participants)
     if study.assignment.between == "list":
         return _take_list_again(study, scenarios, log, holders, why)
@@ -167,7 +167,7 @@ def _take_scenarios(
     hashes, before = scenario_hashes(study, scenarios), dict(planned.get("scenarios") or {})
     changed = [name for name, digest in hashes.items() if before.get(name) != digest]
     if not changed:
-        raise PlanError("nothing that the plan is made of has changed: the plan stays as it is")
+        raise StudyError("nothing that the plan is made of has changed: the plan stays as it is")
     what = f"The plan stays as it is; from now on {in_backquotes(changed)} counts as it is now, with this robot"
     made = _read(study, f"{what}. Sessions before ran what it was before: each has a copy of it.")
     fields = _entry_fields(study, scenarios, made.slots, plan_hash(Path(study.folder)))
@@ -193,13 +193,13 @@ def _held_rows(study: Study, planned: LogEntry, holders: Mapping[int, str]) -> t
     if not holders:
         return ()
     if plan_hash(Path(study.folder)) != planned.get("plan_hash"):
-        raise PlanError(
+        raise StudyError(
             f"{PLAN_FILE} is not the file that was planned with, and participants hold slots in it; put it back first"
         )
     loaded = read_plan(study, frozenset(holders))
     if loaded.errors:
         names = ", ".join(dict.fromkeys(holders.values()))
-        raise PlanError(
+        raise StudyError(
             "\n".join(
                 (
                     f"the rows of those who hold a slot ({names}) do not fit into the new design. Who has begun keeps "
@@ -217,7 +217,7 @@ def _held_rows(study: Study, planned: LogEntry, holders: Mapping[int, str]) -> t
 def _refuse_lost(holders: Mapping[int, str], slots: Sequence[Slot]) -> None:
     there = {slot.slot for slot in slots}
     if lost := [f"{name} (slot {slot})" for slot, name in holders.items() if slot not in there]:
-        raise PlanError(f"{PLAN_FILE} has no row for {', '.join(lost)}, who hold a slot; put it back")
+        raise StudyError(f"{PLAN_FILE} has no row for {', '.join(lost)}, who hold a slot; put it back")
 
 
 def _keep(study: Study, planned: LogEntry) -> MadePlan:
@@ -229,12 +229,12 @@ def _keep(study: Study, planned: LogEntry) -> MadePlan:
         if study.assignment.between == "list" or text_hash(text := plan_text(study, make_plan(study))) != planned.get(
             "plan_hash"
         ):
-            raise PlanError(f"{folder / PLAN_FILE}, planned on {date}, is gone; put it back, {again}")
+            raise StudyError(f"{folder / PLAN_FILE}, planned on {date}, is gone; put it back, {again}")
         write_new_plan(folder, text)
         put_new_plan(folder)
         return _read(study, f"{folder / PLAN_FILE} was gone; it is made again, the same as on {date}.")
     if problem := plan_problem(study, planned, present):
-        raise PlanError(problem)
+        raise StudyError(problem)
     return _read(study, f"The plan was made on {date}, and nothing has changed since.")
 
 
@@ -260,7 +260,7 @@ def plan_problem(study: Study, planned: LogEntry, present: str) -> str:
 def _read(study: Study, sentence: str) -> MadePlan:
     loaded = read_plan(study)
     if loaded.slots is None:
-        raise PlanError(*map(str, loaded.errors))
+        raise StudyError(*map(str, loaded.errors))
     return MadePlan(loaded.slots, prove_balance(study, loaded.slots), sentence)
 
 

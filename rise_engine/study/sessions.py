@@ -17,17 +17,10 @@ from typing import Any, BinaryIO, NamedTuple
 from msgspec import Struct
 from msgspec.structs import replace
 
+from rise_engine.errors import SessionError
 from rise_engine.kernel.inputs import AnyInput, CheckReport, OutcomeReport
 from rise_engine.scenario.model import Json
-from rise_engine.session.folder import (
-    JOURNAL,
-    SessionError,
-    SessionInfo,
-    has_begun,
-    has_ended,
-    is_abandoned,
-    read_info,
-)
+from rise_engine.session.folder import JOURNAL, SessionInfo, has_begun, has_ended, is_abandoned, read_info
 from rise_engine.session.journal_format import InputLine, JournalHeader, LineError, read_line
 from rise_engine.session.lock import JournalLock, is_journal_locked
 from rise_engine.study.labels import Reassignment, reassignments, session_differences

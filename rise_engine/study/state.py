@@ -30,10 +30,6 @@ from rise_engine.study.study_toml import is_study, load_study
 from rise_engine.study.withdrawn import is_withdrawn
 
 
-class StudyUnusable(FileError):
-    """The study cannot be used; one line for each finding."""
-
-
 class StudyFiles(Struct, frozen=True):
     """What people and the plan wrote."""
 
@@ -111,7 +107,7 @@ def read_state(folder: Path) -> StudyStatus:
     """A study as it stands, without writing anything.
 
     :param folder: the study's.
-    :raises StudyUnusable: its files are not right.
+    :raises FileError: its files are not right.
     :raises rise_engine.study.study_log.StudyLogError: its log cannot be read.
     """
     files = _read_files(folder)
@@ -136,11 +132,11 @@ class OpenStudy:
 
     def __enter__(self) -> OpenStudy:
         """
-        :raises StudyUnusable: its files are not right.
+        :raises FileError: its files are not right.
         :raises rise_engine.study.study_log.StudyLogError: its log cannot be locked, read or written.
         """
         if not is_study(self.folder):  # nobody makes a log where no study is
-            raise StudyUnusable(*map(str, load_study(self.folder).errors))
+            raise FileError(*map(str, load_study(self.folder).errors))
         self.log.__enter__()
         try:
             self._reconcile(_read_files(self.folder))
@@ -200,10 +196,10 @@ def _entry_of(missing: MissingEntry) -> LogEntry:
 def _read_files(folder: Path) -> StudyFiles:
     loaded = load_study(folder, check_scenarios=False)
     if loaded.study is None:
-        raise StudyUnusable(*map(str, loaded.errors))
+        raise FileError(*map(str, loaded.errors))
     participants, plan = load_participants(loaded.study), read_plan(loaded.study)
     if errors := [*participants.errors, *plan.errors]:
-        raise StudyUnusable(*map(str, errors))
+        raise FileError(*map(str, errors))
     return StudyFiles(loaded.study, participants.participants, plan.slots or (), plan.hash)
 
 

@@ -21,7 +21,7 @@ from typing import Any, Literal, TypeAlias
 
 from msgspec import Struct
 
-from rise_engine.errors import RiseError
+from rise_engine.errors import StudyError
 from rise_engine.json_codec import JsonError, decode, encode
 from rise_engine.scenario.diagnostics import Diagnostics
 from rise_engine.scenario.model import Json, SourceLocation
@@ -50,7 +50,7 @@ WAIT_SECONDS, TRY_SECONDS = 10.0, 0.01
 _NO_LOCKS = (errno.ENOLCK, errno.EOPNOTSUPP, errno.ENOSYS, errno.EINVAL)
 
 
-class StudyLogError(RiseError):
+class StudyLogError(StudyError):
     """The study's log cannot be read or written; the text says why."""
 
 

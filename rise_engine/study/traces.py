@@ -10,14 +10,14 @@ from collections.abc import Iterator
 from functools import lru_cache
 from pathlib import Path
 
+from rise_engine.errors import SessionError
 from rise_engine.kernel.inputs import RecordingReport, SessionStarted
 from rise_engine.kernel.records import RecordingRecord, SessionRecord
 from rise_engine.scenario.file_names import PARTICIPANTS_FILE as PARTICIPANTS_FILE
 from rise_engine.scenario.file_names import STUDY_FILE as STUDY_FILE
-from rise_engine.session.errors import SessionError
 from rise_engine.session.folder import JOURNAL, read_info
 from rise_engine.session.journal_format import InputLine, JournalLine, LineError, read_line
-from rise_engine.session.media import MEDIA_FILE, MediaError, MediaFile, media_path, read_media
+from rise_engine.session.media import MEDIA_FILE, MediaFile, media_path, read_media
 from rise_engine.session.redaction import is_searched
 from rise_engine.study.labels import reassignment_of
 from rise_engine.study.sessions import SESSIONS
@@ -112,7 +112,7 @@ def why_media_unknown(folder: Path) -> str:
     """Why a session's media.json cannot be read, as a sentence; empty when it can, or when there is none."""
     try:
         read_media(folder)
-    except MediaError as error:
+    except SessionError as error:
         return str(error)
     return ""
 
@@ -120,7 +120,7 @@ def why_media_unknown(folder: Path) -> str:
 def _listed(folder: Path) -> tuple[MediaFile, ...]:
     try:
         return read_media(folder)
-    except MediaError:
+    except SessionError:
         return ()
 
 

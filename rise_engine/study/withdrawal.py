@@ -17,6 +17,7 @@ from typing import Any
 
 from msgspec.structs import replace
 
+from rise_engine.errors import StudyError
 from rise_engine.nearest_name import did_you_mean
 from rise_engine.session.disk import Disk, error_message
 from rise_engine.session.folder import JOURNAL, sessions_folder
@@ -40,7 +41,6 @@ from rise_engine.study.traces import (
 )
 from rise_engine.study.withdrawal_work import (
     Erasing,
-    WithdrawalError,
     WithdrawalPlan,
     WithdrawalReport,
     erase_leftovers,
@@ -62,7 +62,7 @@ def plan_withdrawal(study: Path, participant: str) -> WithdrawalPlan:
 
     :param study: the study's folder.
     :param participant: their pseudonym.
-    :raises WithdrawalError: the study knows no such participant, or one of their sessions runs.
+    :raises StudyError: the study knows no such participant, or one of their sessions runs.
     :raises rise_engine.study.study_log.StudyLogError: the log cannot be read.
     """
     log = read_log(study)
@@ -70,14 +70,14 @@ def plan_withdrawal(study: Path, participant: str) -> WithdrawalPlan:
         plan = _make_plan(study, participant, log)
         left = left_work(study, participant)
     except OSError as error:
-        raise WithdrawalError(f"{error.filename or study} cannot be read: {error_message(error)}") from None
+        raise StudyError(f"{error.filename or study} cannot be read: {error_message(error)}") from None
     if plan.sessions or left or is_withdrawn(participant, log):
         return plan
     if any(_concerns(each, participant, set()) for each in log) or lines_naming(study / PARTICIPANTS_FILE, participant):
         return plan
     known = {str(each.get("participant")) for each in log if each.get("participant")}
     near = did_you_mean(participant, sorted(name for name in known if not name.startswith(PREFIX)), limit=0)
-    raise WithdrawalError(f"the study in {study} knows no participant {participant!r}{near}; nothing was done")
+    raise StudyError(f"the study in {study} knows no participant {participant!r}{near}; nothing was done")
 
 
 def withdraw(
@@ -89,7 +89,7 @@ def withdraw(
     :param participant: their pseudonym.
     :param keep: rows that stay (`rise_engine.study.kept_rows`), where they have agreed to it.
     :param disk: what writes, for tests that let it fail.
-    :raises WithdrawalError: as `plan_withdrawal`, or something cannot be erased; what was not stays listed for the next
+    :raises StudyError: as `plan_withdrawal`, or something cannot be erased; what was not stays listed for the next
         time.
     :raises rise_engine.study.study_log.StudyLogError: the log cannot be read or written.
     """
@@ -101,7 +101,7 @@ def withdraw(
         report = Erasing(study, work, disk).run() if work is not None else WithdrawalReport()
         erase_leftovers(study, report)
     except OSError as error:
-        raise WithdrawalError(
+        raise StudyError(
             f"not everything could be erased: {error.filename or study}: {error_message(error)}. Say it again when "
             "that is mended; it goes on where it stopped"
         ) from None
@@ -146,7 +146,7 @@ def _take_out(
 
 
 def _move_out(folder: Path, target: Path) -> None:
-    """Nobody finds the session any more. Raises WithdrawalError when somebody has gone on with it just now."""
+    """Nobody finds the session any more. Raises StudyError when somebody has gone on with it just now."""
     if not folder.exists():
         return
     folder.rename(target)
@@ -302,7 +302,7 @@ def _note_missing(plan: WithdrawalPlan, study: Path, log: Sequence[LogEntry]) ->
 
 def _refuse_running(folder: Path) -> None:
     if is_journal_locked(folder / JOURNAL):
-        raise WithdrawalError(f"{running_message(folder, read_holder(folder))}. Nothing was erased: end it first")
+        raise StudyError(f"{running_message(folder, read_holder(folder))}. Nothing was erased: end it first")
 
 
 def _why_not_erasable(path: Path) -> str:

@@ -9,7 +9,7 @@ from pathlib import Path
 import msgspec
 from msgspec import Struct, field
 
-from rise_engine.errors import RiseError
+from rise_engine.errors import StudyError
 from rise_engine.session.disk import Disk, error_message
 from rise_engine.session.erasure import erase_folder, has_other_names
 from rise_engine.session.unfinished_files import erase_all_unfinished
@@ -19,10 +19,6 @@ from rise_engine.study.sessions import SESSIONS
 from rise_engine.study.traces import WORK_FOLDER, folders_in
 
 _LIST = "list.json"
-
-
-class WithdrawalError(RiseError):
-    """Nobody was withdrawn; the text says why."""
 
 
 class WithdrawalPlan(Struct):
@@ -96,7 +92,7 @@ def new_work(study: Path) -> Path:
         except FileExistsError:
             continue
         return root / str(number)
-    raise WithdrawalError(f"{root} is full")
+    raise StudyError(f"{root} is full")
 
 
 def read_list(work: Path) -> WithdrawalPlan:

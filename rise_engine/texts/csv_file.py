@@ -7,8 +7,9 @@ import io
 import locale
 from contextlib import suppress
 
+from rise_engine.errors import ExchangeError
 from rise_engine.texts.reading import ReadRow, ReadTable
-from rise_engine.texts.table import TextsError, TextTable
+from rise_engine.texts.table import TextTable
 
 _SEPARATORS = ";,\t"
 _LARGEST_CELL = 1_000_000
@@ -40,7 +41,7 @@ def usual_separator() -> str:
 def read_csv(data: bytes) -> ReadTable:
     """A file, as whatever program has saved it: with any of the usual separators, in UTF-8 or UTF-16.
 
-    :raises TextsError: it is in another encoding, or is no table.
+    :raises ExchangeError: it is in another encoding, or is no table.
     """
     text = _decode(data)
     first = text.partition("\n")[0]
@@ -57,11 +58,11 @@ def read_csv(data: bytes) -> ReadTable:
             lines.append((line, cells))
             line = reader.line_num + 1
     except csv.Error as error:
-        raise TextsError(f"this is no CSV file: {error}; save it from the spreadsheet as `CSV UTF-8`") from None
+        raise ExchangeError(f"this is no CSV file: {error}; save it from the spreadsheet as `CSV UTF-8`") from None
     finally:
         csv.field_size_limit(limit)
     if not lines:
-        raise TextsError("this file is empty")
+        raise ExchangeError("this file is empty")
     columns = [each.strip() for each in lines[0][1]]
     rows = [ReadRow(line, dict(zip(columns, cells, strict=False))) for line, cells in lines[1:]]
     return ReadTable(tuple(columns), tuple(rows))
@@ -74,7 +75,7 @@ def _decode(data: bytes) -> str:
     try:
         return data.decode("utf-8-sig")
     except UnicodeDecodeError as error:
-        raise TextsError(
+        raise ExchangeError(
             f"this file is not UTF-8 (byte 0x{data[error.start]:02X}), so letters such as ä are lost; save it anew "
             "as `CSV UTF-8` (Excel) or with the encoding `Unicode (UTF-8)` (LibreOffice), or as .xlsx"
         ) from None

@@ -14,6 +14,7 @@ from rise_engine.edit.edits import AddAct, AddColumn, AddLanguage, AnyEdit, SetC
 from rise_engine.edit.originals import edit_of_original
 from rise_engine.edit.plan import EditRefused
 from rise_engine.edit.read_outline import read_outline
+from rise_engine.errors import ExchangeError
 from rise_engine.nearest_name import did_you_mean
 from rise_engine.scenario.loader import LoadResult
 from rise_engine.scenario.spoken_texts import SpokenText
@@ -23,7 +24,7 @@ from rise_engine.scenario.template import Template, TemplateError, parse_templat
 from rise_engine.scenario.translations import LanguageTexts, slot_problem
 from rise_engine.text import pluralize
 from rise_engine.texts.reading import ReadRow, ReadTable
-from rise_engine.texts.table import FIXED_COLUMNS, TextsError, id_of_cell, text_check
+from rise_engine.texts.table import FIXED_COLUMNS, id_of_cell, text_check
 
 _SHOWN = 60
 
@@ -59,7 +60,7 @@ def import_table(
     :param loaded: the scenario, loaded in no language.
     :param languages: whose columns are read, besides those that the study has translations into.
     :param new: whether rows without an id become acts.
-    :raises TextsError: the table has not the columns that it needs.
+    :raises ExchangeError: the table has not the columns that it needs.
     """
     return _Importer(table, loaded, languages, new).run()
 
@@ -114,13 +115,13 @@ class _Importer:
         for column in ("id", "of"):
             if column not in columns:
                 near = did_you_mean(column, [each for each in columns if each], limit=0)
-                raise TextsError(
+                raise ExchangeError(
                     f"the table has no column `{column}`{near or ';'} it says what a row is about, and of what it "
                     "was made: export the table anew, and put the texts in"
                 )
         for column in ("text", *self.languages):
             if columns.count(column) > 1:
-                raise TextsError(f"the table has several columns `{column}`; leave one of them")
+                raise ExchangeError(f"the table has several columns `{column}`; leave one of them")
 
     def _notices(self) -> Iterator[str]:
         known = {*FIXED_COLUMNS, *self.languages, ""}

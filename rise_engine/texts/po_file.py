@@ -5,17 +5,18 @@ from __future__ import annotations
 import re
 from typing import Any
 
+from rise_engine.errors import ExchangeError
 from rise_engine.texts.reading import ReadRow, ReadTable
-from rise_engine.texts.table import TextsError, TextTable
+from rise_engine.texts.table import TextTable
 
 _CHECK = re.compile(r"check: (\S+)\s*\Z")
 
 
 def write_po(table: TextTable) -> bytes:
-    """The table as a file. :raises TextsError: polib is not installed, or there are several languages."""
+    """The table as a file. :raises ExchangeError: polib is not installed, or there are several languages."""
     polib = _polib()
     if len(table.languages) != 1:
-        raise TextsError("a .po file is for one language: name it with --language")
+        raise ExchangeError("a .po file is for one language: name it with --language")
     language = table.languages[0]
     file = polib.POFile(wrapwidth=110)
     file.metadata = {
@@ -44,16 +45,16 @@ def read_po(data: bytes, language: str = "") -> ReadTable:
     """A file.
 
     :param language: into which it translates; without it, what the file says.
-    :raises TextsError: polib is not installed, it is no such file, or nobody says the language.
+    :raises ExchangeError: polib is not installed, it is no such file, or nobody says the language.
     """
     polib = _polib()
     try:
         file = polib.pofile(data.decode("utf-8-sig"))
     except (OSError, ValueError, UnicodeDecodeError) as error:
-        raise TextsError(f"this is no .po file: {error}") from None
+        raise ExchangeError(f"this is no .po file: {error}") from None
     language = language or str(file.metadata.get("Language", "")).replace("_", "-")
     if not language:
-        raise TextsError("the file does not say its language: name it with --language")
+        raise ExchangeError("the file does not say its language: name it with --language")
     rows = []
     for entry in file:
         if entry.obsolete:
@@ -71,5 +72,5 @@ def _polib() -> Any:
     try:
         import polib  # in the extra `tables`
     except ImportError:
-        raise TextsError('files of gettext need polib: pip install "rise-tui[tables]"; CSV needs nothing') from None
+        raise ExchangeError('files of gettext need polib: pip install "rise-tui[tables]"; CSV needs nothing') from None
     return polib

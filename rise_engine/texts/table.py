@@ -8,7 +8,6 @@ from zlib import crc32
 
 from msgspec import Struct
 
-from rise_engine.errors import RiseError
 from rise_engine.scenario.durations import expected_seconds
 from rise_engine.scenario.loader import LoadResult
 from rise_engine.scenario.model import Act, Action, Scenario
@@ -24,10 +23,6 @@ FIXED_COLUMNS = ("id", "act", "no.", "when", "with", "text", "note", "seconds", 
 NOTHING = "-"
 """In `check`: there was no translation."""
 Only: TypeAlias = Literal["missing", "stale"]
-
-
-class TextsError(RiseError, ValueError):
-    """A table of texts that cannot be written or read; the message says why, for a person."""
 
 
 class TextRow(Struct, frozen=True):

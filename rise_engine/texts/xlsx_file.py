@@ -6,8 +6,9 @@ import io
 from typing import Any
 from zipfile import BadZipFile, ZipFile
 
+from rise_engine.errors import ExchangeError
 from rise_engine.texts.reading import ReadRow, ReadTable
-from rise_engine.texts.table import TextsError, TextTable
+from rise_engine.texts.table import TextTable
 
 _WIDTHS = {"id": 22, "act": 18, "when": 14, "with": 26, "note": 30, "place": 24, "of": 30, "check": 12}
 _TEXT_WIDTH = 60
@@ -16,7 +17,7 @@ MAX_BYTES = 100_000_000
 
 
 def write_xlsx(table: TextTable) -> bytes:
-    """The table as a file. :raises TextsError: openpyxl is missing, or a text has a character that no cell has."""
+    """The table as a file. :raises ExchangeError: openpyxl is missing, or a text has a character that no cell has."""
     openpyxl = _openpyxl()
     book = openpyxl.Workbook()
     sheet = book.active
@@ -30,7 +31,7 @@ def write_xlsx(table: TextTable) -> bytes:
                 cell.value = value or None
             except ValueError:
                 message = f"`{table.rows[number - 2].id}` has a character that no Excel file can hold; take CSV instead"
-                raise TextsError(message) from None
+                raise ExchangeError(message) from None
             cell.number_format, cell.alignment = "@", wrapped
             if value:
                 cell.data_type = "s"  # also what looks like a formula
@@ -46,19 +47,19 @@ def write_xlsx(table: TextTable) -> bytes:
 
 
 def read_xlsx(data: bytes) -> ReadTable:
-    """The first sheet of a file. :raises TextsError: openpyxl is missing, or it is no Excel file, or too large."""
+    """The first sheet of a file. :raises ExchangeError: openpyxl is missing, or it is no Excel file, or too large."""
     openpyxl = _openpyxl()
     try:
         with ZipFile(io.BytesIO(data)) as archive:
             size = sum(entry.file_size for entry in archive.infolist())
         if size > MAX_BYTES:
-            raise TextsError(f"this file becomes {size:,} bytes when it is opened; no table of texts has that many")
+            raise ExchangeError(f"this file becomes {size:,} bytes when it is opened; no table of texts has that many")
         book = openpyxl.load_workbook(io.BytesIO(data), read_only=True, data_only=True)
         lines = [[_cell_text(value) for value in row] for row in book.worksheets[0].iter_rows(values_only=True)]
     except (BadZipFile, KeyError, ValueError, OSError, IndexError) as error:
-        raise TextsError(f"this is no Excel file: {error}") from None
+        raise ExchangeError(f"this is no Excel file: {error}") from None
     if not lines:
-        raise TextsError("this file is empty")
+        raise ExchangeError("this file is empty")
     columns = [each.strip() for each in lines[0]]
     rows = [ReadRow(number, dict(zip(columns, cells, strict=False))) for number, cells in enumerate(lines[1:], start=2)]
     return ReadTable(tuple(columns), tuple(rows))
@@ -79,5 +80,5 @@ def _openpyxl() -> Any:
         import openpyxl.styles
         import openpyxl.utils
     except ImportError:
-        raise TextsError('Excel files need openpyxl: pip install "rise-tui[tables]"; CSV needs nothing') from None
+        raise ExchangeError('Excel files need openpyxl: pip install "rise-tui[tables]"; CSV needs nothing') from None
     return openpyxl

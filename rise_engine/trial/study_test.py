@@ -33,10 +33,6 @@ _EXPECTED = ("rules", "memory", "starts", "says", "events", "refused")
 _ACTIONS = ("function_type", "key", "go_on", "wait", "expect", "test")
 
 
-class StudyTestError(FileError):
-    """A test that cannot be read: all that is wrong with it, a line each, with file and line."""
-
-
 class Expectation(Struct, frozen=True):
     """What is to have come of the line before; what is None is not looked at."""
 
@@ -83,13 +79,13 @@ def read_study_test(text: bytes, file: str, scenario: Scenario) -> StudyTest:
 
     :param file: its path, for what is said about it.
     :param scenario: what it is a test of; names in it have to be there.
-    :raises StudyTestError: with everything that is wrong.
+    :raises FileError: with everything that is wrong.
     """
     reader = _TestReader(file, scenario)
     for number, line in enumerate(text.split(b"\n"), 1):
         reader.read_line(number, line)
     if reader.problems:
-        raise StudyTestError(*reader.problems)
+        raise FileError(*reader.problems)
     head = reader.head
     return StudyTest(
         file,

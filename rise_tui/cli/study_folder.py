@@ -12,6 +12,7 @@ from msgspec.structs import replace
 
 from rise_engine.checks import CheckContext, CheckOutcome, append_checked, pending_checks, run_check
 from rise_engine.client.socket import SocketClient
+from rise_engine.errors import FileError, SessionError, StudyError
 from rise_engine.kernel.inputs import CheckReport
 from rise_engine.ports.bridge import RosConnection
 from rise_engine.protocol.client import AttachReply
@@ -20,19 +21,18 @@ from rise_engine.protocol.session_options import SessionOptions
 from rise_engine.report.document import Document
 from rise_engine.scenario.loader import load as load_scenario
 from rise_engine.server.spawn import EngineRefused, start_engine
-from rise_engine.session.errors import SessionError
 from rise_engine.session.folder import JOURNAL
 from rise_engine.session.journal_format import InputLine, JournalHeader, LineError, read_line
 from rise_engine.session.lock import is_journal_locked, read_holder
 from rise_engine.study.begin import BeginRequest, CannotBegin, plan_session, turn_warning
-from rise_engine.study.judge import CannotJudge, judge_session
+from rise_engine.study.judge import judge_session
 from rise_engine.study.model import OutcomeStatus, SessionEntry, Study, StudyCheck, StudyStanding
 from rise_engine.study.participants import load_participants
 from rise_engine.study.plan_file import read_plan
 from rise_engine.study.recorded import decide_recording, recorders_text
 from rise_engine.study.session_kinds import SessionKind
 from rise_engine.study.sessions import SESSIONS
-from rise_engine.study.state import OpenStudy, StudyStatus, StudyUnusable, read_state
+from rise_engine.study.state import OpenStudy, StudyStatus, read_state
 from rise_engine.study.study_log import LOG_FILE, StudyLogError
 from rise_engine.study.study_toml import STUDY_FILE, load_study
 from rise_engine.study.traces import study_of_session
@@ -89,7 +89,7 @@ class StudyFolder:
             return StudyNow(checked.study, problems=tuple(problems))
         try:
             state = read_state(Path(self.folder))
-        except StudyUnusable as error:
+        except FileError as error:
             return StudyNow(checked.study, problems=tuple(error.lines))
         except (StudyLogError, OSError) as error:
             return StudyNow(checked.study, problems=(str(error),))
@@ -117,7 +117,7 @@ class StudyFolder:
         """Raises StudyRefused."""
         try:
             return read_state(Path(self.folder))
-        except (StudyUnusable, StudyLogError, OSError) as error:
+        except (FileError, StudyLogError, OSError) as error:
             raise StudyRefused(_one_line(error)) from None
 
     # --- what would run ---------------------------------------------------------------------------------------------
@@ -135,7 +135,7 @@ class StudyFolder:
                 ),
             )
         except CannotBegin as error:
-            raise StudyRefused("; ".join(error.sentences)) from None
+            raise StudyRefused("; ".join(error.lines)) from None
         robot = study.robot or None
         loaded = load_scenario(plan.run.scenario, robot=robot, mode=plan.mode)
         scenario = loaded.scenario
@@ -262,7 +262,7 @@ class StudyFolder:
             with OpenStudy(Path(self.folder)) as study:
                 source = f"wizard:{wizard}"
                 judge_session(study, entry.participant, status, reason, session=entry.folder, source=source)
-        except (CannotJudge, StudyUnusable, StudyLogError, OSError) as error:
+        except (StudyError, FileError, StudyLogError, OSError) as error:
             raise StudyRefused(_one_line(error)) from None
 
 

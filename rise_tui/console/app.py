@@ -11,7 +11,7 @@ from typing import Any, Literal
 
 from textual import events, on
 
-from rise_engine.protocol.client import Client, EndRefused, EngineGone
+from rise_engine.protocol.client import Client, EngineGone, Rejected
 from rise_engine.protocol.registry import RegistryError
 from rise_engine.protocol.session_options import SessionOptions
 from rise_engine.protocol.session_start import start_problems
@@ -305,7 +305,7 @@ class ConsoleApp(TerminalApp):
             return "done"
         except TimeoutError:
             return "late"
-        except EndRefused as refused:  # control has gone in this very moment
+        except Rejected as refused:  # control has gone in this very moment
             session.show_notice(Notice(f"the session goes on: {refused}", "wait"))
             return "refused"
         return "done"

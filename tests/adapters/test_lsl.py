@@ -14,8 +14,9 @@ from click.testing import CliRunner
 from rise_adapters.lsl import outlet, send_markers
 
 from rise_engine.cli.program import main
+from rise_engine.errors import AdapterError
 from rise_engine.exit_status import NO_SUCH_SESSION, USAGE
-from rise_engine.ports.outlet import OutletError, OutletPlan
+from rise_engine.ports.outlet import OutletPlan
 from rise_engine.recording.outlets import find_outlet
 
 
@@ -79,7 +80,7 @@ with socket.create_server(("0.0.0.0", 0)) as server, socket.socket(socket.AF_UNI
 
 async def test_a_missing_extra_is_said(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setitem(sys.modules, "pylsl", None)
-    with pytest.raises(OutletError, match=r'pip install "rise-tui\[lsl\]"'):
+    with pytest.raises(AdapterError, match=r'pip install "rise-tui\[lsl\]"'):
         await send_markers(OutletPlan("nowhere"), Event())
 
 
@@ -87,13 +88,13 @@ async def test_a_library_that_is_missing_is_said(monkeypatch: pytest.MonkeyPatch
     (tmp_path / "pylsl.py").write_text("raise RuntimeError('LSL binary library file was not found.')")
     monkeypatch.syspath_prepend(tmp_path)
     monkeypatch.delitem(sys.modules, "pylsl", raising=False)
-    with pytest.raises(OutletError, match="set PYLSL_LIB to its path"):
+    with pytest.raises(AdapterError, match="set PYLSL_LIB to its path"):
         await send_markers(OutletPlan("nowhere"), Event())
 
 
 def test_it_is_found_without_naming_the_adapter() -> None:
     assert find_outlet("lsl") is send_markers
-    with pytest.raises(OutletError, match="there is no outlet 'mqtt'"):
+    with pytest.raises(AdapterError, match="there is no outlet 'mqtt'"):
         find_outlet("mqtt")
 
 

@@ -13,9 +13,9 @@ from rise_engine.analysis.outages import seconds_without_engine
 from rise_engine.analysis.phases import PointCollector
 from rise_engine.analysis.reading import read_session, read_sessions
 from rise_engine.analysis.session_records import SessionRecords
+from rise_engine.errors import SessionError
 from rise_engine.kernel.inputs import SessionStarted
 from rise_engine.kernel.records import ENGINE, ActionRecord, SessionRecord, StopRecord, TimingRecord
-from rise_engine.session.errors import SessionError
 from rise_engine.session.folder import INFO, JOURNAL, SCENARIO_COPY, mark_abandoned
 from rise_engine.session.journal_format import encode_record, read_line, with_checksum
 from rise_engine.session.journal_reader import JournalContents

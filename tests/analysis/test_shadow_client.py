@@ -11,6 +11,7 @@ import pytest
 from msgspec.structs import replace
 
 from rise_engine.client.shadow import ShadowClient, start_time
+from rise_engine.errors import SessionError
 from rise_engine.kernel.inputs import CheckReport, Note, Submit
 from rise_engine.kernel.records import (
     ControlRecord,
@@ -28,7 +29,6 @@ from rise_engine.session.shadow import (
     Shadow,
     ShadowCue,
     ShadowEnd,
-    ShadowError,
     ShadowHeader,
     ShadowKey,
     ShadowMark,
@@ -317,7 +317,7 @@ def test_a_line_that_was_torn_costs_that_line_alone(folder: Path) -> None:
         file.write(b'{"kind":"cue","t":1.')
     again = ShadowWriter.resume(writer.path)
     again.append(ShadowPlay(1.0))
-    with pytest.raises(ShadowError, match="is being written by another console"):
+    with pytest.raises(SessionError, match="is being written by another console"):
         ShadowWriter.resume(writer.path)
     again.close()
     again.close()
@@ -405,14 +405,14 @@ async def test_nothing_else_is_reported_or_controlled(folder: Path) -> None:
 def test_a_time_can_be_a_mark(tmp_path: Path) -> None:
     folder = make_session(tmp_path, [(0.5, "sync", "1"), *CUES, (45.0, "sync", "2")])
     assert [start_time(folder, text) for text in ("0", "12.5", "mark", "mark2")] == [0, 12.5, 0.5, 45]
-    with pytest.raises(ShadowError, match="has no `mark7`; it has mark1, mark2"):
+    with pytest.raises(SessionError, match="has no `mark7`; it has mark1, mark2"):
         start_time(folder, "mark7")
     for wrong in ("-1", "soon", "nan", "inf"):
-        with pytest.raises(ShadowError, match="is no time"):
+        with pytest.raises(SessionError, match="is no time"):
             start_time(folder, wrong)
     (folder / "other").mkdir()
     without = make_session(tmp_path / "two")
-    with pytest.raises(ShadowError, match="no mark for recordings"):
+    with pytest.raises(SessionError, match="no mark for recordings"):
         start_time(without, "mark")
 
 

@@ -15,11 +15,11 @@ from click.testing import CliRunner
 from rise_engine.bundle import archive
 from rise_engine.bundle.about import BundleOptions
 from rise_engine.bundle.archive import opened_bundle
-from rise_engine.bundle.errors import BundleError
 from rise_engine.bundle.making import BundleReport, make_bundle
 from rise_engine.bundle.reproducing import check_bundle
 from rise_engine.bundle.study_files import log_text, participants_text, study_text
 from rise_engine.cli import main
+from rise_engine.export.format import ExportError
 from rise_engine.session.levels import ExportLevel
 from rise_engine.study.proof import prove_sessions
 from rise_engine.study.state import read_state
@@ -232,11 +232,11 @@ def test_shadows_are_in_an_archive_and_nowhere_else(study: Path, tmp_path: Path)
 
 def test_nothing_is_written_over_and_nothing_is_left(study: Path, tmp_path: Path) -> None:
     (tmp_path / "there").mkdir()
-    with pytest.raises(BundleError, match="is there already"):
+    with pytest.raises(ExportError, match="is there already"):
         bundle_of(study, tmp_path / "there")
-    with pytest.raises(BundleError, match="no session to put"):
+    with pytest.raises(ExportError, match="no session to put"):
         bundle_of(study, tmp_path / "new", folders=[])
-    with pytest.raises(BundleError, match="no folder"):
+    with pytest.raises(ExportError, match="no folder"):
         bundle_of(study, tmp_path / "nowhere" / "new")
     assert [path.name for path in tmp_path.iterdir()] == ["there"]
 
@@ -289,7 +289,7 @@ def test_the_names_of_wizards_leave_study_toml(written: str) -> None:
 
 
 def test_wizards_that_cannot_be_taken_out() -> None:
-    with pytest.raises(BundleError, match="as a table of its own"):
+    with pytest.raises(ExportError, match="as a table of its own"):
         study_text('"wizards" = { anna = "W1" }\n', {"anna": "W1"}, "shared")
 
 
@@ -392,7 +392,7 @@ def test_a_zip_file_that_would_do_harm_is_not_unpacked(
     monkeypatch.setattr(archive, "MAX_FILES", 4)
     if case == "no room":
         monkeypatch.setattr("shutil.disk_usage", lambda path: SimpleNamespace(free=1_000))
-    with pytest.raises(BundleError) as refused, opened_bundle(tmp_path / "x.zip"):
+    with pytest.raises(ExportError) as refused, opened_bundle(tmp_path / "x.zip"):
         pass
     assert said in str(refused.value)
     assert len(str(refused.value).splitlines()) == (2 if case == "all at once" else 1)
@@ -417,14 +417,14 @@ def test_what_a_killed_program_has_unpacked_is_cleared_by_the_next_one(
 
 def test_what_is_no_bundle(tmp_path: Path) -> None:
     (tmp_path / "x.zip").write_bytes(b"no zip")
-    with pytest.raises(BundleError, match="no zip file"), opened_bundle(tmp_path / "x.zip"):
+    with pytest.raises(ExportError, match="no zip file"), opened_bundle(tmp_path / "x.zip"):
         pass
-    with pytest.raises(BundleError, match="there is no"), opened_bundle(tmp_path / "gone"):
+    with pytest.raises(ExportError, match="there is no"), opened_bundle(tmp_path / "gone"):
         pass
-    with pytest.raises(BundleError, match="no ro-crate-metadata"):
+    with pytest.raises(ExportError, match="no ro-crate-metadata"):
         check_bundle(tmp_path)
     (tmp_path / "report.html").symlink_to("/etc/passwd")
-    with pytest.raises(BundleError, match=r"these in it are links: `report\.html`"), opened_bundle(tmp_path):
+    with pytest.raises(ExportError, match=r"these in it are links: `report\.html`"), opened_bundle(tmp_path):
         pass
 
 

@@ -15,16 +15,17 @@ from rise_engine import __version__
 from rise_engine.bundle.about import BundleOptions, read_about
 from rise_engine.bundle.courses import read_recorded
 from rise_engine.bundle.derived import DerivedCheck, compare_derived, sessions_in_order
-from rise_engine.bundle.errors import BundleError
 from rise_engine.bundle.inputs import InputsCheck, check_inputs
 from rise_engine.bundle.making import make_bundle
 from rise_engine.bundle.manifest import fingerprint, manifest_text
 from rise_engine.cli import main
 from rise_engine.cli.other_robot import compare_on_robot, load_for_robot, run_on_robot
+from rise_engine.errors import FileError
+from rise_engine.export.format import ExportError
 from rise_engine.kernel.records import TaskRecord
 from rise_engine.session.journal_format import encode_record, read_line, with_checksum
 from rise_engine.study.proof import prove_sessions
-from rise_engine.study.state import StudyUnusable, read_state
+from rise_engine.study.state import read_state
 from rise_engine.study.traces import MANIFEST_FILE
 
 from ..analysis.samples import act, make_study, play_session, sessions_of, task, write_scenario
@@ -187,7 +188,7 @@ def test_what_follows_from_participants_and_the_log(bundle: Path, case: str) -> 
     change(bundle)
     try:
         found = [str(each) for each in compare(bundle).differences]
-    except StudyUnusable as error:
+    except FileError as error:
         found = [str(error)]
     assert any(told in each and ("participants.csv" in each or case == "how a session ended") for each in found), found
 
@@ -378,5 +379,5 @@ def test_a_robot_that_does_not_fit_the_scenario(bundle: Path, tmp_path: Path) ->
     assert status == 2
     assert "did you mean `nao`?" in errors
     folder = play_session(tmp_path / "sessions", [act("Nod", 1.0)], until=9.0)
-    with pytest.raises(BundleError, match="cannot be run on the robot 'nao'"):
+    with pytest.raises(ExportError, match="cannot be run on the robot 'nao'"):
         compare_on_robot(folder, "nao")

@@ -16,7 +16,7 @@ from typing import get_args
 
 import pytest
 
-from rise_engine.client import Rejected, Session, connect
+from rise_engine.client import Session, connect
 from rise_engine.kernel.records import (
     CheckRecord,
     MemoryRecord,
@@ -25,7 +25,7 @@ from rise_engine.kernel.records import (
     SessionRecord,
     SyncRecord,
 )
-from rise_engine.protocol.client import Client, EngineGone, LinkLost
+from rise_engine.protocol.client import Client, EngineGone, LinkLost, Rejected
 from rise_engine.protocol.messages import ClientMessage, ServerMessage, decode_client_message, decode_server_message
 from tests.server.serving import GREETING, ROOT, served
 

@@ -7,9 +7,9 @@ from functools import cache
 import pytest
 from msgspec.structs import replace
 
+from rise_engine.errors import RiseError
 from rise_engine.explore.bounds import Bounds
 from rise_engine.explore.exploration import main_rule, sessions_of
-from rise_engine.explore.following import PathMismatch
 from rise_engine.explore.moves import Move
 from rise_engine.explore.paths import Path, Paths, PathStep
 from rise_engine.explore.space import Space
@@ -88,11 +88,11 @@ def test_every_way_has_a_sentence_for_each_step(name: str) -> None:
 
 def test_a_way_of_another_study_is_refused() -> None:
     path = paths_of("lab_opening", 0)["state", "Conversation", "No answer"]
-    with pytest.raises(PathMismatch):
+    with pytest.raises(RiseError):
         tell_path(shipped("greeting"), path)
     wrong = Path(path.begun, path.beginning, (PathStep(Move("end", "R_Nod", 3, "succeeded"), path.end),))
-    with pytest.raises(PathMismatch, match="step 1"):
+    with pytest.raises(RiseError, match="step 1"):
         tell_path(shipped("lab_opening"), wrong)
     other = replace(path, steps=(replace(path.steps[0], situation=path.end), *path.steps[1:]))
-    with pytest.raises(PathMismatch, match="step 1"):
+    with pytest.raises(RiseError, match="step 1"):
         tell_path(shipped("lab_opening"), other)

@@ -9,7 +9,8 @@ import pytest
 from click.testing import CliRunner
 
 from rise_engine.cli import main
-from rise_engine.export.anonymous import NothingToKeep, rows_to_keep
+from rise_engine.errors import StudyError
+from rise_engine.export.anonymous import rows_to_keep
 from rise_engine.session.disk import Disk
 from rise_engine.study.kept_rows import FILE, add_rows
 from rise_engine.study.traces import WORK_FOLDER
@@ -75,7 +76,7 @@ def test_who_has_not_agreed_is_not_kept_and_nothing_is_erased(study: Path) -> No
     assert sorted(path.name for path in (study / "sessions").iterdir()) == before
     assert not (study / FILE).exists()
     (study / "study.toml").write_text("nonsense", "utf-8")
-    with pytest.raises(NothingToKeep, match="has errors"):
+    with pytest.raises(StudyError, match="has errors"):
         rows_to_keep(study, "P01", [])
 
 

@@ -16,9 +16,10 @@ from rise_engine.analysis.coded import coded_annotation, robot_speech
 from rise_engine.analysis.model import ActPart, Outage
 from rise_engine.analysis.reading import read_session
 from rise_engine.cli.program import main
+from rise_engine.errors import SessionError
 from rise_engine.export.media_clock import session_clock
 from rise_engine.session.coded import CODED_FILE, CodedFile, read_coded
-from rise_engine.session.coded_formats import CodedClock, CodedError, CodedSpan, parse_clock, read_coded_document
+from rise_engine.session.coded_formats import CodedClock, CodedSpan, parse_clock, read_coded_document
 from rise_engine.session.levels import LevelFilter
 from rise_engine.session.media import MediaFile, register_media
 from rise_engine.session.redaction import redact
@@ -162,7 +163,7 @@ def test_times_that_elan_leaves_out() -> None:
     ],
 )
 def test_what_cannot_be_read_is_told_with_its_place(name: str, data: bytes, told: str) -> None:
-    with pytest.raises(CodedError) as error:
+    with pytest.raises(SessionError) as error:
         read_coded_document(name, data)
     assert told in str(error.value)
 
@@ -214,7 +215,7 @@ def test_tables_of_boris(table: str) -> None:
 
 def test_which_observation(folder: Path) -> None:
     two = "Observation id,Subject,Behavior,Time,Behavior type\nA,,nods,1,POINT\nB,,nods,2,POINT\n"
-    with pytest.raises(CodedError, match="it has A, B"):
+    with pytest.raises(SessionError, match="it has A, B"):
         read_coded_document("e.csv", two.encode(), session="S")
     assert [each.begin for each in read_coded_document("e.csv", two.encode(), "B").spans] == [2]
 

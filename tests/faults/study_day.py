@@ -21,13 +21,14 @@ import time
 from collections import Counter
 from pathlib import Path
 
+from rise_engine.errors import StudyError
 from rise_engine.exit_status import UNFINISHED
 from rise_engine.kernel.inputs import Note, OutcomeReport, Submit
 from rise_engine.kernel.records import OutcomeStatus
 from rise_engine.protocol import messages
 from rise_engine.protocol.session_options import SessionOptions
 from rise_engine.server.spawn import EngineRefused
-from rise_engine.study.judge import CannotJudge, judge_session
+from rise_engine.study.judge import judge_session
 from rise_engine.study.model import ParticipantStanding
 from rise_engine.study.planning import plan_study
 from rise_engine.study.standing import BEGINNABLE
@@ -205,7 +206,7 @@ class StudyDays:
                 with OpenStudy(self.folder) as open:
                     judge_session(open, participant.participant, self.dice.choice(OUTCOMES), "said afterwards")
                 code = 0
-            except CannotJudge:
+            except StudyError:
                 code = 1
             finally:
                 os._exit(code)

@@ -19,16 +19,16 @@ from typing import Any
 import pytest
 
 from rise_engine.client.socket import SocketClient
+from rise_engine.errors import SessionError
 from rise_engine.protocol.client import EngineGone
 from rise_engine.protocol.registry import is_locked, session_name
 from rise_engine.protocol.session_options import SessionOptions
 from rise_engine.server.preparation import ServeRefused, SessionPreparation
 from rise_engine.session import lock as locks
-from rise_engine.session.folder import JOURNAL, SessionError, find_unfinished, running_sessions
+from rise_engine.session.folder import JOURNAL, find_unfinished, running_sessions
 from rise_engine.session.journal_reader import read_journal
 from rise_engine.session.lock import (
     HOLDER_FILE,
-    HeldElsewhereError,
     JournalLock,
     JournalLockedError,
     file_system,
@@ -350,7 +350,7 @@ def test_another_computer_had_it_last(runtimes: Runtimes, monkeypatch: pytest.Mo
     record = killed(study)
     of_another_computer(record)
     monkeypatch.setattr(locks, "file_system", lambda path: "nfs4")
-    with pytest.raises(HeldElsewhereError, match=r"of .* on the computer lab-2, since .*say --here too"):
+    with pytest.raises(SessionError, match=r"of .* on the computer lab-2, since .*say --here too"):
         JournalLock(record / JOURNAL)
     order = SessionOptions(str(study), unfinished=str(record))
     with pytest.raises(ServeRefused) as refused:
@@ -367,7 +367,7 @@ def test_another_computer_had_it_last(runtimes: Runtimes, monkeypatch: pytest.Mo
 def test_where_nothing_can_be_locked_it_is_asked_too(runtimes: Runtimes, monkeypatch: pytest.MonkeyPatch) -> None:
     record = killed(folder(runtimes.root / "study"))
     monkeypatch.setattr(locks, "file_system", lambda path: "cifs")
-    with pytest.raises(HeldElsewhereError, match="say --here too"):
+    with pytest.raises(SessionError, match="say --here too"):
         JournalLock(record / JOURNAL)
     JournalLock(record / JOURNAL, here=True).release()
     JournalLock(record / JOURNAL).release()  # it was let go of in order

@@ -7,10 +7,10 @@ from pathlib import Path
 import pytest
 from msgspec.structs import replace
 
+from rise_engine.errors import RiseError
 from rise_engine.kernel import Kernel
 from rise_engine.kernel.inputs import ControlChanged, SessionRecovered
 from rise_engine.kernel.records import ENDINGS, ActionRecord, ControlRecord, SessionRecord
-from rise_engine.kernel.snapshot import SnapshotError
 
 from .harness import Session, dialog, gaze, pause, read, speech, write
 
@@ -235,7 +235,7 @@ def test_a_snapshot_is_refused_with_a_scenario_that_was_changed(tmp_path: Path) 
     again.wait(3)
     assert "entered Short" in str(again.lines())
     changed = read(write(tmp_path / "b", rules=TIMES.format('<transition after="5s" target="Long"/>')))
-    with pytest.raises(SnapshotError, match="not those that the snapshot was taken with"):
+    with pytest.raises(RiseError, match="not those that the snapshot was taken with"):
         Kernel.restore(changed, snapshot)
 
 
@@ -247,5 +247,5 @@ def test_without_files_what_is_missing_is_said(tmp_path: Path, rules: str) -> No
     s = Session(replace(read(write(tmp_path / "a", rules=TIMES.format(""))), hash=""))
     s.rule("R")
     other = replace(read(write(tmp_path / "b", rules=rules.format(""))), hash="")
-    with pytest.raises(SnapshotError, match="another scenario"):
+    with pytest.raises(RiseError, match="another scenario"):
         Kernel.restore(other, s.kernel.snapshot())

@@ -10,12 +10,12 @@ import msgspec
 import pytest
 from msgspec.structs import replace
 
+from rise_engine.errors import RiseError
 from rise_engine.kernel import Kernel
 from rise_engine.kernel.commands import SetTimer, StartAction
 from rise_engine.kernel.inputs import ActionReport, AnyInput, ScenarioChanged, SessionStarted, Submit, TimerElapsed
 from rise_engine.kernel.records import AnyRecord, ScenarioRecord
 from rise_engine.kernel.scenario_change import changes_in_words
-from rise_engine.kernel.snapshot import SnapshotError
 from rise_engine.scenario.loader import load
 from rise_engine.scenario.model import Scenario
 
@@ -172,7 +172,7 @@ def test_what_a_running_rule_needs_has_to_be_there(tmp_path: Path, rules: str, s
     problems = kernel.why_not_take_over(study(tmp_path / "b", rules))
     assert any(problem.startswith(sentence) for problem in problems), problems
     seq = kernel.seq
-    with pytest.raises(SnapshotError):
+    with pytest.raises(RiseError):
         change(kernel, study(tmp_path / "b", rules), 2.0)
     assert kernel.seq == seq and kernel.scenario.title == "S"
 

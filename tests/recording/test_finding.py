@@ -16,9 +16,10 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from rise_engine.errors import SessionError
 from rise_engine.recording import finding, media_files
 from rise_engine.recording.alignment import SessionMark, align_by_marks
-from rise_engine.recording.finding import FindingError, find_marks
+from rise_engine.recording.finding import find_marks
 from rise_engine.recording.media_files import SOUND_RATE, Sound, look_at_media
 from tests.chance import examples
 from tests.recording.sounds import make_video, record_marks, write_wav
@@ -152,20 +153,20 @@ def test_wav_files_need_no_ffmpeg(
 
 
 def test_what_cannot_be_heard_is_said(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    with pytest.raises(FindingError, match="has 8000 samples a second, and marks need 9,000"):
+    with pytest.raises(SessionError, match="has 8000 samples a second, and marks need 9,000"):
         find_marks([], 8_000)
     text = tmp_path / "notes.wav"
     text.write_text("no sound")
-    with pytest.raises(FindingError, match=r"no WAV file that can be read without ffmpeg .*: install ffmpeg"):
+    with pytest.raises(SessionError, match=r"no WAV file that can be read without ffmpeg .*: install ffmpeg"):
         Sound(text, program="")
-    with pytest.raises(FindingError, match=r"gone.wav cannot be read: No such file"):
+    with pytest.raises(SessionError, match=r"gone.wav cannot be read: No such file"):
         Sound(tmp_path / "gone.wav", program="")
 
     def missing(name: str) -> Any:
         raise ImportError(name)
 
     monkeypatch.setattr(finding, "import_module", missing)
-    with pytest.raises(FindingError, match=r'pip install "rise-tui\[sync\]"'):
+    with pytest.raises(SessionError, match=r'pip install "rise-tui\[sync\]"'):
         Sound(text)
     assert importlib.import_module("numpy") is numpy
 
@@ -179,10 +180,10 @@ def test_a_film_without_sound_says_what_to_do(tmp_path: Path) -> None:
     )
     facts = look_at_media(silent)
     assert (facts.kind, facts.has_sound, facts.duration) == ("video", False, 1.0)
-    with pytest.raises(FindingError, match=r"silent.mp4 has no sound: say --at FILE=markN"):
+    with pytest.raises(SessionError, match=r"silent.mp4 has no sound: say --at FILE=markN"):
         [*Sound(silent).blocks()]
     text = tmp_path / "text.mp4"
     text.write_text("nothing")
-    with pytest.raises(FindingError, match=r"text.mp4 has no sound that ffmpeg can read: .*"):
+    with pytest.raises(SessionError, match=r"text.mp4 has no sound that ffmpeg can read: .*"):
         [*Sound(text).blocks()]
     assert look_at_media(text).kind == "video" and look_at_media(text).duration is None

@@ -16,8 +16,9 @@ from typing import Any
 import pytest
 
 from rise_engine.client import EngineGone, connect
+from rise_engine.errors import AdapterError
 from rise_engine.kernel.records import AnyRecord
-from rise_engine.ports.outlet import OutletError, OutletPlan
+from rise_engine.ports.outlet import OutletPlan
 from rise_engine.recording import marker_feed
 from rise_engine.recording.marker_feed import MarkerFeed, MarkerStream
 from rise_engine.session.disk import Disk
@@ -261,16 +262,16 @@ async def test_short_markers_know_what_was_private_before(scratch: Path) -> None
 async def test_without_its_record_nobody_knows_what_is_private(scratch: Path) -> None:
     async with served(scratch, GREETING) as session, connect(session.path, "seer") as program:  # which keeps none
         await program.add_note("something to know")
-        with pytest.raises(OutletError, match="nobody can say what is private"):
+        with pytest.raises(AdapterError, match="nobody can say what is private"):
             await MarkerFeed(OutletPlan(str(session.path)), Outlet()).run(asyncio.Event())
 
 
 async def test_a_stream_that_cannot_be_made_is_said_and_the_session_goes_on(scratch: Path) -> None:
     def refuse(stream: MarkerStream) -> Outlet:
-        raise OutletError("no library")
+        raise AdapterError("no library")
 
     async with served(scratch, GREETING, disk=Disk()) as session:
-        with pytest.raises(OutletError, match="no library"):
+        with pytest.raises(AdapterError, match="no library"):
             await MarkerFeed(OutletPlan(str(session.path)), refuse).run(asyncio.Event())
         await eventually(lambda: session.hub.clients == {})
         assert not session.engine.ended

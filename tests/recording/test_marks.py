@@ -15,7 +15,8 @@ from typing import Any
 
 import pytest
 
-from rise_engine.client import EngineGone, Rejected
+from rise_engine.client import EngineGone
+from rise_engine.protocol.client import Rejected
 from rise_engine.recording.chirp import CHIRP_SECONDS, PLAYED_RATE, SOUND_SECONDS, chirp, mark_sound
 from rise_engine.recording.marks import PLAY_SECONDS, give_mark
 from rise_engine.study.model import SyncSettings

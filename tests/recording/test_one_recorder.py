@@ -9,7 +9,7 @@ from typing import Any
 
 import pytest
 
-from rise_engine.ports.recorder import RecorderEnded, RecorderError, RecordingPlan
+from rise_engine.ports.recorder import RecorderError, RecordingPlan
 from rise_engine.recording.one_recorder import RETRY_SECONDS, RecordingState, SupervisedRecorder
 from rise_engine.study.model import RecorderSettings
 from tests.recording.recorders import ScriptedRecorder, fail, hang, refuse
@@ -141,7 +141,7 @@ async def test_one_that_has_ended_is_started_anew(supervised: Any) -> None:
     async def end(recorder: ScriptedRecorder) -> None:
         if recorder.calls.count("status") > 3:
             recorder.recording = False
-            raise RecorderEnded("ffmpeg has ended: /dev/video0: No such device")
+            raise RecorderError("ffmpeg has ended: /dev/video0: No such device", ended=True)
 
     camera = supervised()
     camera.does["status"] = end

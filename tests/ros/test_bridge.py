@@ -15,12 +15,13 @@ from rise_adapters.ros2.session_node import neighbours
 from rise_adapters.ros2.transport.port import QoS, Transport
 
 from rise_engine.engine.clock import RealClock
-from rise_engine.engine.drivers import DriverError, make_robot, open_bridge
+from rise_engine.engine.drivers import make_robot, open_bridge
 from rise_engine.engine.engine import Engine
+from rise_engine.errors import AdapterError
 from rise_engine.kernel.inputs import Submit
 from rise_engine.kernel.records import NoteRecord
 from rise_engine.kernel.view import SessionView
-from rise_engine.ports.bridge import BridgeError, RosConnection
+from rise_engine.ports.bridge import RosConnection
 from rise_engine.scenario.loader import load
 from rise_engine.scenario.model import Scenario
 from rise_engine.server.hub import SessionHub
@@ -55,7 +56,7 @@ class Wired:
     ) -> Transport:
         if self.fails:
             self.fails -= 1
-            raise BridgeError("no middleware")
+            raise AdapterError("no middleware")
         self.made.append(MemoryTransport(self.wire, asyncio.get_running_loop(), f"{self.namespace}/{node}"))
         return self.made[-1]
 
@@ -142,7 +143,7 @@ async def test_what_is_wrong_with_a_profile_is_said_before_anything_runs(tmp_pat
         'driver = "ros2"\n[options]\nfrme = "x"\n[actions.Speech]\ncarrier = { action = "say" }\n'
     )
     scenario = study(tmp_path, robot="mine")
-    with pytest.raises(BridgeError) as refused:
+    with pytest.raises(AdapterError) as refused:
         await open_bridge(RosConnection("dds"), scenario.robot, scenario.mode)
     said = "\n".join(refused.value.lines)
     assert "frme" in said and "type" in said and len(refused.value.lines) >= 2
@@ -152,7 +153,7 @@ async def test_what_is_wrong_with_a_profile_is_said_before_anything_runs(tmp_pat
 async def test_without_ros_a_real_robot_is_not_reached(tmp_path: Path) -> None:
     scenario = study(tmp_path)
     assert await open_bridge(RosConnection("off"), scenario.robot, scenario.mode) is None
-    with pytest.raises(DriverError, match="ROS 2"):
+    with pytest.raises(AdapterError, match="ROS 2"):
         make_robot(scenario.robot, scenario.mode, RealClock(asyncio.get_running_loop(), 1.0, 0.0), 1)
 
 
@@ -181,7 +182,7 @@ async def test_a_second_session_under_the_same_names_is_refused(tmp_path: Path, 
     scenario = study(tmp_path, mode="debug")
     first = await opened(scenario)
     session = Session(scenario, first)
-    with pytest.raises(BridgeError) as refused:
+    with pytest.raises(AdapterError) as refused:
         await opened(scenario)
     about, todo = refused.value.lines
     assert f"“{scenario.title}”" in about and "node /rise on" in about and "process" in about
@@ -210,7 +211,7 @@ async def test_of_sessions_that_begin_at_once_exactly_one_does(tmp_path: Path, w
     scenario = study(tmp_path, mode="debug")
     begun = await asyncio.gather(*(opened(scenario) for _ in range(at_once)), return_exceptions=True)
     (one,) = [each for each in begun if isinstance(each, Ros2Bridge)]
-    assert sum(isinstance(each, BridgeError) for each in begun) == at_once - 1
+    assert sum(isinstance(each, AdapterError) for each in begun) == at_once - 1
     await one.close()
 
 
@@ -271,7 +272,7 @@ async def test_a_second_session_on_the_same_robot_is_refused_in_any_namespace(tm
     first = await opened(scenario)
     Session(scenario, first)
     wired.namespace = "/lab2"
-    with pytest.raises(BridgeError) as refused:
+    with pytest.raises(AdapterError) as refused:
         await opened(scenario)
     about, todo = refused.value.lines
     assert about.startswith("another session moves the same robot (in memory, node /lab2/rise): “")
@@ -291,7 +292,7 @@ async def test_of_sessions_on_one_robot_that_begin_at_once_exactly_one_does(tmp_
         await until(lambda number=number: len(wired.made) > number)
     begun = await asyncio.gather(*beginning, return_exceptions=True)
     (one,) = [each for each in begun if isinstance(each, Ros2Bridge)]
-    assert sum(isinstance(each, BridgeError) for each in begun) == 2
+    assert sum(isinstance(each, AdapterError) for each in begun) == 2
     await one.close()
 
 

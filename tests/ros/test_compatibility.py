@@ -24,10 +24,11 @@ from rise_adapters.ros2.transport.port import FEEDBACK, STATUS_TOPIC, QoS, Remot
 from rise_engine.engine.clock import RealClock, VirtualClock
 from rise_engine.engine.drivers import make_robot, open_bridge
 from rise_engine.engine.engine import Engine
+from rise_engine.errors import AdapterError
 from rise_engine.kernel.commands import StartAction
 from rise_engine.kernel.inputs import ActionReport, Submit
 from rise_engine.kernel.records import ActionRecord, AnyRecord, RobotRecord
-from rise_engine.ports.bridge import BridgeError, RosConnection
+from rise_engine.ports.bridge import RosConnection
 from rise_engine.ports.robot import RobotReport
 from rise_engine.scenario.action_declarations import core_actions
 from rise_engine.scenario.loader import load
@@ -482,7 +483,7 @@ class Lab:
         return [each.sentence for each in found if each.level == "problem" and each.about == "robot"]
 
     async def session(self) -> list[AnyRecord]:
-        """The records of a session in which the act A was submitted; raises BridgeError when it is refused."""
+        """The records of a session in which the act A was submitted; raises AdapterError when it is refused."""
         bridge = await open_bridge(RosConnection("dds"), self.scenario.robot, "real")
         assert isinstance(bridge, Ros2Bridge)
         clock = RealClock(self.loop, 1.0, 0.0)
@@ -508,9 +509,9 @@ async def test_check_doctor_and_session_say_the_same_about_a_profile(
     (checked,) = check_profile(lab.scenario.robot)
     assert sentence in checked.sentence
     assert await lab.doctor() == [checked.sentence]
-    with pytest.raises(BridgeError) as refused:
+    with pytest.raises(AdapterError) as refused:
         await lab.session()
-    assert refused.value.lines == [checked.sentence]
+    assert refused.value.lines == (checked.sentence,)
     assert not lab.wire.messages("/tin/*")
 
 

@@ -19,7 +19,7 @@ from rise_adapters.ros2.transport import selection
 from rise_adapters.ros2.transport.port import STATUS, PortError, QoS
 
 from rise_engine.engine.clock import RealClock
-from rise_engine.ports.bridge import BridgeError
+from rise_engine.errors import AdapterError
 from rise_engine.scenario.action_declarations import core_actions
 from rise_engine.scenario.model import RobotProfile
 from tests.ros.memory import MemoryTransport, MemoryWire
@@ -397,7 +397,7 @@ async def test_other_peoples_nodes_and_a_lost_wire(only: Any, monkeypatch: pytes
     assert "the context was shut down" in said(await lab.examined(None), "problem")
 
 
-@pytest.mark.parametrize("error", [BridgeError("one", "two"), PortError("one\ntwo")])
+@pytest.mark.parametrize("error", [AdapterError("one", "two"), PortError("one", "two")])
 async def test_a_transport_that_does_not_open(only: Any, error: Exception) -> None:
     async def fails(choice: str, arguments: Any = (), *, node: str, share: Any = ()) -> MemoryTransport:
         raise error

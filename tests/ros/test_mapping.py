@@ -16,7 +16,6 @@ from msgspec.structs import replace
 from rise_adapters.ros2.mapping import (
     ActionMapping,
     GoalDeadlines,
-    MappingError,
     action_mapping,
     mapping_findings,
     mapping_problems,
@@ -24,6 +23,7 @@ from rise_adapters.ros2.mapping import (
     read_options,
     with_all_carriers,
 )
+from rise_adapters.ros2.transport.port import PortError
 
 from rise_engine.scenario.action_declarations import core_actions
 from rise_engine.scenario.diagnostics import Diagnostics
@@ -439,10 +439,9 @@ def test_mistakes_in_the_options(tmp_path: Path, written: str, found: str) -> No
 
 def test_everything_is_found_at_once(tmp_path: Path) -> None:
     broken = robot(tmp_path, "carrier = { action = 'x y', type = 'Do', goal = { text = '{x}' } }", "frame = 3")
-    with pytest.raises(MappingError) as caught:
+    with pytest.raises(PortError) as caught:
         read_mappings(broken, fields)
-    assert len(caught.value.findings) == 4
-    assert str(caught.value) == "\n".join(caught.value.findings)
+    assert len(caught.value.lines) == 4
 
 
 def test_without_types_everything_else_is_checked(tmp_path: Path) -> None:
@@ -546,7 +545,7 @@ def test_options(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setenv("LAB", "/opt/lab")
     read = read_options(robot(tmp_path, "", 'frame = "torso"\nshare = ["~/share", "$LAB/share"]\nwrapper = "bob"'))
     assert (read.frame, read.share, read.wrapper) == ("torso", ("/home/anna/share", "/opt/lab/share"), "bob")
-    with pytest.raises(MappingError, match="frame"):
+    with pytest.raises(PortError, match="frame"):
         read_options(robot(tmp_path, "", "frame = 3"))
 
 

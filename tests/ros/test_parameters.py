@@ -14,7 +14,7 @@ from rise_adapters.ros2.parameters import ParameterOption, ParameterServices, Re
 from rise_adapters.ros2.transport.port import Message, PortError
 from rise_ros.examples.run_node import list_parameter_options, list_parameters, node_parser
 
-from rise_engine.ports.bridge import BridgeError
+from rise_engine.errors import AdapterError
 from tests.ros.memory import MemoryTransport, MemoryWire
 from tests.ros.session_node_bench import until
 
@@ -170,7 +170,7 @@ def test_the_session_takes_its_command_line_as_parameters() -> None:
     given, others = read("-p", "robot:=pepper", "-r", "a:=b", "-p", "rule:=[A, B]", "-p", "new:=true", "-p", "seed:=5")
     assert given == ["--robot=pepper", "--rule=A", "--rule=B", "--new", "--seed=5"] and others == ("-r", "a:=b")
     assert read("-p", "new:=false", "-p", "record:=false")[0] == ["--no-record"]
-    with pytest.raises(BridgeError, match="the parameter robto is unknown; did you mean `robot`"):
+    with pytest.raises(AdapterError, match="the parameter robto is unknown; did you mean `robot`"):
         read("-p", "robto:=pepper")
 
 

@@ -9,7 +9,7 @@ import pytest
 
 from rise_engine.expression import Expression
 from rise_engine.scenario.model import SourceLocation
-from rise_engine.scxml.script import ScriptRefusedError, read_script
+from rise_engine.scxml.script import ChartRefusedError, read_script
 from rise_engine.scxml.translation import UNDEFINED, Knowledge, Possible, Said, say_condition
 from tests.scxml.script_cases import RESULTS, cases, node_results
 
@@ -26,7 +26,7 @@ KNOWN: Knowledge = {
 
 
 def said(script: str) -> Said:
-    """A condition in our words. Raises ScriptRefusedError."""
+    """A condition in our words. Raises ChartRefusedError."""
     read = read_script(script, SourceLocation("c.scxml"))
     assert read.root is not None, script
     return say_condition(read.root, KNOWN)
@@ -37,7 +37,7 @@ def test_they_hold_when_they_hold_in_ecmascript() -> None:
     for (script, values), expected in zip(cases(), RESULTS.read_text(encoding="utf-8").strip(), strict=True):
         try:
             ours = said(script)
-        except ScriptRefusedError:
+        except ChartRefusedError:
             counts["refused"] += 1
             continue
         assert Expression.parse(ours.text).as_condition(values) == (expected == "1"), (script, ours.text, values)

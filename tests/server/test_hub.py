@@ -23,8 +23,8 @@ from rise_engine.kernel.records import (
     TaskRecord,
 )
 from rise_engine.kernel.view import SessionView
-from rise_engine.protocol.client import ClientInput, Reply
-from rise_engine.server.hub import AttachedClient, NotAdmitted, SessionHub
+from rise_engine.protocol.client import ClientInput, Rejected, Reply
+from rise_engine.server.hub import AttachedClient, SessionHub
 from tests.engine.samples import GREETING, profile, scenario
 
 REPORTS: dict[str, ClientInput] = {
@@ -229,17 +229,17 @@ def test_nobody_comes_under_a_name_that_looks_like_another_one(there: str, comes
     for role in ("wizard", "observer"):
         it = HubSession()
         it.hub.attach(there, "wizard")
-        with pytest.raises(NotAdmitted, match=why):
+        with pytest.raises(Rejected, match=why):
             it.hub.attach(comes, role)  # type: ignore[arg-type]
 
 
 def test_a_name_stays_taken_when_its_owner_has_gone_and_after_the_engine_has() -> None:
     it = HubSession()
     it.hub.detach(it.hub.attach("cope", "wizard"))
-    with pytest.raises(NotAdmitted, match="who is in this session's record"):
+    with pytest.raises(Rejected, match="who is in this session's record"):
         it.hub.attach("\u0441\u043e\u0440\u0435", "wizard")
     again = SessionHub(it.engine, view=it.hub.view)
-    with pytest.raises(NotAdmitted, match="looks like 'cope'"):
+    with pytest.raises(Rejected, match="looks like 'cope'"):
         again.attach("\u0441\u043e\u0440\u0435", "wizard")
     assert again.attach("cope", "wizard").name == "wizard:cope"
 
@@ -306,7 +306,7 @@ def test_while_nothing_can_be_recorded_control_stays_and_who_goes_is_recorded_la
 def test_after_the_end_nobody_attaches() -> None:
     played = HubSession()
     played.engine.end("done")
-    with pytest.raises(NotAdmitted, match="has ended"):
+    with pytest.raises(Rejected, match="has ended"):
         played.does("wa attaches")
     assert played.hub.view.end_reason == "done"
 

@@ -11,12 +11,13 @@ from pathlib import Path
 
 import pytest
 
+from rise_engine.errors import SessionError
 from rise_engine.kernel.inputs import Submit
 from rise_engine.kernel.records import ScenarioRecord
 from rise_engine.protocol.client import LinkLost, Reply
 from rise_engine.server.take_over import ScenarioTakeover
 from rise_engine.session.disk import Disk
-from rise_engine.session.folder import JOURNAL, SessionError
+from rise_engine.session.folder import JOURNAL
 from rise_engine.session.journal_format import encode_header
 from rise_engine.session.journal_reader import read_journal
 from rise_engine.session.recovery import recover

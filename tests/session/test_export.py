@@ -16,9 +16,10 @@ import pytest
 from click.testing import CliRunner, Result
 
 from rise_engine.cli import main
+from rise_engine.errors import SessionError
 from rise_engine.export.records import COLUMNS, SessionExport, table_cell
 from rise_engine.kernel.records import AnyRecord
-from rise_engine.session.folder import INFO, SessionError, find_session
+from rise_engine.session.folder import INFO, find_session
 from rise_engine.session.journal_format import encode_record
 
 from ..engine.processes import ENGINE

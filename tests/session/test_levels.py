@@ -17,11 +17,11 @@ from hypothesis import strategies as st
 from msgspec import inspect
 
 from rise_engine.cli import main
+from rise_engine.errors import SessionError
 from rise_engine.export.records import SessionExport
 from rise_engine.kernel.inputs import CheckReport, Note, OutcomeReport, RecordingReport, SessionEnded, Submit
 from rise_engine.kernel.records import AnyRecord, MemoryRecord, NoteRecord, TaskRecord
 from rise_engine.scenario.loader import load
-from rise_engine.session.folder import SessionError
 from rise_engine.session.levels import ExportLevel, without_dates
 from rise_engine.session.private_values import NAMES_FIELDS, PrivateValues
 from tests.chance import examples

@@ -9,11 +9,11 @@ from pathlib import Path
 
 import pytest
 
+from rise_engine.errors import SessionError
 from rise_engine.session import listed_files
 from rise_engine.session.media import (
     MEDIA_FILE,
     FoundMark,
-    MediaError,
     MediaFile,
     media_path,
     read_media,
@@ -67,10 +67,10 @@ def test_one_is_taken_out_by_its_path_its_last_part_or_its_name(tmp_path: Path) 
     for each in (FILM, other):
         register_media(tmp_path, each)
     with pytest.raises(
-        MediaError, match=r"room.mp4 can be any of /data/room.mp4, /other/room.mp4: say which by its path"
+        SessionError, match=r"room.mp4 can be any of /data/room.mp4, /other/room.mp4: say which by its path"
     ):
         remove_media(tmp_path, "room.mp4")
-    with pytest.raises(MediaError, match=r"has no file rom.mp4; it has /data/room.mp4, /other/room.mp4"):
+    with pytest.raises(SessionError, match=r"has no file rom.mp4; it has /data/room.mp4, /other/room.mp4"):
         remove_media(tmp_path, "rom.mp4")
     assert remove_media(tmp_path, "camera") == FILM and remove_media(tmp_path, "/other/room.mp4") == other
     assert read_media(tmp_path) == ()
@@ -82,9 +82,9 @@ def test_one_is_taken_out_by_its_path_its_last_part_or_its_name(tmp_path: Path) 
 def test_what_was_not_written_here_is_not_overwritten(tmp_path: Path, content: str) -> None:
     path = tmp_path / MEDIA_FILE
     path.write_bytes(content.encode("latin-1"))
-    with pytest.raises(MediaError, match=r"media.json is not what was written there: .*Mend it, or move it away"):
+    with pytest.raises(SessionError, match=r"media.json is not what was written there: .*Mend it, or move it away"):
         read_media(tmp_path)
-    with pytest.raises(MediaError):
+    with pytest.raises(SessionError):
         register_media(tmp_path, FILM)
     assert path.read_bytes() == content.encode("latin-1")
 
@@ -97,10 +97,10 @@ def test_a_disk_that_takes_nothing_leaves_what_was_there(tmp_path: Path, monkeyp
         raise OSError(28, "No space left on device")
 
     monkeypatch.setattr(listed_files, "write_private_file", full)
-    with pytest.raises(MediaError, match=r"media.json cannot be written: the disk is full"):
+    with pytest.raises(SessionError, match=r"media.json cannot be written: the disk is full"):
         register_media(tmp_path, MediaFile(path="/data/mic.wav", kind="audio"))
     assert read_media(tmp_path) == (FILM,)
-    with pytest.raises(MediaError, match="no text that can be written"):
+    with pytest.raises(SessionError, match="no text that can be written"):
         register_media(tmp_path, MediaFile(path="/data/\udcff.wav", kind="audio"))
 
 

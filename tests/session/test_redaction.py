@@ -15,14 +15,15 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from rise_engine.cli import main
+from rise_engine.errors import SessionError
 from rise_engine.kernel.inputs import ActionReport, Note, SessionEnded, SessionStarted, Submit
 from rise_engine.session import redaction
 from rise_engine.session.disk import Disk
-from rise_engine.session.folder import INFO, JOURNAL, SessionError, read_info
+from rise_engine.session.folder import INFO, JOURNAL, read_info
 from rise_engine.session.journal_format import with_checksum
 from rise_engine.session.journal_reader import read_journal
 from rise_engine.session.lock import JournalLock, JournalLockedError
-from rise_engine.session.redaction import NEW_SUFFIX, RedactionRefused, redact
+from rise_engine.session.redaction import NEW_SUFFIX, redact
 from rise_engine.session.replay import compare_replay
 from rise_engine.session.suggestions import suggest_words
 from rise_engine.words import Words, parse_replacement
@@ -147,7 +148,7 @@ def test_one_that_was_interrupted_between_its_two_files_is_made_again(tmp_path: 
 def test_what_the_study_knows_a_session_by_stays(tmp_path: Path) -> None:
     made = made_by(tmp_path, SessionStarted(participant="P07", study="s", condition="zoë+loud"))
     before = bytes_of(made.folder)
-    with pytest.raises(RedactionRefused, match="the study knows this session by 'P07'"):
+    with pytest.raises(SessionError, match="the study knows this session by 'P07'"):
         redact(made.folder, words("P07=P99"))
     assert bytes_of(made.folder) == before
     redact(made.folder, words("Zoë=NAME1"))
@@ -157,7 +158,7 @@ def test_what_the_study_knows_a_session_by_stays(tmp_path: Path) -> None:
 @pytest.mark.parametrize("word", ["Late", "Greet", "Table", "name"])
 def test_words_that_decide_what_happens_are_refused_with_the_place(made: Made, word: str) -> None:
     before = bytes_of(made.folder)
-    with pytest.raises(RedactionRefused, match=r"journal.jsonl:\d+: without the words .* Nothing was changed"):
+    with pytest.raises(SessionError, match=r"journal.jsonl:\d+: without the words .* Nothing was changed"):
         redact(made.folder, words(f"{word}=QQ1"))
     assert bytes_of(made.folder) == before
 
@@ -170,7 +171,7 @@ def test_a_word_that_a_condition_compares_is_refused(tmp_path: Path) -> None:
     made.session.do(SessionEnded())
     made.write_session()
     before = bytes_of(made.folder)
-    with pytest.raises(RedactionRefused, match="they decide what happened"):
+    with pytest.raises(SessionError, match="they decide what happened"):
         redact(made.folder, words("nobody=N0"))
     assert bytes_of(made.folder) == before
 
@@ -188,7 +189,7 @@ def test_the_scenarios_own_words_stay_and_are_said(made: Made) -> None:
 def test_longer_words_can_be_left(made: Made) -> None:
     made.session.do(Note(text="Graham is late, not Lateran"))
     made.write_session()
-    with pytest.raises(RedactionRefused):
+    with pytest.raises(SessionError):
         redact(made.folder, words("Lat=NAME1"))
     report = redact(made.folder, words("Lat=NAME1", "Graham=N2", whole=True))
     assert "N2 is late, not Lateran" in (made.folder / JOURNAL).read_text("utf-8")
@@ -209,12 +210,12 @@ def test_running_torn_and_damaged_sessions_are_refused(made: Made) -> None:
     whole = made.journal.read_bytes()
     for broken, part in ((whole[:-9], "damaged"), (whole[:200] + b"x" + whole[201:], "damaged")):
         made.write(broken)
-        with pytest.raises(RedactionRefused, match=part):
+        with pytest.raises(SessionError, match=part):
             redact(made.folder, words("Zoë=NAME1"))
         assert made.journal.read_bytes() == broken
     unfinished = Made(made.folder.parent.parent / "other")
     unfinished.write(unfinished.whole[:-9])
-    with pytest.raises(RedactionRefused, match="recover the session first"):
+    with pytest.raises(SessionError, match="recover the session first"):
         redact(unfinished.folder, words("Zoë=NAME1"))
 
 
@@ -225,7 +226,7 @@ def test_a_session_that_does_not_replay_as_it_is(made: Made) -> None:
     body["ended_at"] += 1
     lines[at] = with_checksum(json.dumps(body, ensure_ascii=False, separators=(",", ":")).encode())[:-1]
     made.write(b"\n".join(lines) + b"\n")
-    with pytest.raises(RedactionRefused, match="does not replay as it is"):
+    with pytest.raises(SessionError, match="does not replay as it is"):
         redact(made.folder, words("Zoë=NAME1"))
 
 
@@ -354,7 +355,7 @@ def test_random_words_in_random_sessions(root: Path, typed: list[tuple[str, str]
     found = words(*(f"{name}=NAME{number}" for number, name in enumerate(names)))
     try:
         report = redact(made.folder, found)
-    except RedactionRefused:
+    except SessionError:
         assert bytes_of(made.folder) == before
         raise
     assert compare_replay(made.folder).identical

@@ -6,9 +6,9 @@ import msgspec
 import pytest
 from msgspec.structs import replace
 
+from rise_engine.errors import SessionError
 from rise_engine.kernel.inputs import SessionRecovered
 from rise_engine.kernel.records import MemoryRecord
-from rise_engine.session.folder import SessionError
 from rise_engine.session.journal_format import (
     encode_input,
     encode_record,

@@ -6,7 +6,8 @@ from pathlib import Path
 
 import pytest
 
-from rise_engine.session.redaction import RedactionRefused, redact
+from rise_engine.errors import SessionError
+from rise_engine.session.redaction import redact
 from rise_engine.session.replay import compare_replay
 from rise_engine.session.shadow import ShadowKey, ShadowNote, ShadowWriter, read_shadow
 from rise_engine.words import Words, parse_replacement
@@ -61,7 +62,7 @@ def test_trying_changes_nothing(folder: Path) -> None:
 def test_while_somebody_judges_nothing_is_changed(folder: Path) -> None:
     writer = make_shadow(folder)
     before = writer.path.read_bytes()
-    with pytest.raises(RedactionRefused, match="is being written by a console: leave that first"):
+    with pytest.raises(SessionError, match="is being written by a console: leave that first"):
         redact(folder, words("Maria=NAME1"))
     assert writer.path.read_bytes() == before
     writer.close()

@@ -9,12 +9,13 @@ import pytest
 
 from rise_engine.analysis.model import SessionData
 from rise_engine.analysis.reading import read_session
+from rise_engine.errors import SessionError
 from rise_engine.kernel.inputs import Note, SessionStarted
 from rise_engine.kernel.records import RuleRecord, TaskRecord
 from rise_engine.session.folder import JOURNAL, read_info
 from rise_engine.session.levels import ExportLevel
 from rise_engine.session.replay import compare_replay
-from rise_engine.session.sharing import CannotShare, share_session
+from rise_engine.session.sharing import share_session
 
 from ..analysis.samples import (
     Script,
@@ -116,7 +117,7 @@ def test_words_that_decide_are_not_shared(tmp_path: Path) -> None:
     ]
     folder = play_session(tmp_path / "sessions", script, scenario=scenario, until=20.0)
     with pytest.raises(
-        CannotShare, match=r"decides what happened: without it record \d+ \(condition, at 2\.0 s\)"
+        SessionError, match=r"decides what happened: without it record \d+ \(condition, at 2\.0 s\)"
     ) as found:
         shared(folder, tmp_path / "new")
     assert "Zelda" not in str(found.value)
@@ -227,7 +228,7 @@ def test_sessions_that_cannot_be_shared(tmp_path: Path) -> None:
         (changed, "session.toml says seed = 8, but journal.jsonl says seed = 7"),
         (tmp_path / "nothing", "no session"),
     ):
-        with pytest.raises(CannotShare, match=why):
+        with pytest.raises(SessionError, match=why):
             shared(folder, tmp_path / "new")
         assert not (tmp_path / "new").exists()
     shared(whole, tmp_path / "new")

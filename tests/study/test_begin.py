@@ -8,9 +8,10 @@ from typing import Any
 import pytest
 
 from rise_engine.cli.study_day import next_json
+from rise_engine.errors import FileError
 from rise_engine.kernel.inputs import CheckReport, OutcomeReport, SessionStarted
 from rise_engine.study.begin import BeginRequest, CannotBegin, SessionPlan, plan_session, turn_warning
-from rise_engine.study.state import OpenStudy, StudyStatus, StudyUnusable, read_state
+from rise_engine.study.state import OpenStudy, StudyStatus, read_state
 from rise_engine.study.study_log import LockedLog
 
 from .studies import DESIGN, ENDED, HEAD, PEOPLE, session_folder, write_journal, write_study
@@ -53,7 +54,7 @@ def began(folder: Path, name: str, run: int = 1, *inputs: Any, attempt: int = 1,
 def refusal(state: StudyStatus, request: BeginRequest) -> list[str]:
     with pytest.raises(CannotBegin) as caught:
         plan_session(state, request)
-    return list(caught.value.sentences)
+    return list(caught.value.lines)
 
 
 def begins(state: StudyStatus, *request: Any, **more: Any) -> SessionPlan:
@@ -233,9 +234,9 @@ def test_a_study_in_debug_mode_never_counts(tmp_path: Path) -> None:
 def test_what_is_wrong_with_its_files_is_said_with_their_lines(tmp_path: Path) -> None:
     write_study(tmp_path, people=HEAD + PEOPLE)
     (tmp_path / "participants.csv").write_text(HEAD + "P01,yesterday,,\n", "utf-8")
-    with pytest.raises(StudyUnusable, match=r"participants.csv:2"):
+    with pytest.raises(FileError, match=r"participants.csv:2"):
         read_state(tmp_path)
-    with pytest.raises(StudyUnusable), OpenStudy(tmp_path / "nowhere"):
+    with pytest.raises(FileError), OpenStudy(tmp_path / "nowhere"):
         pass
     assert not (tmp_path / "nowhere").exists()
 

@@ -21,6 +21,7 @@ from hypothesis import Phase, settings
 from hypothesis import strategies as st
 from hypothesis.stateful import RuleBasedStateMachine, initialize, invariant, precondition, rule
 
+from rise_engine.errors import StudyError
 from rise_engine.kernel import Kernel
 from rise_engine.kernel.inputs import AnyInput, OutcomeReport, SessionEnded, SessionRecovered
 from rise_engine.kernel.records import OutcomeStatus
@@ -32,10 +33,9 @@ from rise_engine.session.disk import Disk
 from rise_engine.session.journal import Journal
 from rise_engine.session.journal_format import encode_header, encode_input, encode_record, join_step
 from rise_engine.study import judge, state, study_log
-from rise_engine.study.judge import CannotJudge, exclude_participant, judge_session
+from rise_engine.study.judge import exclude_participant, judge_session
 from rise_engine.study.state import OpenStudy, read_state
 from rise_engine.study.withdrawal import withdraw
-from rise_engine.study.withdrawal_work import WithdrawalError
 from tests.chance import examples
 
 from .invariants import check_day
@@ -298,7 +298,7 @@ class StudyDay(RuleBasedStateMachine):
             with OpenStudy(self.folder) as open:
                 exclude_participant(open, name, "did not fit")
             person.excluded = True
-        except CannotJudge:
+        except StudyError:
             assert person.is_out or person.open == "running"
         except Killed:
             self.killer.left = None
@@ -313,7 +313,7 @@ class StudyDay(RuleBasedStateMachine):
         self.killer.left = kill
         try:
             withdraw(self.folder, name)
-        except WithdrawalError:
+        except StudyError:
             assert person.open == "running"
             return
         except Killed:

@@ -7,13 +7,14 @@ from pathlib import Path
 import msgspec
 import pytest
 
+from rise_engine.errors import StudyError
 from rise_engine.kernel.inputs import OutcomeReport, SessionStarted
 from rise_engine.kernel.records import OutcomeStatus
 from rise_engine.protocol.session_options import SessionOptions
 from rise_engine.server.preparation import ServeRefused, SessionPreparation
 from rise_engine.session import lock
 from rise_engine.session.lock import HOLDER_FILE, LockHolder
-from rise_engine.study.judge import CannotJudge, exclude_participant, judge_session, reassign_session
+from rise_engine.study.judge import exclude_participant, judge_session, reassign_session
 from rise_engine.study.state import OpenStudy, read_state
 from rise_engine.study.study_log import LockedLog, read_log
 from rise_engine.study.withdrawal import withdraw
@@ -48,7 +49,7 @@ def judge(folder: Path, name: str, status: OutcomeStatus, reason: str = "", sess
     try:
         with OpenStudy(folder) as open:
             judge_session(open, name, status, reason, session=session)
-    except CannotJudge as error:
+    except StudyError as error:
         return str(error)
     return read_state(folder).state_of(name) or ""
 
@@ -118,7 +119,7 @@ def test_somebody_is_excluded_and_their_row_is_free(folder: Path) -> None:
         ("P02", " ", "say why"),
         ("P9", "x", "knows no"),
     ):
-        with pytest.raises(CannotJudge, match=said), OpenStudy(folder) as open:
+        with pytest.raises(StudyError, match=said), OpenStudy(folder) as open:
             exclude_participant(open, name, reason)
 
 
@@ -187,7 +188,7 @@ def reassign(folder: Path, session: Path, name: str, reason: str = "P02 sat ther
     try:
         with OpenStudy(folder) as open:
             reassign_session(open, session.name, name, reason)
-    except CannotJudge as error:
+    except StudyError as error:
         return str(error)
     return ""
 

@@ -13,10 +13,10 @@ import pytest
 from click.testing import CliRunner
 
 from rise_engine.analysis.reading import read_session
-from rise_engine.bundle.errors import BundleError
 from rise_engine.bundle.making import BundleOptions, make_bundle
 from rise_engine.checks.replay import look_at_last_session
 from rise_engine.cli.program import main
+from rise_engine.export.format import ExportError
 from rise_engine.kernel.inputs import SessionStarted
 from rise_engine.session.folder import INFO, read_info
 from rise_engine.session.journal_format import with_checksum
@@ -114,7 +114,7 @@ def _records(study: Path, folder: Path, out: Path) -> tuple[int, str]:
 def _bundle(study: Path, folder: Path, out: Path) -> tuple[int, str]:
     try:
         make_bundle(read_state(study), sessions_of(study)[1:], out, BundleOptions())
-    except BundleError as error:
+    except ExportError as error:
         return 1, str(error)
     return 0, ""
 

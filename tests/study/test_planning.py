@@ -9,13 +9,13 @@ from typing import Any
 import pytest
 from msgspec.structs import replace
 
+from rise_engine.errors import StudyError
 from rise_engine.session.disk import Disk
 from rise_engine.study.model import Participant, Slot
 from rise_engine.study.plan import make_plan, slot_seed
 from rise_engine.study.plan_file import (
     NEW_PLAN_FILE,
     PLAN_FILE,
-    PlanError,
     plan_text,
     put_new_plan,
     read_plan,
@@ -157,7 +157,7 @@ def test_with_minimisation_the_cells_are_empty(tmp_path: Path) -> None:
 def test_a_plan_is_never_put_over_another_one(tmp_path: Path) -> None:
     (tmp_path / PLAN_FILE).write_text("mine")
     write_new_plan(tmp_path, "new")
-    with pytest.raises(PlanError, match="exists already; a plan is never overwritten"):
+    with pytest.raises(StudyError, match="exists already; a plan is never overwritten"):
         put_new_plan(tmp_path)
     assert (tmp_path / PLAN_FILE).read_text() == "mine"
     (tmp_path / "plan-1.csv").write_text("older")
@@ -177,7 +177,7 @@ class _FullDisk(Disk):
 
 
 def test_a_full_disk_leaves_no_plan(tmp_path: Path) -> None:
-    with pytest.raises(PlanError, match="the disk is full"):
+    with pytest.raises(StudyError, match="the disk is full"):
         write_new_plan(tmp_path, "a long plan", _FullDisk())
     assert list(tmp_path.iterdir()) == []
 
@@ -212,7 +212,7 @@ def test_another_design_is_told(tmp_path: Path) -> None:
     change(tmp_path, "{ noise = 3 }", "{ noise = 4 }")
     change(tmp_path, "n = 8", "n = 10")
     with pytest.raises(
-        PlanError, match=r"`n`, `factors.noise` of study.toml changed\. Put it back, or make a new plan"
+        StudyError, match=r"`n`, `factors.noise` of study.toml changed\. Put it back, or make a new plan"
     ):
         plan(tmp_path)
     (found,) = review(tmp_path)
@@ -224,7 +224,7 @@ def test_an_edited_plan_is_told(tmp_path: Path) -> None:
     plan(tmp_path)
     text = (tmp_path / PLAN_FILE).read_text()
     (tmp_path / PLAN_FILE).write_text(text.replace("yes", "no", 1))
-    with pytest.raises(PlanError, match=r"plan.csv was changed after it was planned"):
+    with pytest.raises(StudyError, match=r"plan.csv was changed after it was planned"):
         plan(tmp_path)
     assert "error plan-changed: plan.csv was changed after it was planned" in review(tmp_path)[0]
 
@@ -242,17 +242,17 @@ def test_a_lost_plan_is_made_again_the_same(tmp_path: Path) -> None:
 def test_somebody_elses_plan_is_not_taken_for_ours(tmp_path: Path) -> None:
     study_folder(tmp_path, plan_csv=GOOD)
     assert "error not-planned: study.jsonl does not know this plan" in review(tmp_path)[0]
-    with pytest.raises(PlanError, match='write between = "list" under'):
+    with pytest.raises(StudyError, match='write between = "list" under'):
         plan(tmp_path)
     assert (tmp_path / PLAN_FILE).read_text() == GOOD
 
 
 def test_a_list_is_checked_and_taken_up(tmp_path: Path) -> None:
     study_folder(tmp_path, LIST)
-    with pytest.raises(PlanError, match=r"you write plan\.csv yourself"):
+    with pytest.raises(StudyError, match=r"you write plan\.csv yourself"):
         plan(tmp_path)
     (tmp_path / PLAN_FILE).write_text(GOOD.replace("yes", "yess"))
-    with pytest.raises(PlanError, match=r"plan.csv:3:6: error wrong-value"):
+    with pytest.raises(StudyError, match=r"plan.csv:3:6: error wrong-value"):
         plan(tmp_path)
     (tmp_path / PLAN_FILE).write_text(GOOD)
     assert "Your plan.csv is the plan now" in plan(tmp_path).sentence
@@ -276,7 +276,7 @@ def test_more_participants_while_some_hold_slots(tmp_path: Path) -> None:
     held = take(tmp_path, made, 3)
     log(tmp_path, "excluded", participant="P02", reason="fire alarm")
     change(tmp_path, "n = 8", "n = 16")
-    with pytest.raises(PlanError, match="--again REASON"):
+    with pytest.raises(StudyError, match="--again REASON"):
         plan(tmp_path)
     again = plan(tmp_path, "eight more")
     assert "changed in study.toml: n. The plan before is plan-1.csv. Who holds a slot keeps it" in again.sentence
@@ -313,7 +313,7 @@ def test_who_holds_a_slot_is_not_moved_into_another_design(tmp_path: Path) -> No
     held = take(tmp_path, plan(tmp_path), 2)
     change(tmp_path, "levels.yes.memory", "levels.always.memory")
     before = (tmp_path / PLAN_FILE).read_bytes()
-    with pytest.raises(PlanError) as refused:
+    with pytest.raises(StudyError) as refused:
         plan(tmp_path, "another name")
     sentence, *lines = str(refused.value).splitlines()
     assert "the rows of those who hold a slot (P01, P02) do not fit into the new design" in sentence
@@ -335,11 +335,11 @@ def test_rows_that_nobody_holds_may_be_of_another_design(tmp_path: Path) -> None
 def test_a_new_plan_needs_a_change(tmp_path: Path, reason: str) -> None:
     study_folder(tmp_path)
     if reason == "first":
-        with pytest.raises(PlanError, match="there is no plan yet"):
+        with pytest.raises(StudyError, match="there is no plan yet"):
             plan(tmp_path, reason)
         return
     plan(tmp_path)
-    with pytest.raises(PlanError, match="nothing that the plan is made of has changed"):
+    with pytest.raises(StudyError, match="nothing that the plan is made of has changed"):
         plan(tmp_path, reason)
 
 
@@ -349,7 +349,7 @@ def test_held_rows_come_only_from_the_plan_that_was_made(tmp_path: Path) -> None
     text = (tmp_path / PLAN_FILE).read_text()
     (tmp_path / PLAN_FILE).write_text(text.replace("yes", "no", 1))
     change(tmp_path, "n = 8", "n = 10")
-    with pytest.raises(PlanError, match="not the file that was planned with"):
+    with pytest.raises(StudyError, match="not the file that was planned with"):
         plan(tmp_path, "two more")
 
 
@@ -357,10 +357,10 @@ def test_a_list_may_grow_and_keeps_who_holds_a_slot(tmp_path: Path) -> None:
     study_folder(tmp_path, LIST, plan_csv=GOOD)
     plan(tmp_path)
     log(tmp_path, "taken", slot=2, participant="P01")
-    with pytest.raises(PlanError, match="nothing that the plan is made of has changed"):
+    with pytest.raises(StudyError, match="nothing that the plan is made of has changed"):
         plan(tmp_path, "more")
     (tmp_path / PLAN_FILE).write_text(GOOD.replace("\n2,", "\n3,"))
-    with pytest.raises(PlanError, match=r"plan.csv has no row for P01 \(slot 2\)"):
+    with pytest.raises(StudyError, match=r"plan.csv has no row for P01 \(slot 2\)"):
         plan(tmp_path, "more")
     (tmp_path / PLAN_FILE).write_text(GOOD + "3,de,no,loud quiet,7\n")
     assert len(plan(tmp_path, "more").slots) == 3
@@ -445,7 +445,7 @@ def test_a_mended_scenario_is_taken_with_a_reason_and_the_plan_stays(tmp_path: P
     entry = last_planned(read_log(tmp_path))
     assert entry is not None and entry.get("reason") == "a word was misspelt"
     assert review(tmp_path) == []
-    with pytest.raises(PlanError, match="nothing that the plan is made of has changed"):
+    with pytest.raises(StudyError, match="nothing that the plan is made of has changed"):
         plan(tmp_path, "once more")
 
 

@@ -13,6 +13,7 @@ from click.testing import CliRunner, Result
 
 from rise_engine.cli import main
 from rise_engine.cli.redact import redact_in_study
+from rise_engine.errors import StudyError
 from rise_engine.export.format import ExportError
 from rise_engine.export.writing import new_export
 from rise_engine.kernel.inputs import OutcomeReport, RecordingReport, SessionStarted
@@ -26,7 +27,7 @@ from rise_engine.study.state import OpenStudy, read_state
 from rise_engine.study.study_log import LOG_FILE, SET_ASIDE_FILE, LockedLog, StudyLogError, read_log
 from rise_engine.study.traces import WORK_FOLDER, find_names
 from rise_engine.study.withdrawal import plan_withdrawal, withdraw
-from rise_engine.study.withdrawal_work import WithdrawalError, WithdrawalPlan
+from rise_engine.study.withdrawal_work import WithdrawalPlan
 from rise_engine.study.withdrawn import is_withdrawn, without_salts
 from rise_engine.words import Words, parse_replacement
 from tests.forked import Forked
@@ -177,7 +178,7 @@ def test_somebody_without_a_session(made: Folder) -> None:
 
 def test_somebody_unknown_is_refused(made: Folder) -> None:
     before = made.texts()
-    with pytest.raises(WithdrawalError, match="knows no participant 'P99'"):
+    with pytest.raises(StudyError, match="knows no participant 'P99'"):
         withdraw(made.study, "P99")
     assert made.texts() == before
 
@@ -185,7 +186,7 @@ def test_somebody_unknown_is_refused(made: Folder) -> None:
 def test_while_a_session_runs_nothing_is_done(made: Folder) -> None:
     before = made.texts()
     lock = JournalLock(made.sessions[1] / "journal.jsonl")
-    with pytest.raises(WithdrawalError, match=r"is running: .* Nothing was erased"):
+    with pytest.raises(StudyError, match=r"is running: .* Nothing was erased"):
         withdraw(made.study, "P01")
     lock.release()
     assert made.texts() == before

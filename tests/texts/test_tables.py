@@ -23,13 +23,14 @@ from rise_engine.edit.edits import (
     SetTranslation,
     SetUseParameter,
 )
+from rise_engine.errors import ExchangeError
 from rise_engine.scenario.loader import LoadResult, load
 from rise_engine.texts import xlsx_file
 from rise_engine.texts.csv_file import read_csv, usual_separator, write_csv
 from rise_engine.texts.importing import TextImport, import_table, summary
 from rise_engine.texts.po_file import read_po, write_po
 from rise_engine.texts.reading import ReadRow, ReadTable
-from rise_engine.texts.table import TextRow, TextsError, TextTable, make_table
+from rise_engine.texts.table import TextRow, TextTable, make_table
 from rise_engine.texts.xlsx_file import read_xlsx, write_xlsx
 from tests.scenario.folders import act
 
@@ -237,7 +238,7 @@ def test_gettext_calls_stale_translations_fuzzy_and_takes_them_when_nobody_does_
     assert back(read_po(text.encode()), stale).edits == ()
     confirmed = read_po(text.replace("#, fuzzy\n", "").encode())
     assert back(confirmed, stale).edits == (SetTranslation("de", "A", "1", "Gut."),)
-    with pytest.raises(TextsError, match="for one language"):
+    with pytest.raises(ExchangeError, match="for one language"):
         write_po(make_table(stale, ["de", "fr"]))
 
 
@@ -296,7 +297,7 @@ def test_ids_are_no_dates_and_no_formulas() -> None:
     ],
 )
 def test_what_is_no_table_is_told(data: bytes, sentence: str) -> None:
-    with pytest.raises(TextsError) as refused:
+    with pytest.raises(ExchangeError) as refused:
         back(read_csv(data))
     assert sentence in str(refused.value)
 
@@ -305,13 +306,13 @@ def test_an_excel_file_that_becomes_too_large_is_not_opened() -> None:
     stream = io.BytesIO()
     with zipfile.ZipFile(stream, "w", zipfile.ZIP_DEFLATED) as archive:
         archive.writestr("xl/worksheets/sheet1.xml", bytes(xlsx_file.MAX_BYTES + 1))
-    with pytest.raises(TextsError, match="becomes 100,000,001 bytes"):
+    with pytest.raises(ExchangeError, match="becomes 100,000,001 bytes"):
         read_xlsx(stream.getvalue())
 
 
 @pytest.mark.parametrize("read", [read_xlsx, read_po])
 def test_what_is_no_such_file_is_told(read: Callable[[bytes], ReadTable]) -> None:
-    with pytest.raises(TextsError, match=r"this is no|does not say"):
+    with pytest.raises(ExchangeError, match=r"this is no|does not say"):
         read(b"\xff\xff nonsense")
 
 

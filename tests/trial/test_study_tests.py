@@ -9,10 +9,11 @@ import pytest
 from click.testing import CliRunner
 
 from rise_engine.cli import main
-from rise_engine.protocol.task_file import TaskFileError, read_task_file
+from rise_engine.errors import FileError
+from rise_engine.protocol.task_file import read_task_file
 from rise_engine.trial.keeping import path_of_test, text_of_test
 from rise_engine.trial.playing import is_same_value, play_test
-from rise_engine.trial.study_test import StudyTestError, read_study_test
+from rise_engine.trial.study_test import read_study_test
 from rise_engine.trial.trial import Trial
 
 from .test_trial import key, loaded_scenario, make_guide
@@ -115,7 +116,7 @@ def test_everything_that_is_wrong_with_a_test_is_told_at_once(folder: Path) -> N
             '{"test": "again"}',
         ]
     )
-    with pytest.raises(StudyTestError) as caught:
+    with pytest.raises(FileError) as caught:
         read_study_test(text.encode() + b"\n\xff", "tests/t.jsonl", loaded_scenario(folder))
     told = str(caught.value).splitlines()
     lines = [int(line.split(":")[1]) for line in told]
@@ -166,7 +167,7 @@ def test_no_tests_are_no_success(folder: Path) -> None:
 
 
 def test_a_task_file_says_that_a_test_is_none() -> None:
-    with pytest.raises(TaskFileError, match="`go_on` belongs to a test of a study, which `rise-engine test DIR` runs"):
+    with pytest.raises(FileError, match="`go_on` belongs to a test of a study, which `rise-engine test DIR` runs"):
         read_task_file(b'{"go_on": true}', "kept.jsonl")
 
 

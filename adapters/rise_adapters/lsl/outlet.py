@@ -14,7 +14,8 @@ from pathlib import Path
 from types import ModuleType
 from typing import Any
 
-from rise_engine.ports.outlet import OutletError, OutletPlan
+from rise_engine.errors import AdapterError
+from rise_engine.ports.outlet import OutletPlan
 from rise_engine.recording.marker_feed import MarkerFeed, MarkerStream
 
 CONFIG_PLACES = ("lsl_api.cfg", "~/lsl_api/lsl_api.cfg", "/etc/lsl_api/lsl_api.cfg")
@@ -29,7 +30,7 @@ CLOCK_LOOKS = 20
 async def send_markers(plan: OutletPlan, finish: Event) -> None:
     """Send a session's markers (`rise_engine.ports.outlet.OutletRunner`).
 
-    Once in a process: the library reads its settings only once. Raises OutletError, and EngineGone when there is no
+    Once in a process: the library reads its settings only once. Raises AdapterError, and EngineGone when there is no
     such session, or its engine goes without an end.
     """
     pylsl = _load_library()
@@ -39,7 +40,7 @@ async def send_markers(plan: OutletPlan, finish: Event) -> None:
             pylsl.set_config_content(library_settings(plan.scope))
             return LslOutlet(pylsl, stream, only_here=plan.scope == "machine")
         except (AttributeError, RuntimeError, OSError, ValueError) as error:  # an old library has no such setting
-            raise OutletError(f"the Lab Streaming Layer does not start: {error}") from error
+            raise AdapterError(f"the Lab Streaming Layer does not start: {error}") from error
 
     await MarkerFeed(plan, open_stream).run(finish)
 
@@ -134,9 +135,9 @@ def _load_library() -> ModuleType:
     try:
         pylsl = import_module("pylsl")  # an extra; it looks for its library at once
     except ImportError:
-        raise OutletError('markers for the Lab Streaming Layer need pylsl: pip install "rise-tui[lsl]"') from None
+        raise AdapterError('markers for the Lab Streaming Layer need pylsl: pip install "rise-tui[lsl]"') from None
     except (RuntimeError, OSError) as error:
-        raise OutletError(
+        raise AdapterError(
             "pylsl is installed without its library, as on Linux for ARM: install liblsl "
             f"(https://github.com/sccn/liblsl/releases) and set PYLSL_LIB to its path ({error})"
         ) from None

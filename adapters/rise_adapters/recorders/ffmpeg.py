@@ -15,7 +15,6 @@ from rise_adapters.recorders.options import OptionReader
 from rise_adapters.recorders.program import RecordingProgram
 from rise_engine.ports.recorder import (
     MediaKind,
-    RecorderEnded,
     RecorderError,
     RecorderStatus,
     RecordingPlan,
@@ -92,7 +91,7 @@ class FfmpegRecorder:
         if run.gone.is_set():
             if size_of(path) == 0:
                 path.unlink(missing_ok=True)
-            raise RecorderEnded(run.ending())
+            raise RecorderError(run.ending(), ended=True)
         return str(path)
 
     async def status(self) -> RecorderStatus:
@@ -100,7 +99,7 @@ class FfmpegRecorder:
         run, path = self._run, self._path
         assert run is not None and path is not None
         if not run.runs:
-            raise RecorderEnded(run.ending())
+            raise RecorderError(run.ending(), ended=True)
         return RecorderStatus(
             recording=True,
             bytes=size_of(path) or 0,

@@ -36,14 +36,6 @@ _OUTPUT_RUNNING = 500
 _LARGEST_MESSAGE = 4_000_000
 
 
-class ObsRefused(RecorderError):
-    """OBS has answered that it does not do it."""
-
-
-class ObsCut(RecorderError):
-    """The connection was cut before there was an answer."""
-
-
 class ObsRecorder:
     """One OBS. When the connection is cut, the next call connects again: OBS goes on recording meanwhile."""
 
@@ -83,26 +75,17 @@ class ObsRecorder:
         self._recording.clear()
         self._path = ""
         self._is_ours = True  # also when no answer comes: it may have begun
-        try:
-            await self._start()
-        except ObsRefused:
+        if refusal := _refusal("StartRecord", await self._call("StartRecord")):
             self._is_ours = False
-            raise
+            raise RecorderError(refusal)
         with suppress(TimeoutError):
             async with asyncio.timeout(ANSWER_SECONDS / 2):
                 await self._recording.wait()
         return self._path
 
-    async def _start(self) -> None:
-        await self._ask("StartRecord", {_OUTPUT_RUNNING: "OBS records already: stop that first, so that no recording "
-                                                         "of somebody else goes on"})  # fmt: skip
-
     async def status(self) -> RecorderStatus:
         """What OBS says about its recording."""
-        try:
-            found = await self._ask("GetRecordStatus")
-        except ObsCut:  # once more, over a new connection
-            found = await self._ask("GetRecordStatus")
+        found = await self._ask("GetRecordStatus", again=True)
         milliseconds = found.get("outputDuration")
         return RecorderStatus(
             recording=found.get("outputActive") is True and found.get("outputPaused") is not True,
@@ -133,29 +116,31 @@ class ObsRecorder:
 
     # --- the protocol -----------------------------------------------------------------------------------------------
 
-    async def _ask(self, request: str, refusals: Mapping[int, str] | None = None) -> dict[str, Any]:
-        """What OBS answers. `refusals`: sentences for codes with which it refuses. Raises RecorderError."""
+    async def _ask(self, request: str, *, again: bool = False) -> dict[str, Any]:
+        """What OBS answers. `again`: over a new connection, too, if this one is cut. Raises RecorderError."""
+        found = await self._call(request, again=again)
+        if refusal := _refusal(request, found):
+            raise RecorderError(refusal)
+        return _table(found.get("responseData"))
+
+    async def _call(self, request: str, *, again: bool = False) -> dict[str, Any]:
+        """What OBS answers, a refusal too."""
         socket = await self._connected()
         number = str(next(self._numbers))
         answer = self._answers[number] = asyncio.get_running_loop().create_future()
         try:
             async with asyncio.timeout(ANSWER_SECONDS):
                 await socket.send_json({"op": _REQUEST, "d": {"requestType": request, "requestId": number}})
-                found = await answer
+                found: dict[str, Any] = await answer
+                return found
         except TimeoutError:
             raise RecorderError(f"OBS did not answer within {ANSWER_SECONDS:g} s ({request})") from None
         except (OSError, RuntimeError) as error:
-            raise ObsCut(f"the connection to OBS was cut: {error}") from None
+            if not again:
+                raise RecorderError(f"the connection to OBS was cut: {error}") from None
         finally:
             self._answers.pop(number, None)
-        status = _table(found.get("requestStatus"))
-        if status.get("result") is not True:
-            code = _whole(status.get("code")) or 0
-            said = clean(_text(status.get("comment")))
-            raise ObsRefused(
-                (refusals or {}).get(code) or f"OBS refused {request} (code {code})" + (said and f": {said}")
-            )
-        return _table(found.get("responseData"))
+        return await self._call(request)
 
     async def _connected(self) -> ClientWebSocketResponse:
         if self._socket is not None and not self._socket.closed and self._reading and not self._reading.done():
@@ -260,6 +245,18 @@ async def _receive(socket: ClientWebSocketResponse, wanted: int) -> object:
     if found.get("op") != wanted:
         raise RecorderError("what answers there is not OBS, or not of version 28 and later")
     return found.get("d")
+
+
+def _refusal(request: str, answer: dict[str, Any]) -> str:
+    """Why OBS does not do what it was asked for; empty: it does."""
+    status = _table(answer.get("requestStatus"))
+    if status.get("result") is True:
+        return ""
+    code = _whole(status.get("code")) or 0
+    if request == "StartRecord" and code == _OUTPUT_RUNNING:
+        return "OBS records already: stop that first, so that no recording of somebody else goes on"
+    said = clean(_text(status.get("comment")))
+    return f"OBS refused {request} (code {code})" + (said and f": {said}")
 
 
 def _table(value: object) -> dict[str, Any]:

@@ -19,11 +19,10 @@ from typing import TYPE_CHECKING
 from rise_adapters.recorders.files import new_path, recording_stem, size_of
 from rise_adapters.recorders.options import OptionReader
 from rise_adapters.recorders.program import RecordingProgram
-from rise_engine.ports.bridge import BridgeError
+from rise_engine.errors import AdapterError
 from rise_engine.ports.recorder import (
     MediaKind,
     Recorder,
-    RecorderEnded,
     RecorderError,
     RecorderStatus,
     RecordingPlan,
@@ -110,7 +109,7 @@ class BagByProgram:
         while size_of(path) is None and run.runs:  # noqa: ASYNC110  # a folder that another program makes
             await asyncio.sleep(0.05)
         if not run.runs:
-            raise RecorderEnded(run.ending())
+            raise RecorderError(run.ending(), ended=True)
         return str(path)
 
     async def status(self) -> RecorderStatus:
@@ -118,7 +117,7 @@ class BagByProgram:
         run, path = self._run, self._path
         assert run is not None and path is not None
         if not run.runs:
-            raise RecorderEnded(run.ending())
+            raise RecorderError(run.ending(), ended=True)
         return RecorderStatus(True, bytes=size_of(path) or 0, path=str(path))
 
     async def stop(self) -> str:
@@ -212,14 +211,13 @@ class BagOverServices:
 
     async def _call(self, service: str, type: str, request: Message | None = None) -> Message:
         """What a service of the recorder answers. Raises RecorderError."""
-        from rise_adapters.ros2.transport.port import PortError
         from rise_adapters.ros2.transport.selection import open_transport  # loads what speaks ROS
 
         try:
             if self._transport is None:
                 self._transport = await open_transport(self.ros, self.ros_arguments, node="rise_recorders")
             client = self._opened.client(f"{self.node}/{service}", f"rosbag2_interfaces/srv/{type}")
-        except (BridgeError, PortError) as error:
+        except AdapterError as error:
             raise RecorderError(" ".join(str(error).split())) from None
         answer: asyncio.Future[Message] = asyncio.get_running_loop().create_future()
 
@@ -240,7 +238,7 @@ class BagOverServices:
                 return await answer
         except TimeoutError:
             raise RecorderError(f"{self.node}/{service} did not answer within {ANSWER_SECONDS:g} s") from None
-        except PortError as error:
+        except AdapterError as error:
             raise RecorderError(str(error)) from None
         finally:
             client.close()

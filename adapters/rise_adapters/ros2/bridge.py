@@ -12,13 +12,7 @@ from contextlib import ExitStack
 from functools import partial
 from pathlib import Path
 
-from rise_adapters.ros2.mapping import (
-    ActionMapping,
-    MappingError,
-    mapping_problems,
-    read_mappings,
-    read_options,
-)
+from rise_adapters.ros2.mapping import ActionMapping, mapping_problems, read_mappings, read_options
 from rise_adapters.ros2.parameters import ParameterOption, ParameterServices, ReadableParameter, parameters_as_options
 from rise_adapters.ros2.robot import Ros2Robot
 from rise_adapters.ros2.session_node import RosSessionInterface
@@ -29,8 +23,9 @@ from rise_adapters.ros2.session_node.neighbours import (
 )
 from rise_adapters.ros2.transport.port import PortError, Transport
 from rise_adapters.ros2.transport.selection import open_transport
+from rise_engine.errors import AdapterError
 from rise_engine.kernel.inputs import Note
-from rise_engine.ports.bridge import BridgeError, RosConnection
+from rise_engine.ports.bridge import RosConnection
 from rise_engine.ports.robot import Clock, Robot
 from rise_engine.scenario.model import RobotProfile
 from rise_engine.server.hub import SessionHub
@@ -63,7 +58,7 @@ class Ros2Bridge:
         *,
         rosout: bool = True,
     ) -> None:
-        """`reconnect` opens another transport like the first, after that was lost; it may raise BridgeError. `rosout`:
+        """`reconnect` opens another transport like the first, after that was lost; it may raise AdapterError. `rosout`:
         whether what happens is told on /rosout, too."""
         self.about = f"ROS 2 by {transport.about}"
         self._transport = transport
@@ -119,7 +114,7 @@ class Ros2Bridge:
                 reported = why
             try:
                 fresh = await self._reconnect()
-            except BridgeError as error:
+            except AdapterError as error:
                 if str(error) != reported:
                     reported = str(error)
                     self._record_note(f"the connection to ROS cannot be made anew yet: {reported}")
@@ -147,35 +142,27 @@ class Ros2Bridge:
 
 async def open_bridge(wire: RosConnection, profile: RobotProfile | None) -> Ros2Bridge:
     """Connect (`rise_engine.ports.bridge.BridgeOpener`)."""
-    try:  # the command line has taken its own parameters
-        _, arguments = parameters_as_options(wire.arguments, DEFAULT_NODE_NAME, {})
-    except PortError as error:
-        raise BridgeError(str(error)) from None
+    _, arguments = parameters_as_options(wire.arguments, DEFAULT_NODE_NAME, {})  # the command line has taken its own
     share: list[Path] = []
     if profile is not None:
         try:
             share = [Path(each) for each in read_options(profile).share]
-        except MappingError:
-            raise BridgeError(*mapping_problems(profile)) from None  # also what is wrong elsewhere in it
+        except PortError:
+            raise AdapterError(*mapping_problems(profile)) from None  # also what is wrong elsewhere in it
 
     connect = partial(open_transport, wire.transport, arguments, node=DEFAULT_NODE_NAME, share=share)
     transport = await connect()
     with ExitStack() as unless_opened:
         unless_opened.callback(transport.close)
-        try:
-            for type in INTERFACE_TYPES:
-                transport.fields(type)
-            mappings = read_mappings(profile, transport.fields) if profile is not None else {}
-            neighbours = NeighbourSessions(transport, carriers=[mapping.name for mapping in mappings.values()])
-            other = await neighbours.find_earlier()
-        except MappingError as errors:
-            raise BridgeError(*errors.findings) from None
-        except PortError as error:
-            raise BridgeError(str(error)) from None
+        for type in INTERFACE_TYPES:
+            transport.fields(type)
+        mappings = read_mappings(profile, transport.fields) if profile is not None else {}
+        neighbours = NeighbourSessions(transport, carriers=[mapping.name for mapping in mappings.values()])
+        other = await neighbours.find_earlier()
         if other is not None:
             lines = describe_refusal(other, neighbours.shared_with(other), transport)
             neighbours.close()
-            raise BridgeError(*lines)
+            raise AdapterError(*lines)
         unless_opened.pop_all()
     rosout = "--disable-rosout-logs" not in arguments
     return Ros2Bridge(transport, profile, mappings, neighbours, connect, rosout=rosout)
@@ -207,7 +194,4 @@ def read_parameters(
         )
         for flag in (*switches, *single, *many)
     }
-    try:
-        return parameters_as_options(arguments, DEFAULT_NODE_NAME, options, written)
-    except PortError as error:
-        raise BridgeError(str(error)) from None
+    return parameters_as_options(arguments, DEFAULT_NODE_NAME, options, written)

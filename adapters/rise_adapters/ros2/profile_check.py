@@ -6,7 +6,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
-from rise_adapters.ros2.mapping import MappingError, mapping_findings, read_options
+from rise_adapters.ros2.mapping import mapping_findings, read_options
 from rise_adapters.ros2.mapping.field_types import ReadFields
 from rise_adapters.ros2.transport.port import PortError
 from rise_adapters.ros2.transport.rclpy.types import InstalledTypes
@@ -19,9 +19,11 @@ def check_profile(profile: RobotProfile) -> list[ProfileFinding]:
     """What there is to say about a profile without a connection (`rise-engine check`): also what a session, which takes
     the types from where the check takes them, is refused for."""
     try:
-        fields = _field_reader(read_options(profile).share)
-    except MappingError:
+        options = read_options(profile)
+    except PortError:
         return mapping_findings(profile)
+    try:
+        fields = _field_reader(options.share)
     except PortError as error:
         return [ProfileFinding(str(error), "options.share", "missing")]
     return mapping_findings(profile, fields)

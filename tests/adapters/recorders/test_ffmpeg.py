@@ -14,7 +14,7 @@ import pytest
 from rise_adapters.recorders import program as programs
 from rise_adapters.recorders.ffmpeg import FfmpegRecorder
 
-from rise_engine.ports.recorder import RecorderEnded, RecorderError, RecordingPlan
+from rise_engine.ports.recorder import RecorderError, RecordingPlan
 from tests.patience import PATIENCE
 
 PICTURE = ["-re", "-f", "lavfi", "-i", "testsrc=size=64x48:rate=10"]
@@ -65,7 +65,7 @@ async def test_its_file_grows_every_second_however_little_there_is(tmp_path: Pat
     picture = ["-f", "lavfi", "-i", "color=size=16x16:rate=5", "-t", "10"]  # ten seconds of film, as fast as it can
     recorder = camera(input=picture)
     path = await begin(recorder, tmp_path)
-    with pytest.raises(RecorderEnded):
+    with pytest.raises(RecorderError):
         async with asyncio.timeout(PATIENCE):
             while True:
                 await recorder.status()
@@ -81,7 +81,7 @@ async def test_one_that_dies_says_why_and_a_new_one_gets_a_new_file(tmp_path: Pa
     path = await begin(recorder, tmp_path)
     assert recorder._run is not None and recorder._run.process is not None
     os.kill(recorder._run.process.pid, signal.SIGKILL)
-    with pytest.raises(RecorderEnded, match="SIGKILL ended ffmpeg"):
+    with pytest.raises(RecorderError, match="SIGKILL ended ffmpeg"):
         async with asyncio.timeout(PATIENCE):
             while True:
                 await recorder.status()

@@ -12,7 +12,7 @@ from rise_adapters.recorders.rosbag2 import open_rosbag2
 from rise_adapters.ros2.transport.interfaces import InterfaceCatalog
 from rise_adapters.ros2.transport.port import Message, SendReply
 
-from rise_engine.ports.recorder import RecorderEnded, RecorderError, RecordingPlan
+from rise_engine.ports.recorder import RecorderError, RecordingPlan
 from tests.patience import PATIENCE
 from tests.ros.memory import MemoryTransport, MemoryWire
 
@@ -193,7 +193,7 @@ async def test_a_program_that_ends_or_leaves_half_a_bag_says_so(tmp_path: Path) 
     broken = ros2(tmp_path, 'echo "no plugin: mcap" >&2', "exit 3")
     recorder = open_rosbag2("bag", {"program": broken})
     await recorder.prepare(plan(tmp_path))
-    with pytest.raises(RecorderEnded, match="bag record ended with exit status 3: no plugin: mcap"):
+    with pytest.raises(RecorderError, match="bag record ended with exit status 3: no plugin: mcap"):
         await recorder.start()
         async with asyncio.timeout(PATIENCE):
             while True:

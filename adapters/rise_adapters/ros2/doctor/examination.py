@@ -17,8 +17,9 @@ from rise_adapters.ros2.doctor.network import check_network
 from rise_adapters.ros2.doctor.robot import SEARCH_SECONDS, check_robot, definition_folders
 from rise_adapters.ros2.graph_checks import DOCTOR_NODE_NAME
 from rise_adapters.ros2.transport import selection
-from rise_adapters.ros2.transport.port import PortError, Transport
-from rise_engine.ports.bridge import BridgeError, RosConnection
+from rise_adapters.ros2.transport.port import Transport
+from rise_engine.errors import AdapterError
+from rise_engine.ports.bridge import RosConnection
 from rise_engine.scenario.model import RobotProfile
 
 TransportOpener: TypeAlias = Callable[..., Awaitable[Transport]]
@@ -47,8 +48,8 @@ async def examine(
         return found
     try:
         transport = await open_transport(choice, arguments, node=DOCTOR_NODE_NAME, share=definition_folders(profile))
-    except (BridgeError, PortError) as error:
-        return [*found, *(DoctorFinding("problem", "transport", line) for line in str(error).splitlines())]
+    except AdapterError as error:
+        return [*found, *(DoctorFinding("problem", "transport", line) for line in error.lines)]
     try:
         found.append(DoctorFinding("ok", "transport", f"connected: {transport.about}, as the node {transport.node}"))
         found += await check_robot(transport, profile, seconds)

@@ -16,7 +16,7 @@ from rise_adapters.ros2.doctor.environment import (
 )
 from rise_adapters.ros2.doctor.finding import DoctorFinding, Level
 from rise_adapters.ros2.transport import selection
-from rise_engine.ports.bridge import BridgeError
+from rise_engine.errors import AdapterError
 
 _INSTALLED = Path("/opt/ros")
 
@@ -116,7 +116,7 @@ def check_transport(choice: str) -> tuple[selection.TransportKind | None, list[D
     missing = selection.why_unavailable()
     try:
         kind: selection.TransportKind | None = selection.select_transport(choice)
-    except BridgeError as error:
+    except AdapterError as error:
         kind = None
         found += [DoctorFinding("problem", "transport", line) for line in error.lines]
     else:

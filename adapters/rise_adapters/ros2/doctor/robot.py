@@ -10,7 +10,7 @@ from rise_adapters.ros2 import compatibility, graph_checks
 from rise_adapters.ros2.actions.client import ActionClient
 from rise_adapters.ros2.doctor.finding import DoctorFinding
 from rise_adapters.ros2.doctor.live_names import LiveNames
-from rise_adapters.ros2.mapping import ActionMapping, MappingError, mapping_findings, read_mappings, read_options
+from rise_adapters.ros2.mapping import ActionMapping, mapping_findings, read_mappings, read_options
 from rise_adapters.ros2.mapping.options import DRIVER
 from rise_adapters.ros2.robot.estop_input import EstopInput
 from rise_adapters.ros2.robot.lifecycle import LifecycleWatch
@@ -43,7 +43,7 @@ async def check_robot(
     said = mapping_findings(profile, transport.fields)
     try:
         mappings = read_mappings(profile, transport.fields)
-    except MappingError:
+    except PortError:
         return [DoctorFinding("problem" if each.refuses else "warning", "robot", each.sentence) for each in said]
     warnings = [DoctorFinding("warning", "robot", each.sentence) for each in said]
     expected: list[_ExpectedEndpoint] = []
@@ -219,5 +219,5 @@ def definition_folders(profile: RobotProfile | None) -> list[Path]:
         return []
     try:
         return [Path(folder) for folder in read_options(profile).share]
-    except MappingError:  # said with everything else that is wrong in the profile
+    except PortError:  # said with everything else that is wrong in the profile
         return []

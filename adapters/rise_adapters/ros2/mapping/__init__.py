@@ -7,7 +7,7 @@ goal, and reads from a result whether the robot did what it was asked for. Nothi
 
 from __future__ import annotations
 
-from rise_adapters.ros2.mapping.action_mapping import ActionMapping, GoalDeadlines, MappingError, RosOptions
+from rise_adapters.ros2.mapping.action_mapping import ActionMapping, GoalDeadlines, RosOptions
 from rise_adapters.ros2.mapping.profile import (
     mapping_findings,
     mapping_problems,
@@ -15,11 +15,12 @@ from rise_adapters.ros2.mapping.profile import (
     read_options,
     with_all_carriers,
 )
+from rise_adapters.ros2.transport.port import PortError
 
 __all__ = [
     "ActionMapping",
     "GoalDeadlines",
-    "MappingError",
+    "PortError",
     "RosOptions",
     "mapping_findings",
     "mapping_problems",

@@ -13,8 +13,6 @@ from msgspec import Struct
 
 from rise_adapters.ros2.mapping.field_sources import FillContext, MessageSource
 from rise_adapters.ros2.transport.port import RELIABLE, STATUS, Message, QoS
-from rise_engine.errors import RiseError
-from rise_engine.ports.bridge import ProfileFinding
 
 MappingKind: TypeAlias = Literal["action", "topic", "service"]
 """By what an action is carried."""
@@ -66,14 +64,6 @@ class RosOptions(Struct, frozen=True):
     share: tuple[str, ...] = ()
     """Folders with the definitions of further interface packages, for the transport without ROS."""
     estop: EstopMapping | None = None
-
-
-class MappingError(RiseError):
-    """What is wrong with a profile's options and carriers: all of it, each a sentence for a person."""
-
-    def __init__(self, found: Sequence[ProfileFinding]) -> None:
-        self.findings = [each.sentence for each in found]
-        super().__init__("\n".join(self.findings))
 
 
 class ResultRule(Struct, frozen=True):

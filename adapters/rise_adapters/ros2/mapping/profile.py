@@ -10,11 +10,12 @@ from typing import Any
 
 from msgspec.structs import replace
 
-from rise_adapters.ros2.mapping.action_mapping import ActionMapping, MappingError, RosOptions
+from rise_adapters.ros2.mapping.action_mapping import ActionMapping, RosOptions
 from rise_adapters.ros2.mapping.action_reader import ActionReader
 from rise_adapters.ros2.mapping.compiler import ProfileMistakes
 from rise_adapters.ros2.mapping.field_types import FieldTypes, ReadFields
 from rise_adapters.ros2.mapping.options import parse_options
+from rise_adapters.ros2.transport.port import PortError
 from rise_engine.nearest_name import did_you_mean
 from rise_engine.ports.bridge import ProfileFinding
 from rise_engine.scenario.model import ActionSpec, RobotProfile
@@ -24,11 +25,11 @@ _STANDARD = "rise/robot"
 
 
 def read_options(profile: RobotProfile) -> RosOptions:
-    """The profile's `[options]`. Raises MappingError."""
+    """The profile's `[options]`. Raises PortError."""
     mistakes = ProfileMistakes(profile.name)
     options = parse_options(profile, mistakes)
     if mistakes.refusals:
-        raise MappingError(mistakes.refusals)
+        raise PortError(*(each.sentence for each in mistakes.refusals))
     return options
 
 
@@ -38,11 +39,11 @@ def read_mappings(
     """By name, the mapping of every action that the robot itself does.
 
     `fields` is `Transport.fields`; without it, types are taken as they are and everything else is checked. `actions`
-    narrows it down to some actions. Raises MappingError with everything that is wrong.
+    narrows it down to some actions. Raises PortError with everything that is wrong.
     """
     mappings, mistakes = _read(profile, fields, actions)
     if mistakes.refusals:
-        raise MappingError(mistakes.refusals)
+        raise PortError(*(each.sentence for each in mistakes.refusals))
     return mappings
 
 

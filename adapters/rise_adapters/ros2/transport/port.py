@@ -22,7 +22,7 @@ from typing import Any, Literal, Protocol, TypeAlias
 
 from msgspec import Struct
 
-from rise_engine.errors import RiseError
+from rise_engine.errors import AdapterError
 
 Message: TypeAlias = dict[str, Any]
 """A message by field name: numbers, texts and booleans; nested messages as dicts; arrays and sequences as lists, those
@@ -70,9 +70,9 @@ STATUS = QoS(depth=1, latched=True)
 """Of an action's status topic."""
 
 
-class PortError(RiseError):
-    """Something cannot be had from this transport: a type that is not there, a message that does not fit. A sentence
-    for a person."""
+class PortError(AdapterError):
+    """Something cannot be had from this transport: a type that is not there, a message that does not fit, a profile
+    that it cannot carry."""
 
 
 class Closable(Protocol):

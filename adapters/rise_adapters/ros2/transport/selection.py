@@ -10,9 +10,9 @@ from importlib.util import find_spec
 from pathlib import Path
 from typing import Literal
 
-from rise_adapters.ros2.transport.port import PortError, Transport
+from rise_adapters.ros2.transport.port import Transport
 from rise_adapters.ros2.transport.rclpy import RclpyTransport, rclpy_missing
-from rise_engine.ports.bridge import BridgeError
+from rise_engine.errors import AdapterError
 
 TransportKind = Literal["rclpy", "dds"]
 
@@ -23,14 +23,14 @@ def why_unavailable() -> dict[TransportKind, str]:
 
 
 def select_transport(choice: str) -> TransportKind:
-    """The transport that `auto`, `rclpy` or `dds` means here. Raises BridgeError."""
+    """The transport that `auto`, `rclpy` or `dds` means here. Raises AdapterError."""
     missing = why_unavailable()
     wanted = [kind for kind in missing if choice in (kind, "auto")]
     for kind in wanted:
         if not missing[kind]:
             return kind
     hints = ["to rehearse without a robot: --mode debug"] if choice == "auto" else []
-    raise BridgeError(*(missing[kind] for kind in wanted), *hints)
+    raise AdapterError(*(missing[kind] for kind in wanted), *hints)
 
 
 async def open_transport(
@@ -40,18 +40,15 @@ async def open_transport(
 
     `arguments` are those after `--ros-args`; `share` are folders with definitions of types, beside those that come with
     this program and with a ROS installation (`dds` only: `rclpy` has the types that are built and sourced). Raises
-    BridgeError.
+    AdapterError.
     """
     kind = select_transport(choice)
     loop = asyncio.get_running_loop()
-    try:
-        if kind == "rclpy":
-            return RclpyTransport(loop, node=node, arguments=arguments)
-        from rise_adapters.ros2.transport.dds import DdsTransport  # imports the wheel, which may not be installed
+    if kind == "rclpy":
+        return RclpyTransport(loop, node=node, arguments=arguments)
+    from rise_adapters.ros2.transport.dds import DdsTransport  # imports the wheel, which may not be installed
 
-        return DdsTransport(loop, node=node, arguments=arguments, share=share)
-    except PortError as error:
-        raise BridgeError(str(error)) from error
+    return DdsTransport(loop, node=node, arguments=arguments, share=share)
 
 
 def _why_no_rclpy() -> str:

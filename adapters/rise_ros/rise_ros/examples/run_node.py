@@ -37,9 +37,8 @@ from rise_adapters.ros2.transport.selection import open_transport
 
 from rise_engine.cli.program import split_ros_args
 from rise_engine.cli.terminal import clean_standard_streams
-from rise_engine.errors import RiseError
+from rise_engine.errors import AdapterError, RiseError
 from rise_engine.exit_status import OK, REFUSED, USAGE
-from rise_engine.ports.bridge import BridgeError
 
 T = TypeVar("T")
 Work: TypeAlias = Callable[[Transport, Namespace], Awaitable[None]]
@@ -101,7 +100,7 @@ def run_node(
             if prepare is not None:
                 prepare(options)
             asyncio.run(_run(work, options, theirs, parser))
-    except BridgeError as error:
+    except AdapterError as error:
         _fail(parser, error.lines)
     except (NodeError, PortError) as error:
         _fail(parser, [str(error)])

@@ -23,9 +23,9 @@ from functools import partial
 from math import inf
 from pathlib import Path
 
-from rise_adapters.ros2.mapping import ActionMapping, MappingError, read_mappings, read_options, with_all_carriers
+from rise_adapters.ros2.mapping import ActionMapping, read_mappings, read_options, with_all_carriers
 from rise_adapters.ros2.robot.lifecycle import EVENT_TYPE, STATE_TYPE
-from rise_adapters.ros2.transport.port import Closable, Message, SendReply, Subscription, Transport
+from rise_adapters.ros2.transport.port import Closable, Message, PortError, SendReply, Subscription, Transport
 from rise_adapters.simulated.faults import OF_CANCELS, ActionFault, LinkFault, parse_fault
 
 from rise_engine.engine.clock import RealClock
@@ -56,7 +56,7 @@ class RobotOnWire:
         busy: WhenBusy = "wait",
         log: RobotLog | None = None,
     ) -> None:
-        """Raises ValueError for a fault that cannot be understood, MappingError for what ROS cannot carry."""
+        """Raises ValueError for a fault that cannot be understood, PortError for what ROS cannot carry."""
         parsed = [parse_fault(text, profile) for text in faults]
         self._faults = [fault for fault in parsed if isinstance(fault, ActionFault)]
         self._transport, self._profile, self._clock = transport, with_all_carriers(profile), clock
@@ -247,7 +247,7 @@ async def work(transport: Transport, options: Namespace) -> None:
         try:
             log = RobotLog(files.enter_context(options.log.open("a", encoding="utf-8")) if options.log else None)
             robot = RobotOnWire(transport, profile, clock, print_line, faults=options.fault, busy=options.busy, log=log)
-        except (MappingError, OSError, ValueError) as error:
+        except (PortError, OSError, ValueError) as error:
             raise NodeError(str(error)) from None
         try:
             await wait_forever()
@@ -258,7 +258,7 @@ async def work(transport: Transport, options: Namespace) -> None:
 def _find_profile(options: Namespace) -> None:
     """Before there is a connection: that needs the definitions that the profile names."""
     options.profile = find_robot(options.robot, options.config)
-    with suppress(MappingError):  # said with everything else that is wrong in the profile
+    with suppress(PortError):  # said with everything else that is wrong in the profile
         options.share = [*options.share, *map(Path, read_options(options.profile).share)]
 
 
