@@ -23,12 +23,13 @@ from typing import Any
 
 import pyte
 
-from tests.forked import Forked
+from tests.forked import Forked, run_engine
 from tests.patience import PATIENCE
 
 ROOT = Path(__file__).parents[2]
 STARTED = (sys.executable, "-m", "rise_tui")
 """A console that is started as a person starts it."""
+LOADED = ("tests.console.loaded",)
 SEQUENCE = re.compile(rb"\x1b(\[[0-9;?<>=$]*[A-Za-z@`~p]|\][^\x07\x1b]*(\x07|\x1b\\)|[P_^][^\x1b]*\x1b\\|.)")
 STILL = 0.25
 """Seconds without a byte after which the screen counts as painted."""
@@ -76,8 +77,7 @@ class Terminal:
                 **streams,
             )
         else:
-            loads = ["tests.console.loaded"]
-            self.process = Forked(*self._arguments, module="rise_tui", loads=loads, on_terminal=True, **streams)
+            self.process = Forked(*self._arguments, module="rise_tui", loads=LOADED, on_terminal=True, **streams)
         os.close(slave)
         self.shown = b""
         """What came since the last `until` or `press`."""
@@ -151,6 +151,11 @@ class Terminal:
     def text(self) -> str:
         return "\n".join(self.lines)
 
+    def forget_screen(self) -> None:
+        """What was shown is gone, as in a window that was made smaller for a moment."""
+        _ = self.lines
+        self._screen.reset()
+
     @property
     def cells(self) -> list[list[pyte.screens.Char]]:
         """What a terminal shows now, with colours."""
@@ -213,6 +218,11 @@ class Terminal:
         return self.process.returncode
 
 
+def run_rise_tui(*arguments: str, **more: Any) -> subprocess.CompletedProcess[str]:
+    """`rise-tui` without a terminal, run to its end. `more` is for `Forked`."""
+    return run_engine(*arguments, module="rise_tui", loads=LOADED, cwd=ROOT, **more)
+
+
 def environment_of(home: str) -> dict[str, str]:
     run = Path(home, "run")
     run.mkdir(0o700, exist_ok=True)
@@ -224,6 +234,13 @@ def environment_of(home: str) -> dict[str, str]:
         kept.write_text('{"kind": "rise-tui console", "tour": true}')
     inherited = {name: value for name, value in os.environ.items() if name not in ("COLUMNS", "LINES")}
     return {**inherited, **own, "TERM": "xterm-256color", "COLORTERM": "truecolor"}
+
+
+def press_keys(it: Terminal, *keys: bytes) -> None:
+    """Like a person: what came of a key is seen before the next one."""
+    for key in keys:
+        it.press(key)
+        it.still()
 
 
 @contextmanager
