@@ -19,13 +19,17 @@ from contextlib import contextmanager, suppress
 from pathlib import Path
 from shutil import rmtree
 from time import monotonic
+from typing import Any
 
 import pyte
 
-from tests.forked import STDOUT, Forked
+from tests.forked import Forked, run_engine
 from tests.patience import PATIENCE
 
 ROOT = Path(__file__).parents[2]
+STARTED = (sys.executable, "-m", "rise_tui")
+"""A console that is started as a person starts it."""
+LOADED = ("tests.console.loaded",)
 SEQUENCE = re.compile(rb"\x1b(\[[0-9;?<>=$]*[A-Za-z@`~p]|\][^\x07\x1b]*(\x07|\x1b\\)|[P_^][^\x1b]*\x1b\\|.)")
 STILL = 0.25
 """Seconds without a byte after which the screen counts as painted."""
@@ -38,7 +42,8 @@ UNKNOWN_TO_PYTE = re.compile(r"\x1b\[[<>=][0-9;]*[a-z]|\x1b\[\?[0-9;]*\$p")
 class Terminal:
     """A pty with a console on it, which answers what terminals answer. Waits for what it shows, never for time alone.
 
-    Its sessions live in a folder of their own, `home`; those that still run at the end are ended.
+    Its sessions live in a folder of their own, `home`; those that still run at the end are ended. The console is a fork
+    of one that has loaded everything, which takes a tenth of what a start takes; `program`: what is started instead.
     """
 
     def __init__(
@@ -46,7 +51,7 @@ class Terminal:
         *arguments: str,
         home: str | None = None,
         size: tuple[int, int] = (120, 40),
-        program: Sequence[str] = (sys.executable, "-m", "rise_tui"),
+        program: Sequence[str] = (),
         folder: Path = ROOT,
         environment: Mapping[str, str] | None = None,
         screen: type[pyte.Screen] = pyte.Screen,
@@ -54,31 +59,25 @@ class Terminal:
         # Not pytest's folder: the path of a socket has to be short.
         self.home = home or tempfile.mkdtemp(prefix="rise-", dir="/tmp")
         self.environment = {**environment_of(self.home), **(environment or {})}
-        self._start, self._size, self._make_screen = ([*program, *arguments], folder), size, screen
+        self._arguments, self._program, self._folder = arguments, program, folder
+        self._size, self._make_screen = size, screen
         self._open()
 
     def _open(self) -> None:
         self.master, slave = pty.openpty()
         self._resize(slave, *self._size)
-        command, folder = self._start
-        self.process: Forked | subprocess.Popen[bytes]
-        match command:
-            case (sys.executable, "-m", module, *arguments):
-                self.process = Forked(
-                    *arguments, module=module, loads=("rise_tui.console.app",), terminal=True,
-                    stdin=slave, stdout=slave, stderr=STDOUT, cwd=folder, env=self.environment,
-                )  # fmt: skip
-            case _:
-                self.process = subprocess.Popen(
-                    command,
-                    stdin=slave,
-                    stdout=slave,
-                    stderr=slave,
-                    cwd=folder,
-                    env=self.environment,
-                    start_new_session=True,
-                    preexec_fn=lambda: fcntl.ioctl(0, termios.TIOCSCTTY, 0),
-                )
+        streams: dict[str, Any] = {"stdin": slave, "stdout": slave, "stderr": slave}
+        streams |= {"cwd": self._folder, "env": self.environment}
+        self.process: subprocess.Popen[bytes] | Forked
+        if self._program:
+            self.process = subprocess.Popen(
+                [*self._program, *self._arguments],
+                start_new_session=True,
+                preexec_fn=lambda: fcntl.ioctl(0, termios.TIOCSCTTY, 0),
+                **streams,
+            )
+        else:
+            self.process = Forked(*self._arguments, module="rise_tui", loads=LOADED, terminal=True, **streams)
         os.close(slave)
         self.shown = b""
         """What came since the last `until` or `press`."""
@@ -152,6 +151,11 @@ class Terminal:
     def text(self) -> str:
         return "\n".join(self.lines)
 
+    def forget_screen(self) -> None:
+        """What was shown is gone, as in a window that was made smaller for a moment."""
+        _ = self.lines
+        self._screen.reset()
+
     @property
     def cells(self) -> list[list[pyte.screens.Char]]:
         """What a terminal shows now, with colours."""
@@ -214,6 +218,11 @@ class Terminal:
         return self.process.returncode
 
 
+def run_rise_tui(*arguments: str, **more: Any) -> subprocess.CompletedProcess[str]:
+    """`rise-tui` without a terminal, run to its end. `more` is for `Forked`."""
+    return run_engine(*arguments, module="rise_tui", loads=LOADED, cwd=ROOT, **more)
+
+
 def environment_of(home: str) -> dict[str, str]:
     run = Path(home, "run")
     run.mkdir(0o700, exist_ok=True)
@@ -227,10 +236,19 @@ def environment_of(home: str) -> dict[str, str]:
     return {**inherited, **own, "TERM": "xterm-256color", "COLORTERM": "truecolor"}
 
 
+def press_keys(it: Terminal, *keys: bytes) -> None:
+    """Like a person: what came of a key is seen before the next one."""
+    for key in keys:
+        it.press(key)
+        it.still()
+
+
 @contextmanager
-def terminal(*arguments: str, home: str | None = None, size: tuple[int, int] = (120, 40)) -> Iterator[Terminal]:
+def terminal(
+    *arguments: str, home: str | None = None, size: tuple[int, int] = (120, 40), program: Sequence[str] = ()
+) -> Iterator[Terminal]:
     """With `home`, a second terminal for the sessions of a first one, which ends them."""
-    found = Terminal(*arguments, home=home, size=size)
+    found = Terminal(*arguments, home=home, size=size, program=program)
     try:
         yield found
     finally:

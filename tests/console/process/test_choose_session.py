@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import subprocess
-import sys
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
@@ -17,7 +16,7 @@ from rise_tui.cli.main import main
 from rise_tui.cli.options import CommandLine
 from rise_tui.config.settings import NothingStarted
 from tests.console.fake import DEMO
-from tests.console.terminals import ROOT, environment_of
+from tests.console.terminals import environment_of, run_rise_tui
 
 
 def about(**given: Any) -> SessionSummary:
@@ -208,16 +207,7 @@ def test_wrong_usage(arguments: tuple[str, ...], said: str) -> None:
 
 def run(*arguments: str, home: Path) -> subprocess.CompletedProcess[str]:
     home.mkdir(exist_ok=True)
-    return subprocess.run(
-        [sys.executable, "-m", "rise_tui", *arguments],
-        capture_output=True,
-        text=True,
-        cwd=ROOT,
-        check=False,
-        stdin=subprocess.DEVNULL,
-        env=environment_of(str(home)),
-        timeout=60,
-    )
+    return run_rise_tui(*arguments, env=environment_of(str(home)))
 
 
 def test_alone_without_a_session(tmp_path: Path) -> None:

@@ -5,9 +5,10 @@ from __future__ import annotations
 import re
 import subprocess
 import sys
+import tempfile
 from pathlib import Path
 from shlex import quote
-from shutil import which
+from shutil import rmtree, which
 
 import click
 import pytest
@@ -19,7 +20,8 @@ from rise_tui.cli.main import main
 from rise_tui.cli.options import CommandLine
 from rise_tui.config.display import DisplayOptions
 from tests.console.fake import DEMO
-from tests.console.terminals import ROOT, environment_of, terminal
+from tests.console.scripted import scripted
+from tests.console.terminals import ROOT, environment_of, run_rise_tui, terminal
 
 pytestmark = pytest.mark.slow
 
@@ -105,28 +107,38 @@ def test_the_console_is_imported_only_by_what_opens_one() -> None:
     assert done.stdout.strip() == "[]"
 
 
-@pytest.mark.parametrize("mouse", ["on", "off"])
-def test_without_the_mouse_nothing_is_asked_of_the_terminal(mouse: str) -> None:
-    with terminal("--config", DEMO, "--seed", "1", "--mouse", mouse) as it:
-        sent = b""
-        while b"LIVE" not in it.shown:
-            assert it.read(5.0)
-        sent += it.shown
-        it.press(b"\x03")
-        it.until("Detach (d)")
-        it.press(b"d")
-        assert it.ended() == 0
-        it.read(0.2)
-        sent += it.shown
-        assert bool(MOUSE.search(sent)) is (mouse == "on")
-        on, off = (set(re.findall(rb"\x1b\[\?(10\d\d)" + end, sent)) for end in (b"h", b"l"))
-        assert on <= off, "a mode is left on"
+def test_without_the_mouse_nothing_is_asked_of_the_terminal() -> None:
+    home = tempfile.mkdtemp(prefix="rise-", dir="/tmp")
+    environment_of(home)
+    try:
+        with scripted(home):
+            for mouse in ("on", "off"):
+                with terminal("--mouse", mouse, home=home) as it:
+                    sent = b""
+                    while b"LIVE" not in it.shown:
+                        assert it.read(5.0)
+                    sent += it.shown
+                    it.press(b"\x03")
+                    it.until("Detach (d)")
+                    it.press(b"d")
+                    assert it.ended() == 0
+                    it.read(0.2)
+                    sent += it.shown
+                    assert bool(MOUSE.search(sent)) is (mouse == "on")
+                    on, off = (set(re.findall(rb"\x1b\[\?(10\d\d)" + end, sent)) for end in (b"h", b"l"))
+                    assert on <= off, "a mode is left on"
+    finally:
+        rmtree(home, ignore_errors=True)
 
 
-def test_a_session_is_chosen_by_its_name(tmp_path: Path) -> None:
-    with terminal("--config", DEMO, "--seed", "1") as it:
+def test_a_session_is_chosen_by_its_name_and_info_tells_which_run_and_not_who_takes_part() -> None:
+    with terminal("--config", DEMO, "--seed", "1", "--participant", "P07", "--wizard", "anna") as it:
         it.until("LIVE")
         name = next(Path(it.home, "run").glob("*.lock")).stem
+        report = info(Path(it.home))
+        row = next(line for line in report.splitlines() if name in line)
+        assert "DEBUG" in row and "1 attached" in row
+        assert "P07" not in report and "anna" not in report
         with terminal("--session", name.rpartition("-")[0], "--observe", home=it.home) as other:
             other.until("WATCHING")
         with terminal("--session", "other", home=it.home) as other:
@@ -137,8 +149,7 @@ def test_a_session_is_chosen_by_its_name(tmp_path: Path) -> None:
 
 @pytest.mark.parametrize("shell", ["bash", "zsh", "fish"])
 def test_completions(shell: str, tmp_path: Path) -> None:
-    command = [sys.executable, "-m", "rise_tui", "completions", shell]
-    done = subprocess.run(command, capture_output=True, text=True, cwd=ROOT, check=False)
+    done = run_rise_tui("completions", shell)
     assert done.returncode == 0 and "_RISE_TUI_COMPLETE" in done.stdout and done.stderr == ""
     if shell == "bash" and which("bash"):
         script = tmp_path / "completions"
@@ -155,9 +166,8 @@ def test_completions(shell: str, tmp_path: Path) -> None:
 
 
 def info(home: Path, *arguments: str, **environment: str) -> str:
-    command = [sys.executable, "-m", "rise_tui", "info", *arguments]
     own = {**environment_of(str(home)), **environment}
-    done = subprocess.run(command, capture_output=True, text=True, cwd=ROOT, env=own, check=False)
+    done = run_rise_tui("info", *arguments, env=own)
     assert done.returncode == 0 and done.stderr == "", done.stderr
     return done.stdout
 
@@ -189,16 +199,6 @@ def test_info_tells_what_is_wrong_with_the_key_file(tmp_path: Path) -> None:
     path.write_text('[keys]\ncoe = "f5"\nzoom = "f5"\n')
     report = info(tmp_path, "--keys", str(path))
     assert "mine.toml:2:1: error unknown-action" in report and value(report, "other keys") == "zoom"
-
-
-def test_info_tells_which_sessions_run_and_not_who_takes_part() -> None:
-    with terminal("--config", DEMO, "--seed", "1", "--participant", "P07", "--wizard", "anna") as it:
-        it.until("LIVE")
-        report = info(Path(it.home))
-        name = next(Path(it.home, "run").glob("*.lock")).stem
-        row = next(line for line in report.splitlines() if name in line)
-        assert "DEBUG" in row and "1 attached" in row
-        assert "P07" not in report and "anna" not in report
 
 
 def test_a_start_ends_with_its_status(monkeypatch: pytest.MonkeyPatch) -> None:

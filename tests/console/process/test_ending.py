@@ -6,7 +6,6 @@ import os
 import pty
 import signal
 import subprocess
-import sys
 import tempfile
 import threading
 from pathlib import Path
@@ -17,8 +16,9 @@ from time import monotonic
 import pytest
 
 from rise_tui.rendering.terminal_writer import TerminalWriter
+from tests.chance import searched
 from tests.console.scripted import scripted
-from tests.console.terminals import ROOT, Terminal, environment_of, terminal
+from tests.console.terminals import ROOT, Terminal, environment_of, run_rise_tui, terminal
 from tests.patience import PATIENCE
 
 pytestmark = pytest.mark.pty
@@ -43,7 +43,7 @@ def test_a_terminal_that_closes_while_the_screen_is_busy_ends_the_console() -> N
         assert it.process.wait(PATIENCE) == 128 + signal.SIGHUP
 
 
-@pytest.mark.parametrize("number", [signal.SIGTERM, signal.SIGHUP])
+@pytest.mark.parametrize("number", [signal.SIGTERM, pytest.param(signal.SIGHUP, marks=searched)])
 def test_a_signal_ends_a_busy_console_whose_terminal_takes_nothing(number: signal.Signals) -> None:
     with terminal("--config", GREETING, "--seed", "1") as it:
         busy(it)
@@ -115,7 +115,6 @@ def test_the_shell_keeps_its_blocking_terminal() -> None:
 @pytest.mark.parametrize(("folder", "said"), [("", "name a folder"), ("DIR", "there is no scenario in DIR:")])
 def test_a_folder_that_is_no_scenario_is_refused(folder: str, said: str, tmp_path: Path) -> None:
     place = folder.replace("DIR", str(tmp_path))
-    command = [sys.executable, "-m", "rise_tui", "--config", place]
-    done = subprocess.run(command, capture_output=True, text=True, cwd=ROOT, check=False, timeout=PATIENCE)
+    done = run_rise_tui("--config", place)
     assert done.returncode == 1
     assert said.replace("DIR", str(tmp_path)) in done.stdout

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import subprocess
-import sys
 from collections.abc import Iterator
 from html.parser import HTMLParser
 from pathlib import Path
@@ -16,7 +15,7 @@ from rise_tui.actions import ACTIONS
 from rise_tui.cli.key_card import KeyCardEntry, KeyCardSection, html_page, printed_key, sections, text_lines
 from rise_tui.key_labels import use_own_keys
 from tests.console.fake import DEMO, demo
-from tests.console.terminals import ROOT, environment_of
+from tests.console.terminals import ROOT, environment_of, run_rise_tui
 
 pytestmark = pytest.mark.slow
 
@@ -30,9 +29,8 @@ def usual_keys() -> Iterator[None]:
 
 
 def run(*arguments: str, home: Path) -> subprocess.CompletedProcess[str]:
-    command = [sys.executable, "-m", "rise_tui", "keys", *arguments]
     environment = environment_of(str(home))
-    return subprocess.run(command, capture_output=True, text=True, cwd=ROOT, env=environment, check=False)
+    return run_rise_tui("keys", *arguments, env=environment)
 
 
 @pytest.mark.parametrize("folder", SCENARIOS, ids=lambda folder: Path(folder).name)

@@ -4,103 +4,125 @@ from __future__ import annotations
 
 import os
 import signal
-import subprocess
-import sys
 from pathlib import Path
 
 import pytest
 
 from tests.console.fake import DEMO
-from tests.console.terminals import ROOT, alive, terminal
+from tests.console.terminals import STARTED, Terminal, alive, run_rise_tui, terminal
 from tests.patience import PATIENCE
 
 pytestmark = pytest.mark.pty
 
+F8, F9, CTRL_C, CTRL_X = b"\x1b[19~", b"\x1b[20~", b"\x03", b"\x18"
 
-def test_start_press_stop_and_leave() -> None:
-    with terminal("--config", DEMO, "--seed", "1", "--wizard", "anna") as it:
+
+def test_start_press_stop_leave_and_see_it_played_again() -> None:
+    with terminal("--config", DEMO, "--seed", "1", "--wizard", "anna", program=STARTED) as it:
         it.until("LIVE")
         it.press(b"g")
         it.until("running")
-        it.press(b"\x1b[20~")  # F9
+        it.press(F9)
         it.until("everything asked has confirmed")
-        it.press(b"\x03")
+        it.press(CTRL_C)
         it.until("End the session")
-        it.press(b"\x18")  # ctrl+x
+        it.press(CTRL_X)
         it.until("Type end and press enter")
         it.press(b"end\r")
         it.until("ended: the record is in ")
         assert it.ended() == 0
         assert not [engine for engine in it.engines() if alive(engine)]
+        session = next(Path(it.home, "sessions").iterdir()).name
+        with terminal("--replay", session, "--speed", "5", home=it.home) as again:
+            again.until("REPLAY")
+            again.until("SESSION ENDED")
+            again.press(CTRL_C)
+            assert again.ended() == 0
+        with terminal("--replay", session[:-1], home=it.home) as again:
+            again.until(f"did you mean `{session}`")
 
 
-def test_detach_and_come_back_to_what_went_on() -> None:
-    with terminal("--config", DEMO, "--seed", "1", "--wizard", "anna") as it:
+def test_consoles_come_and_go_and_the_session_goes_on() -> None:
+    with terminal("--config", DEMO, "--seed", "1", "--participant", "P07", "--wizard", "anna") as it:
+        it.until("LIVE")
+        (engine,) = it.engines()
+        with terminal("--config", DEMO, "--participant", "P08", home=it.home) as other:
+            other.until("is running already, with --participant P07 and not P08")
+            assert other.ended() == 2
+        with terminal("--config", DEMO, "--participant", "P07", "--wizard", "ben", home=it.home) as ben:
+            ben.until("WATCHING · anna has control")
+            ben.press(F8)
+            ben.until("Take it (t)")
+            ben.press(b"t")
+            ben.until("LIVE")
+            it.until("ben took control at ")
+            ben.process.send_signal(signal.SIGTERM)
+            gives_back(ben, signal.SIGTERM)
+        it.press(F8)
+        it.until("Take it (t)")
+        it.press(b"t")
         it.until("LIVE")
         it.press(b"m")
         it.until("running")
-        it.press(b"\x03")
+        it.press(CTRL_C)
         it.until("Detach (d)")
         it.press(b"d")
         it.until("detached: Demo study goes on; come back with: rise-tui")
         assert it.ended() == 0
-        (engine,) = it.engines()
-        assert alive(engine)
         with terminal("--wizard", "anna", home=it.home) as again:
             again.until("LIVE")
             again.until("waiting")  # the rule went on to its next state meanwhile
-            assert again.engines() == [engine]
-
-
-@pytest.mark.parametrize("number", [signal.SIGTERM, signal.SIGHUP])
-def test_a_signal_detaches_and_gives_the_terminal_back(number: signal.Signals) -> None:
-    with terminal("--config", DEMO, "--seed", "1") as it:
-        it.until("LIVE")
-        it.press(b"g")
-        it.until("running")
-        it.process.send_signal(number)
-        assert it.ended() == 128 + number
-        it.read(0.2)
-        assert b"\x1b[?1049l" in it.shown, "the terminal was not given back"
-        assert all(alive(engine) for engine in it.engines()) and it.engines()
-
-
-def test_a_closed_terminal_detaches() -> None:
-    with terminal("--config", DEMO, "--seed", "1") as it:
-        it.until("LIVE")
-        os.close(it.master)
-        it.master = -1
-        assert it.process.wait(PATIENCE) == 128 + signal.SIGHUP
-        assert all(alive(engine) for engine in it.engines()) and it.engines()
-
-
-def test_a_console_that_is_killed_changes_nothing() -> None:
-    with terminal("--config", DEMO, "--seed", "1") as it:
-        it.until("LIVE")
-        it.process.kill()
-        it.process.wait()
-        with terminal("--config", DEMO, home=it.home) as again:  # the same line again attaches
+            again.process.kill()  # changes nothing
+            again.process.wait()
+        with terminal("--config", DEMO, "--wizard", "anna", home=it.home) as again:  # the line of the start attaches
             again.until("LIVE")
+            again.process.send_signal(signal.SIGHUP)
+            gives_back(again, signal.SIGHUP)
+        with terminal("--wizard", "anna", home=it.home) as again:
+            again.until("LIVE")
+            os.close(again.master)
+            again.master = -1
+            assert again.process.wait(PATIENCE) == 128 + signal.SIGHUP
+        assert it.engines() == [engine] and alive(engine)
 
 
-def test_the_session_of_another_participant_is_not_attached_to() -> None:
-    with terminal("--config", DEMO, "--seed", "1", "--participant", "P07") as it:
-        it.until("LIVE")
-        with terminal("--config", DEMO, "--participant", "P08", home=it.home) as other:
-            other.until("is running already, with --participant P07 and not P08")
-            assert other.ended() == 2
-        with terminal("--config", DEMO, "--participant", "P07", home=it.home) as again:
-            again.until("WATCHING")
+def gives_back(it: Terminal, number: signal.Signals) -> None:
+    """It leaves, and the terminal is as it was."""
+    assert it.ended() == 128 + number
+    it.read(0.2)
+    assert b"\x1b[?1049l" in it.shown, "the terminal was not given back"
 
 
 def test_an_engine_that_is_killed_is_told_and_its_session_recovered() -> None:
     with terminal("--config", DEMO, "--seed", "1") as it:
         it.until("LIVE")
-        it.press(b"p")
-        it.until("running")
+        with terminal("--observe", home=it.home) as watching:
+            watching.until("WATCHING")
+            it.press(b"p")
+            it.until("running")
+            os.kill(it.engines()[0], signal.SIGKILL)
+            watching.until("ENGINE GONE")
+            watching.press(CTRL_C)
+            watching.until("Watch (r)")
+            watching.press(b"r")
+            watching.until("nobody has recovered it yet")
+            watching.until_screen("Watch (r)", gone=True)  # else it still seems to be there the next time
+            it.until("ENGINE GONE")
+            it.press(CTRL_C)
+            it.until("Recover (r)")
+            it.press(b"r")
+            it.until("LIVE")
+            it.until("what the robot was doing counts as lost")
+            it.until("failed")  # the act that the robot was doing counts as lost
+            it.press(b"p")
+            it.until("running")
+            watching.press(CTRL_C)
+            watching.until("Watch (r)")
+            watching.press(b"r")
+            watching.until("has control")
         os.kill(it.engines()[0], signal.SIGKILL)
         it.until("ENGINE GONE")
-        it.press(b"\x03")
+        it.press(CTRL_C)
         it.until("Leave (l)")
         it.press(b"l")
         it.until("to recover the session: rise-tui --config ")
@@ -111,48 +133,7 @@ def test_an_engine_that_is_killed_is_told_and_its_session_recovered() -> None:
             assert again.ended() == 0
         with terminal("--config", DEMO, "--recover", home=it.home) as again:
             again.until("the session goes on; what the robot was doing counts as lost")
-            again.until("failed")  # the act that the robot was doing counts as lost
-
-
-def test_consoles_go_on_with_a_session_whose_engine_was_killed() -> None:
-    with terminal("--config", DEMO, "--seed", "1") as it:
-        it.until("LIVE")
-        with terminal("--observe", home=it.home) as watching:
-            watching.until("WATCHING")
-            it.press(b"p")
-            it.until("running")
-            os.kill(it.engines()[0], signal.SIGKILL)
-            watching.until("ENGINE GONE")
-            watching.press(b"\x03")
-            watching.until("Watch (r)")
-            watching.press(b"r")
-            watching.until("nobody has recovered it yet")
-            watching.until_screen("Watch (r)", gone=True)  # else it still seems to be there the next time
-            it.until("ENGINE GONE")
-            it.press(b"\x03")
-            it.until("Recover (r)")
-            it.press(b"r")
-            it.until("LIVE")
-            it.until("what the robot was doing counts as lost")
-            it.until("failed")  # the act that the robot was doing counts as lost
-            it.press(b"p")
-            it.until("running")
-            watching.press(b"\x03")
-            watching.until("Watch (r)")
-            watching.press(b"r")
-            watching.until("has control")
-
-
-def test_two_consoles_take_control_from_one_another() -> None:
-    with terminal("--config", DEMO, "--seed", "1", "--wizard", "anna") as anna:
-        anna.until("LIVE")
-        with terminal("--wizard", "ben", home=anna.home) as ben:
-            ben.until("WATCHING · anna has control")
-            ben.press(b"\x1b[19~")  # F8
-            ben.until("Take it (t)")
-            ben.press(b"t")
-            ben.until("LIVE")
-            anna.until("ben took control at ")
+            again.until("failed")
 
 
 def test_an_observer_watches_and_starts_no_session() -> None:
@@ -174,28 +155,5 @@ def test_a_refused_scenario_is_told_with_all_findings_and_no_console(tmp_path: P
 
 
 def test_without_a_terminal_it_says_what_to_use_instead() -> None:
-    command = [sys.executable, "-m", "rise_tui", "--config", DEMO]
-    done = subprocess.run(command, capture_output=True, text=True, cwd=ROOT, check=False, stdin=subprocess.DEVNULL)
+    done = run_rise_tui("--config", DEMO)
     assert done.returncode == 2 and "rise-engine run" in done.stderr
-
-
-def test_a_recorded_session_is_played_again() -> None:
-    with terminal("--config", DEMO, "--seed", "1") as it:
-        it.until("LIVE")
-        it.press(b"g")
-        it.until("running")
-        it.press(b"\x03")
-        it.until("End the session")
-        it.press(b"\x18")  # ctrl+x
-        it.until("Type end and press enter")
-        it.press(b"end\r")
-        it.until("ended: the record is in ")
-        it.ended()
-        session = next(Path(it.home, "sessions").iterdir()).name
-        with terminal("--replay", session, "--speed", "5", home=it.home) as again:
-            again.until("REPLAY")
-            again.until("SESSION ENDED")
-            again.press(b"\x03")
-            assert again.ended() == 0
-        with terminal("--replay", session[:-1], home=it.home) as again:
-            again.until(f"did you mean `{session}`")
