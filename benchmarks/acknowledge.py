@@ -23,7 +23,7 @@ from pathlib import Path
 from measure import Report, interleave
 
 from rise_engine.kernel.inputs import Submit
-from rise_engine.protocol import messages
+from rise_engine.run.protocol import messages
 
 COMMANDS = 200
 PAUSE = 0.001

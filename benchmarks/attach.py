@@ -28,13 +28,13 @@ ENGINE = """
 import asyncio, sys
 from contextlib import closing
 from pathlib import Path
-from rise_engine.engine.clock import RealClock
-from rise_engine.engine.engine import Engine
+from rise_engine.run.engine.clock import RealClock
+from rise_engine.run.engine.engine import Engine
 from rise_engine.kernel.inputs import Submit
-from rise_engine.protocol.registry import acquire_lock
-from rise_engine.server.hub import SessionHub
-from rise_engine.server.server import SessionServer
-from rise_engine.engine.drivers import make_robot
+from rise_engine.run.protocol.registry import acquire_lock
+from rise_engine.run.server.hub import SessionHub
+from rise_engine.run.server.server import SessionServer
+from rise_engine.run.engine.drivers import make_robot
 from rise_engine.scenario.loader import load
 from rise_engine.session.folder import create_session
 
@@ -68,10 +68,10 @@ asyncio.run(main(sys.argv[1], int(sys.argv[2])))
 
 
 def main() -> bool:
-    from rise_engine.client.socket import SocketClient
     from rise_engine.kernel.task_view import TaskView
     from rise_engine.kernel.view import SessionView
-    from rise_engine.protocol.messages import ViewWithoutTasks, with_tasks, without_tasks
+    from rise_engine.run.client.socket import SocketClient
+    from rise_engine.run.protocol.messages import ViewWithoutTasks, with_tasks, without_tasks
 
     async def attach(path: str) -> tuple[float, SessionView]:
         client = SocketClient(Path(path), "bench", "observer")

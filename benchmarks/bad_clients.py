@@ -19,10 +19,10 @@ from pathlib import Path
 
 from measure import Report
 
-from rise_engine.client.socket import SocketClient
 from rise_engine.kernel.inputs import Submit
-from rise_engine.protocol.client import EngineGone
-from tests.server.serving import Follower
+from rise_engine.run.client.socket import SocketClient
+from rise_engine.run.protocol.client import EngineGone
+from tests.run.server.serving import Follower
 
 ROOT = Path(__file__).parents[1]
 STOPS = 60
@@ -69,11 +69,11 @@ async def stop(wizard: Follower) -> list[float]:
 
 async def measure(root: str) -> tuple[list[float], list[float], float, float]:
     """Seconds of stops alone and in the flood, and by how many seconds the engine's loop and the machine were late."""
-    engine = start("-m", "tests.server.engine_process", root)
+    engine = start("-m", "tests.run.server.engine_process", root)
     path = line(engine)
     wizard = await Follower(SocketClient(Path(path), "anna", resync=True)).attach()
     alone = await stop(wizard)
-    flood = start(str(ROOT / "tests/server/flooding.py"), path)
+    flood = start(str(ROOT / "tests/run/server/flooding.py"), path)
     line(flood)
     clock = start("-S", "-c", CLOCK)
     flooded = await stop(wizard)

@@ -25,15 +25,15 @@ from typing import Any
 from measure import Report
 from steady_load import make_records
 
-from rise_engine.engine.clock import RealClock
-from rise_engine.engine.drivers import make_robot
-from rise_engine.engine.engine import Engine, versions
 from rise_engine.kernel.inputs import Submit
-from rise_engine.protocol import messages
-from rise_engine.protocol.registry import acquire_lock
+from rise_engine.run.engine.clock import RealClock
+from rise_engine.run.engine.drivers import make_robot
+from rise_engine.run.engine.engine import Engine, versions
+from rise_engine.run.protocol import messages
+from rise_engine.run.protocol.registry import acquire_lock
+from rise_engine.run.server.hub import SessionHub
+from rise_engine.run.server.server import SessionServer
 from rise_engine.scenario.loader import load
-from rise_engine.server.hub import SessionHub
-from rise_engine.server.server import SessionServer
 from rise_engine.session.folder import JOURNAL, create_session
 from rise_engine.session.journal import Journal
 from rise_engine.session.journal_format import encode_header

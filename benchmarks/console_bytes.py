@@ -29,7 +29,7 @@ F2, TAB, DOWN, UP, ESCAPE = b"\x1bOQ", b"\t", b"\x1b[B", b"\x1b[A", b"\x1b"
 ENGINE = """
 import sys
 sys.path.insert(0, ".")
-from tests.console.scripted import scripted
+from tests.tui.scripted import scripted
 
 with scripted(sys.argv[1], speed=0.0):
     print("ready", flush=True)

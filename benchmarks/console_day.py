@@ -25,7 +25,7 @@ ENGINE = """
 import sys
 sys.path.insert(0, ".")
 from rise_engine.kernel.records import MemoryRecord
-from tests.console.scripted import scripted
+from tests.tui.scripted import scripted
 
 with scripted(sys.argv[1]) as engine:
     print("ready", flush=True)

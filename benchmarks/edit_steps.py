@@ -19,16 +19,16 @@ from pathlib import Path
 from lxml import etree
 from measure import Report, interleave
 
-from rise_engine.edit.edits import Rename, SetParameter, SetSetting, SetStartValue
-from rise_engine.edit.read_outline import read_outline
-from rise_engine.edit.workspace import Workspace
+from rise_engine.author.edit.edits import Rename, SetParameter, SetSetting, SetStartValue
+from rise_engine.author.edit.read_outline import read_outline
+from rise_engine.author.edit.workspace import Workspace
 from rise_engine.scenario.loader import load
-from rise_tui.editing.model.draft import draft_of
-from rise_tui.editing.model.rule_graph import GraphSpot, draw_rule, lay_out_rule
+from rise_tui.editor.model.draft import draft_of
+from rise_tui.editor.model.rule_graph import GraphSpot, draw_rule, lay_out_rule
 
 ROOT = Path(__file__).parents[1]
 sys.path.insert(0, str(ROOT))
-from tests.console.editing.long_rule import long_rule_files  # noqa: E402
+from tests.tui.editor.long_rule import long_rule_files  # noqa: E402
 
 UNDO_MS, SAVE_MS, GRAPH_MS = 20.0, 150.0, 10.0
 EVERYWHERE = Rename("event", "next", "go_on")

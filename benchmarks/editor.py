@@ -47,7 +47,7 @@ Field().run()
 
 def write_long_study(folder: Path) -> None:
     """A study whose course has 40 states and 120 ways."""
-    from tests.console.editing.long_rule import long_rule_files
+    from tests.tui.editor.long_rule import long_rule_files
 
     for name, data in long_rule_files().items():
         file = folder / name

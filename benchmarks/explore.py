@@ -11,10 +11,10 @@ from pathlib import Path
 
 from measure import Report, cpu_seconds
 
-from rise_engine.explore.bounds import Bounds
-from rise_engine.explore.exploration import main_rule, sessions_of
-from rise_engine.explore.space import Space
-from rise_engine.explore.stepper import Stepper
+from rise_engine.author.explore.bounds import Bounds
+from rise_engine.author.explore.exploration import main_rule, sessions_of
+from rise_engine.author.explore.space import Space
+from rise_engine.author.explore.stepper import Stepper
 from rise_engine.kernel import Kernel
 from rise_engine.kernel.inputs import Submit
 from rise_engine.scenario.loader import load

@@ -17,14 +17,24 @@ from pathlib import Path
 
 from measure import Report
 
-from rise_engine.export.formats import format_names
 from rise_engine.kernel.inputs import Note, OutcomeReport, SessionStarted
+from rise_engine.results.export.formats import format_names
 from rise_engine.session.journal_reader import read_journal
 from rise_engine.study.plan import runs_of
 from rise_engine.study.planning import plan_study
 from rise_engine.study.state import OpenStudy, read_state
 from rise_engine.study.study_toml import load_study
-from tests.analysis.samples import BEGAN, DESIGN, WIZARD, Script, act, play_session, sessions_of, task, write_scenario
+from tests.results.analysis.samples import (
+    BEGAN,
+    DESIGN,
+    WIZARD,
+    Script,
+    act,
+    play_session,
+    sessions_of,
+    task,
+    write_scenario,
+)
 
 PARTICIPANTS = 100
 RECORDS = 1_200

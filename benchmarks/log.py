@@ -30,7 +30,7 @@ from measure import Report
 
 from rise_engine.kernel.task_view import TaskView
 from rise_engine.kernel.view import SessionView
-from rise_engine.protocol.client import AttachReply
+from rise_engine.run.protocol.client import AttachReply
 from rise_engine.scenario.loader import load
 from rise_tui.model.store import Store
 from rise_tui.panes.log import LogPane

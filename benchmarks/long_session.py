@@ -17,7 +17,7 @@ from exports import measured
 from measure import Report
 
 from rise_engine.session.journal_reader import read_journal
-from tests.analysis.samples import act, play_session, task, write_scenario
+from tests.results.analysis.samples import act, play_session, task, write_scenario
 
 RECORDS = 1_000_000
 ROUND_S = 10.0

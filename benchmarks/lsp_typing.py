@@ -16,9 +16,9 @@ from measure import Report, cpu_seconds
 from pygls.lsp.client import LanguageClient
 from pygls.workspace import Workspace
 
-from rise_engine.lsp.served_study import ServedStudy
-from rise_engine.lsp.server import make_server
-from rise_engine.lsp.symbols import file_symbols
+from rise_engine.author.lsp.served_study import ServedStudy
+from rise_engine.author.lsp.server import make_server
+from rise_engine.author.lsp.symbols import file_symbols
 
 FILE = Path(__file__).parents[1] / "scenarios" / "lablinking" / "rules" / "table_setting.xml"
 KEYS = 200

@@ -18,7 +18,7 @@ sys.path.insert(0, str(Path(__file__).parent.parent))
 
 from rise_engine.kernel.records import SyncRecord
 from rise_engine.session.journal_format import encode_header, encode_record, with_checksum
-from tests.recording.sounds import record_marks
+from tests.run.recording.sounds import record_marks
 
 RATE = 48_000
 MINUTE = 60.0

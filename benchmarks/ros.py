@@ -49,9 +49,9 @@ from measure import Report
 from rise_adapters.ros2.actions.client import ActionClient
 from rise_adapters.ros2.transport.selection import open_transport
 
-from rise_engine.client.socket import SocketClient
 from rise_engine.kernel.inputs import Note, Submit
 from rise_engine.kernel.records import ActionRecord, StopRecord
+from rise_engine.run.client.socket import SocketClient
 
 HERE = Path(__file__).parent
 ROUNDS, GOALS, KEYS = 7, 60, 600

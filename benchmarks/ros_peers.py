@@ -27,7 +27,7 @@ from rise_adapters.ros2.actions.server_goal import ServerGoal
 from rise_adapters.ros2.transport.port import SENSOR, QoS
 from rise_adapters.ros2.transport.selection import open_transport
 
-from rise_engine.engine.clock import RealClock
+from rise_engine.run.engine.clock import RealClock
 
 SPEECH = "rise_interfaces/action/Speech"
 RESULT_TIMEOUT = 0.2

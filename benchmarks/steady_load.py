@@ -5,9 +5,9 @@ from __future__ import annotations
 import asyncio
 import time
 
-from rise_engine.engine.engine import Engine
 from rise_engine.kernel.inputs import Submit
-from rise_engine.server.hub import SessionHub
+from rise_engine.run.engine.engine import Engine
+from rise_engine.run.server.hub import SessionHub
 
 
 async def make_records(engine: Engine, hub: SessionHub, rate: float, end: asyncio.Future[str]) -> float:

@@ -16,26 +16,26 @@ from collections.abc import Callable, Mapping
 from pathlib import Path
 from tempfile import TemporaryDirectory
 
-from rise_engine.client import connect
-from rise_engine.client.socket import SocketClient
-from rise_engine.edit.workspace import Workspace
+from rise_engine.author.edit.workspace import Workspace
 from rise_engine.kernel.inputs import CheckReport
 from rise_engine.kernel.records import OutcomeStatus, RecordingStatus
 from rise_engine.ports.bridge import RosConnection
-from rise_engine.protocol.client import EngineGone
-from rise_engine.protocol.session_options import SessionOptions
+from rise_engine.run.client import connect
+from rise_engine.run.client.socket import SocketClient
+from rise_engine.run.protocol.client import EngineGone
+from rise_engine.run.protocol.session_options import SessionOptions
+from rise_engine.run.server.spawn import EngineRefused, start_engine
 from rise_engine.scenario.model import Scenario
-from rise_engine.server.spawn import EngineRefused, start_engine
 from rise_engine.study.study_toml import load_study
 from rise_tui.cli.study_folder import open_study
 from rise_tui.config.launch import Launcher, load_scenario
 from rise_tui.console.app import ConsoleApp
-from rise_tui.editing.app import EditApp
-from rise_tui.editing.model.draft import draft_of
-from rise_tui.editing.model.study_rows import row_id
-from rise_tui.editing.rule_page import RulePage
-from rise_tui.editing.sessions import NoSessions
-from rise_tui.editing.study import EditedStudy
+from rise_tui.editor.app import EditApp
+from rise_tui.editor.model.draft import draft_of
+from rise_tui.editor.model.study_rows import row_id
+from rise_tui.editor.rule_page import RulePage
+from rise_tui.editor.sessions import NoSessions
+from rise_tui.editor.study import EditedStudy
 
 IMAGES = Path(__file__).parent / "images"
 SPEED = 10

@@ -30,7 +30,7 @@ from typing import Any
 from tests.sources import PACKAGES, ROOT, imports, modules, parsed
 
 LABLINKING = ROOT / "scenarios" / "lablinking"
-EDITOR = ("rise_engine/edit", "rise_engine/lsp", "rise_tui/editing")
+EDITOR = ("rise_engine/author/edit", "rise_engine/author/lsp", "rise_tui/editor")
 WANTED = {
     "production code, lines": "<= 105,000",
     "production code, files": "<= 480",
@@ -78,14 +78,14 @@ def calls() -> Iterator[set[tuple[str, str]]]:
 
 def walk_key(place: Path) -> set[tuple[str, str]]:
     """One key in the console, to the simulated robot and back, until the row of its act says that it is done."""
-    from rise_engine.protocol.session_options import SessionOptions
+    from rise_engine.run.protocol.session_options import SessionOptions
     from rise_engine.scenario.model import Scenario
     from rise_engine.session.disk import Disk
     from rise_tui.config.launch import Launcher, load_scenario
     from rise_tui.console.app import ConsoleApp
-    from tests.console.conftest import Console
-    from tests.console.fake import DEMO, FakeClient, FakeLauncher, demo
-    from tests.server.serving import OwnSession
+    from tests.run.server.serving import OwnSession
+    from tests.tui.conftest import Console
+    from tests.tui.fake import DEMO, FakeClient, FakeLauncher, demo
 
     async def press() -> set[tuple[str, str]]:
         settings = SessionOptions(DEMO, seed=1)
@@ -109,8 +109,8 @@ def walk_key(place: Path) -> set[tuple[str, str]]:
 
 def walk_sentence(place: Path) -> set[tuple[str, str]]:
     """One sentence changed in the editor, to the plan of its bytes."""
-    from rise_engine.edit.edits import SetParameter
-    from rise_engine.edit.workspace import Workspace
+    from rise_engine.author.edit.edits import SetParameter
+    from rise_engine.author.edit.workspace import Workspace
 
     shutil.copytree(ROOT / "scenarios" / "greeting", place / "greeting")
     study = Workspace(place / "greeting")
@@ -133,7 +133,7 @@ def walk_load(_place: Path) -> set[tuple[str, str]]:
 def walk_study(place: Path) -> set[tuple[str, str]]:
     """A study's folder, to who comes next."""
     from rise_engine.study.state import read_state
-    from tests.analysis.samples import make_study
+    from tests.results.analysis.samples import make_study
 
     study = make_study(place / "study")
     with calls() as called:
@@ -143,10 +143,10 @@ def walk_study(place: Path) -> set[tuple[str, str]]:
 
 def walk_bids(place: Path) -> set[tuple[str, str]]:
     """A journal, to a first export as BIDS."""
-    from rise_engine.analysis.reading import read_session
-    from rise_engine.export.format import ExportContext
-    from rise_engine.export.formats import load_format
-    from tests.analysis.samples import play_session
+    from rise_engine.results.analysis.reading import read_session
+    from rise_engine.results.export.format import ExportContext
+    from rise_engine.results.export.formats import load_format
+    from tests.results.analysis.samples import play_session
 
     session = play_session(place / "sessions")
     with calls() as called:

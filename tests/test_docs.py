@@ -143,11 +143,11 @@ def test_what_is_not_there_would_be_found() -> None:
     text = (
         "`tests/nowhere.py`, `tests/test_docs.py: nothing, has`, `rise_engine/kernel/kernel.py: Kernel.handle`, "
         "`rise_engine/kernel/kernel.py: Kernel.nothing` and\n```python\nfrom rise_engine.nowhere import Thing\n"
-        "from rise_engine.client import connect, disconnect\n```\n"
+        "from rise_engine.run.client import connect, disconnect\n```\n"
     )
     assert [*dead_places(text), *dead_modules(text)] == [
         *("tests/nowhere.py", "tests/test_docs.py: nothing", "rise_engine/kernel/kernel.py: Kernel.nothing"),
-        *("rise_engine.nowhere", "rise_engine.nowhere.Thing", "rise_engine.client.disconnect"),
+        *("rise_engine.nowhere", "rise_engine.nowhere.Thing", "rise_engine.run.client.disconnect"),
     ]
 
 

@@ -1,4 +1,4 @@
-"""One tree of errors, and the drawing of it in rise_engine/errors.py is the tree there is.
+"""One tree of errors, and the drawing of it in rise_engine/base/errors.py is the tree there is.
 
 `python -m tests.test_errors` draws it anew, for whoever adds an error or changes what one says of itself.
 """
@@ -9,7 +9,7 @@ import ast
 import builtins
 import re
 
-import rise_engine.errors
+import rise_engine.base.errors
 from tests.sources import ROOT, facts, modules
 
 ERRORS = ROOT / "rise_engine" / "errors.py"
@@ -41,7 +41,7 @@ def drawing() -> str:
 
 
 def test_the_drawing_is_the_tree() -> None:
-    found = _DRAWING.search(rise_engine.errors.__doc__ or "")
+    found = _DRAWING.search(rise_engine.base.errors.__doc__ or "")
     assert found is not None and found.group() == drawing(), "give: python -m tests.test_errors"
 
 
@@ -53,7 +53,7 @@ def test_the_engine_raises_nothing_outside_of_the_tree() -> None:
             bases = [ast.unparse(base) for base in node.bases]
             if bases and all(hasattr(builtins, base) and base.endswith(("Error", "Exception")) for base in bases):
                 outside.append(f"{file.relative_to(ROOT)}: {bases}")
-    assert outside == ["rise_engine/errors.py: ['Exception']"]
+    assert outside == ["rise_engine/base/errors.py: ['Exception']"]
 
 
 if __name__ == "__main__":

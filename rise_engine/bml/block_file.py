@@ -4,6 +4,8 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 
+from rise_engine.base.nearest_name import did_you_mean
+from rise_engine.base.text import BLANKS
 from rise_engine.bml.findings import FORM, NO_ACTION, ConversionFindings
 from rise_engine.bml.vocabulary import (
     BEHAVIORS,
@@ -19,12 +21,10 @@ from rise_engine.bml.vocabulary import (
     START,
     ElementWords,
 )
-from rise_engine.nearest_name import did_you_mean
 from rise_engine.scenario.model import SourceLocation
 from rise_engine.scenario.source_files import SourceFile
 from rise_engine.scenario.xml import XmlFile, read_xml
 from rise_engine.syntax.xml import Element
-from rise_engine.text import BLANKS
 
 _XML = "http://www.w3.org/XML/1998/namespace"
 _BML = frozenset({NAMESPACE, EXTENSIONS})

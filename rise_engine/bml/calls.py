@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator
 from decimal import Decimal
 
+from rise_engine.base.nearest_name import did_you_mean
 from rise_engine.bml.block_file import BmlElement
 from rise_engine.bml.core_behavior import MODES, length_of
 from rise_engine.bml.findings import FORM, NAME, NO_ACTION, TIME, ConversionFindings
@@ -12,7 +13,6 @@ from rise_engine.bml.names import BmlNames, LexemeKind
 from rise_engine.bml.sync import milliseconds, read_seconds
 from rise_engine.bml.timing import BlockTimes, PlannedBehavior
 from rise_engine.bml.vocabulary import BEHAVIORS, DESCRIPTION_TYPE, DRAFT_NAMESPACES, MARKS, PROSODY, SSML_TYPE
-from rise_engine.nearest_name import did_you_mean
 from rise_engine.scenario.model import ActionCall
 from rise_engine.scenario.parameters import is_bare_key
 from rise_engine.scenario.ssml import write_element

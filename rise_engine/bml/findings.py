@@ -4,9 +4,9 @@ from __future__ import annotations
 
 from msgspec import Struct
 
+from rise_engine.base.text import clean
 from rise_engine.scenario.diagnostics import Diagnostics
 from rise_engine.scenario.model import SourceLocation
-from rise_engine.text import clean
 
 TIME = "bml-time"
 """The code of errors: a time that an act cannot keep exactly."""

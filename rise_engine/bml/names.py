@@ -9,7 +9,7 @@ from typing import Any, Literal, TypeAlias
 
 from msgspec import Struct, field
 
-from rise_engine.nearest_name import did_you_mean, in_backquotes
+from rise_engine.base.nearest_name import did_you_mean, in_backquotes
 from rise_engine.scenario.diagnostics import Diagnostics
 from rise_engine.scenario.model import RobotProfile
 from rise_engine.scenario.parameters import accepts_any_name, listed_names

@@ -12,11 +12,11 @@ from decimal import Decimal
 
 from msgspec import Struct
 
+from rise_engine.base.nearest_name import did_you_mean
 from rise_engine.bml.block_file import BmlElement
 from rise_engine.bml.findings import TIME, ConversionFindings
 from rise_engine.bml.sync import SyncTime, parse_sync
 from rise_engine.bml.vocabulary import END, INNER_POINTS, MARKS, START
-from rise_engine.nearest_name import did_you_mean
 from rise_engine.scenario.model import SourceLocation
 
 _SURE = "an act can wait for the end of an action, and then some seconds; it knows no point within one"

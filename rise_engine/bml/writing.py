@@ -13,6 +13,7 @@ from xml.sax.saxutils import escape, quoteattr
 
 from msgspec.structs import replace
 
+from rise_engine.base.text import pluralize
 from rise_engine.bml.core_behavior import CoreBehavior, core_behavior, point_of, target_name
 from rise_engine.bml.findings import ConversionFindings
 from rise_engine.bml.names import BmlNames, TargetPoint
@@ -21,7 +22,6 @@ from rise_engine.bml.vocabulary import DESCRIPTION_TYPE, NAMESPACE, OWN_NAMESPAC
 from rise_engine.scenario.model import Act, Action, ActionCall, CallingType, Json
 from rise_engine.scenario.source_files import SourceFile
 from rise_engine.scenario.template import MemorySlot, MissingValueError, Template
-from rise_engine.text import pluralize
 
 _ID = re.compile(r"[A-Za-z_]\w*", re.ASCII)
 _NOT_IN_ID = re.compile(r"\W", re.ASCII)

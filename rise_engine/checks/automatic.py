@@ -13,8 +13,8 @@ from contextlib import suppress
 from datetime import date, datetime
 from pathlib import Path
 
+from rise_engine.base.nearest_name import did_you_mean
 from rise_engine.checks.outcome import Finding
-from rise_engine.nearest_name import did_you_mean
 from rise_engine.scenario.loader import load
 from rise_engine.study.model import Participant, ParticipantStanding, SessionEntry, Study
 from rise_engine.study.planning import last_planned

@@ -14,9 +14,9 @@ from threading import Event
 import msgspec
 from msgspec import Struct
 
+from rise_engine.base.json_codec import encode
 from rise_engine.checks.outcome import Finding
 from rise_engine.checks.programs import first_line, run_program
-from rise_engine.json_codec import encode
 from rise_engine.ports.bridge import RosConnection
 from rise_engine.scenario.model import Mode
 from rise_engine.study.model import RecordingSettings

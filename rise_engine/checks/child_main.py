@@ -9,14 +9,14 @@ from pathlib import Path
 
 import msgspec
 
+from rise_engine.base.json_codec import encode
+from rise_engine.base.text import restore_all_surrogates
 from rise_engine.checks.child import ChildRequest
 from rise_engine.checks.kinds import look_at_explored
 from rise_engine.checks.outcome import Finding
 from rise_engine.checks.recorder import look_at_recorders
 from rise_engine.checks.replay import look_at_last_session
 from rise_engine.checks.robot import look_at_robot, say_word
-from rise_engine.json_codec import encode
-from rise_engine.text import restore_all_surrogates
 
 
 def main() -> None:

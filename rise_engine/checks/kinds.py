@@ -19,20 +19,20 @@ from msgspec import Struct
 from msgspec.structs import replace
 
 from rise_engine import __version__
+from rise_engine.author.explore.bounds import Bounds
+from rise_engine.author.explore.exploration import QUICK_SECONDS, Exploration, explore, main_rule, quick_bounds
+from rise_engine.author.explore.finding import FindingLevel
+from rise_engine.author.explore.playthrough import PlayedThrough, play_through
+from rise_engine.author.explore.space import Space
+from rise_engine.base.json_codec import encode
+from rise_engine.base.text import pluralize
 from rise_engine.checks.outcome import Finding
-from rise_engine.explore.bounds import Bounds
-from rise_engine.explore.exploration import QUICK_SECONDS, Exploration, explore, main_rule, quick_bounds
-from rise_engine.explore.finding import FindingLevel
-from rise_engine.explore.playthrough import PlayedThrough, play_through
-from rise_engine.explore.space import Space
-from rise_engine.json_codec import encode
 from rise_engine.scenario.loader import load
 from rise_engine.scenario.model import Mode, Scenario
 from rise_engine.session.disk import write_private_file
 from rise_engine.study.model import Study
 from rise_engine.study.review import review_study
 from rise_engine.study.session_kinds import SessionKind, session_kinds
-from rise_engine.text import pluralize
 
 KEPT = ".kinds.json"
 """In the study's folder; hidden, so that it is no part of what is published."""

@@ -20,9 +20,9 @@ from typing import IO
 
 from msgspec import Struct
 
+from rise_engine.base.text import clean
 from rise_engine.checks.outcome import CheckContext, Finding
 from rise_engine.study.check_programs import program_problem
-from rise_engine.text import clean
 
 TICK_SECONDS = 0.05
 """How often it is looked whether the program has ended although something still holds its output open."""

@@ -6,13 +6,13 @@ from contextlib import suppress
 from datetime import datetime
 from pathlib import Path
 
+from rise_engine.base.errors import SessionError
+from rise_engine.base.text import pluralize
 from rise_engine.checks.outcome import Finding
-from rise_engine.errors import SessionError
 from rise_engine.session.folder import JOURNAL, has_begun, read_info
 from rise_engine.session.lock import is_journal_locked
 from rise_engine.session.replay import compare_replay
 from rise_engine.study.labels import refuse_relabelled
-from rise_engine.text import pluralize
 
 
 def look_at_last_session(sessions: Path) -> Finding:

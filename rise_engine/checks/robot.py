@@ -8,19 +8,19 @@ from contextlib import asynccontextmanager
 
 from msgspec.structs import replace
 
+from rise_engine.base.errors import AdapterError
+from rise_engine.base.text import pluralize
 from rise_engine.checks.child import ChildRequest
 from rise_engine.checks.outcome import Finding
-from rise_engine.engine.clock import RealClock
-from rise_engine.engine.drivers import RobotOptionsError, driver_name_for, make_robot, open_bridge, profile_findings
-from rise_engine.engine.engine import Engine
-from rise_engine.errors import AdapterError
 from rise_engine.kernel.inputs import RobotChanged, Submit
 from rise_engine.kernel.records import FINAL, AnyRecord, TaskRecord
 from rise_engine.kernel.speech import SPEECH, why_not_speak
 from rise_engine.ports.robot import Robot, RobotReport
+from rise_engine.run.engine.clock import RealClock
+from rise_engine.run.engine.drivers import RobotOptionsError, driver_name_for, make_robot, open_bridge, profile_findings
+from rise_engine.run.engine.engine import Engine
 from rise_engine.scenario.loader import load
 from rise_engine.scenario.model import SIMULATED, RobotProfile, Scenario
-from rise_engine.text import pluralize
 
 ANSWER_SECONDS = 30.0
 """For which a robot is waited for."""

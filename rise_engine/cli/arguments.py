@@ -13,17 +13,17 @@ from typing import Any
 import click
 from msgspec.structs import replace
 
-from rise_engine.cli.loading import load_scenario
+from rise_engine.base.exit_status import USAGE
+from rise_engine.base.json_codec import JsonError, decode
 from rise_engine.cli.options import resolve_scenario
+from rise_engine.cli.scenario.loading import load_scenario
 from rise_engine.cli.terminal import Refused, exit_with_usage, print_notes, reason_of, refusing
-from rise_engine.engine.drivers import PARAMETERS, load_ros_plugin
-from rise_engine.exit_status import USAGE
 from rise_engine.expression import Assignment, ExpressionError
-from rise_engine.json_codec import JsonError, decode
 from rise_engine.kernel.inputs import Submit
 from rise_engine.ports.bridge import ParameterReader, RosConnection, RosTransport
-from rise_engine.protocol.session_options import SessionOptions
-from rise_engine.protocol.task_file import TaskFile, read_task_file, unknown_name_sentence
+from rise_engine.run.engine.drivers import PARAMETERS, load_ros_plugin
+from rise_engine.run.protocol.session_options import SessionOptions
+from rise_engine.run.protocol.task_file import TaskFile, read_task_file, unknown_name_sentence
 from rise_engine.scenario.model import Mode, Scenario
 
 

@@ -9,8 +9,8 @@ from typing import Any, TypeVar, cast
 
 import click
 
+from rise_engine.base.exit_status import USAGE
 from rise_engine.cli.terminal import exit_with_usage, refusing
-from rise_engine.exit_status import USAGE
 from rise_engine.ports.bridge import ROS_TRANSPORTS
 from rise_engine.scenario.file_names import SCENARIO_FILE, STUDY_FILE
 from rise_engine.scenario.shipped_studies import resolve_study, shipped_hint

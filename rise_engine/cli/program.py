@@ -14,55 +14,55 @@ from typing import Any
 import click
 
 from rise_engine import __version__
+from rise_engine.base.errors import RiseError
+from rise_engine.base.exit_status import BROKEN_PIPE, INTERRUPTED, OK
 from rise_engine.cli.terminal import Refused, clean_standard_streams, discard_rest
-from rise_engine.errors import RiseError
-from rise_engine.exit_status import BROKEN_PIPE, INTERRUPTED, OK
 
 _SECTIONS = {
     "Write scenarios": {
-        "new": ("new_scenario", "Make a study of your own in a new folder."),
-        "check": ("check", "Say everything that is wrong with a scenario."),
-        "explore": ("explore", "Look for dead ends in everything that can happen."),
-        "test": ("study_tests", "Play the tests of a scenario or study."),
-        "eval": ("evaluate", "Show the value of an expression."),
-        "expand": ("expand", "Print acts and rules without their templates."),
-        "graph": ("graph", "Draw rules and acts."),
-        "robots": ("robots", "List the robots that a scenario can name."),
-        "schema": ("robots", "Print the schema of acts and rules for an editor."),
+        "new": ("scenario.new_scenario", "Make a study of your own in a new folder."),
+        "check": ("scenario.check", "Say everything that is wrong with a scenario."),
+        "explore": ("scenario.explore", "Look for dead ends in everything that can happen."),
+        "test": ("study.tests", "Play the tests of a scenario or study."),
+        "eval": ("scenario.evaluate", "Show the value of an expression."),
+        "expand": ("scenario.expand", "Print acts and rules without their templates."),
+        "graph": ("scenario.graph", "Draw rules and acts."),
+        "robots": ("scenario.robots", "List the robots that a scenario can name."),
+        "schema": ("scenario.robots", "Print the schema of acts and rules for an editor."),
     },
     "Change scenarios": {
-        "edit": ("edit_file", "Make the changes of a JSON file, all or none."),
-        "fmt": ("edit_commands", "Format the files of a study."),
-        "rename": ("edit_commands", "Rename an act, rule, state, event or key everywhere."),
-        "uses": ("edit_commands", "Find where a name is used."),
-        "texts": ("texts", "Put all texts into a table, and take them back."),
-        "lsp": ("lsp", "Serve an editor with findings and completion."),
+        "edit": ("scenario.edit_file", "Make the changes of a JSON file, all or none."),
+        "fmt": ("scenario.edit_commands", "Format the files of a study."),
+        "rename": ("scenario.edit_commands", "Rename an act, rule, state, event or key everywhere."),
+        "uses": ("scenario.edit_commands", "Find where a name is used."),
+        "texts": ("scenario.texts", "Put all texts into a table, and take them back."),
+        "lsp": ("scenario.lsp", "Serve an editor with findings and completion."),
     },
     "Run sessions": {
-        "run": ("run", "Run a scenario without a console."),
-        "serve": ("serve", "Run a session that consoles attach to."),
-        "sessions": ("sessions", "List running and unfinished sessions."),
-        "stop": ("stop", "Stop the robot and end a session."),
-        "take-over": ("stop", "Continue a session with changed files."),
-        "doctor": ("robots", "Examine ROS 2 on this machine and the robot."),
-        "lsl": ("lsl", "Send markers to the Lab Streaming Layer."),
+        "run": ("session.run", "Run a scenario without a console."),
+        "serve": ("session.serve", "Run a session that consoles attach to."),
+        "sessions": ("session.sessions", "List running and unfinished sessions."),
+        "stop": ("session.stop", "Stop the robot and end a session."),
+        "take-over": ("session.stop", "Continue a session with changed files."),
+        "doctor": ("scenario.robots", "Examine ROS 2 on this machine and the robot."),
+        "lsl": ("session.lsl", "Send markers to the Lab Streaming Layer."),
     },
     "Run studies": {
-        "study": ("study_commands", "Make, check, plan and run a study."),
+        "study": ("study.commands", "Make, check, plan and run a study."),
     },
     "Use results": {
-        "report": ("report", "Summarize a session or a study."),
-        "export": ("export", "Write sessions as tables, BIDS, ELAN and more."),
-        "agree": ("agree", "Compute the agreement of wizards."),
-        "coded": ("coded", "Take annotations back from ELAN or BORIS."),
-        "media": ("media", "Attach films and sound to a session."),
-        "redact": ("redact", "Remove words from a session permanently."),
-        "replay": ("replay", "Replay a session, and compare the records."),
-        "reproduce": ("reproduce", "Check that a bundle reproduces its results."),
+        "report": ("data.report", "Summarize a session or a study."),
+        "export": ("data.export", "Write sessions as tables, BIDS, ELAN and more."),
+        "agree": ("data.agree", "Compute the agreement of wizards."),
+        "coded": ("data.coded", "Take annotations back from ELAN or BORIS."),
+        "media": ("data.media", "Attach films and sound to a session."),
+        "redact": ("data.redact", "Remove words from a session permanently."),
+        "replay": ("session.replay", "Replay a session, and compare the records."),
+        "reproduce": ("data.reproduce", "Check that a bundle reproduces its results."),
     },
     "Exchange files": {
-        "convert": ("convert", "Convert rules to SCXML and acts to BML, and back."),
-        "import": ("imports", "Make a scenario from another tool's files."),
+        "convert": ("scenario.convert", "Convert rules to SCXML and acts to BML, and back."),
+        "import": ("scenario.imports", "Make a scenario from another tool's files."),
     },
 }
 """Of each command, the module of this package in which it is the value of `COMMANDS`, and what help says of it."""

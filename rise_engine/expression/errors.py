@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from rise_engine.errors import RiseError
+from rise_engine.base.errors import RiseError
 
 
 class LanguageError(RiseError, ValueError):

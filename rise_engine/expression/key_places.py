@@ -8,13 +8,13 @@ from collections.abc import Iterator
 from itertools import pairwise
 from typing import Literal, NamedTuple
 
+from rise_engine.base.json_codec import JsonError, JsonObject, read_json
+from rise_engine.base.text import match_end
 from rise_engine.expression.assignment import Assignment
 from rise_engine.expression.errors import ExpressionError
 from rise_engine.expression.expression import Expression
 from rise_engine.expression.functions import SITUATION_ARITY
 from rise_engine.expression.tokens import KEY, path_end, tokenize
-from rise_engine.json_codec import JsonError, JsonObject, read_json
-from rise_engine.text import match_end
 
 _BLANKS = re.compile(r"\s*")
 _SLOT = re.compile(r"\{\{|\{\s*+(?:\"[^\"]*+\"\s*+)?([^\W\d][\w.]*+)(\s*+\[)?")

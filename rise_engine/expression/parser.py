@@ -9,6 +9,7 @@ from __future__ import annotations
 
 from typing import NamedTuple
 
+from rise_engine.base.json_codec import MAX_LEVELS
 from rise_engine.expression import parse_errors
 from rise_engine.expression.errors import ExpressionError
 from rise_engine.expression.functions import ARITY, CONSTANTS, SITUATION_ARITY
@@ -30,7 +31,6 @@ from rise_engine.expression.nodes import (
     depth,
 )
 from rise_engine.expression.tokens import Token, tokenize
-from rise_engine.json_codec import MAX_LEVELS
 
 MAX_NESTING = 250
 """Brackets and operators within each other, as written."""

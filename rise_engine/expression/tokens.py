@@ -10,10 +10,10 @@ from math import inf
 from typing import Any, NamedTuple
 from unicodedata import combining, normalize
 
+from rise_engine.base.json_codec import MAX_LEVELS
+from rise_engine.base.text import match_end
 from rise_engine.expression.errors import ExpressionError
 from rise_engine.expression.values import native_number
-from rise_engine.json_codec import MAX_LEVELS
-from rise_engine.text import match_end
 
 MAX_LENGTH = 100_000
 """Characters. Longer texts are refused: no author writes them."""

@@ -5,8 +5,8 @@ from __future__ import annotations
 import json
 from math import inf
 
+from rise_engine.base.json_codec import MAX_LEVELS
 from rise_engine.expression.environment import MISSING, Json
-from rise_engine.json_codec import MAX_LEVELS
 
 
 def is_true(value: Json) -> bool:

@@ -7,7 +7,7 @@ from typing import Any
 
 from msgspec import Struct
 
-from rise_engine.errors import ExchangeError
+from rise_engine.base.errors import ExchangeError
 from rise_engine.scenario.diagnostics import Diagnostics
 from rise_engine.scenario.model import SourceLocation
 

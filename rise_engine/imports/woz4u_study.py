@@ -9,13 +9,13 @@ from xml.sax.saxutils import escape, quoteattr
 
 from msgspec import Struct
 
+from rise_engine.base.text import pluralize
 from rise_engine.imports.annotated_speech import MadeAction, SpeechReader
 from rise_engine.imports.woz4u_file import WozFile, WozItem
 from rise_engine.scenario.keys import KeyRefusedError, bindable_key_name
 from rise_engine.scenario.model import RobotProfile
 from rise_engine.scenario.scenario_toml import MAX_LABEL_LENGTH
 from rise_engine.scenario.toml_tables import quote_toml_key
-from rise_engine.text import pluralize
 
 _FILES = {
     "animated_speech": ("acts/speech.xml", "What the robot says."),

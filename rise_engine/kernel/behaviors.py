@@ -11,8 +11,8 @@ from typing import Any, Literal, TypeAlias, TypeVar
 import msgspec
 from msgspec import Struct
 
-from rise_engine.errors import RiseError
-from rise_engine.nearest_name import did_you_mean
+from rise_engine.base.errors import RiseError
+from rise_engine.base.nearest_name import did_you_mean
 from rise_engine.scenario.durations import MAX_SECONDS, parse_time
 
 Content = TypeVar("Content", bound=Struct)

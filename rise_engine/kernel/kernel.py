@@ -11,7 +11,7 @@ from __future__ import annotations
 from itertools import count
 from typing import ClassVar, Literal
 
-from rise_engine.errors import RiseError
+from rise_engine.base.errors import RiseError
 from rise_engine.kernel.act_runner import ActRunner
 from rise_engine.kernel.commands import Command, StartAction
 from rise_engine.kernel.core import Core, parse_task_id
@@ -74,7 +74,7 @@ class Kernel:
     """
 
     act_runner: ClassVar[type[ActRunner]] = ActRunner
-    """What runs acts; exploring, for which an act is one thing, has its own (`rise_engine.explore.whole_acts`)."""
+    """What runs acts. Exploring, for which an act is one thing, has its own (`author.explore.whole_acts`)."""
 
     def __init__(self, scenario: Scenario, seed: int) -> None:
         """A session that has not begun; it raises nothing.

@@ -8,6 +8,7 @@ from __future__ import annotations
 import json
 from typing import Any, NamedTuple
 
+from rise_engine.base.typed_values import format_value
 from rise_engine.kernel.behaviors import describe_behavior
 from rise_engine.kernel.records import (
     ENGINE,
@@ -38,7 +39,6 @@ from rise_engine.kernel.records import (
     stopper_words,
 )
 from rise_engine.scenario.ssml import plain_words
-from rise_engine.typed_values import format_value
 
 FUNCTION_WORDS = {
     "startCommunicationRobotAct": "act",

@@ -12,10 +12,10 @@ from typing import Any
 import msgspec
 from msgspec.structs import replace
 
+from rise_engine.base.text import pluralize
 from rise_engine.kernel.core import TimerTarget
 from rise_engine.kernel.snapshot import RuleSnapshot, Snapshot
 from rise_engine.scenario.model import Act, Rule, Scenario, SourceLocation, State, Transition
-from rise_engine.text import pluralize
 
 _Identity = tuple[bytes, int]
 """What a transition is, and the how-manieth of those that are the same in its state."""

@@ -9,6 +9,7 @@ from __future__ import annotations
 from collections.abc import Callable, Iterable
 from functools import lru_cache
 
+from rise_engine.base.nearest_name import nearest_name
 from rise_engine.expression import Assignment, EvaluationError, ExpressionError
 from rise_engine.kernel.behaviors import (
     BehaviorError,
@@ -30,7 +31,6 @@ from rise_engine.kernel.session_keys import SessionKeys
 from rise_engine.kernel.speech import why_not_speak
 from rise_engine.kernel.stop import StoodRule, StopLatch
 from rise_engine.kernel.wizard_marks import LONGEST_SPEECH, WizardMarks
-from rise_engine.nearest_name import nearest_name
 from rise_engine.scenario.model import CUE_TOPICS, normal_topic, rule_start_behavior
 
 ACT_CALLING_TYPES = ("", "None", "Blocking", "Interrupt")

@@ -31,7 +31,7 @@ class RosConnection(Struct, frozen=True):
 
 
 SessionT = TypeVar("SessionT", contravariant=True)
-"""The session that a bridge joins: a `rise_engine.server.hub.SessionHub`, which knows the ports, not they it."""
+"""The session that a bridge joins: a `rise_engine.run.server.hub.SessionHub`, which knows the ports, not they it."""
 
 
 class Bridge(Protocol[SessionT]):
@@ -56,7 +56,7 @@ class Bridge(Protocol[SessionT]):
         """Show the session to other programs, and let them take part. Called once, before the session's first record,
         so that they miss none.
 
-        :param hub: the session: who takes part, its view and its records (`rise_engine.server.hub.SessionHub`).
+        :param hub: the session: who takes part, its view and its records (`rise_engine.run.server.hub.SessionHub`).
         """
         ...
 

@@ -2,7 +2,7 @@
 for other recorders (Lab Streaming Layer).
 
 An outlet is found by an entry point of the group `rise.outlets`. It runs in a process of its own and attaches to the
-session as any client does (`rise_engine.client.connect`), so that nothing that it does can hold up a session.
+session as any client does (`rise_engine.run.client.connect`), so that nothing that it does can hold up a session.
 """
 
 from __future__ import annotations
@@ -18,7 +18,7 @@ class OutletPlan(Struct, frozen=True):
     """What is to be passed on."""
 
     socket: str
-    """Of the session: a path, or its name, as `rise_engine.client.connect` takes it."""
+    """Of the session: a path, or its name, as `rise_engine.run.client.connect` takes it."""
     session: str = ""
     """Name of the session's folder."""
     task: str = ""

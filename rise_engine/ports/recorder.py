@@ -12,7 +12,7 @@ from typing import Literal, Protocol, TypeAlias
 
 from msgspec import Struct
 
-from rise_engine.errors import AdapterError
+from rise_engine.base.errors import AdapterError
 from rise_engine.scenario.model import Json
 
 MediaKind: TypeAlias = Literal["video", "audio", "bag", "streams", "other"]

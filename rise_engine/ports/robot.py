@@ -91,7 +91,7 @@ class Robot(Protocol):
     As the engine calls it, in virtual time:
 
     >>> from functools import partial
-    >>> from rise_engine.engine.clock import VirtualClock
+    >>> from rise_engine.run.engine.clock import VirtualClock
     >>> clock, reports = VirtualClock(), []
     >>> robot: Robot = Lamp(clock)
     >>> robot.connect(reports.append)
@@ -209,7 +209,7 @@ class Driver(Protocol):
     ...     if unknown := sorted(set(profile.options) - {"port"}):
     ...         raise ValueError(f"robots/{profile.name}.toml: there is no option {unknown[0]}")
     ...     return SimulatedRobot(profile, clock, seed, faults)
-    >>> from rise_engine.engine.clock import VirtualClock
+    >>> from rise_engine.run.engine.clock import VirtualClock
     >>> driver: Driver = make_lamp
     >>> driver(RobotProfile("lamp", "Lamp", "lamp", {}, {"prot": 9}), VirtualClock(), seed=1)
     Traceback (most recent call last):

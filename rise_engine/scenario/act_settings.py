@@ -11,7 +11,7 @@ from typing import Any
 from msgspec import Struct
 from msgspec.structs import asdict
 
-from rise_engine.nearest_name import did_you_mean, in_backquotes
+from rise_engine.base.nearest_name import did_you_mean, in_backquotes
 from rise_engine.scenario.diagnostics import Diagnostics
 from rise_engine.scenario.draft import Mention, ScenarioDraft
 from rise_engine.scenario.model import MAX_REPEATS, ActSettings, CallingType, SourceLocation, parse_failure_policy

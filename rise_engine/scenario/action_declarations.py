@@ -12,7 +12,7 @@ from typing import Literal, get_args
 
 from msgspec.structs import replace
 
-from rise_engine.nearest_name import did_you_mean
+from rise_engine.base.nearest_name import did_you_mean
 from rise_engine.scenario.diagnostics import Diagnostics
 from rise_engine.scenario.durations import MAX_SECONDS
 from rise_engine.scenario.model import ActionSpec, Parameter, ParameterType

@@ -5,7 +5,8 @@ from __future__ import annotations
 import re
 from functools import lru_cache, partial
 
-from rise_engine.nearest_name import did_you_mean
+from rise_engine.base.nearest_name import did_you_mean
+from rise_engine.base.text import BLANKS, character_name, find_unseen, pluralize
 from rise_engine.scenario.diagnostics import Diagnostics, unknown_code
 from rise_engine.scenario.draft import BareKey, Mention, PartMention, ScenarioDraft
 from rise_engine.scenario.element_reader import ElementReader
@@ -18,7 +19,6 @@ from rise_engine.scenario.ssml_checks import find_ssml_problems, languages_in
 from rise_engine.scenario.template import Template, TemplateError, key_template, parse_template
 from rise_engine.scenario.xml import XmlFile
 from rise_engine.syntax.xml import Element
-from rise_engine.text import BLANKS, character_name, find_unseen, pluralize
 
 WRAPPERS = ("Dialogs", "AgentDialogs", "CommunicationRobotActs")
 COMMON = ("actionID", "waitForActions", "onFailure")

@@ -6,8 +6,8 @@ from collections.abc import Callable, Collection
 from functools import partial
 from typing import Any, TypeVar, get_args
 
+from rise_engine.base.nearest_name import did_you_mean
 from rise_engine.expression import Assignment, Expression, ExpressionError
-from rise_engine.nearest_name import did_you_mean
 from rise_engine.scenario.delays import read_seconds
 from rise_engine.scenario.draft import Mention, StateMention
 from rise_engine.scenario.element_reader import ElementReader

@@ -11,7 +11,7 @@ from typing import Any
 
 from msgspec.json import encode
 
-from rise_engine.nearest_name import did_you_mean
+from rise_engine.base.nearest_name import did_you_mean
 from rise_engine.scenario.diagnostics import Diagnostics
 from rise_engine.scenario.draft import ConditionValue, Mention, ScenarioDraft
 from rise_engine.scenario.model import SESSION, Condition, Json

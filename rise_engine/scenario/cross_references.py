@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Collection
 from functools import cache
 
-from rise_engine.nearest_name import did_you_mean
+from rise_engine.base.nearest_name import did_you_mean
 from rise_engine.scenario.conditions import check_conditions
 from rise_engine.scenario.diagnostics import Diagnostics, unknown_code
 from rise_engine.scenario.draft import Mention, ScenarioDraft

@@ -12,9 +12,9 @@ from collections.abc import Iterator, Sequence
 
 from msgspec import Struct
 
+from rise_engine.base.text import match_end
 from rise_engine.scenario.diagnostics import Diagnostics
 from rise_engine.scenario.source_files import SourceFile
-from rise_engine.text import match_end
 
 MAX_COLUMNS = 200
 MAX_CHARACTERS = 10_000

@@ -11,9 +11,9 @@ from typing import Literal, TypeAlias
 from msgspec import UNSET, Struct, UnsetType
 from msgspec.structs import replace
 
-from rise_engine.nearest_name import is_in_other_form
+from rise_engine.base.nearest_name import is_in_other_form
+from rise_engine.base.text import clean
 from rise_engine.scenario.model import SourceLocation
-from rise_engine.text import clean
 
 Severity: TypeAlias = Literal["error", "warning"]
 

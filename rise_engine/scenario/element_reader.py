@@ -5,13 +5,13 @@ from __future__ import annotations
 from collections.abc import Callable, Collection, Iterator
 from functools import partial
 
-from rise_engine.nearest_name import did_you_mean
+from rise_engine.base.nearest_name import did_you_mean
+from rise_engine.base.text import BLANKS, character_name, find_unseen
 from rise_engine.scenario.diagnostics import Diagnostics
 from rise_engine.scenario.draft import Definition, ScenarioDraft
 from rise_engine.scenario.model import Act, Rule
 from rise_engine.scenario.xml import XmlFile
 from rise_engine.syntax.xml import Element
-from rise_engine.text import BLANKS, character_name, find_unseen
 
 
 class ElementReader:

@@ -13,7 +13,8 @@ import re
 from collections.abc import Iterable, Iterator
 from pathlib import Path
 
-from rise_engine.nearest_name import did_you_mean, nearest_name
+from rise_engine.base.nearest_name import did_you_mean, nearest_name
+from rise_engine.base.text import BLANKS
 from rise_engine.scenario.diagnostics import Diagnostics, unknown_code
 from rise_engine.scenario.draft import ScenarioDraft
 from rise_engine.scenario.element_reader import ElementReader
@@ -22,7 +23,6 @@ from rise_engine.scenario.model import SourceLocation
 from rise_engine.scenario.source_files import FileReader
 from rise_engine.scenario.xml import TextPiece, XmlFile, text_pieces, xml_of
 from rise_engine.syntax.xml import Element
-from rise_engine.text import BLANKS
 
 LIBRARY = Path(__file__).with_name("patterns")
 """The patterns that come with the program: one template a file, each file called as its template."""

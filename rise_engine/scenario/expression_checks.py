@@ -6,13 +6,13 @@ import re
 from collections.abc import Callable
 from functools import partial
 
+from rise_engine.base.typography import typography_problem
 from rise_engine.expression import Assignment, Expression, ExpressionError
 from rise_engine.expression.key_places import keys_in_expression, names_in_property
 from rise_engine.expression.nodes import Defined, walk
 from rise_engine.scenario.diagnostics import Diagnostics
 from rise_engine.scenario.draft import Mention, PartMention, ScenarioDraft, StateMention
 from rise_engine.scenario.model import SourceLocation
-from rise_engine.typography import typography_problem
 
 _PIECE = re.compile(r""" "(?:[^"\\]|\\.)*+" | '(?:[^'\\]|\\.)*+' | ([^\S\ \t\r\n]) """, re.VERBOSE | re.DOTALL)
 UNREADABLE_CONDITION = Expression.parse("false")

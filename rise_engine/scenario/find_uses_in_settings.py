@@ -8,8 +8,9 @@ from typing import Any
 
 from msgspec.structs import replace
 
+from rise_engine.base.json_codec import JsonError, JsonObject, read_json
+from rise_engine.base.text import match_end
 from rise_engine.expression.key_places import keys_in_assignment, keys_in_expression, names_in_property
-from rise_engine.json_codec import JsonError, JsonObject, read_json
 from rise_engine.scenario.explore_tables import PROPERTY_TABLES
 from rise_engine.scenario.memory import LIST_KEY
 from rise_engine.scenario.model import Rule, normal_topic
@@ -18,7 +19,6 @@ from rise_engine.scenario.toml_locations import KeyPath, TomlFile
 from rise_engine.scenario.toml_texts import WrittenText
 from rise_engine.scenario.trials import states_named
 from rise_engine.scenario.uses import Use, UsedKind
-from rise_engine.text import match_end
 
 _QUOTED = re.compile(r'"(?:[^"\\]|\\.)*"')
 _KINDS: dict[str, UsedKind] = {

@@ -12,10 +12,10 @@ from collections.abc import Iterable, Mapping
 from msgspec import UNSET
 from msgspec.structs import replace
 
+from rise_engine.base.text import match_end
 from rise_engine.scenario.diagnostics import Diagnostic
 from rise_engine.scenario.find_uses import written_length
 from rise_engine.scenario.source_files import SourceFile
-from rise_engine.text import match_end
 
 _QUOTED = re.compile(r"`([^`\r\n]+)`")
 _MOST_QUOTED = 4

@@ -1,7 +1,7 @@
 """What a save that was killed has left in a study's folder, so that it is read as if the save had come to its end.
 
 A save writes all new contents beside the files, then a note that names them, and only then renames
-(`rise_engine.edit.saving`). From the note on, the study is the new one, and whoever reads it follows the note.
+(`rise_engine.author.edit.saving`). From the note on, the study is the new one, and whoever reads it follows the note.
 The note holds names and sums, and no places: a folder that is copied with it says nothing about the one it came from.
 """
 

@@ -8,8 +8,8 @@ from __future__ import annotations
 
 from unicodedata import name as unicode_name
 
-from rise_engine.errors import RiseError
-from rise_engine.nearest_name import did_you_mean
+from rise_engine.base.errors import RiseError
+from rise_engine.base.nearest_name import did_you_mean
 
 PUNCTUATION = {
     "!": "exclamation_mark",

@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import re
 
-from rise_engine.nearest_name import did_you_mean
+from rise_engine.base.nearest_name import did_you_mean
 
 _TAG = re.compile(
     r"""[a-z]{2,3}(?:-[a-z]{3}){0,3}      # language, extended language

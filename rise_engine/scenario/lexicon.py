@@ -6,7 +6,7 @@ from collections.abc import Collection
 from typing import Any
 from unicodedata import normalize
 
-from rise_engine.nearest_name import did_you_mean
+from rise_engine.base.nearest_name import did_you_mean
 from rise_engine.scenario.diagnostics import Diagnostics
 from rise_engine.scenario.draft import ScenarioDraft
 from rise_engine.scenario.languages import language_fits, language_problem

@@ -12,7 +12,7 @@ from typing import Any
 from msgspec import Struct, field
 from msgspec.structs import replace
 
-from rise_engine.nearest_name import did_you_mean, in_backquotes, limited_comparisons
+from rise_engine.base.nearest_name import did_you_mean, in_backquotes, limited_comparisons
 from rise_engine.scenario.act_settings import ActTables
 from rise_engine.scenario.action_declarations import apply_declarations, name_places, read_places
 from rise_engine.scenario.acts import read_acts, report_unsent_ssml

@@ -6,7 +6,7 @@ import re
 from collections.abc import Collection
 from unicodedata import normalize
 
-from rise_engine.json_codec import JsonArray, JsonError, JsonMember, JsonObject, read_json, to_plain
+from rise_engine.base.json_codec import JsonArray, JsonError, JsonMember, JsonObject, read_json, to_plain
 from rise_engine.scenario.diagnostics import Diagnostics
 from rise_engine.scenario.draft import ScenarioDraft
 from rise_engine.scenario.source_files import SourceFile

@@ -9,10 +9,10 @@ from __future__ import annotations
 
 from collections.abc import Collection, Iterator, Mapping
 
+from rise_engine.base.nearest_name import in_backquotes, nearest_name
 from rise_engine.expression import lookup
 from rise_engine.expression.environment import reach_into
 from rise_engine.expression.values import describe
-from rise_engine.nearest_name import in_backquotes, nearest_name
 from rise_engine.scenario.model import Json
 
 _FEW = 12

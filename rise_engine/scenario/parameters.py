@@ -7,9 +7,9 @@ import re
 from collections.abc import Mapping
 from typing import Any
 
-from rise_engine.errors import RiseError
-from rise_engine.json_codec import is_64_bit
-from rise_engine.nearest_name import did_you_mean
+from rise_engine.base.errors import RiseError
+from rise_engine.base.json_codec import is_64_bit
+from rise_engine.base.nearest_name import did_you_mean
 from rise_engine.scenario.durations import MAX_SECONDS
 from rise_engine.scenario.model import ActionCall, ActionSpec, Parameter
 from rise_engine.scenario.template import Template, spoken_text

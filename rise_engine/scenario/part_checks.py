@@ -9,11 +9,11 @@ from __future__ import annotations
 from collections.abc import Collection, Iterable, Iterator, Mapping, Set
 from functools import cache
 
+from rise_engine.base.nearest_name import did_you_mean, in_backquotes, nearest_name
 from rise_engine.expression.environment import lookup
 from rise_engine.expression.nodes import Key, Literal, Negative, Node, Part, with_all_brackets
 from rise_engine.expression.parts import find_part
 from rise_engine.expression.values import describe
-from rise_engine.nearest_name import did_you_mean, in_backquotes, nearest_name
 from rise_engine.scenario.diagnostics import Diagnostics
 from rise_engine.scenario.draft import Mention, ScenarioDraft
 from rise_engine.scenario.model import SESSION, Act, Action, Json, Table

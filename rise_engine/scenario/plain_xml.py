@@ -7,10 +7,10 @@ from collections import Counter
 from collections.abc import Iterable, Iterator
 from xml.sax.saxutils import escape
 
+from rise_engine.base.text import BLANKS
 from rise_engine.scenario.blocks import FUNCTIONS
 from rise_engine.scenario.xml import XmlFile
 from rise_engine.syntax.xml import Element
-from rise_engine.text import BLANKS
 
 _IN_VALUES = {'"': "&quot;", "\n": "&#10;", "\t": "&#9;", "\r": "&#13;"}
 _IN_TEXTS = {"\r": "&#13;"}

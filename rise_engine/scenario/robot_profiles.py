@@ -10,8 +10,8 @@ from pathlib import Path
 
 from msgspec.structs import replace
 
-from rise_engine.nearest_name import did_you_mean
-from rise_engine.plugins import installed_plugins
+from rise_engine.base.nearest_name import did_you_mean
+from rise_engine.base.plugins import installed_plugins
 from rise_engine.scenario.action_declarations import apply_declarations, core_actions, name_places, read_places
 from rise_engine.scenario.diagnostics import Diagnostics
 from rise_engine.scenario.file_names import SCENARIO_FILE

@@ -10,8 +10,9 @@ from typing import get_args
 
 from msgspec.structs import replace
 
+from rise_engine.base.nearest_name import did_you_mean
+from rise_engine.base.text import BLANKS
 from rise_engine.expression import Expression
-from rise_engine.nearest_name import did_you_mean
 from rise_engine.scenario.blocks import NO_ATTRIBUTES, BlockReader
 from rise_engine.scenario.delays import read_delay
 from rise_engine.scenario.diagnostics import Diagnostics, unknown_code
@@ -29,7 +30,6 @@ from rise_engine.scenario.model import (
 )
 from rise_engine.scenario.xml import XmlFile
 from rise_engine.syntax.xml import Element
-from rise_engine.text import BLANKS
 
 WRAPPERS = ("InteractionRules",)
 _NUMBER = re.compile(r"\s*[-+]?(?:\d+(?:\.\d*)?|\.\d+)(?:[eE][-+]?\d+)?\s*\Z", re.ASCII)

@@ -5,8 +5,8 @@ from __future__ import annotations
 from functools import partial
 from typing import Any
 
+from rise_engine.base.nearest_name import did_you_mean
 from rise_engine.expression import Assignment, ExpressionError
-from rise_engine.nearest_name import did_you_mean
 from rise_engine.scenario.act_settings import read_act_tables, read_on_failure
 from rise_engine.scenario.conditions import read_conditions, read_private, read_study
 from rise_engine.scenario.delays import MIN_SECONDS

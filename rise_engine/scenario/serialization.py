@@ -8,10 +8,10 @@ from typing import Any
 import msgspec
 from msgspec.structs import replace
 
-from rise_engine.errors import RiseError
+from rise_engine.base.errors import RiseError
+from rise_engine.base.text import escape_surrogates, restore_surrogates
 from rise_engine.expression import Assignment, Expression
 from rise_engine.scenario.model import Scenario
-from rise_engine.text import escape_surrogates, restore_surrogates
 
 
 class ScenarioDecodeError(RiseError, ValueError):

@@ -5,7 +5,7 @@ A scenario that sets `session` itself has a key of its own of that name, as it a
 
 from __future__ import annotations
 
-from rise_engine.nearest_name import did_you_mean
+from rise_engine.base.nearest_name import did_you_mean
 from rise_engine.scenario.diagnostics import Diagnostics
 from rise_engine.scenario.draft import ScenarioDraft
 from rise_engine.scenario.model import SESSION, Json

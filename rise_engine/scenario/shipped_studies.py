@@ -10,8 +10,8 @@ import tomllib
 from pathlib import Path
 from shutil import copyfile
 
-from rise_engine.errors import RiseError
-from rise_engine.nearest_name import did_you_mean
+from rise_engine.base.errors import RiseError
+from rise_engine.base.nearest_name import did_you_mean
 from rise_engine.scenario.file_names import SCENARIO_FILE
 
 _PACKAGE = Path(__file__).parents[1]

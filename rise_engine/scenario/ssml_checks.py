@@ -7,7 +7,7 @@ from collections.abc import Iterator
 from itertools import islice
 from typing import NamedTuple
 
-from rise_engine.nearest_name import did_you_mean
+from rise_engine.base.nearest_name import did_you_mean
 from rise_engine.scenario.ssml import (
     BEGINNING,
     LANGUAGE_ATTRIBUTE,

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import json
 
-from rise_engine.nearest_name import did_you_mean, in_backquotes
+from rise_engine.base.nearest_name import did_you_mean, in_backquotes
 from rise_engine.scenario.conditions import how_to_write
 from rise_engine.scenario.model import Condition, Json, Scenario
 

@@ -11,8 +11,8 @@ import os
 from collections.abc import Iterable, Iterator, Sequence
 from pathlib import Path, PurePosixPath
 
+from rise_engine.base.text import UNSEEN, clean
 from rise_engine.scenario.file_names import SCENARIO_FILE, STUDY_FILE
-from rise_engine.text import UNSEEN, clean
 
 SUFFIXES = (".xml", ".toml", ".json", ".jsonl", ".csv", ".md", ".txt")
 """The ends of the names of a study's files: all of them are text."""

@@ -16,11 +16,11 @@ from operator import attrgetter
 
 from msgspec import UNSET, Struct
 
-from rise_engine.nearest_name import did_you_mean
+from rise_engine.base.nearest_name import did_you_mean
+from rise_engine.base.text import match_end
 from rise_engine.scenario.diagnostics import WARNING_CODES, Diagnostic, Diagnostics, join_uses
 from rise_engine.scenario.model import SourceLocation, TemplateLocation
 from rise_engine.scenario.source_files import SourceFile
-from rise_engine.text import match_end
 
 _MARK = "check:"
 _ALLOW = re.compile(r"\s*check:\s*allow\b(.*)", re.DOTALL)

@@ -7,7 +7,7 @@ from functools import partial
 from pathlib import Path
 from typing import Any, get_args
 
-from rise_engine.nearest_name import did_you_mean
+from rise_engine.base.nearest_name import did_you_mean
 from rise_engine.scenario.diagnostics import Diagnostics
 from rise_engine.scenario.source_files import MAX_TOML_BYTES, FileReader, SourceFile
 from rise_engine.scenario.table_values import ColumnType, DecimalMark

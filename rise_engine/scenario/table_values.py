@@ -7,7 +7,7 @@ import re
 from collections.abc import Sequence
 from typing import Literal, TypeAlias
 
-from rise_engine.json_codec import is_64_bit
+from rise_engine.base.json_codec import is_64_bit
 from rise_engine.scenario.model import Json
 
 ColumnType: TypeAlias = Literal["text", "number", "bool"]

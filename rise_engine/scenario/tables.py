@@ -11,7 +11,7 @@ from pathlib import Path
 
 from msgspec import Struct
 
-from rise_engine.nearest_name import did_you_mean
+from rise_engine.base.nearest_name import did_you_mean
 from rise_engine.scenario.csv_reader import MAX_CHARACTERS, SEPARATORS, SHOWN, TOO_LONG, CsvReader, TableRecord
 from rise_engine.scenario.diagnostics import Diagnostics
 from rise_engine.scenario.draft import ScenarioDraft

@@ -13,12 +13,12 @@ from typing import Any
 
 from msgspec import Struct
 
-from rise_engine.errors import RiseError
+from rise_engine.base.errors import RiseError
+from rise_engine.base.json_codec import MAX_LEVELS
+from rise_engine.base.text import match_end
 from rise_engine.expression import Environment, EvaluationError, Expression, ExpressionError, MissingPartError, lookup
 from rise_engine.expression.tokens import path_end
-from rise_engine.json_codec import MAX_LEVELS
 from rise_engine.scenario.ssml import begins_as_ssml, escape_value
-from rise_engine.text import match_end
 
 _SLOT = re.compile(
     r"""\{ \s*+ (?:"([^"]*+)" \s*+)? ([^\W\d][\w.]*+) \s*+ (?:"([^"]*+)" \s*+)? (?:\|([^}]*+))? \}""", re.VERBOSE

@@ -9,12 +9,12 @@ from functools import partial
 from math import isfinite
 from typing import Any
 
-from rise_engine.json_codec import is_64_bit
+from rise_engine.base.json_codec import is_64_bit
+from rise_engine.base.text import match_end
+from rise_engine.base.typography import find_typographic_closing, typography_problem
 from rise_engine.scenario.diagnostics import Diagnostics
 from rise_engine.scenario.model import SourceLocation
 from rise_engine.scenario.source_files import FileReader, SourceFile
-from rise_engine.text import match_end
-from rise_engine.typography import find_typographic_closing, typography_problem
 
 _BLANK = re.compile(r"(?:[ \t\r\n]|#[^\n]*)*")
 _SPACE = re.compile(r"[ \t]*")

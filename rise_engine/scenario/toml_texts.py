@@ -4,10 +4,10 @@ from __future__ import annotations
 
 import re
 
+from rise_engine.base.text import match_end
 from rise_engine.scenario.model import SourceLocation
 from rise_engine.scenario.source_files import SourceFile
 from rise_engine.scenario.toml_locations import KeyPath, TomlFile
-from rise_engine.text import match_end
 
 _BASIC = re.compile(r"\\(?:u[0-9A-Fa-f]{4}|U[0-9A-Fa-f]{8}|[ \t]*\r?\n\s*|.)|\r\n|.", re.DOTALL)
 

@@ -8,7 +8,7 @@ import stat
 from collections.abc import Mapping
 from pathlib import Path
 
-from rise_engine.errors import RiseError
+from rise_engine.base.errors import RiseError
 from rise_engine.scenario.study_paths import why_not_read
 
 Held = Mapping[str, bytes | None]

@@ -6,9 +6,9 @@ from collections.abc import Callable, Iterable, Mapping
 from functools import partial
 from typing import Any
 
+from rise_engine.base.nearest_name import did_you_mean
 from rise_engine.expression import Expression, ExpressionError
 from rise_engine.expression.nodes import Key, Part
-from rise_engine.nearest_name import did_you_mean
 from rise_engine.scenario.diagnostics import Diagnostics, unknown_code
 from rise_engine.scenario.draft import Mention, ScenarioDraft
 from rise_engine.scenario.expression_checks import expression_message, note_property

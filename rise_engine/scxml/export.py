@@ -12,6 +12,7 @@ import re
 from collections.abc import Iterable, Iterator
 from xml.sax.saxutils import escape
 
+from rise_engine.base.text import clean
 from rise_engine.scenario.model import (
     Block,
     Delay,
@@ -30,7 +31,6 @@ from rise_engine.scxml.expressions import assignment_code, condition_code, delay
 from rise_engine.scxml.helper_functions import helpers_for
 from rise_engine.scxml.limits import find_losses
 from rise_engine.scxml.rule_analysis import RuleAnalysis
-from rise_engine.text import clean
 
 NAMESPACE = "http://www.w3.org/2005/07/scxml"
 RISE_NAMESPACE = "urn:x-rise"

@@ -9,13 +9,13 @@ from collections.abc import Iterator
 
 from msgspec import Struct
 
+from rise_engine.base.nearest_name import in_backquotes
+from rise_engine.base.text import clean
 from rise_engine.expression.nodes import FunctionCall, Literal, Power
-from rise_engine.nearest_name import in_backquotes
 from rise_engine.scenario.diagnostics import Diagnostics
 from rise_engine.scenario.model import SESSION, Function, Json, Rule, Scenario, SourceLocation
 from rise_engine.scxml.expressions import APPROXIMATE_FUNCTIONS, EXACT_WHOLE_NUMBERS, is_limited, nodes_of
 from rise_engine.scxml.rule_analysis import RuleAnalysis
-from rise_engine.text import clean
 
 REFUSALS = {
     "scxml-chance": "how often a condition without event is looked at differs in SCXML, and so would what is drawn",

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from rise_engine.nearest_name import did_you_mean
+from rise_engine.base.nearest_name import did_you_mean
 from rise_engine.scenario.diagnostics import Diagnostics
 from rise_engine.scenario.source_files import SourceFile
 from rise_engine.scenario.xml import XmlFile, read_xml

@@ -6,10 +6,10 @@ import re
 from collections.abc import Iterator
 from xml.sax.saxutils import quoteattr
 
+from rise_engine.base.text import pluralize
 from rise_engine.scxml.chart import ChartState
 from rise_engine.scxml.content_translation import FunctionLine, IfLines, Lines, SendHelper
 from rise_engine.scxml.rules_of_chart import MadeRules, MadeState
-from rise_engine.text import pluralize
 
 _WIDTH = 110
 

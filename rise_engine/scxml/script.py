@@ -11,7 +11,7 @@ from typing import Any, TypeAlias
 
 from msgspec import Struct
 
-from rise_engine.errors import RiseError
+from rise_engine.base.errors import RiseError
 from rise_engine.expression import ExpressionError
 from rise_engine.expression.tokens import unquote
 from rise_engine.scenario.model import SourceLocation

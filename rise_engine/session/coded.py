@@ -14,7 +14,7 @@ from typing import Literal, TypeAlias
 from msgspec import Struct
 from msgspec.structs import replace
 
-from rise_engine.errors import SessionError
+from rise_engine.base.errors import SessionError
 from rise_engine.session.coded_formats import CodedClock, CodedSpan, read_coded_document, replace_words
 from rise_engine.session.disk import make_private_folder, write_private_file
 from rise_engine.session.levels import LevelFilter

@@ -19,8 +19,8 @@ import msgspec
 from lxml import etree
 from msgspec import Struct
 
-from rise_engine.errors import SessionError
-from rise_engine.nearest_name import did_you_mean
+from rise_engine.base.errors import SessionError
+from rise_engine.base.nearest_name import did_you_mean
 
 OWN_ANNOTATOR, OWN_TYPE = "rise-tui", "rise"
 """Who made a tier of ELAN that this program wrote, and its linguistic type."""

@@ -27,10 +27,11 @@ import msgspec
 from msgspec import Struct, field
 from msgspec.structs import asdict, replace
 
-from rise_engine.errors import SessionError
+from rise_engine.base.errors import SessionError
+from rise_engine.base.nearest_name import did_you_mean
+from rise_engine.base.text import escape_all_surrogates, restore_all_surrogates
 from rise_engine.kernel.inputs import SessionStarted
 from rise_engine.kernel.records import Purpose
-from rise_engine.nearest_name import did_you_mean
 from rise_engine.ports.bridge import RosConnection, RosTransport
 from rise_engine.scenario.file_names import DEFAULT_PATHS
 from rise_engine.scenario.loader import load
@@ -40,7 +41,6 @@ from rise_engine.session.journal_format import FORMAT
 from rise_engine.session.journal_format import JOURNAL as JOURNAL
 from rise_engine.session.labels import label_differences, labels_for, read_labels, refuse_differences
 from rise_engine.session.lock import LockHolder, forget_holder, is_journal_locked, read_holder, user_name
-from rise_engine.text import escape_all_surrogates, restore_all_surrogates
 
 _ANY_CONNECTION = RosConnection()
 INFO, SCENARIO_COPY = "session.toml", "scenario"

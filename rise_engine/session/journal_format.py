@@ -18,8 +18,8 @@ from zlib import crc32
 import msgspec
 from msgspec import Struct
 
-from rise_engine.errors import RiseError
-from rise_engine.json_codec import encode
+from rise_engine.base.errors import RiseError
+from rise_engine.base.json_codec import encode
 from rise_engine.kernel.inputs import AnyInput
 from rise_engine.kernel.records import AnyRecord
 

@@ -19,7 +19,7 @@ from typing import IO, Literal
 
 from msgspec import Struct, field
 
-from rise_engine.errors import SessionError
+from rise_engine.base.errors import SessionError
 from rise_engine.kernel.inputs import SessionEnded
 from rise_engine.kernel.records import AnyRecord, SessionRecord
 from rise_engine.session.journal_format import (

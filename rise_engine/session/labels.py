@@ -12,11 +12,11 @@ from typing import Any
 
 import msgspec
 
-from rise_engine.errors import SessionError
-from rise_engine.json_codec import JsonError, decode
+from rise_engine.base.errors import SessionError
+from rise_engine.base.json_codec import JsonError, decode
+from rise_engine.base.text import escape_surrogates
 from rise_engine.kernel.records import SessionRecord
 from rise_engine.session.journal_format import JOURNAL, LineError, read_line
-from rise_engine.text import escape_surrogates
 
 _LABELS = (
     *("participant", "condition", "factors", "study", "study_hash", "slot", "run", "attempt", "purpose"),

@@ -13,10 +13,10 @@ import re
 from collections.abc import Iterable, Mapping
 from typing import Any, Literal, TypeAlias
 
+from rise_engine.base.text import pluralize
 from rise_engine.kernel.records import ENGINE, AnyRecord
 from rise_engine.kernel.speech import SAY
 from rise_engine.session.private_values import NAMES_FIELDS, PrivateValues
-from rise_engine.text import pluralize
 
 ExportLevel: TypeAlias = Literal["full", "shared", "public"]
 LEVELS: tuple[ExportLevel, ...] = ("full", "shared", "public")

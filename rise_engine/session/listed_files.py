@@ -13,7 +13,7 @@ from typing import TypeVar
 
 import msgspec
 
-from rise_engine.errors import SessionError
+from rise_engine.base.errors import SessionError
 from rise_engine.session.disk import Disk, error_message, write_private_file
 
 WAIT_SECONDS, TRY_SECONDS = 10.0, 0.02

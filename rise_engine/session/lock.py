@@ -26,7 +26,7 @@ from weakref import WeakSet
 import msgspec
 from msgspec import Struct
 
-from rise_engine.errors import SessionError
+from rise_engine.base.errors import SessionError
 from rise_engine.session.disk import error_message, write_private_file
 
 HOLDER_FILE = "engine.json"

@@ -13,12 +13,12 @@ from typing import Any, TypeVar
 
 import msgspec
 
+from rise_engine.base.words import word_pattern
 from rise_engine.expression import Assignment, ExpressionError
 from rise_engine.kernel.records import AnyRecord, MemoryRecord
 from rise_engine.kernel.speech import SAY
 from rise_engine.scenario.model import ActionCall, Scenario
 from rise_engine.scenario.template import spoken_text
-from rise_engine.words import word_pattern
 
 WITHIN_WORDS = 3
 """Letters that a value has at least, for it to be looked for within longer words, too (`Anna` in `Annas`)."""

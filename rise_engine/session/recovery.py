@@ -13,7 +13,7 @@ from pathlib import Path
 
 from msgspec import Struct
 
-from rise_engine.errors import SessionError
+from rise_engine.base.errors import SessionError
 from rise_engine.kernel import Kernel
 from rise_engine.kernel.view import SessionView
 from rise_engine.scenario.model import Scenario

@@ -20,7 +20,8 @@ from typing import Any, get_args
 import msgspec
 from msgspec import Struct, field
 
-from rise_engine.errors import SessionError
+from rise_engine.base.errors import SessionError
+from rise_engine.base.words import WordError, Words
 from rise_engine.kernel import Kernel
 from rise_engine.kernel.inputs import AnyInput, TaskFunction
 from rise_engine.kernel.records import ENGINE, AnyRecord
@@ -34,7 +35,6 @@ from rise_engine.session.lock import HOLDER_FILE, JournalLock
 from rise_engine.session.replay import Replay, compare_replay, load_session_scenario, require_inputs
 from rise_engine.session.scenario_copies import offer_changed
 from rise_engine.session.shadow import SHADOW_FOLDER, is_being_written, replace_words, shadow_files
-from rise_engine.words import WordError, Words
 
 NEW_SUFFIX = ".redacting"
 """Of the new files, until they are put in place (they hold none of the words), and of what is just being erased."""

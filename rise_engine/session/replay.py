@@ -14,7 +14,7 @@ import msgspec
 from msgspec import Struct
 from msgspec.structs import replace
 
-from rise_engine.errors import SessionError
+from rise_engine.base.errors import SessionError
 from rise_engine.kernel import Kernel
 from rise_engine.kernel.commands import CancelTimer, SetTimer
 from rise_engine.kernel.inputs import TimerElapsed

@@ -13,7 +13,7 @@ from pathlib import Path
 
 from msgspec.structs import replace
 
-from rise_engine.errors import SessionError
+from rise_engine.base.errors import SessionError
 from rise_engine.kernel import Kernel
 from rise_engine.kernel.inputs import AnyInput, ScenarioChanged
 from rise_engine.scenario.file_names import DEFAULT_PATHS

@@ -17,7 +17,7 @@ import msgspec
 from msgspec import Struct
 
 from rise_engine import __version__
-from rise_engine.errors import SessionError
+from rise_engine.base.errors import SessionError
 from rise_engine.kernel.records import Mark
 from rise_engine.session.disk import Disk, error_message, make_private_folder
 

@@ -18,7 +18,7 @@ import msgspec
 from msgspec import Struct, field
 from msgspec.structs import replace
 
-from rise_engine.errors import SessionError
+from rise_engine.base.errors import SessionError
 from rise_engine.kernel import Kernel
 from rise_engine.kernel.inputs import AnyInput, Note, SessionStarted, Submit
 from rise_engine.kernel.records import ENGINE, AnyRecord, MemoryRecord, TaskRecord

@@ -8,10 +8,10 @@ from itertools import pairwise
 from msgspec import Struct
 from msgspec.structs import replace
 
+from rise_engine.base.text import pluralize
 from rise_engine.study.design import cells, condition_name, runs, strata_of, stratum_name
 from rise_engine.study.model import Slot, Study
 from rise_engine.study.plan import make_plan
-from rise_engine.text import pluralize
 
 _FEW = 8
 """How many numbers a line lists."""

@@ -1,7 +1,7 @@
 """Who begins which session of a study: from what was asked for to what the plan gives them, or why not.
 
 `plan_session` decides and writes nothing. `SessionPlan` says what the session is, down to its first input; whoever
-begins it writes `taken`, the folder and `session` under the log's lock (`rise_engine.server.study_session`).
+begins it writes `taken`, the folder and `session` under the log's lock (`rise_engine.run.server.study_session`).
 """
 
 from __future__ import annotations
@@ -12,9 +12,9 @@ from datetime import datetime
 from msgspec import Struct
 from msgspec.structs import replace
 
-from rise_engine.errors import StudyError
+from rise_engine.base.errors import StudyError
+from rise_engine.base.nearest_name import did_you_mean
 from rise_engine.kernel.inputs import CheckReport, SessionStarted
-from rise_engine.nearest_name import did_you_mean
 from rise_engine.scenario.loader import LoadResult
 from rise_engine.scenario.model import Mode
 from rise_engine.study.checked import check_text, skip_problem, still_good

@@ -8,8 +8,8 @@ from collections.abc import Sequence
 from contextlib import suppress
 from pathlib import Path
 
-from rise_engine.nearest_name import did_you_mean
-from rise_engine.text import clean, escape_surrogates
+from rise_engine.base.nearest_name import did_you_mean
+from rise_engine.base.text import clean, escape_surrogates
 
 
 def program_problem(arguments: Sequence[str], folder: str | Path) -> str:

@@ -7,7 +7,7 @@ from pathlib import Path
 
 from msgspec import Struct
 
-from rise_engine.nearest_name import did_you_mean, in_backquotes
+from rise_engine.base.nearest_name import did_you_mean, in_backquotes
 from rise_engine.scenario.csv_reader import MAX_COLUMNS, CsvReader, TableRecord
 from rise_engine.scenario.diagnostics import Diagnostics
 from rise_engine.scenario.model import SourceLocation

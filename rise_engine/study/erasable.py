@@ -13,7 +13,7 @@ from pathlib import Path
 
 from msgspec import Struct
 
-from rise_engine.errors import SessionError
+from rise_engine.base.errors import SessionError
 from rise_engine.scenario.file_names import SCENARIO_FILE
 from rise_engine.session.disk import tree_hash
 from rise_engine.session.folder import INFO, JOURNAL, read_info

@@ -4,10 +4,10 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
-from rise_engine.errors import SessionError, StudyError
+from rise_engine.base.errors import SessionError, StudyError
+from rise_engine.base.nearest_name import did_you_mean
 from rise_engine.kernel.inputs import OutcomeReport
 from rise_engine.kernel.records import OutcomeStatus
-from rise_engine.nearest_name import did_you_mean
 from rise_engine.scenario.model import Json
 from rise_engine.session.folder import mark_abandoned
 from rise_engine.study.labels import Reassignment, reassignments

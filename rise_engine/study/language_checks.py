@@ -5,7 +5,8 @@ from __future__ import annotations
 from collections.abc import Iterable, Mapping
 from pathlib import Path
 
-from rise_engine.nearest_name import did_you_mean, in_backquotes
+from rise_engine.base.nearest_name import did_you_mean, in_backquotes
+from rise_engine.base.text import pluralize
 from rise_engine.scenario.diagnostics import Diagnostics
 from rise_engine.scenario.loader import load
 from rise_engine.scenario.model import Scenario, SourceLocation
@@ -13,7 +14,6 @@ from rise_engine.study.begin import LANGUAGE
 from rise_engine.study.model import Participant, Study
 from rise_engine.study.participants import PARTICIPANTS_FILE
 from rise_engine.study.study_toml import STUDY_FILE
-from rise_engine.text import pluralize
 
 
 def check_languages(

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
 
+from rise_engine.base.nearest_name import did_you_mean
 from rise_engine.expression import lookup
-from rise_engine.nearest_name import did_you_mean
 from rise_engine.scenario.memory_paths import MemoryPaths
 from rise_engine.scenario.model import SESSION, Json, Scenario
 from rise_engine.scenario.toml_tables import TomlTable

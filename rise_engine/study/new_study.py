@@ -11,7 +11,7 @@ from textwrap import wrap
 
 from msgspec import Struct
 
-from rise_engine.errors import StudyError
+from rise_engine.base.errors import StudyError
 from rise_engine.scenario.diagnostics import Diagnostic
 from rise_engine.scenario.model import Json
 from rise_engine.scenario.study_paths import why_no_name, why_not_read

@@ -9,7 +9,7 @@ from pathlib import Path
 
 from msgspec import Struct
 
-from rise_engine.nearest_name import did_you_mean, in_backquotes, limited_comparisons, nearest_name
+from rise_engine.base.nearest_name import did_you_mean, in_backquotes, limited_comparisons, nearest_name
 from rise_engine.scenario.diagnostics import Diagnostic, Diagnostics
 from rise_engine.scenario.file_names import PARTICIPANTS_FILE as PARTICIPANTS_FILE
 from rise_engine.scenario.model import SourceLocation

@@ -8,7 +8,7 @@ from math import ceil
 
 from msgspec.structs import replace
 
-from rise_engine.nearest_name import did_you_mean, in_backquotes
+from rise_engine.base.nearest_name import did_you_mean, in_backquotes
 from rise_engine.scenario.model import Json
 from rise_engine.study.chance import SEEDS, Chance, session_seed
 from rise_engine.study.design import cells, condition_name, factors_of, runs, strata_of, stratum_name

@@ -14,8 +14,8 @@ from pathlib import Path
 
 from msgspec import Struct
 
-from rise_engine.errors import StudyError
-from rise_engine.nearest_name import did_you_mean, in_backquotes, limited_comparisons
+from rise_engine.base.errors import StudyError
+from rise_engine.base.nearest_name import did_you_mean, in_backquotes, limited_comparisons
 from rise_engine.scenario.diagnostics import Diagnostic, Diagnostics
 from rise_engine.session.disk import Disk, error_message
 from rise_engine.study.chance import SEEDS

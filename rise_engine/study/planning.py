@@ -13,8 +13,8 @@ from pathlib import Path
 from msgspec import Struct
 
 from rise_engine import __version__
-from rise_engine.errors import StudyError
-from rise_engine.nearest_name import in_backquotes
+from rise_engine.base.errors import StudyError
+from rise_engine.base.nearest_name import in_backquotes
 from rise_engine.scenario.model import Json, Scenario
 from rise_engine.study.balance import Balance, prove_balance
 from rise_engine.study.design import changed_parts, design_of

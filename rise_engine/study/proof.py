@@ -7,7 +7,7 @@ from pathlib import Path
 
 from msgspec import Struct
 
-from rise_engine.errors import SessionError
+from rise_engine.base.errors import SessionError
 from rise_engine.session.folder import JOURNAL, has_begun
 from rise_engine.session.replay import ReplayComparison, compare_replay
 from rise_engine.study.plan import runs_of

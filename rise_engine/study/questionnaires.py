@@ -12,7 +12,7 @@ from pathlib import Path
 
 from msgspec import Struct
 
-from rise_engine.nearest_name import did_you_mean, in_backquotes, limited_comparisons
+from rise_engine.base.nearest_name import did_you_mean, in_backquotes, limited_comparisons
 from rise_engine.scenario.diagnostics import Diagnostic, Diagnostics
 from rise_engine.scenario.model import SourceLocation
 from rise_engine.scenario.study_paths import why_no_name, why_not_read

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import cast
 
-from rise_engine.plugins import find_plugin, installed_plugins
+from rise_engine.base.plugins import find_plugin, installed_plugins
 from rise_engine.ports.recorder import Recorder, RecorderError, RecorderOpener
 from rise_engine.scenario.model import Json
 

@@ -6,7 +6,7 @@ import re
 from pathlib import Path
 from typing import Any
 
-from rise_engine.nearest_name import did_you_mean, in_backquotes, nearest_name
+from rise_engine.base.nearest_name import did_you_mean, in_backquotes, nearest_name
 from rise_engine.ports.recorder import RecorderError
 from rise_engine.scenario.toml_tables import TomlTable
 from rise_engine.study.model import MarkerSettings, RecorderSettings, RecordingSettings, SyncSettings

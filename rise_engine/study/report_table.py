@@ -2,7 +2,7 @@
 
 The items are paraphrased from the reporting guidelines in Riek 2012, "Wizard of Oz Studies in HRI: A Systematic Review
 and New Reporting Guidelines", Journal of Human-Robot Interaction 1(1), 119-136 (doi 10.5898/JHRI.1.1.Riek). What the
-record of the sessions knows itself is asked of nobody (`rise_engine.report.sheet`).
+record of the sessions knows itself is asked of nobody (`rise_engine.results.report.sheet`).
 """
 
 from __future__ import annotations

@@ -7,10 +7,10 @@ from contextlib import suppress
 from datetime import date, datetime, timedelta
 from pathlib import Path
 
+from rise_engine.base.text import pluralize
 from rise_engine.study.model import Study
 from rise_engine.study.sessions import StudySession
 from rise_engine.study.traces import registered_recordings
-from rise_engine.text import pluralize
 
 NAMED = 3
 """So many are named in a sentence; of the others, how many there are."""

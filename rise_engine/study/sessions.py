@@ -17,7 +17,7 @@ from typing import Any, BinaryIO, NamedTuple
 from msgspec import Struct
 from msgspec.structs import replace
 
-from rise_engine.errors import SessionError
+from rise_engine.base.errors import SessionError
 from rise_engine.kernel.inputs import AnyInput, CheckReport, OutcomeReport
 from rise_engine.scenario.model import Json
 from rise_engine.session.folder import JOURNAL, SessionInfo, has_begun, has_ended, is_abandoned, read_info

@@ -14,7 +14,7 @@ from types import TracebackType
 from msgspec import Struct
 from msgspec.structs import replace
 
-from rise_engine.errors import FileError
+from rise_engine.base.errors import FileError
 from rise_engine.scenario.model import Json
 from rise_engine.session.folder import mark_abandoned
 from rise_engine.study.minimise import cell_for

@@ -21,8 +21,8 @@ from typing import Any, Literal, TypeAlias
 
 from msgspec import Struct
 
-from rise_engine.errors import StudyError
-from rise_engine.json_codec import JsonError, decode, encode
+from rise_engine.base.errors import StudyError
+from rise_engine.base.json_codec import JsonError, decode, encode
 from rise_engine.scenario.diagnostics import Diagnostics
 from rise_engine.scenario.model import Json, SourceLocation
 from rise_engine.session.disk import Disk, error_message

@@ -7,7 +7,7 @@ from pathlib import Path
 
 from msgspec.structs import replace
 
-from rise_engine.nearest_name import did_you_mean
+from rise_engine.base.nearest_name import did_you_mean
 from rise_engine.scenario.diagnostics import Diagnostic
 from rise_engine.scenario.file_names import SCENARIO_FILE
 from rise_engine.scenario.loader import load

@@ -10,7 +10,7 @@ from collections.abc import Iterator
 from functools import lru_cache
 from pathlib import Path
 
-from rise_engine.errors import SessionError
+from rise_engine.base.errors import SessionError
 from rise_engine.kernel.inputs import RecordingReport, SessionStarted
 from rise_engine.kernel.records import RecordingRecord, SessionRecord
 from rise_engine.scenario.file_names import PARTICIPANTS_FILE as PARTICIPANTS_FILE
@@ -26,7 +26,7 @@ from rise_engine.study.study_log import LOG_FILE
 WORK_FOLDER = ".withdrawing"
 """In the study's folder, while somebody's data are being erased."""
 MANIFEST_FILE = "manifest-sha256.txt"
-"""The check sums of a bundle (`rise_engine.bundle`): a study's folder that has them is nobody's to write into."""
+"""The check sums of a bundle (`results.bundle`): a study's folder that has them is nobody's to write into."""
 
 
 def study_of_session(session: Path) -> Path | None:

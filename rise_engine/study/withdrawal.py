@@ -17,8 +17,8 @@ from typing import Any
 
 from msgspec.structs import replace
 
-from rise_engine.errors import StudyError
-from rise_engine.nearest_name import did_you_mean
+from rise_engine.base.errors import StudyError
+from rise_engine.base.nearest_name import did_you_mean
 from rise_engine.session.disk import Disk, error_message
 from rise_engine.session.folder import JOURNAL, sessions_folder
 from rise_engine.session.lock import is_journal_locked, read_holder, running_message

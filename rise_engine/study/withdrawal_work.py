@@ -9,7 +9,7 @@ from pathlib import Path
 import msgspec
 from msgspec import Struct, field
 
-from rise_engine.errors import StudyError
+from rise_engine.base.errors import StudyError
 from rise_engine.session.disk import Disk, error_message
 from rise_engine.session.erasure import erase_folder, has_other_names
 from rise_engine.session.unfinished_files import erase_all_unfinished

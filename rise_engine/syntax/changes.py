@@ -6,7 +6,7 @@ from collections.abc import Iterable, Sequence
 from difflib import SequenceMatcher
 from typing import NamedTuple
 
-from rise_engine.errors import RiseError
+from rise_engine.base.errors import RiseError
 
 
 class EditRefused(RiseError, ValueError):

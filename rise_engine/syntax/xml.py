@@ -16,8 +16,8 @@ from functools import cached_property, lru_cache
 from typing import Literal, NamedTuple, TypeAlias
 from xml.parsers import expat
 
-from rise_engine.errors import RiseError
-from rise_engine.text import BLANKS, character_name, match_end
+from rise_engine.base.errors import RiseError
+from rise_engine.base.text import BLANKS, character_name, match_end
 
 PieceKind: TypeAlias = Literal["text", "comment", "instruction", "CDATA"]
 ENTITY = re.compile(r"&(?:#x([0-9A-Fa-f]+)|#([0-9]+)|([A-Za-z]+));")

@@ -8,8 +8,8 @@ from __future__ import annotations
 
 import re
 
+from rise_engine.base.text import BLANKS
 from rise_engine.syntax.xml import Element, XmlTree, pieces
-from rise_engine.text import BLANKS
 
 WIDTH = 120
 """Columns of a line, where that can be had."""

@@ -11,10 +11,10 @@ from functools import lru_cache
 
 from msgspec import Struct
 
+from rise_engine.base.text import BLANKS
 from rise_engine.syntax.changes import Splice
 from rise_engine.syntax.xml import Element, XmlTree
 from rise_engine.syntax.xml_writing import NewElement
-from rise_engine.text import BLANKS
 
 _LINE_END = re.compile(r"\r\n?|\n")
 _REST_OF_LINE = re.compile(r"[ \t]*(?:<!--(?:(?!-->)[^\r\n])*-->[ \t]*)*(?=\r|\n|\Z)")

@@ -11,9 +11,9 @@ import re
 from bisect import bisect_right
 from typing import NamedTuple
 
+from rise_engine.base.text import GAP, character_name, find_unseen, match_end
+from rise_engine.base.typography import DOUBLE, SINGLE, straight_quote, typography_problem
 from rise_engine.syntax.changes import TextEdit
-from rise_engine.text import GAP, character_name, find_unseen, match_end
-from rise_engine.typography import DOUBLE, SINGLE, straight_quote, typography_problem
 
 _MARK = re.compile(r"[<&]")
 _REFERENCE = re.compile(r"&(?:(lt|gt|amp|quot|apos)|#[0-9]+|#x[0-9A-Fa-f]+);")

@@ -7,9 +7,9 @@ from collections.abc import Callable, Mapping, Sequence, Set
 
 from msgspec import Struct
 
+from rise_engine.base.text import character_name
 from rise_engine.syntax.changes import EditRefused, Splice
 from rise_engine.syntax.xml import CDATA, ENTITY, Element, WrittenAttribute, read_entity
-from rise_engine.text import character_name
 
 _NO_XML = re.compile("[^\t\n\r\x20-\ud7ff\ue000-\ufffd\U00010000-\U0010ffff]")
 _TEXT_UNIT = re.compile(rf"{ENTITY.pattern}|\s+|.", re.DOTALL)

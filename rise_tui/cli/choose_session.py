@@ -8,8 +8,8 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping, Sequence
 from typing import Protocol
 
-from rise_engine.exit_status import USAGE
-from rise_engine.protocol.messages import SessionSummary
+from rise_engine.base.exit_status import USAGE
+from rise_engine.run.protocol.messages import SessionSummary
 from rise_tui.cli.options import CommandLine
 from rise_tui.config.paths import abbreviate_home
 from rise_tui.config.settings import NothingStarted

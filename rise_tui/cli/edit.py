@@ -9,20 +9,20 @@ from pathlib import Path
 
 import click
 
-from rise_engine.client import connect
-from rise_engine.edit.plan import EditRefused
-from rise_engine.edit.study_above import scenarios_below
-from rise_engine.edit.workspace import Workspace
-from rise_engine.errors import RiseError
-from rise_engine.exit_status import REFUSED, USAGE
-from rise_engine.protocol.registry import RegistryError, ask_summary
+from rise_engine.author.edit.plan import EditRefused
+from rise_engine.author.edit.study_above import scenarios_below
+from rise_engine.author.edit.workspace import Workspace
+from rise_engine.base.errors import RiseError
+from rise_engine.base.exit_status import REFUSED, USAGE
+from rise_engine.run.client import connect
+from rise_engine.run.protocol.registry import RegistryError, ask_summary
 from rise_engine.scenario.file_names import PARTICIPANTS_FILE, SCENARIO_FILE, STUDY_FILE
 from rise_engine.session.folder import running_sessions
 from rise_engine.study.review import findings_of_files
 from rise_tui.cli.terminal import PlainTerminal
 from rise_tui.config.display import DisplayOptions, prepare_textual, with_detected_colors
 from rise_tui.config.paths import expand_home, key_file_path
-from rise_tui.editing.sessions import RunningHere
+from rise_tui.editor.sessions import RunningHere
 
 STOP_SECONDS = 5.0
 
@@ -37,7 +37,7 @@ def _participant(socket: str) -> str:
 
 
 class SessionsHere:
-    """Implements `rise_tui.editing.sessions.SessionWatch` over the sessions of this computer."""
+    """Implements `rise_tui.editor.sessions.SessionWatch` over the sessions of this computer."""
 
     def find(self, folder: Path) -> RunningHere | None:
         """The latest session that runs on this scenario."""

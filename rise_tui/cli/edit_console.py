@@ -8,18 +8,18 @@ from pathlib import Path
 
 import click
 
-from rise_engine.edit.workspace import Workspace
-from rise_engine.exit_status import USAGE
+from rise_engine.author.edit.workspace import Workspace
+from rise_engine.base.exit_status import USAGE
 from rise_tui.config.display import DisplayOptions, choose_theme, detect_colors
 from rise_tui.config.key_file import read_keys
 from rise_tui.config.keymap import how_to_mend
 from rise_tui.config.paths import PREFERENCES_NAME, state_folder
 from rise_tui.config.preferences import Preferences, load_saved
-from rise_tui.editing.app import EditApp
-from rise_tui.editing.exploring import explore_saved
-from rise_tui.editing.model.draft import draft_of
-from rise_tui.editing.sessions import SessionWatch
-from rise_tui.editing.study import EditedStudy
+from rise_tui.editor.app import EditApp
+from rise_tui.editor.exploring import explore_saved
+from rise_tui.editor.model.draft import draft_of
+from rise_tui.editor.sessions import SessionWatch
+from rise_tui.editor.study import EditedStudy
 
 
 def run_editor(workspace: Workspace, sessions: SessionWatch, key_file: Path | None, display: DisplayOptions) -> int:

@@ -10,7 +10,7 @@ from collections.abc import Iterator
 from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
 
-from rise_engine.protocol.registry import RegistryError, ask_all_summaries, runtime_folder
+from rise_engine.run.protocol.registry import RegistryError, ask_all_summaries, runtime_folder
 from rise_engine.session.folder import sessions_folder
 from rise_tui.config.display import DisplayOptions, choose_theme, detect_colors
 from rise_tui.config.key_file import read_keys

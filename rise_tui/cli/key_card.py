@@ -11,7 +11,7 @@ from typing import NamedTuple
 import click
 
 from rise_engine.kernel.behaviors import describe_behavior
-from rise_engine.protocol.session_options import SessionOptions
+from rise_engine.run.protocol.session_options import SessionOptions
 from rise_engine.scenario.keys import PUNCTUATION
 from rise_engine.scenario.model import KeyBinding, Scenario
 from rise_tui.actions import KEY_SCOPES, actions_in

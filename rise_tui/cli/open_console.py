@@ -8,12 +8,12 @@ from pathlib import Path
 
 import click
 
-from rise_engine.client.replay import ReplayClient
-from rise_engine.client.shadow import ShadowClient
-from rise_engine.client.socket import SocketClient
-from rise_engine.protocol.client import Client
-from rise_engine.protocol.registry import RegistryError, ask_summary
-from rise_engine.protocol.session_options import SessionOptions
+from rise_engine.run.client.replay import ReplayClient
+from rise_engine.run.client.shadow import ShadowClient
+from rise_engine.run.client.socket import SocketClient
+from rise_engine.run.protocol.client import Client
+from rise_engine.run.protocol.registry import RegistryError, ask_summary
+from rise_engine.run.protocol.session_options import SessionOptions
 from rise_tui.cli.options import CommandLine
 from rise_tui.cli.process_launcher import process_launcher
 from rise_tui.cli.study_folder import open_study

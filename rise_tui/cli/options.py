@@ -6,8 +6,8 @@ from msgspec import Struct
 
 from rise_engine.cli.arguments import parse_paths
 from rise_engine.ports.bridge import RosConnection, RosTransport
-from rise_engine.protocol.client import Role
-from rise_engine.protocol.session_options import SessionOptions
+from rise_engine.run.protocol.client import Role
+from rise_engine.run.protocol.session_options import SessionOptions
 from rise_tui.config.display import DisplayOptions
 
 

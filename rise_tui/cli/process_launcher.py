@@ -7,14 +7,14 @@ from time import monotonic, sleep
 
 from msgspec.structs import replace
 
-from rise_engine.client.socket import SocketClient
-from rise_engine.exit_status import ALREADY_RUNNING
+from rise_engine.base.exit_status import ALREADY_RUNNING
 from rise_engine.ports.bridge import RosConnection
-from rise_engine.protocol.client import AttachReply, Client, EngineGone, Role
-from rise_engine.protocol.registry import running_names, session_name
-from rise_engine.protocol.session_options import SessionOptions
+from rise_engine.run.client.socket import SocketClient
+from rise_engine.run.protocol.client import AttachReply, Client, EngineGone, Role
+from rise_engine.run.protocol.registry import running_names, session_name
+from rise_engine.run.protocol.session_options import SessionOptions
+from rise_engine.run.server.spawn import EngineRefused, EngineStarted, start_engine
 from rise_engine.scenario.model import Scenario
-from rise_engine.server.spawn import EngineRefused, EngineStarted, start_engine
 from rise_engine.study.traces import study_of_session
 from rise_tui.cli.study_folder import find_study
 from rise_tui.cli.terminal import UNNAMED

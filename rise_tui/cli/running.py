@@ -4,11 +4,11 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from rise_engine.cli.unfinished import unfinished_lines, unfinished_sessions
-from rise_engine.client.running_sessions import all_running_sessions
-from rise_engine.exit_status import USAGE
-from rise_engine.protocol.registry import RegistryError, find_running, running_names, session_name
-from rise_engine.protocol.session_options import SessionOptions
+from rise_engine.base.exit_status import USAGE
+from rise_engine.cli.session.unfinished import unfinished_lines, unfinished_sessions
+from rise_engine.run.client.running_sessions import all_running_sessions
+from rise_engine.run.protocol.registry import RegistryError, find_running, running_names, session_name
+from rise_engine.run.protocol.session_options import SessionOptions
 from rise_engine.session.folder import running_sessions
 from rise_tui.cli import choose_session
 from rise_tui.cli.options import CommandLine

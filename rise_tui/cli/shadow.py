@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-from rise_engine.client.shadow import ShadowClient, start_time
-from rise_engine.errors import SessionError
-from rise_engine.exit_status import UNFINISHED, USAGE
+from rise_engine.base.errors import SessionError
+from rise_engine.base.exit_status import UNFINISHED, USAGE
+from rise_engine.run.client.shadow import ShadowClient, start_time
 from rise_engine.session.folder import find_session
 from rise_engine.session.shadow import unfinished_shadow
 from rise_tui.cli.choose_session import Prompter

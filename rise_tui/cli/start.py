@@ -14,13 +14,13 @@ from typing import TYPE_CHECKING, NoReturn
 import click
 from msgspec.structs import replace
 
+from rise_engine.base.errors import SessionError
+from rise_engine.base.exit_status import ALREADY_RUNNING, REFUSED, USAGE
 from rise_engine.cli.arguments import parse_assignments
-from rise_engine.errors import SessionError
-from rise_engine.exit_status import ALREADY_RUNNING, REFUSED, USAGE
 from rise_engine.kernel.inputs import Submit
-from rise_engine.protocol.registry import RegistryError, ask_summary, running_names, session_name
-from rise_engine.protocol.session_options import SessionOptions
-from rise_engine.server.spawn import EngineProcess, EngineRefused, start_engine
+from rise_engine.run.protocol.registry import RegistryError, ask_summary, running_names, session_name
+from rise_engine.run.protocol.session_options import SessionOptions
+from rise_engine.run.server.spawn import EngineProcess, EngineRefused, start_engine
 from rise_engine.session.folder import find_session, find_unfinished, participant_text
 from rise_tui.cli import choose_session
 from rise_tui.cli.options import CommandLine

@@ -10,17 +10,17 @@ from pathlib import Path
 
 from msgspec.structs import replace
 
+from rise_engine.base.errors import FileError, SessionError, StudyError
 from rise_engine.checks import CheckContext, CheckOutcome, append_checked, pending_checks, run_check
-from rise_engine.client.socket import SocketClient
-from rise_engine.errors import FileError, SessionError, StudyError
 from rise_engine.kernel.inputs import CheckReport
 from rise_engine.ports.bridge import RosConnection
-from rise_engine.protocol.client import AttachReply
-from rise_engine.protocol.registry import RegistryError, ask_summary
-from rise_engine.protocol.session_options import SessionOptions
-from rise_engine.report.document import Document
+from rise_engine.results.report.document import Document
+from rise_engine.run.client.socket import SocketClient
+from rise_engine.run.protocol.client import AttachReply
+from rise_engine.run.protocol.registry import RegistryError, ask_summary
+from rise_engine.run.protocol.session_options import SessionOptions
+from rise_engine.run.server.spawn import EngineRefused, start_engine
 from rise_engine.scenario.loader import load as load_scenario
-from rise_engine.server.spawn import EngineRefused, start_engine
 from rise_engine.session.folder import JOURNAL
 from rise_engine.session.journal_format import InputLine, JournalHeader, LineError, read_line
 from rise_engine.session.lock import is_journal_locked, read_holder
@@ -247,7 +247,7 @@ class StudyFolder:
 
     def report(self, folder: str) -> Document:
         """What happened in a session; a blinded study calls its condition by the label."""
-        from rise_engine.report.making import make_session_report  # what nobody needs who only begins a session
+        from rise_engine.results.report.making import make_session_report  # what nobody needs who only begins a session
 
         study = load_study(self.folder, check_scenarios=False).study
         conditions = conditions_of(study) if study is not None else NO_CONDITIONS

@@ -8,7 +8,7 @@ from typing import Final
 
 import click
 
-from rise_engine.text import clean
+from rise_engine.base.text import clean
 
 
 class PlainTerminal:

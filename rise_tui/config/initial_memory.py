@@ -7,11 +7,11 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
-from rise_engine.edit.json_edits import MemoryFileNotEditable, edit_memory_text, memory_file_text
-from rise_engine.edit.plan import EditRefused
-from rise_engine.edit.saving import write_files
-from rise_engine.errors import RiseError
-from rise_engine.json_codec import json_equal
+from rise_engine.author.edit.json_edits import MemoryFileNotEditable, edit_memory_text, memory_file_text
+from rise_engine.author.edit.plan import EditRefused
+from rise_engine.author.edit.saving import write_files
+from rise_engine.base.errors import RiseError
+from rise_engine.base.json_codec import json_equal
 from rise_engine.scenario.file_names import DEFAULT_PATHS
 from rise_engine.scenario.model import Scenario
 from rise_engine.scenario.shipped_studies import shipped_name

@@ -15,7 +15,7 @@ from typing import Any
 
 from msgspec.structs import replace
 
-from rise_engine.nearest_name import did_you_mean
+from rise_engine.base.nearest_name import did_you_mean
 from rise_engine.scenario.diagnostics import Diagnostics
 from rise_engine.scenario.keys import KeyRefusedError, key_name
 from rise_engine.scenario.model import SourceLocation

@@ -10,11 +10,11 @@ from typing import Protocol, TypeAlias
 
 from msgspec import Struct
 
+from rise_engine.base.errors import RiseError
 from rise_engine.checks import CheckContext, CheckOutcome, PendingCheck
-from rise_engine.errors import RiseError
 from rise_engine.kernel.inputs import CheckReport
-from rise_engine.protocol.client import Client
-from rise_engine.report.document import Document
+from rise_engine.results.report.document import Document
+from rise_engine.run.protocol.client import Client
 from rise_engine.scenario.model import KeyBinding
 from rise_engine.study.model import OutcomeStatus, PlannedRun, Purpose, SessionEntry, Study, StudyCheck, StudyStanding
 

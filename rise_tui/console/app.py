@@ -11,10 +11,10 @@ from typing import Any, Literal
 
 from textual import events, on
 
-from rise_engine.protocol.client import Client, EngineGone, Rejected
-from rise_engine.protocol.registry import RegistryError
-from rise_engine.protocol.session_options import SessionOptions
-from rise_engine.protocol.session_start import start_problems
+from rise_engine.run.protocol.client import Client, EngineGone, Rejected
+from rise_engine.run.protocol.registry import RegistryError
+from rise_engine.run.protocol.session_options import SessionOptions
+from rise_engine.run.protocol.session_start import start_problems
 from rise_engine.scenario.model import Scenario
 from rise_tui.actions import bindings_in
 from rise_tui.config.keymap import KeyFile, how_to_mend, textual_keymap
@@ -28,8 +28,8 @@ from rise_tui.console.session import ConsoleSession
 from rise_tui.console.study_day import StudyDay
 from rise_tui.console.study_screen import StudyScreen
 from rise_tui.console.ui_state import SAVE_SECONDS, UiState, save_all
-from rise_tui.editing import typed_ahead
-from rise_tui.editing.typed_ahead import is_editing
+from rise_tui.editor import typed_ahead
+from rise_tui.editor.typed_ahead import is_editing
 from rise_tui.key_labels import use_own_keys, why_blocked
 from rise_tui.model.notice import Notice
 from rise_tui.rendering import themes

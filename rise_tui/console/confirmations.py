@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 from rise_engine.kernel.records import stopper_words
-from rise_engine.protocol.client import ControlVerb
+from rise_engine.run.protocol.client import ControlVerb
 from rise_engine.scenario.model import rule_start_behavior
 from rise_tui.actions import BY_ID
 from rise_tui.console.console_host import ConsoleHost

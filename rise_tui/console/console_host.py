@@ -6,7 +6,7 @@ from typing import Any, Protocol
 
 from textual.app import App
 
-from rise_engine.protocol.client import ControlVerb
+from rise_engine.run.protocol.client import ControlVerb
 from rise_tui.model.key_action import KeyAction
 from rise_tui.model.notice import Level
 from rise_tui.model.store import Store

@@ -8,12 +8,12 @@ from pathlib import Path
 
 from textual.app import App
 
-from rise_engine.edit.plan import EditRefused
-from rise_engine.edit.workspace import Workspace
+from rise_engine.author.edit.plan import EditRefused
+from rise_engine.author.edit.workspace import Workspace
 from rise_engine.study.review import findings_of_files
-from rise_tui.editing.model.draft import StudyDraft, draft_of
-from rise_tui.editing.screen import EditScreen
-from rise_tui.editing.study import EditedStudy
+from rise_tui.editor.model.draft import StudyDraft, draft_of
+from rise_tui.editor.screen import EditScreen
+from rise_tui.editor.study import EditedStudy
 
 RUNS = "the session that runs here goes on with its own copy of the files; what you save counts for the next one"
 

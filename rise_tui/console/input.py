@@ -10,7 +10,7 @@ from collections.abc import Callable
 from time import monotonic
 from typing import Protocol
 
-from rise_engine.drawing.study_keys import EVENT
+from rise_engine.author.drawing.study_keys import EVENT
 from rise_engine.kernel.behaviors import describe_behavior, is_object
 from rise_engine.scenario.model import normal_topic
 from rise_tui.actions import BY_ID

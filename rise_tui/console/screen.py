@@ -13,7 +13,7 @@ from textual.screen import Screen
 from textual.widget import Widget
 from textual.widgets import Input
 
-from rise_engine.protocol.client import ControlVerb
+from rise_engine.run.protocol.client import ControlVerb
 from rise_tui.actions import BY_ID, KeyScope, bindings_in
 from rise_tui.console import overlays
 from rise_tui.console.bars import ConsoleBars
@@ -23,7 +23,7 @@ from rise_tui.console.input import InputController, line_opener
 from rise_tui.console.layout import Layout
 from rise_tui.console.refresh import RefreshScheduler
 from rise_tui.console.session import ConsoleSession
-from rise_tui.editing.typed_ahead import is_editing
+from rise_tui.editor.typed_ahead import is_editing
 from rise_tui.key_labels import why_unavailable
 from rise_tui.messages import (
     AskToStart,

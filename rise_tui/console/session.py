@@ -7,9 +7,9 @@ from collections.abc import Callable, Sequence
 from itertools import count
 from time import monotonic
 
-from rise_engine.client.shadow import ShadowClient
 from rise_engine.kernel.inputs import CheckReport, Note, OutcomeReport, Submit
-from rise_engine.protocol.client import AttachReply, Client, ControlVerb, EngineGone, LinkLost, UpdateOrResync
+from rise_engine.run.client.shadow import ShadowClient
+from rise_engine.run.protocol.client import AttachReply, Client, ControlVerb, EngineGone, LinkLost, UpdateOrResync
 from rise_tui.key_labels import key_name, why_blocked
 from rise_tui.model.blocked import Deed
 from rise_tui.model.notice import Notice

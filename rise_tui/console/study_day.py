@@ -13,7 +13,7 @@ from textual.app import App
 from rise_engine.checks import CheckContext
 from rise_engine.kernel.inputs import CheckReport, OutcomeReport
 from rise_engine.kernel.records import SessionRecord
-from rise_engine.protocol.client import AttachReply
+from rise_engine.run.protocol.client import AttachReply
 from rise_engine.study.model import SessionEntry
 from rise_tui.config.launch import RecoveredClient
 from rise_tui.config.study_source import ReportProgress, StudyRefused, StudySource

@@ -18,8 +18,8 @@ from textual.binding import Binding, BindingType
 from textual.message import Message
 from textual.screen import Screen
 
+from rise_engine.base.nearest_name import did_you_mean
 from rise_engine.kernel.inputs import CheckReport
-from rise_engine.nearest_name import did_you_mean
 from rise_engine.study.model import ParticipantStanding, SessionEntry
 from rise_tui.actions import ON_STUDY_SCREEN, bindings_in, bindings_of
 from rise_tui.config.keymap import KeyFile, how_to_mend

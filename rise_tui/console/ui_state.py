@@ -7,7 +7,7 @@ from pathlib import Path
 
 from msgspec.structs import replace
 
-from rise_engine.protocol.registry import session_name
+from rise_engine.run.protocol.registry import session_name
 from rise_tui.config.paths import PREFERENCES_NAME, state_folder
 from rise_tui.config.preferences import Preferences, SavedLayout, load_saved, write_saved
 from rise_tui.console.screen import ConsoleScreen

@@ -7,7 +7,7 @@ from typing import NamedTuple
 from msgspec import Struct
 
 from rise_engine.kernel.records import ControlRecord, stopper_words
-from rise_engine.protocol.client import ControlVerb
+from rise_engine.run.protocol.client import ControlVerb
 from rise_tui.model.blocked import KeyNames
 from rise_tui.model.notice import Notice
 from rise_tui.rendering.text import clean, format_clock

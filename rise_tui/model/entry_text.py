@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator, Mapping
 from typing import Any
 
-from rise_engine.drawing.rule_text import functions_in
+from rise_engine.author.drawing.rule_text import functions_in
 from rise_engine.kernel.behaviors import describe_behavior
 from rise_engine.scenario.model import Function, Rule, Scenario, State, normal_topic
 from rise_tui.model.failures import fill_known

@@ -5,9 +5,9 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import Any, NamedTuple
 
-from rise_engine.drawing.conditions import is_met
-from rise_engine.drawing.rule_text import ENDINGS, parse_rule_result
-from rise_engine.drawing.study_keys import StudyKeys, transitions_of
+from rise_engine.author.drawing.conditions import is_met
+from rise_engine.author.drawing.rule_text import ENDINGS, parse_rule_result
+from rise_engine.author.drawing.study_keys import StudyKeys, transitions_of
 
 
 class ExpectedInputs(NamedTuple):

@@ -18,7 +18,7 @@ from contextlib import suppress
 
 import regex
 
-from rise_engine.errors import RiseError
+from rise_engine.base.errors import RiseError
 
 MOST_CHARACTERS = 500
 """Characters of a row that a regular expression sees."""

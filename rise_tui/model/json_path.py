@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator
 from typing import Any, TypeAlias
 
-from rise_engine.errors import RiseError
+from rise_engine.base.errors import RiseError
 
 JsonPath: TypeAlias = tuple[str | int, ...]
 """A memory key, then names into objects and indexes into arrays."""

@@ -5,7 +5,7 @@ from __future__ import annotations
 from msgspec import Struct
 from msgspec.structs import replace
 
-from rise_engine.drawing.study_keys import ACT
+from rise_engine.author.drawing.study_keys import ACT
 from rise_engine.scenario.model import KeyBinding, Scenario
 
 HELD_KEY_SECONDS = 0.15

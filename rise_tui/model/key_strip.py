@@ -9,7 +9,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from typing import NamedTuple
 
-from rise_engine.drawing.study_keys import ACT, RULE, StudyKeys, key_title
+from rise_engine.author.drawing.study_keys import ACT, RULE, StudyKeys, key_title
 from rise_engine.scenario.model import KeyBinding, Scenario
 from rise_tui.model.states import EXPECTED, RUNNING, SENT
 from rise_tui.model.store import Store

@@ -6,7 +6,7 @@ import json
 from collections.abc import Mapping, Sequence
 from typing import NamedTuple
 
-from rise_engine.drawing.rule_text import wait_text
+from rise_engine.author.drawing.rule_text import wait_text
 from rise_engine.kernel.behaviors import Resumption
 from rise_tui.model.entry_text import entry_summary
 from rise_tui.model.store import Store

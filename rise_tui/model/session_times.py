@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import re
 
-from rise_engine.errors import RiseError
+from rise_engine.base.errors import RiseError
 
 _CLOCK = re.compile(r"(?:(\d{1,3}):)?(\d{1,3}):(\d{1,2}(?:\.\d+)?)")
 _PARTS = re.compile(r"(?:(\d+(?:\.\d+)?)h)?(?:(\d+(?:\.\d+)?)m(?:in)?)?(?:(\d+(?:\.\d+)?)s?)?")

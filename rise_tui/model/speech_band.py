@@ -8,7 +8,7 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from typing import Any, NamedTuple
 
-from rise_engine.drawing.study_keys import RULE, key_title, short_title
+from rise_engine.author.drawing.study_keys import RULE, key_title, short_title
 from rise_engine.scenario.model import KeyBinding, Scenario
 from rise_tui.model.blocked import KeyNames
 from rise_tui.model.robot_speech import CurrentSentence, longest_sentence, remaining_sentences

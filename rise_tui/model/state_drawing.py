@@ -6,7 +6,7 @@ from typing import NamedTuple
 
 from rich.cells import cell_len
 
-from rise_engine.drawing.state_graph import GraphEdge, GraphLayout, GraphRow, edge_path
+from rise_engine.author.drawing.state_graph import GraphEdge, GraphLayout, GraphRow, edge_path
 from rise_tui.rendering.text import ListRow, StyledSpan, TextRole, clean, crop, line_width, shorten
 
 HERE, STATE = "here", "state"

@@ -12,8 +12,8 @@ from typing import Any, Literal, TypeAlias, get_args
 
 from msgspec import Struct
 
-from rise_engine.drawing.act_seconds import estimate_act_seconds
-from rise_engine.drawing.study_keys import StudyKeys
+from rise_engine.author.drawing.act_seconds import estimate_act_seconds
+from rise_engine.author.drawing.study_keys import StudyKeys
 from rise_engine.kernel.behaviors import started_rule
 from rise_engine.kernel.record_words import words_of
 from rise_engine.kernel.records import (
@@ -41,7 +41,7 @@ from rise_engine.kernel.records import (
 )
 from rise_engine.kernel.task_view import TaskView
 from rise_engine.kernel.view import ActView, RuleView, SessionView
-from rise_engine.protocol.client import (
+from rise_engine.run.protocol.client import (
     AttachReply,
     Heartbeat,
     JournalStatus,

@@ -8,7 +8,7 @@ from typing import Any, Literal
 
 from msgspec import Struct
 
-from rise_engine.json_codec import json_equal
+from rise_engine.base.json_codec import json_equal
 from rise_engine.kernel.records import MemoryRecord
 from rise_engine.kernel.view import MemoryView
 from rise_tui.rendering.text import format_value

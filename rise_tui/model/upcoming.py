@@ -9,9 +9,9 @@ from __future__ import annotations
 from collections.abc import Iterable, Iterator
 from typing import NamedTuple
 
-from rise_engine.drawing.conditions import is_met
-from rise_engine.drawing.rule_text import functions_in, wait_text
-from rise_engine.drawing.study_keys import ACT, transitions_of
+from rise_engine.author.drawing.conditions import is_met
+from rise_engine.author.drawing.rule_text import functions_in, wait_text
+from rise_engine.author.drawing.study_keys import ACT, transitions_of
 from rise_engine.kernel.task_view import TaskView
 from rise_engine.scenario.fillers import next_filler
 from rise_engine.scenario.model import KeyBinding, Transition

@@ -9,9 +9,9 @@ from typing import Any
 
 from rich.cells import cell_len
 
-from rise_engine.drawing.conditions import is_met, split_condition
-from rise_engine.drawing.rule_text import Truth, find_awaited_act, truth_of, wait_text
-from rise_engine.drawing.study_keys import ACT, RULE, transitions_of
+from rise_engine.author.drawing.conditions import is_met, split_condition
+from rise_engine.author.drawing.rule_text import Truth, find_awaited_act, truth_of, wait_text
+from rise_engine.author.drawing.study_keys import ACT, RULE, transitions_of
 from rise_engine.expression import Expression
 from rise_engine.kernel.view import RuleView
 from rise_engine.scenario.model import Rule, State, Transition, normal_topic

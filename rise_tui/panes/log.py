@@ -7,9 +7,9 @@ from time import monotonic
 
 from textual import on
 
+from rise_engine.base.time_slicer import TimeSlicer
 from rise_engine.kernel.records import FINAL
 from rise_engine.kernel.task_view import TaskView
-from rise_engine.time_slicer import TimeSlicer
 from rise_tui.actions import bindings_in
 from rise_tui.messages import ShowNotice
 from rise_tui.model.filtering import InvalidFilter

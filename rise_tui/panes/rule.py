@@ -6,9 +6,9 @@ from collections.abc import Sequence
 
 from textual.widget import Widget
 
-from rise_engine.drawing.rule_text import engine_raises_text
-from rise_engine.drawing.state_graph import GraphLayout, lay_out_graph
-from rise_engine.drawing.study_keys import RULE
+from rise_engine.author.drawing.rule_text import engine_raises_text
+from rise_engine.author.drawing.state_graph import GraphLayout, lay_out_graph
+from rise_engine.author.drawing.study_keys import RULE
 from rise_engine.kernel.view import RuleView
 from rise_engine.scenario.model import Rule
 from rise_tui.actions import bindings_in

@@ -8,7 +8,7 @@ from collections.abc import Iterable, Iterator, Mapping
 from pathlib import Path
 from typing import Any
 
-from rise_engine.errors import RiseError
+from rise_engine.base.errors import RiseError
 from rise_engine.kernel.task_view import TaskView
 
 CLIPBOARD_BYTES = 75_000

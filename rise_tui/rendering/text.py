@@ -8,11 +8,11 @@ from typing import Literal, NamedTuple, TypeAlias
 
 from rich.cells import cell_len, set_cell_size
 
-from rise_engine.text import clean as clean
-from rise_engine.typed_values import JSON_TYPES as JSON_TYPES
-from rise_engine.typed_values import format_value as format_value
-from rise_engine.typed_values import json_type_name as json_type_name
-from rise_engine.typed_values import parse_typed_value as parse_typed_value
+from rise_engine.base.text import clean as clean
+from rise_engine.base.typed_values import JSON_TYPES as JSON_TYPES
+from rise_engine.base.typed_values import format_value as format_value
+from rise_engine.base.typed_values import json_type_name as json_type_name
+from rise_engine.base.typed_values import parse_typed_value as parse_typed_value
 
 TextRole: TypeAlias = Literal["plain", "strong", "muted", "accent", "wait", "fault", "key", "alarm", "call", "match"]
 """What a piece of text means; a theme decides how it looks. `fault` and `alarm` are the only red ones.

@@ -9,8 +9,8 @@ from collections.abc import Callable, Iterable, Iterator, Sequence
 from functools import partial
 from typing import NamedTuple
 
-from rise_engine.drawing.rule_text import ENDINGS
-from rise_engine.drawing.study_keys import ACT, EVENT, RULE, SET, key_title
+from rise_engine.author.drawing.rule_text import ENDINGS
+from rise_engine.author.drawing.study_keys import ACT, EVENT, RULE, SET, key_title
 from rise_engine.kernel.behaviors import describe_behavior
 from rise_engine.scenario.model import KeyBinding, normal_topic
 from rise_tui.actions import ACTIONS, BY_ID, IN_EDITOR, KEY_SCOPES, ON_STUDY_SCREEN, ConsoleAction, KeyScope, actions_in

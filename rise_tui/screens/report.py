@@ -12,8 +12,8 @@ from typing import NamedTuple
 from textual import events, on
 from textual.app import ComposeResult
 
-from rise_engine.report.document import Document
-from rise_engine.report.plain_text import WIDTH, text_lines
+from rise_engine.results.report.document import Document
+from rise_engine.results.report.plain_text import WIDTH, text_lines
 from rise_tui.rendering.later import Later
 from rise_tui.rendering.modal import SingleDismissModal
 from rise_tui.rendering.text import ListRow, TextRole, crop, wrap

@@ -13,11 +13,11 @@ import pytest
 from click.testing import CliRunner
 from rise_adapters.lsl import outlet, send_markers
 
+from rise_engine.base.errors import AdapterError
+from rise_engine.base.exit_status import NO_SUCH_SESSION, USAGE
 from rise_engine.cli.program import main
-from rise_engine.errors import AdapterError
-from rise_engine.exit_status import NO_SUCH_SESSION, USAGE
 from rise_engine.ports.outlet import OutletPlan
-from rise_engine.recording.outlets import find_outlet
+from rise_engine.run.recording.outlets import find_outlet
 
 
 def settings(scope: str) -> configparser.ConfigParser:

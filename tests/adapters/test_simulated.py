@@ -10,10 +10,10 @@ from msgspec.structs import replace
 from rise_adapters.simulated import SimulatedRobot
 from rise_adapters.simulated.faults import ActionFault, LinkFault, parse_fault
 
-from rise_engine.engine.clock import VirtualClock
 from rise_engine.kernel.commands import StartAction
 from rise_engine.kernel.inputs import ActionReport, RobotChanged, StopReport
 from rise_engine.ports.robot import RobotReport
+from rise_engine.run.engine.clock import VirtualClock
 from rise_engine.scenario.action_declarations import core_actions
 from rise_engine.scenario.model import RobotProfile
 

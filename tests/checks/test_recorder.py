@@ -14,7 +14,7 @@ from rise_engine.checks.outcome import Finding
 from rise_engine.checks.recorder import look_at_recorders
 from rise_engine.ports.recorder import RecorderStatus
 from rise_engine.study.model import RecorderSettings, RecordingSettings, StudyCheck
-from tests.recording.recorders import ScriptedRecorder, hang, refuse
+from tests.run.recording.recorders import ScriptedRecorder, hang, refuse
 from tests.study.studies import DESIGN, HEAD, PEOPLE, write_study
 
 

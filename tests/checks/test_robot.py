@@ -25,7 +25,7 @@ from tests.checks.robots import ACTIONS, Lamp, scenario
 
 def use(monkeypatch: pytest.MonkeyPatch, **behaviour: object) -> type[Lamp]:
     kind = type("LampOfTest", (Lamp,), behaviour)
-    monkeypatch.setattr("rise_engine.engine.drivers.find_driver", lambda name: kind)
+    monkeypatch.setattr("rise_engine.run.engine.drivers.find_driver", lambda name: kind)
     return kind
 
 

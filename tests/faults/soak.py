@@ -30,12 +30,12 @@ import msgspec
 
 from rise_engine.kernel.inputs import Submit
 from rise_engine.kernel.records import ENDINGS, ActionRecord
-from rise_engine.protocol import messages
-from rise_engine.protocol.session_options import SessionOptions
+from rise_engine.run.protocol import messages
+from rise_engine.run.protocol.session_options import SessionOptions
+from rise_engine.run.server.process import serve
+from rise_engine.run.server.spawn import EngineRefused, EngineStarted, StartOutcome, StartupProgress
 from rise_engine.scenario.loader import load
 from rise_engine.scenario.model import Scenario
-from rise_engine.server.process import serve
-from rise_engine.server.spawn import EngineRefused, EngineStarted, StartOutcome, StartupProgress
 from rise_engine.session.folder import JOURNAL
 from rise_engine.session.journal_format import InputLine
 from rise_engine.session.journal_reader import read_journal
@@ -43,7 +43,7 @@ from rise_engine.session.replay import compare_replay
 from tests.patience import PATIENCE
 
 ROOT = Path(__file__).parents[2]
-SCENARIOS = [ROOT / "scenarios" / "lablinking", ROOT / "scenarios" / "greeting", ROOT / "tests/console/data/demo"]
+SCENARIOS = [ROOT / "scenarios" / "lablinking", ROOT / "scenarios" / "greeting", ROOT / "tests/tui/data/demo"]
 
 
 class Mistake(AssertionError):

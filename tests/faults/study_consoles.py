@@ -21,9 +21,9 @@ from pathlib import Path
 from shutil import rmtree
 
 from rise_engine.study.state import read_state
-from tests.console.terminals import Terminal, kill_engines
 from tests.study.invariants import check_day
 from tests.study.studies import DESIGN, HEAD, write_study
+from tests.tui.terminals import Terminal, kill_engines
 
 SMALL = (80, 24)
 RIGHT = b"\x1b[C"

@@ -21,13 +21,13 @@ import time
 from collections import Counter
 from pathlib import Path
 
-from rise_engine.errors import StudyError
-from rise_engine.exit_status import UNFINISHED
+from rise_engine.base.errors import StudyError
+from rise_engine.base.exit_status import UNFINISHED
 from rise_engine.kernel.inputs import Note, OutcomeReport, Submit
 from rise_engine.kernel.records import OutcomeStatus
-from rise_engine.protocol import messages
-from rise_engine.protocol.session_options import SessionOptions
-from rise_engine.server.spawn import EngineRefused
+from rise_engine.run.protocol import messages
+from rise_engine.run.protocol.session_options import SessionOptions
+from rise_engine.run.server.spawn import EngineRefused
 from rise_engine.study.judge import judge_session
 from rise_engine.study.model import ParticipantStanding
 from rise_engine.study.planning import plan_study

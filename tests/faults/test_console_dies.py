@@ -17,14 +17,14 @@ from typing import Any
 import msgspec
 import pytest
 
-from rise_engine.client import connect
 from rise_engine.kernel.records import ActionRecord
 from rise_engine.kernel.view import SessionView
+from rise_engine.run.client import connect
 from rise_engine.session.folder import JOURNAL
 from rise_engine.session.journal_reader import read_journal
 from tests.chance import SEARCH
-from tests.console.terminals import Terminal, environment_of, terminal
 from tests.patience import PATIENCE
+from tests.tui.terminals import Terminal, environment_of, terminal
 
 pytestmark = pytest.mark.pty
 

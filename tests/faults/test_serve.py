@@ -19,17 +19,16 @@ from typing import Any
 
 import pytest
 
-from rise_engine.client.socket import SocketClient
 from rise_engine.kernel.inputs import Submit
-from rise_engine.protocol.registry import is_locked, lock_path, session_name, socket_path
-from rise_engine.protocol.session_options import SessionOptions
-from rise_engine.server.spawn import EngineRefused, EngineStarted, start_engine
+from rise_engine.run.client.socket import SocketClient
+from rise_engine.run.protocol.registry import is_locked, lock_path, session_name, socket_path
+from rise_engine.run.protocol.session_options import SessionOptions
+from rise_engine.run.server.spawn import EngineRefused, EngineStarted, start_engine
 from rise_engine.session.folder import JOURNAL, find_unfinished, read_info
 from rise_engine.session.journal_reader import read_journal
 from tests.forked import Forked
 from tests.patience import PATIENCE
-
-from ..engine.processes import ENGINE, engine, folder
+from tests.run.engine.processes import ENGINE, engine, folder
 
 pytestmark = pytest.mark.slow
 

@@ -14,10 +14,10 @@ import pytest
 
 from rise_engine.session.folder import find_unfinished, running_sessions
 from tests.patience import PATIENCE
+from tests.run.engine.processes import engine
+from tests.study.invariants import check_day, first_input, log_lines
+from tests.study.studies import DESIGN, write_study
 
-from ..engine.processes import engine
-from ..study.invariants import check_day, first_input, log_lines
-from ..study.studies import DESIGN, write_study
 from .test_serve import Serving, root
 
 __all__ = ["root"]

@@ -18,12 +18,12 @@ from typing import Any
 
 import pytest
 
-from rise_engine.client.socket import SocketClient
-from rise_engine.errors import SessionError
-from rise_engine.protocol.client import EngineGone
-from rise_engine.protocol.registry import is_locked, session_name
-from rise_engine.protocol.session_options import SessionOptions
-from rise_engine.server.preparation import ServeRefused, SessionPreparation
+from rise_engine.base.errors import SessionError
+from rise_engine.run.client.socket import SocketClient
+from rise_engine.run.protocol.client import EngineGone
+from rise_engine.run.protocol.registry import is_locked, session_name
+from rise_engine.run.protocol.session_options import SessionOptions
+from rise_engine.run.server.preparation import ServeRefused, SessionPreparation
 from rise_engine.session import lock as locks
 from rise_engine.session.folder import JOURNAL, find_unfinished, running_sessions
 from rise_engine.session.journal_reader import read_journal
@@ -38,8 +38,8 @@ from rise_engine.session.lock import (
 from rise_engine.session.recovery import recover
 from tests.forked import Forked
 from tests.patience import PATIENCE
+from tests.run.engine.processes import ENGINE, engine, folder
 
-from ..engine.processes import ENGINE, engine, folder
 from .test_serve import Serving, wait_for_record
 
 pytestmark = pytest.mark.slow

@@ -20,9 +20,9 @@ from rise_engine.session.folder import JOURNAL, read_info
 from rise_engine.session.journal_reader import read_journal
 from rise_engine.session.replay import compare_replay
 from tests.chance import searched
-from tests.console.study_files import write_study
-from tests.console.terminals import Terminal, kill_engines, terminal
 from tests.forked import run_engine
+from tests.tui.study_files import write_study
+from tests.tui.terminals import Terminal, kill_engines, terminal
 
 pytestmark = [pytest.mark.pty, pytest.mark.slow, *searched]
 

@@ -6,7 +6,8 @@ from typing import Any
 
 import pytest
 
-from rise_engine.cli.transcript import Transcript
+from rise_engine.author.trial.happened import lines_of
+from rise_engine.cli.session.transcript import Transcript
 from rise_engine.kernel.record_words import words_of
 from rise_engine.kernel.records import (
     ActionRecord,
@@ -27,7 +28,6 @@ from rise_engine.kernel.records import (
     StopRecord,
     TaskRecord,
 )
-from rise_engine.trial.happened import lines_of
 from rise_tui.model.task_messages import record_notice
 
 AT: Any = (1, 2.5, "")

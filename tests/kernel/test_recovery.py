@@ -7,7 +7,7 @@ from pathlib import Path
 import pytest
 from msgspec.structs import replace
 
-from rise_engine.errors import RiseError
+from rise_engine.base.errors import RiseError
 from rise_engine.kernel import Kernel
 from rise_engine.kernel.inputs import ControlChanged, SessionRecovered
 from rise_engine.kernel.records import ENDINGS, ActionRecord, ControlRecord, SessionRecord

@@ -10,7 +10,7 @@ import msgspec
 import pytest
 from msgspec.structs import replace
 
-from rise_engine.errors import RiseError
+from rise_engine.base.errors import RiseError
 from rise_engine.kernel import Kernel
 from rise_engine.kernel.commands import SetTimer, StartAction
 from rise_engine.kernel.inputs import ActionReport, AnyInput, ScenarioChanged, SessionStarted, Submit, TimerElapsed

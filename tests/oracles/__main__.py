@@ -25,12 +25,12 @@ import click
 from click.testing import CliRunner
 
 from rise_engine.cli import main as rise_engine
-from rise_engine.export.formats import format_names
+from rise_engine.results.export.formats import format_names
 from rise_tui.cli.main import main as rise_tui
-from tests.analysis.samples import make_study, play_session, recovered_session, torn_session
-from tests.edit.samples import NAMES, SCENARIOS, SPELLINGS, study_files
+from tests.author.edit.samples import NAMES, SCENARIOS, SPELLINGS, study_files
 from tests.fuzz.mutations import mutate
 from tests.oracles.edits import edits_of
+from tests.results.analysis.samples import make_study, play_session, recovered_session, torn_session
 from tests.scenario import test_diagnostics as broken
 from tests.scenario.folders import SPEECH, act, folder, in_state
 from tests.study.designs import DESIGN, study_folder

@@ -13,8 +13,6 @@ import msgspec
 from rise_adapters.ros2.mapping import read_mappings
 from rise_adapters.ros2.robot import Ros2Robot
 
-from rise_engine.engine.clock import VirtualClock
-from rise_engine.engine.engine import Engine
 from rise_engine.kernel.inputs import Submit
 from rise_engine.kernel.records import (
     ENDINGS,
@@ -27,13 +25,15 @@ from rise_engine.kernel.records import (
     StopRecord,
     TaskRecord,
 )
+from rise_engine.run.engine.clock import VirtualClock
+from rise_engine.run.engine.engine import Engine
 from rise_engine.scenario.action_declarations import core_actions
 from rise_engine.scenario.loader import load
 from rise_engine.scenario.model import RobotProfile, Scenario
-from tests.engine.samples import assert_one_ending_each
 from tests.kernel.harness import write
 from tests.ros.badrobot import BadServer, Plan
 from tests.ros.memory import ClockLoop, MemoryTransport, MemoryWire
+from tests.run.engine.samples import assert_one_ending_each
 
 SPEECH, GAZE = "/pepper/rise/speech", "/pepper/rise/look_at"
 LONG = Plan(seconds=60)

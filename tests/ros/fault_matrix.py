@@ -29,9 +29,9 @@ from rise_adapters.ros2.mapping import read_mappings
 from rise_adapters.ros2.robot import Ros2Robot
 from rise_adapters.ros2.transport.port import Transport
 
-from rise_engine.engine.clock import RealClock
-from rise_engine.engine.engine import Engine
 from rise_engine.kernel.records import RobotRecord
+from rise_engine.run.engine.clock import RealClock
+from rise_engine.run.engine.engine import Engine
 from tests.ros.badrobot import Plan
 from tests.ros.bench import SPEECH, TYPES, Records, profile, scenario
 from tests.ros.contract.peers import ROOT, environment, fast_dds

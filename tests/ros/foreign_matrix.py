@@ -24,10 +24,9 @@ from rise_adapters.ros2.mapping import read_mappings
 from rise_adapters.ros2.robot import Ros2Robot
 from rise_adapters.simulated.faults import FAULT_KINDS
 
-from rise_engine.engine.engine import Engine
+from rise_engine.run.engine.engine import Engine
 from rise_engine.scenario.loader import load
 from rise_engine.scenario.model import Scenario
-from tests.engine.samples import assert_one_ending_each
 from tests.ros.contract.peers import ROOT
 from tests.ros.fault_matrix import (
     MOMENTS,
@@ -40,6 +39,7 @@ from tests.ros.fault_matrix import (
 )
 from tests.ros.test_faults_dds import until
 from tests.ros.zora import FOLDER
+from tests.run.engine.samples import assert_one_ending_each
 
 ACTIONS = {
     "Go": ("zora/navigate_to_pose", "<place>table</place>"),

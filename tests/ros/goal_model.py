@@ -31,11 +31,11 @@ from rise_adapters.ros2.transport.port import (
     action_types,
 )
 
-from rise_engine.engine.clock import VirtualClock
 from rise_engine.kernel.commands import StartAction
 from rise_engine.kernel.inputs import ActionReport, RobotChanged, StopReport
 from rise_engine.kernel.records import OpenGoal
 from rise_engine.ports.robot import RobotReport
+from rise_engine.run.engine.clock import VirtualClock
 from tests.ros.bench import SPEECH, TYPES, profile
 from tests.ros.memory import ClockLoop, MemoryTransport, MemoryWire
 

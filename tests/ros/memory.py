@@ -32,7 +32,7 @@ from rise_adapters.ros2.transport.port import (
     SendReply,
 )
 
-from rise_engine.engine.clock import VirtualClock
+from rise_engine.run.engine.clock import VirtualClock
 from tests.ros.definitions import Definitions
 
 What: TypeAlias = Literal["request", "reply", "message", "any"]

@@ -14,7 +14,7 @@ from pathlib import Path
 
 from rise_adapters.ros2.transport.dds import DdsTransport
 
-from rise_engine.server.server import SessionServer
+from rise_engine.run.server.server import SessionServer
 from rise_engine.session.disk import Disk
 from tests.ros.session_node_bench import faced
 

@@ -21,7 +21,7 @@ from rise_adapters.ros2.actions.client import (
 )
 from rise_adapters.ros2.transport.port import PortError
 
-from rise_engine.engine.clock import VirtualClock
+from rise_engine.run.engine.clock import VirtualClock
 from tests.ros.badrobot import BadServer, Plan
 from tests.ros.memory import ClockLoop, MemoryTransport, MemoryWire
 

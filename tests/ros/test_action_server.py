@@ -29,7 +29,7 @@ from rise_adapters.ros2.actions.server import MAX_ENDED, MAX_LISTED, ActionServe
 from rise_adapters.ros2.actions.server_goal import ServerGoal
 from rise_adapters.ros2.transport.port import CANCEL_TYPE, STATUS, STATUS_TYPE, Message
 
-from rise_engine.engine.clock import VirtualClock
+from rise_engine.run.engine.clock import VirtualClock
 from tests.ros.memory import ClockLoop, MemoryTransport, MemoryWire
 
 TYPE = "test_interfaces/action/Count"

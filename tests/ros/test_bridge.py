@@ -14,17 +14,17 @@ from rise_adapters.ros2.bridge import Ros2Bridge
 from rise_adapters.ros2.session_node import neighbours
 from rise_adapters.ros2.transport.port import QoS, Transport
 
-from rise_engine.engine.clock import RealClock
-from rise_engine.engine.drivers import make_robot, open_bridge
-from rise_engine.engine.engine import Engine
-from rise_engine.errors import AdapterError
+from rise_engine.base.errors import AdapterError
 from rise_engine.kernel.inputs import Submit
 from rise_engine.kernel.records import NoteRecord
 from rise_engine.kernel.view import SessionView
 from rise_engine.ports.bridge import RosConnection
+from rise_engine.run.engine.clock import RealClock
+from rise_engine.run.engine.drivers import make_robot, open_bridge
+from rise_engine.run.engine.engine import Engine
+from rise_engine.run.server.hub import SessionHub
 from rise_engine.scenario.loader import load
 from rise_engine.scenario.model import Scenario
-from rise_engine.server.hub import SessionHub
 from tests.patience import PATIENCE
 from tests.ros.memory import MemoryTransport, MemoryWire
 from tests.ros.session_node_bench import until

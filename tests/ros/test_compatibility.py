@@ -21,15 +21,15 @@ from rise_adapters.ros2.robot import Ros2Robot
 from rise_adapters.ros2.transport import selection, vendors
 from rise_adapters.ros2.transport.port import FEEDBACK, STATUS_TOPIC, QoS, RemoteEndpoint, Transport, action_types
 
-from rise_engine.engine.clock import RealClock, VirtualClock
-from rise_engine.engine.drivers import make_robot, open_bridge
-from rise_engine.engine.engine import Engine
-from rise_engine.errors import AdapterError
+from rise_engine.base.errors import AdapterError
 from rise_engine.kernel.commands import StartAction
 from rise_engine.kernel.inputs import ActionReport, Submit
 from rise_engine.kernel.records import ActionRecord, AnyRecord, RobotRecord
 from rise_engine.ports.bridge import RosConnection
 from rise_engine.ports.robot import RobotReport
+from rise_engine.run.engine.clock import RealClock, VirtualClock
+from rise_engine.run.engine.drivers import make_robot, open_bridge
+from rise_engine.run.engine.engine import Engine
 from rise_engine.scenario.action_declarations import core_actions
 from rise_engine.scenario.loader import load
 from rise_engine.scenario.model import RobotProfile, Scenario

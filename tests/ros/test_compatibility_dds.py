@@ -17,10 +17,10 @@ from rise_adapters.ros2.mapping import read_mappings
 from rise_adapters.ros2.robot import Ros2Robot
 from rise_adapters.ros2.transport.port import Message
 
-from rise_engine.engine.clock import RealClock
 from rise_engine.kernel.commands import StartAction
 from rise_engine.kernel.inputs import ActionReport, Note, RobotChanged
 from rise_engine.ports.robot import RobotReport
+from rise_engine.run.engine.clock import RealClock
 from rise_engine.scenario.action_declarations import core_actions
 from rise_engine.scenario.model import RobotProfile
 from tests.ros.contract.peers import environment

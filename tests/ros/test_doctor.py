@@ -18,8 +18,8 @@ from rise_adapters.ros2.doctor.network import check_network
 from rise_adapters.ros2.transport import selection
 from rise_adapters.ros2.transport.port import STATUS, PortError, QoS
 
-from rise_engine.engine.clock import RealClock
-from rise_engine.errors import AdapterError
+from rise_engine.base.errors import AdapterError
+from rise_engine.run.engine.clock import RealClock
 from rise_engine.scenario.action_declarations import core_actions
 from rise_engine.scenario.model import RobotProfile
 from tests.ros.memory import MemoryTransport, MemoryWire

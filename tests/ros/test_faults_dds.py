@@ -15,8 +15,8 @@ import pytest
 from rise_adapters.ros2.mapping import read_mappings
 from rise_adapters.ros2.robot import Ros2Robot
 
-from rise_engine.engine.clock import RealClock
-from rise_engine.engine.engine import Engine
+from rise_engine.run.engine.clock import RealClock
+from rise_engine.run.engine.engine import Engine
 from tests.forked import AsyncForked
 from tests.ros.badrobot import Plan
 from tests.ros.bench import GAZE, SPEECH, TYPES, Records, profile, scenario

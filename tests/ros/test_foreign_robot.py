@@ -20,9 +20,9 @@ from rise_ros.examples.goal_reader import GoalReader
 from rise_ros.examples.simulated_robot import RobotOnWire
 
 from rise_engine.cli import main
-from rise_engine.engine.clock import RealClock
 from rise_engine.kernel.commands import StartAction
 from rise_engine.kernel.inputs import StopReport
+from rise_engine.run.engine.clock import RealClock
 from rise_engine.scenario.model import RobotProfile
 from tests.ros.memory import MemoryTransport, MemoryWire
 from tests.ros.zora import FOLDER, Zora, definitions, zora

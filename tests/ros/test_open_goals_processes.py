@@ -12,7 +12,7 @@ from typing import Any
 import msgspec
 import pytest
 
-from rise_engine import exit_status
+from rise_engine.base import exit_status
 from tests.ros.badrobot import Plan
 from tests.ros.bench import SPEECH, TYPES
 from tests.ros.contract.peers import missing

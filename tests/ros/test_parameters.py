@@ -14,7 +14,7 @@ from rise_adapters.ros2.parameters import ParameterOption, ParameterServices, Re
 from rise_adapters.ros2.transport.port import Message, PortError
 from rise_ros.examples.run_node import list_parameter_options, list_parameters, node_parser
 
-from rise_engine.errors import AdapterError
+from rise_engine.base.errors import AdapterError
 from tests.ros.memory import MemoryTransport, MemoryWire
 from tests.ros.session_node_bench import until
 

@@ -14,10 +14,10 @@ from rise_adapters.ros2.mapping import read_mappings
 from rise_adapters.ros2.robot import Ros2Robot
 from rise_adapters.ros2.robot.endpoints import short_labels
 
-from rise_engine.engine.clock import VirtualClock
 from rise_engine.kernel.commands import StartAction
 from rise_engine.kernel.inputs import ActionReport, Note, RobotChanged, StopReport
 from rise_engine.ports.robot import RobotReport
+from rise_engine.run.engine.clock import VirtualClock
 from rise_engine.scenario.model import RobotProfile
 from tests.chance import examples
 from tests.ros.badrobot import BadServer, Plan

@@ -18,10 +18,10 @@ from rise_adapters.ros2.mapping import ActionMapping, RosOptions, mapping_findin
 from rise_adapters.ros2.mapping.action_mapping import ResultRule
 from rise_adapters.ros2.transport.interfaces import InterfaceCatalog
 
-from rise_engine.engine.clock import VirtualClock
 from rise_engine.kernel.commands import StartAction
 from rise_engine.kernel.inputs import ActionReport, RobotChanged, StopReport
 from rise_engine.ports.robot import Driver, RobotReport
+from rise_engine.run.engine.clock import VirtualClock
 from rise_engine.scenario.diagnostics import Diagnostics
 from rise_engine.scenario.loader import LoadResult, load
 from rise_engine.scenario.model import RobotProfile

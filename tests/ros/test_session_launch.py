@@ -13,7 +13,7 @@ import pytest
 
 from rise_engine.cli.arguments import add_ros_parameters
 from rise_engine.cli.program import split_ros_args
-from rise_engine.cli.serve import serve
+from rise_engine.cli.session.serve import serve
 
 pytest.importorskip("yaml")
 

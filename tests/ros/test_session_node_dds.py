@@ -14,11 +14,11 @@ from rise_adapters.ros2.actions.client import ALL_GOALS
 from rise_adapters.ros2.record_messages import RECORDS_LATCHED
 from rise_adapters.ros2.transport.port import STATUS, QoS
 
-from rise_engine.client.socket import SocketClient
 from rise_engine.kernel.inputs import Note
+from rise_engine.run.client.socket import SocketClient
 from tests.forked import PIPE, AsyncForked
 from tests.ros.session_node_bench import Node, until
-from tests.server.serving import ROOT, Follower
+from tests.run.server.serving import ROOT, Follower
 
 pytest.importorskip("cyclonedds")
 pytest.importorskip("rosbags")

@@ -24,9 +24,9 @@ from rise_ros.examples.goal_reader import GoalReader
 from rise_ros.examples.run_node import NodeError
 from rise_ros.examples.simulated_robot import RobotOnWire, find_robot
 
-from rise_engine.engine.clock import RealClock, VirtualClock
-from rise_engine.engine.engine import Engine
 from rise_engine.kernel.inputs import Submit
+from rise_engine.run.engine.clock import RealClock, VirtualClock
+from rise_engine.run.engine.engine import Engine
 from rise_engine.scenario.loader import load
 from rise_engine.scenario.model import RobotProfile
 from rise_engine.scenario.parameters import convert_parameter

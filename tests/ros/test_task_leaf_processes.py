@@ -14,7 +14,7 @@ from xml.sax.saxutils import quoteattr
 
 import pytest
 
-from rise_engine.client import Session, connect
+from rise_engine.run.client import Session, connect
 from tests.patience import PATIENCE
 from tests.ros.contract.peers import cyclone_rmw, missing
 from tests.ros.programs import Program

@@ -16,10 +16,10 @@ from rise_adapters.ros2.transport.interfaces import InterfaceCatalog
 from rise_ros.examples.robot_log import RobotLog
 from rise_ros.examples.simulated_robot import RobotOnWire
 
-from rise_engine.engine.clock import VirtualClock
 from rise_engine.kernel.commands import StartAction
 from rise_engine.kernel.inputs import ActionReport, Note, StopReport
 from rise_engine.ports.robot import RobotReport
+from rise_engine.run.engine.clock import VirtualClock
 from rise_engine.scenario.durations import expected_seconds
 from rise_engine.scenario.loader import load
 from rise_engine.scenario.model import RobotProfile

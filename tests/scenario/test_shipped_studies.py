@@ -12,7 +12,7 @@ import pytest
 from click.testing import CliRunner
 
 from rise_engine.cli import main
-from rise_engine.protocol.session_options import SessionOptions
+from rise_engine.run.protocol.session_options import SessionOptions
 from rise_engine.scenario import shipped_studies
 from rise_engine.scenario.element_templates import LIBRARY
 from rise_engine.scenario.loader import load

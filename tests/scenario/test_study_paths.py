@@ -11,20 +11,19 @@ import msgspec
 import pytest
 from click.testing import CliRunner
 
+from rise_engine.author.edit.edits import AddAct, AddRule, AnyEdit, ReplaceFile, SetSetting
+from rise_engine.author.edit.plan import EditRefused
+from rise_engine.author.edit.saving import finish_interrupted, write_files
+from rise_engine.author.edit.study_folder import read_study_files
+from rise_engine.author.edit.workspace import Workspace
 from rise_engine.cli import main
-from rise_engine.edit.edits import AddAct, AddRule, AnyEdit, ReplaceFile, SetSetting
-from rise_engine.edit.plan import EditRefused
-from rise_engine.edit.saving import finish_interrupted, write_files
-from rise_engine.edit.study_folder import read_study_files
-from rise_engine.edit.workspace import Workspace
 from rise_engine.scenario.interrupted_save import FRESH, NOTE, SavedFile, sum_of
 from rise_engine.scenario.loader import load
 from rise_engine.scenario.new_study import write_new_folder
 from rise_engine.scenario.shipped_studies import StudyCopyError
 from rise_engine.scenario.study_paths import why_not_read, why_not_written
 from rise_engine.study.study_toml import load_study
-
-from ..study.studies import write_study
+from tests.study.studies import write_study
 
 SCENARIOS = Path(__file__).parents[2] / "scenarios"
 NAMES = {

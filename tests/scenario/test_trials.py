@@ -6,8 +6,8 @@ from pathlib import Path
 
 import pytest
 
-from rise_engine.export.trial_tables import TRIALS
-from rise_engine.lsp.completion import proposals
+from rise_engine.author.lsp.completion import proposals
+from rise_engine.results.export.trial_tables import TRIALS
 from rise_engine.scenario.loader import load
 from rise_engine.scenario.trial_settings import MEASURES, fits_state
 

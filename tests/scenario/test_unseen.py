@@ -8,7 +8,7 @@ from unicodedata import normalize
 import pytest
 from lxml import etree
 
-from rise_engine.nearest_name import did_you_mean, lookalike_note
+from rise_engine.base.nearest_name import did_you_mean, lookalike_note
 from tests.scenario.folders import SPEECH, act, found, loaded, rule
 
 RULE = '<InteractionRule name="R" initial="S">\n<State id="S">{}</State>\n</InteractionRule>'

@@ -8,7 +8,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from rise_engine.json_codec import JsonError, read_json, to_plain
+from rise_engine.base.json_codec import JsonError, read_json, to_plain
 from rise_engine.scenario.action_declarations import core_actions
 from rise_engine.scenario.durations import expected_seconds, limit_seconds
 from rise_engine.scenario.graph import component_numbers, reachable_from

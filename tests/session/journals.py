@@ -16,8 +16,7 @@ from rise_engine.session import folder as folders
 from rise_engine.session.folder import JOURNAL
 from rise_engine.session.journal_format import encode_header, encode_input, encode_record, with_checksum
 from rise_engine.session.recovery import RecoveredSession
-
-from ..kernel.harness import Session, dialog, gaze, pause, speech, write
+from tests.kernel.harness import Session, dialog, gaze, pause, speech, write
 
 ACTS = (
     dialog("Greet", speech(1, "Hello, {name|stranger}!"), gaze(2, "1"), speech(3, "How are you?", "1"))

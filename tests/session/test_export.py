@@ -15,14 +15,14 @@ import msgspec
 import pytest
 from click.testing import CliRunner, Result
 
+from rise_engine.base.errors import SessionError
 from rise_engine.cli import main
-from rise_engine.errors import SessionError
-from rise_engine.export.records import COLUMNS, SessionExport, table_cell
 from rise_engine.kernel.records import AnyRecord
+from rise_engine.results.export.records import COLUMNS, SessionExport, table_cell
 from rise_engine.session.folder import INFO, find_session
 from rise_engine.session.journal_format import encode_record
+from tests.run.engine.processes import ENGINE
 
-from ..engine.processes import ENGINE
 from .journals import Made
 
 

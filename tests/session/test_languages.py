@@ -10,12 +10,12 @@ from typing import Any
 import pytest
 from click.testing import CliRunner
 
-from rise_engine.cli.other_robot import load_for_robot
+from rise_engine.base.errors import SessionError
 from rise_engine.cli.program import main
-from rise_engine.errors import SessionError
-from rise_engine.protocol.session_options import SessionOptions
+from rise_engine.cli.session.other_robot import load_for_robot
+from rise_engine.run.protocol.session_options import SessionOptions
+from rise_engine.run.server.preparation import ServeRefused, SessionPreparation
 from rise_engine.scenario.loader import load
-from rise_engine.server.preparation import ServeRefused, SessionPreparation
 from rise_engine.session.folder import INFO, load_scenario_copy, read_info
 from rise_engine.session.journal_format import encode_header, encode_input
 from rise_engine.session.recovery import recover

@@ -16,17 +16,17 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from msgspec import inspect
 
+from rise_engine.base.errors import SessionError
 from rise_engine.cli import main
-from rise_engine.errors import SessionError
-from rise_engine.export.records import SessionExport
 from rise_engine.kernel.inputs import CheckReport, Note, OutcomeReport, RecordingReport, SessionEnded, Submit
 from rise_engine.kernel.records import AnyRecord, MemoryRecord, NoteRecord, TaskRecord
+from rise_engine.results.export.records import SessionExport
 from rise_engine.scenario.loader import load
 from rise_engine.session.levels import ExportLevel, without_dates
 from rise_engine.session.private_values import NAMES_FIELDS, PrivateValues
 from tests.chance import examples
+from tests.kernel.harness import Session
 
-from ..kernel.harness import Session
 from .journals import TOML, Made, Recording
 from .test_redaction import finish
 

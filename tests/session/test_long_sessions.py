@@ -16,13 +16,13 @@ from pathlib import Path
 
 import pytest
 
-from rise_engine.client.replay import ReplayClient
-from rise_engine.export.records import SessionExport
 from rise_engine.kernel import Kernel
 from rise_engine.kernel.records import TaskRecord
 from rise_engine.kernel.view import SessionView
-from rise_engine.protocol.session_options import SessionOptions
-from rise_engine.server.spawn import EngineStarted, start_engine
+from rise_engine.results.export.records import SessionExport
+from rise_engine.run.client.replay import ReplayClient
+from rise_engine.run.protocol.session_options import SessionOptions
+from rise_engine.run.server.spawn import EngineStarted, start_engine
 from rise_engine.session import journal_reader
 from rise_engine.session.journal_format import encode_record
 from rise_engine.session.journal_reader import read_journal
@@ -144,8 +144,8 @@ async def test_a_console_that_watches_a_replay_has_no_more_than_it_has_seen(made
 
 PROGRAM = """
 import os, sys
-from rise_engine.server.process import serve, report_to_pipe
-from rise_engine.protocol.session_options import SessionOptions
+from rise_engine.run.server.process import serve, report_to_pipe
+from rise_engine.run.protocol.session_options import SessionOptions
 import msgspec
 from rise_engine.session import journal_reader
 journal_reader.PROGRESS_SECONDS = 0.0

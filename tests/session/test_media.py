@@ -9,7 +9,7 @@ from pathlib import Path
 
 import pytest
 
-from rise_engine.errors import SessionError
+from rise_engine.base.errors import SessionError
 from rise_engine.session import listed_files
 from rise_engine.session.media import (
     MEDIA_FILE,

@@ -6,7 +6,7 @@ from collections.abc import Iterator
 
 import pytest
 
-from rise_engine.errors import SessionError
+from rise_engine.base.errors import SessionError
 from rise_engine.kernel.inputs import SessionRecovered, TimerElapsed
 from rise_engine.kernel.records import TaskRecord
 from rise_engine.session.journal_format import (

@@ -14,8 +14,9 @@ from click.testing import CliRunner, Result
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from rise_engine.base.errors import SessionError
+from rise_engine.base.words import Words, parse_replacement
 from rise_engine.cli import main
-from rise_engine.errors import SessionError
 from rise_engine.kernel.inputs import ActionReport, Note, SessionEnded, SessionStarted, Submit
 from rise_engine.session import redaction
 from rise_engine.session.disk import Disk
@@ -26,10 +27,9 @@ from rise_engine.session.lock import JournalLock, JournalLockedError
 from rise_engine.session.redaction import NEW_SUFFIX, redact
 from rise_engine.session.replay import compare_replay
 from rise_engine.session.suggestions import suggest_words
-from rise_engine.words import Words, parse_replacement
 from tests.chance import examples
+from tests.kills import every_kill
 
-from ..kills import every_kill
 from .journals import TOML, Made, Recording
 
 PRIVATE = TOML + 'private = ["name"]\n'

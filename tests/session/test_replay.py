@@ -9,11 +9,11 @@ import pytest
 from click.testing import CliRunner
 
 from rise_engine.cli import main
-from rise_engine.client.replay import ReplayClient
 from rise_engine.kernel.inputs import Submit
 from rise_engine.kernel.records import AnyRecord
 from rise_engine.kernel.view import SessionView
-from rise_engine.protocol.client import EngineGone
+from rise_engine.run.client.replay import ReplayClient
+from rise_engine.run.protocol.client import EngineGone
 from rise_engine.session.journal_reader import read_journal
 from tests.patience import PATIENCE
 

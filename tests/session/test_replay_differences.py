@@ -6,7 +6,7 @@ import msgspec
 import pytest
 from msgspec.structs import replace
 
-from rise_engine.errors import SessionError
+from rise_engine.base.errors import SessionError
 from rise_engine.kernel.inputs import SessionRecovered
 from rise_engine.kernel.records import MemoryRecord
 from rise_engine.session.journal_format import (

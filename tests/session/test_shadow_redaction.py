@@ -6,12 +6,12 @@ from pathlib import Path
 
 import pytest
 
-from rise_engine.errors import SessionError
+from rise_engine.base.errors import SessionError
+from rise_engine.base.words import Words, parse_replacement
 from rise_engine.session.redaction import redact
 from rise_engine.session.replay import compare_replay
 from rise_engine.session.shadow import ShadowKey, ShadowNote, ShadowWriter, read_shadow
-from rise_engine.words import Words, parse_replacement
-from tests.analysis.cues import ACT, make_session
+from tests.results.analysis.cues import ACT, make_session
 
 
 def words(*pairs: str) -> Words:

@@ -9,7 +9,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from rise_engine.words import WordError, Words, parse_replacement
+from rise_engine.base.words import WordError, Words, parse_replacement
 
 
 def words(*replacements: str, whole: bool = False, case: bool = False) -> Words:

@@ -7,8 +7,8 @@ from typing import Any
 
 import pytest
 
-from rise_engine.cli.study_day import next_json
-from rise_engine.errors import FileError
+from rise_engine.base.errors import FileError
+from rise_engine.cli.study.day import next_json
 from rise_engine.kernel.inputs import CheckReport, OutcomeReport, SessionStarted
 from rise_engine.study.begin import BeginRequest, CannotBegin, SessionPlan, plan_session, turn_warning
 from rise_engine.study.state import OpenStudy, StudyStatus, read_state

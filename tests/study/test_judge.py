@@ -7,11 +7,11 @@ from pathlib import Path
 import msgspec
 import pytest
 
-from rise_engine.errors import StudyError
+from rise_engine.base.errors import StudyError
 from rise_engine.kernel.inputs import OutcomeReport, SessionStarted
 from rise_engine.kernel.records import OutcomeStatus
-from rise_engine.protocol.session_options import SessionOptions
-from rise_engine.server.preparation import ServeRefused, SessionPreparation
+from rise_engine.run.protocol.session_options import SessionOptions
+from rise_engine.run.server.preparation import ServeRefused, SessionPreparation
 from rise_engine.session import lock
 from rise_engine.session.lock import HOLDER_FILE, LockHolder
 from rise_engine.study.judge import exclude_participant, judge_session, reassign_session

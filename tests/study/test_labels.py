@@ -12,20 +12,19 @@ from pathlib import Path
 import pytest
 from click.testing import CliRunner
 
-from rise_engine.analysis.reading import read_session
-from rise_engine.bundle.making import BundleOptions, make_bundle
 from rise_engine.checks.replay import look_at_last_session
 from rise_engine.cli.program import main
-from rise_engine.export.format import ExportError
 from rise_engine.kernel.inputs import SessionStarted
+from rise_engine.results.analysis.reading import read_session
+from rise_engine.results.bundle.making import BundleOptions, make_bundle
+from rise_engine.results.export.format import ExportError
 from rise_engine.session.folder import INFO, read_info
 from rise_engine.session.journal_format import with_checksum
 from rise_engine.session.labels import RelabelledError, label_differences
 from rise_engine.study.sessions import SESSIONS, read_verdict
 from rise_engine.study.state import read_state
 from rise_engine.study.study_log import LOG_FILE, read_log
-
-from ..analysis.samples import make_study, play_session, sessions_of, short
+from tests.results.analysis.samples import make_study, play_session, sessions_of, short
 
 
 @pytest.fixture

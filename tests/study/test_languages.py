@@ -6,8 +6,8 @@ from pathlib import Path
 
 import pytest
 
-from rise_engine.protocol.session_options import SessionOptions
-from rise_engine.server.preparation import ServeRefused, SessionPreparation
+from rise_engine.run.protocol.session_options import SessionOptions
+from rise_engine.run.server.preparation import ServeRefused, SessionPreparation
 from rise_engine.study.review import review_study
 from rise_engine.study.state import read_state
 

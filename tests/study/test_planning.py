@@ -9,7 +9,7 @@ from typing import Any
 import pytest
 from msgspec.structs import replace
 
-from rise_engine.errors import StudyError
+from rise_engine.base.errors import StudyError
 from rise_engine.session.disk import Disk
 from rise_engine.study.model import Participant, Slot
 from rise_engine.study.plan import make_plan, slot_seed

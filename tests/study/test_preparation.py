@@ -8,9 +8,9 @@ from typing import Any
 import pytest
 
 from rise_engine.kernel.inputs import CheckReport
-from rise_engine.protocol.session_options import SessionOptions
-from rise_engine.server import preparation
-from rise_engine.server.preparation import ServeRefused, SessionPreparation
+from rise_engine.run.protocol.session_options import SessionOptions
+from rise_engine.run.server import preparation
+from rise_engine.run.server.preparation import ServeRefused, SessionPreparation
 from rise_engine.session.folder import read_info
 from rise_engine.session.journal import Journal
 from rise_engine.session.journal_format import encode_header, encode_input

@@ -14,8 +14,8 @@ from click.testing import CliRunner, Result
 
 from rise_engine.checks import kinds
 from rise_engine.cli import main
-from rise_engine.cli import study_answers as answers
-from rise_engine.cli.study_commands import STUDY
+from rise_engine.cli.study import answers
+from rise_engine.cli.study.commands import STUDY
 from rise_engine.scenario.loader import load
 from rise_engine.scenario.shipped_studies import shipped_studies
 from rise_engine.study.model import Study

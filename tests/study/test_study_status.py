@@ -6,7 +6,7 @@ from pathlib import Path
 
 import pytest
 
-from rise_engine.cli.study_day import next_lines, status_lines
+from rise_engine.cli.study.day import next_lines, status_lines
 from rise_engine.study.state import read_state
 from tests.study.studies import DESIGN, HEAD, write_study
 

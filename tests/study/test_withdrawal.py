@@ -11,12 +11,13 @@ import msgspec
 import pytest
 from click.testing import CliRunner, Result
 
+from rise_engine.base.errors import StudyError
+from rise_engine.base.words import Words, parse_replacement
 from rise_engine.cli import main
-from rise_engine.cli.redact import redact_in_study
-from rise_engine.errors import StudyError
-from rise_engine.export.format import ExportError
-from rise_engine.export.writing import new_export
+from rise_engine.cli.data.redact import redact_in_study
 from rise_engine.kernel.inputs import OutcomeReport, RecordingReport, SessionStarted
+from rise_engine.results.export.format import ExportError
+from rise_engine.results.export.writing import new_export
 from rise_engine.session.disk import tree_hash
 from rise_engine.session.lock import JournalLock
 from rise_engine.session.media import MEDIA_FILE, MediaFile, register_media
@@ -29,10 +30,9 @@ from rise_engine.study.traces import WORK_FOLDER, find_names
 from rise_engine.study.withdrawal import plan_withdrawal, withdraw
 from rise_engine.study.withdrawal_work import WithdrawalPlan
 from rise_engine.study.withdrawn import is_withdrawn, without_salts
-from rise_engine.words import Words, parse_replacement
 from tests.forked import Forked
+from tests.kills import every_kill
 
-from ..kills import every_kill
 from .studies import DESIGN, ENDED, session_folder, write_journal, write_study
 
 ID = "hesitation"

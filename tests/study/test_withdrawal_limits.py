@@ -11,10 +11,11 @@ from typing import Any
 import pytest
 from click.testing import CliRunner
 
+from rise_engine.base.words import Words, parse_replacement
 from rise_engine.cli import main
-from rise_engine.cli.redact import redact_in_study
-from rise_engine.export.format import ExportError
-from rise_engine.export.writing import new_export
+from rise_engine.cli.data.redact import redact_in_study
+from rise_engine.results.export.format import ExportError
+from rise_engine.results.export.writing import new_export
 from rise_engine.session.disk import tree_hash
 from rise_engine.session.media import MediaFile, register_media
 from rise_engine.session.redaction import RedactionReport
@@ -23,7 +24,6 @@ from rise_engine.study.state import read_state
 from rise_engine.study.study_log import LockedLog, read_log
 from rise_engine.study.traces import WORK_FOLDER
 from rise_engine.study.withdrawal import withdraw
-from rise_engine.words import Words, parse_replacement
 
 from .test_withdrawal import Folder, assert_gone
 

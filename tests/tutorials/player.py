@@ -16,7 +16,7 @@ from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from typing import Literal
 
-from tests.console.terminals import Terminal
+from tests.tui.terminals import Terminal
 
 STEP = re.compile(r"^(?:\d+\. |(?:Press|Type|You see) )")
 MARK = re.compile(

@@ -11,7 +11,7 @@ from typing import Any
 
 import pyte
 
-from tests.console.terminals import Terminal, kill_engines
+from tests.tui.terminals import Terminal, kill_engines
 
 PROMPT = "$ "
 SHELL = ("bash", "--norc", "--noprofile", "-i")

@@ -53,7 +53,7 @@ def test_what_terminals_send() -> None:
 
 @pytest.mark.pty
 def test_what_is_not_there_is_told_with_its_line(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("tests.console.terminals.PATIENCE", 3.0)
+    monkeypatch.setattr("tests.tui.terminals.PATIENCE", 3.0)
     page = "    echo one two\n\n1. You see `one two`.\n2. You see `three`.\n"
     with shell(tmp_path) as terminal, pytest.raises(AssertionError, match=r"line 4 of the page.*'three' is not"):
         play(page, terminal)

@@ -14,9 +14,9 @@ from pathlib import Path
 from types import ModuleType
 from typing import Any
 
-from rise_engine.errors import AdapterError
+from rise_engine.base.errors import AdapterError
 from rise_engine.ports.outlet import OutletPlan
-from rise_engine.recording.marker_feed import MarkerFeed, MarkerStream
+from rise_engine.run.recording.marker_feed import MarkerFeed, MarkerStream
 
 CONFIG_PLACES = ("lsl_api.cfg", "~/lsl_api/lsl_api.cfg", "/etc/lsl_api/lsl_api.cfg")
 """Where the library looks for a lab's settings, after the variable `LSLAPICFG`
@@ -47,7 +47,7 @@ async def send_markers(plan: OutletPlan, finish: Event) -> None:
 
 class LslOutlet:
     """One outlet of one string channel without a rate, as all markers are
-    (`rise_engine.recording.marker_feed.MarkerOutlet`)."""
+    (`rise_engine.run.recording.marker_feed.MarkerOutlet`)."""
 
     def __init__(self, pylsl: Any, stream: MarkerStream, *, only_here: bool) -> None:
         """`only_here`: take connections from this computer only, where the system lets that be said."""

@@ -15,9 +15,9 @@ from pathlib import Path
 
 from rise_adapters.recorders.files import new_path, recording_stem, size_of
 from rise_adapters.recorders.options import OptionReader
+from rise_engine.base.text import clean
 from rise_engine.ports.recorder import MediaKind, RecorderError, RecorderStatus, RecordingPlan
 from rise_engine.scenario.model import Json
-from rise_engine.text import clean
 
 USUAL_PORT = 22345
 ANSWER_SECONDS = 2.0

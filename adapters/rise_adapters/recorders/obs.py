@@ -17,9 +17,9 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from rise_adapters.recorders.options import OptionReader
+from rise_engine.base.text import clean
 from rise_engine.ports.recorder import MediaKind, RecorderError, RecorderStatus, RecordingPlan
 from rise_engine.scenario.model import Json
-from rise_engine.text import clean
 
 if TYPE_CHECKING:
     from aiohttp import ClientSession, ClientWebSocketResponse

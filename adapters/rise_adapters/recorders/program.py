@@ -10,8 +10,8 @@ from asyncio.subprocess import DEVNULL, PIPE, Process
 from collections.abc import Callable, Sequence
 from contextlib import suppress
 
+from rise_engine.base.text import clean
 from rise_engine.ports.recorder import RecorderError
-from rise_engine.text import clean
 
 END_SECONDS = 3.0
 """After SIGINT, for the program to complete its file."""

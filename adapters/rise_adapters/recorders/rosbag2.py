@@ -19,7 +19,8 @@ from typing import TYPE_CHECKING
 from rise_adapters.recorders.files import new_path, recording_stem, size_of
 from rise_adapters.recorders.options import OptionReader
 from rise_adapters.recorders.program import RecordingProgram
-from rise_engine.errors import AdapterError
+from rise_engine.base.errors import AdapterError
+from rise_engine.base.text import clean
 from rise_engine.ports.recorder import (
     MediaKind,
     Recorder,
@@ -28,7 +29,6 @@ from rise_engine.ports.recorder import (
     RecordingPlan,
 )
 from rise_engine.scenario.model import Json
-from rise_engine.text import clean
 
 if TYPE_CHECKING:
     from rise_adapters.ros2.transport.port import Message, Transport

@@ -23,12 +23,12 @@ from rise_adapters.ros2.session_node.neighbours import (
 )
 from rise_adapters.ros2.transport.port import PortError, Transport
 from rise_adapters.ros2.transport.selection import open_transport
-from rise_engine.errors import AdapterError
+from rise_engine.base.errors import AdapterError
 from rise_engine.kernel.inputs import Note
 from rise_engine.ports.bridge import RosConnection
 from rise_engine.ports.robot import Clock, Robot
+from rise_engine.run.server.hub import SessionHub
 from rise_engine.scenario.model import RobotProfile
-from rise_engine.server.hub import SessionHub
 from rise_engine.session.folder import without_home
 
 _LOG = logging.getLogger(__name__)

@@ -20,7 +20,7 @@ from msgspec import Struct
 
 from rise_adapters.ros2.transport.names import check_namespace
 from rise_adapters.ros2.transport.port import Message, PortError, SendReply, Transport
-from rise_engine.nearest_name import did_you_mean
+from rise_engine.base.nearest_name import did_you_mean
 
 ParameterValue: TypeAlias = "bool | int | float | str | list[str] | None"
 SIM_TIME = "use_sim_time"

@@ -31,7 +31,7 @@ from typing import Literal, TypeAlias, get_args
 
 from msgspec import Struct
 
-from rise_engine.nearest_name import nearest_name
+from rise_engine.base.nearest_name import nearest_name
 from rise_engine.scenario.model import RobotProfile
 
 FaultKind: TypeAlias = Literal[

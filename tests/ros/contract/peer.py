@@ -26,7 +26,7 @@ from rise_adapters.ros2.transport.port import Message, PortError, QoS, SendReply
 from rise_adapters.ros2.transport.selection import open_transport
 from rise_ros.examples.topic_listener import TopicListener
 
-from rise_engine.engine.clock import RealClock
+from rise_engine.run.engine.clock import RealClock
 
 from .lines import decode, encode
 

@@ -18,7 +18,7 @@ from rise_adapters.ros2.doctor.robot import SEARCH_SECONDS, check_robot, definit
 from rise_adapters.ros2.graph_checks import DOCTOR_NODE_NAME
 from rise_adapters.ros2.transport import selection
 from rise_adapters.ros2.transport.port import Transport
-from rise_engine.errors import AdapterError
+from rise_engine.base.errors import AdapterError
 from rise_engine.ports.bridge import RosConnection
 from rise_engine.scenario.model import RobotProfile
 

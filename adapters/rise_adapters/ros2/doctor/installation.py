@@ -16,7 +16,7 @@ from rise_adapters.ros2.doctor.environment import (
 )
 from rise_adapters.ros2.doctor.finding import DoctorFinding, Level
 from rise_adapters.ros2.transport import selection
-from rise_engine.errors import AdapterError
+from rise_engine.base.errors import AdapterError
 
 _INSTALLED = Path("/opt/ros")
 

@@ -19,7 +19,7 @@ from rise_adapters.ros2.mapping.field_sources import (
 )
 from rise_adapters.ros2.mapping.poses import PlaceSource
 from rise_adapters.ros2.transport.port import SENSOR, Message, PortError, QoS, Subscription, Transport
-from rise_engine.nearest_name import did_you_mean, in_backquotes
+from rise_engine.base.nearest_name import did_you_mean, in_backquotes
 from rise_engine.scenario.model import RobotProfile
 
 JOINT_STATES, TRANSFORMS = "joint_states", ("/tf", "/tf_static")

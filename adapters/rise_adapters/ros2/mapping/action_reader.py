@@ -16,7 +16,7 @@ from rise_adapters.ros2.mapping.options import parse_deadlines
 from rise_adapters.ros2.mapping.quality import parse_qos
 from rise_adapters.ros2.mapping.result_rule import parse_result_rule
 from rise_adapters.ros2.transport.names import is_ros_name
-from rise_engine.nearest_name import did_you_mean
+from rise_engine.base.nearest_name import did_you_mean
 from rise_engine.scenario.model import ActionSpec
 from rise_engine.scenario.parameters import accepts_any_name, listed_names
 

@@ -44,7 +44,7 @@ from rise_adapters.ros2.mapping.templates import (
     special_fallback,
     unit_factors,
 )
-from rise_engine.nearest_name import did_you_mean, in_backquotes
+from rise_engine.base.nearest_name import did_you_mean, in_backquotes
 from rise_engine.ports.bridge import ProfileFinding, ProfileFindingKind
 from rise_engine.scenario.model import ActionSpec, Parameter
 from rise_engine.scenario.parameters import accepts_any_name, convert_parameter, listed_names

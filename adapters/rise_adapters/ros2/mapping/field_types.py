@@ -10,7 +10,7 @@ from msgspec.structs import astuple
 
 from rise_adapters.ros2.transport.interfaces.definitions import INTEGER_RANGES, InterfaceFieldType, read_field_type
 from rise_adapters.ros2.transport.port import PortError
-from rise_engine.nearest_name import did_you_mean
+from rise_engine.base.nearest_name import did_you_mean
 
 FieldKind: TypeAlias = Literal["integer", "float", "text", "boolean", "message"]
 ReadFields: TypeAlias = Callable[[str], Mapping[str, str]]

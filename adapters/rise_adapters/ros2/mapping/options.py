@@ -14,7 +14,7 @@ from rise_adapters.ros2.mapping.compiler import ProfileMistakes
 from rise_adapters.ros2.mapping.estop import parse_estop
 from rise_adapters.ros2.mapping.field_types import FieldTypes
 from rise_adapters.ros2.transport.names import is_ros_name
-from rise_engine.nearest_name import did_you_mean
+from rise_engine.base.nearest_name import did_you_mean
 from rise_engine.scenario.durations import MAX_SECONDS
 from rise_engine.scenario.model import RobotProfile
 

@@ -19,7 +19,7 @@ from rise_adapters.ros2.mapping.field_types import (
     describe_value,
 )
 from rise_adapters.ros2.mapping.templates import Placeholder, special_fallback
-from rise_engine.nearest_name import did_you_mean
+from rise_engine.base.nearest_name import did_you_mean
 from rise_engine.scenario.model import Parameter
 
 PLACE_FRAME = "map"

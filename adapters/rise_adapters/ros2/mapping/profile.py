@@ -16,7 +16,7 @@ from rise_adapters.ros2.mapping.compiler import ProfileMistakes
 from rise_adapters.ros2.mapping.field_types import FieldTypes, ReadFields
 from rise_adapters.ros2.mapping.options import parse_options
 from rise_adapters.ros2.transport.port import PortError
-from rise_engine.nearest_name import did_you_mean
+from rise_engine.base.nearest_name import did_you_mean
 from rise_engine.ports.bridge import ProfileFinding
 from rise_engine.scenario.model import ActionSpec, RobotProfile
 

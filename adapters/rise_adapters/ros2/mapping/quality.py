@@ -7,7 +7,7 @@ from typing import Any
 
 from rise_adapters.ros2.mapping.compiler import ProfileMistakes
 from rise_adapters.ros2.transport.port import FEEDBACK, RELIABLE, STATUS, STATUS_TOPIC, QoS
-from rise_engine.nearest_name import did_you_mean, nearest_name
+from rise_engine.base.nearest_name import did_you_mean, nearest_name
 
 _KEYS = ("reliability", "durability", "depth")
 _RELIABILITY = {"reliable": True, "best_effort": False}

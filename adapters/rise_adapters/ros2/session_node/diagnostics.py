@@ -6,9 +6,9 @@ from collections.abc import Mapping
 from pathlib import Path
 
 from rise_adapters.ros2.transport.port import Message
-from rise_engine.server.hub import SessionHub
+from rise_engine.base.text import escape_surrogates
+from rise_engine.run.server.hub import SessionHub
 from rise_engine.session.private_values import PrivateValues
-from rise_engine.text import escape_surrogates
 
 TOPIC = "/diagnostics"
 TYPE = "diagnostic_msgs/msg/DiagnosticArray"

@@ -19,12 +19,12 @@ from rise_adapters.ros2.actions.server import ActionServer, Decide
 from rise_adapters.ros2.actions.server_goal import ServerGoal
 from rise_adapters.ros2.session_node.record_topics import RecordTopics
 from rise_adapters.ros2.transport.port import SEND_GOAL, PortError, Transport, action_topic
-from rise_engine.engine.clock import RealClock
 from rise_engine.kernel.inputs import Note, Submit
 from rise_engine.kernel.records import FINAL, TaskRecord
-from rise_engine.protocol import client as client_protocol
-from rise_engine.protocol.messages import MAX_MESSAGE_BYTES
-from rise_engine.server.hub import AttachedClient, SessionHub
+from rise_engine.run.engine.clock import RealClock
+from rise_engine.run.protocol import client as client_protocol
+from rise_engine.run.protocol.messages import MAX_MESSAGE_BYTES
+from rise_engine.run.server.hub import AttachedClient, SessionHub
 
 _LOG = logging.getLogger(__name__)
 

@@ -24,13 +24,13 @@ from rise_adapters.ros2.session_node.memory_service import MemoryService
 from rise_adapters.ros2.session_node.neighbours import NeighbourSessions
 from rise_adapters.ros2.session_node.record_topics import RecordTopics
 from rise_adapters.ros2.transport.port import Message, PortError, QoS, Transport
+from rise_engine.base.lag_meter import LagMeter
+from rise_engine.base.time_slicer import TimeSlicer
 from rise_engine.kernel.inputs import Note
 from rise_engine.kernel.records import TaskRecord
-from rise_engine.lag_meter import LagMeter
-from rise_engine.protocol import client as client_protocol
-from rise_engine.server.hub import SessionHub
+from rise_engine.run.protocol import client as client_protocol
+from rise_engine.run.server.hub import SessionHub
 from rise_engine.session.private_values import PrivateValues
-from rise_engine.time_slicer import TimeSlicer
 
 _LOG = logging.getLogger(__name__)
 

@@ -5,9 +5,9 @@ from __future__ import annotations
 import logging
 
 from rise_adapters.ros2.transport.port import Message, PortError, SendReply, Transport
+from rise_engine.base.json_codec import encode
 from rise_engine.expression import lookup
-from rise_engine.json_codec import encode
-from rise_engine.server.hub import SessionHub
+from rise_engine.run.server.hub import SessionHub
 from rise_engine.session.private_values import PrivateValues
 
 _LOG = logging.getLogger(__name__)

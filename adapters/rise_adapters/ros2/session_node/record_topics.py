@@ -27,11 +27,11 @@ from rise_adapters.ros2.record_messages import (
 )
 from rise_adapters.ros2.session_node import rosout as rosout_topic
 from rise_adapters.ros2.transport.port import Message, PortError, Publisher, QoS, Transport
+from rise_engine.base.text import escape_all_surrogates
 from rise_engine.kernel.inputs import Submit
 from rise_engine.kernel.records import AnyRecord, RuleRecord, TaskRecord
-from rise_engine.server.hub import SessionHub
+from rise_engine.run.server.hub import SessionHub
 from rise_engine.session.private_values import PrivateValues
-from rise_engine.text import escape_all_surrogates
 
 _LOG = logging.getLogger(__name__)
 

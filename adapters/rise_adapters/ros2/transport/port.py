@@ -22,7 +22,7 @@ from typing import Any, Literal, Protocol, TypeAlias
 
 from msgspec import Struct
 
-from rise_engine.errors import AdapterError
+from rise_engine.base.errors import AdapterError
 
 Message: TypeAlias = dict[str, Any]
 """A message by field name: numbers, texts and booleans; nested messages as dicts; arrays and sequences as lists, those

@@ -12,7 +12,7 @@ from typing import Literal
 
 from rise_adapters.ros2.transport.port import Transport
 from rise_adapters.ros2.transport.rclpy import RclpyTransport, rclpy_missing
-from rise_engine.errors import AdapterError
+from rise_engine.base.errors import AdapterError
 
 TransportKind = Literal["rclpy", "dds"]
 

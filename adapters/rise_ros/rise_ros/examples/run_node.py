@@ -35,10 +35,10 @@ from rise_adapters.ros2.parameters import (
 from rise_adapters.ros2.transport.port import PortError, Transport
 from rise_adapters.ros2.transport.selection import open_transport
 
+from rise_engine.base.errors import AdapterError, RiseError
+from rise_engine.base.exit_status import OK, REFUSED, USAGE
 from rise_engine.cli.program import split_ros_args
 from rise_engine.cli.terminal import clean_standard_streams
-from rise_engine.errors import AdapterError, RiseError
-from rise_engine.exit_status import OK, REFUSED, USAGE
 
 T = TypeVar("T")
 Work: TypeAlias = Callable[[Transport, Namespace], Awaitable[None]]

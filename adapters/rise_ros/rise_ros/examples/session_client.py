@@ -21,7 +21,7 @@ from msgspec import Struct
 from rise_adapters.ros2.actions.client import ActionClient
 from rise_adapters.ros2.transport.port import Message, Transport
 
-from rise_engine.errors import RiseError
+from rise_engine.base.errors import RiseError
 
 _STATUS = {4: "SUCCEEDED", 5: "CANCELED", 6: "ABORTED"}
 """Of an action's goal (action_msgs/msg/GoalStatus), for a server that says nothing more."""

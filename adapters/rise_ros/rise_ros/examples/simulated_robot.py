@@ -28,8 +28,8 @@ from rise_adapters.ros2.robot.lifecycle import EVENT_TYPE, STATE_TYPE
 from rise_adapters.ros2.transport.port import Closable, Message, PortError, SendReply, Subscription, Transport
 from rise_adapters.simulated.faults import OF_CANCELS, ActionFault, LinkFault, parse_fault
 
-from rise_engine.engine.clock import RealClock
 from rise_engine.ports.robot import Clock, Timer
+from rise_engine.run.engine.clock import RealClock
 from rise_engine.scenario.diagnostics import Diagnostics
 from rise_engine.scenario.loader import load
 from rise_engine.scenario.model import RobotProfile, SourceLocation

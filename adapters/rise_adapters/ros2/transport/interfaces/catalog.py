@@ -25,7 +25,7 @@ from rise_adapters.ros2.transport.interfaces.definitions import (
     split_name,
 )
 from rise_adapters.ros2.transport.port import PortError
-from rise_engine.nearest_name import nearest_name
+from rise_engine.base.nearest_name import nearest_name
 
 SHARE_FOLDER = Path(rise_adapters.ros2.__file__).parent / "share"
 """The definitions of others that travel with this program."""

@@ -1,0 +1,160 @@
+"""Why a rule stands where it stands: what each transition waits for, and what of that the wizard can bring about."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping
+from typing import Any, NamedTuple
+
+from rise_engine.author.drawing.labels import delay_text
+from rise_engine.base.typed_values import format_value
+from rise_engine.expression import Environment, EvaluationError, Expression, lookup
+from rise_engine.scenario.model import (
+    CUE_TOPICS,
+    Block,
+    Function,
+    If,
+    OneOf,
+    Rule,
+    Scenario,
+    Statement,
+    Transition,
+    normal_topic,
+    result_topics,
+)
+
+ENDINGS = {"_end": "to end", "_succeeded": "to succeed", "_failed": "to fail", "_stopped": "to be stopped"}
+"""What the engine raises about acts; about rules only the first."""
+_WHEN = {"_end": "ends", "_succeeded": "succeeds", "_failed": "fails", "_stopped": "is stopped"}
+
+
+MOST_PARTS = 20
+"""Parts of a value beyond which only their number is told."""
+
+
+class Truth(NamedTuple):
+    """A condition at this moment."""
+
+    text: str
+    values: str
+    """The keys and parts that it reads, with their values: `task is 2, items[i].done is true`."""
+    holds: bool
+    error: str = ""
+
+
+def truth_of(expression: Expression, memory: Mapping[str, Any]) -> Truth:
+    """The condition's value over the present memory."""
+    parts: dict[str, Any] = {}
+    holds, error = False, ""
+    try:
+        holds = expression.compiled_condition(Environment(memory, parts=parts))
+    except EvaluationError as problem:
+        error = str(problem)
+    texts = {
+        name: f"{name} is {_short_value(value)}" for name, value in parts.items() if value is not None or not error
+    }
+    for key in expression.keys - expression.keys_of_parts_only:
+        found, value = lookup(memory, key)
+        texts[key] = f"{key} is {_short_value(value)}" if found else f"{key} is not set"
+    return Truth(expression.text, ", ".join(text for _, text in sorted(texts.items())), holds, error)
+
+
+def _short_value(value: Any) -> str:
+    """A value beside others: of a long list or object, how much there is of it."""
+    if isinstance(value, list | dict) and len(value) > MOST_PARTS:
+        return f"{'a list' if isinstance(value, list) else 'an object'} of {len(value)}"
+    return format_value(value)
+
+
+def wait_text(scenario: Scenario, transition: Transition) -> str:
+    """What must happen for a transition, in words."""
+    if transition.after is not None:
+        time = delay_text(transition.after)
+        return f"{time} to pass" if transition.held is None else f"{time} of what must hold"
+    if transition.ended is not None:
+        return f"its own {transition.ended} {' or '.join(ENDINGS[end] for end in awaited_ends(transition))}"
+    if transition.event is None:
+        return "its condition alone"
+    if (found := parse_engine_event(scenario, transition.event)) is not None:
+        return f"{found[0]} {ENDINGS[found[1]]}"
+    if (result := parse_rule_result(scenario, transition.event)) is not None:
+        return f"the rule {result[0]} to end in {result[1]}"
+    if transition.event in CUE_TOPICS:
+        return "the participant's cue" if transition.event == CUE_TOPICS[0] else "the cue to be taken back"
+    return f"event {transition.event}"
+
+
+def engine_raises_text(scenario: Scenario, topic: str) -> str:
+    """For an event that the engine raises about an act or a rule: that it does. Empty for other events."""
+    found = parse_engine_event(scenario, topic)
+    return f"{found[0]} raises this event itself when it {_WHEN[found[1]]}" if found is not None else ""
+
+
+def parse_engine_event(scenario: Scenario, topic: str) -> tuple[str, str] | None:
+    """The act or rule, and the ending, of an event that the engine raises."""
+    for ending in ENDINGS:
+        name = topic.removesuffix(ending)
+        if name != topic and (name in scenario.acts or (name in scenario.rules and ending == "_end")):
+            return name, ending
+    return None
+
+
+def parse_rule_result(scenario: Scenario, topic: str) -> tuple[str, str] | None:
+    """The rule, and the state in which it has ended, of an event by which the engine tells a rule's result."""
+    for rule in scenario.rules.values():
+        if topic.startswith(rule.name):
+            for state, event in result_topics(rule):
+                if event == topic:
+                    return rule.name, state
+    return None
+
+
+def find_what_to_start(scenario: Scenario, topic: str) -> str | None:
+    """The act or rule that somebody starts so that the engine raises this event when it ends; nobody starts one so that
+    it fails."""
+    found = parse_engine_event(scenario, topic)
+    if found is not None:
+        return found[0] if found[1] in ("_end", "_succeeded") else None
+    result = parse_rule_result(scenario, topic)
+    return result[0] if result is not None else None
+
+
+def awaited_ends(transition: Transition) -> tuple[str, ...]:
+    """Of a transition that waits for the end of its rule's own act, the endings: `_end`, or those that it names."""
+    return tuple(f"_{outcome}" for outcome in transition.outcomes) or ("_end",)
+
+
+def find_awaited_act(scenario: Scenario, transition: Transition) -> str | None:
+    """The act or rule whose end a transition waits for."""
+    if transition.ended is not None:
+        return transition.ended
+    if transition.event is None:
+        return None
+    found = parse_engine_event(scenario, transition.event) or parse_rule_result(scenario, transition.event)
+    return found[0] if found is not None else None
+
+
+def events_raised_by(rule: Rule) -> frozenset[str]:
+    """Every topic that a rule raises anywhere, without its slash."""
+    raised = (function.argument for function in functions_of_rule(rule) if function.name == "raiseEventTopic")
+    return frozenset(map(normal_topic, raised))
+
+
+def functions_of_rule(rule: Rule) -> Iterator[Function]:
+    """Every function anywhere in a rule."""
+    for state in rule.states.values():
+        for block in (state.on_entry, state.on_exit, *(transition.block for transition in state.transitions)):
+            for function, _ in functions_in(block):
+                yield function
+
+
+def functions_in(block: Block | tuple[Statement, ...], *, sure: bool = True) -> Iterator[tuple[Function, bool]]:
+    """Every function of a block, and whether it is run whatever the memory and chance say."""
+    for statement in block:
+        match statement:
+            case Function():
+                yield statement, sure
+            case If():
+                for branch in statement.branches:
+                    yield from functions_in(branch.block, sure=False)
+            case OneOf():
+                yield from functions_in(statement.choices, sure=False)

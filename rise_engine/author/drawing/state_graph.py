@@ -1,0 +1,227 @@
+"""A rule as a drawing in text: its states below each other, loops and branches as rails at the left. Pure.
+
+One row for each state and one for each way out of it. A way to the state below goes straight down; every other one
+leaves to the left, into the rail of its target, and follows it to the arrow. All ways to one state share one rail, so
+a rail has exactly one arrow. A rail that crosses a way is drawn over it. What finds no rail is said in words.
+
+The layout depends on the rule and the width alone: a state never changes its place, only its marks change.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from itertools import zip_longest
+from typing import Literal, NamedTuple, TypeAlias
+
+from rise_engine.author.drawing.cells import cell_length
+from rise_engine.author.drawing.labels import transition_label
+from rise_engine.author.drawing.state_order import StateOrder, find_state_order
+from rise_engine.scenario.model import Rule
+
+Way: TypeAlias = Literal["down", "rail", "word", "again", "stays"]
+"""How a transition is drawn: straight down, by a rail, by its target's name; `again` enters its own state anew."""
+
+LONG = 26
+"""From this many rows on, a state and its way down share a row."""
+ROOM_FOR_BOTH = 44
+"""Cells that such a row needs for its texts."""
+MARKS = 12
+"""Cells kept free behind a name for what becomes of a state: `  may follow`."""
+
+
+class GraphEdge(NamedTuple):
+    """One transition, as it is drawn."""
+
+    source: str
+    number: int
+    """Among its state's transitions, in the file's order."""
+    target: str | None
+    label: str
+    way: Way
+    row: int
+    """The row with its label."""
+    lane: int = -1
+    """Of its rail; 0 is the nearest to the states."""
+
+
+class GraphRow(NamedTuple):
+    """One row: the state, the way out, or, in a long rule, a state and its way down."""
+
+    state: str
+    """Of a way's row: the state that it leaves."""
+    is_state: bool
+    edge: GraphEdge | None
+    rails: str = ""
+    """What stands left of the node."""
+    node: str = ""
+    """The character of a way at the line of the states; empty for a state, whose mark changes."""
+    notes: tuple[str, ...] = ()
+    """What holds for a state at any time: `start`, `end`, `never reached`."""
+
+
+class GraphLayout(NamedTuple):
+    rows: tuple[GraphRow, ...]
+    edges: dict[tuple[str, int], GraphEdge]
+    """By state and index."""
+    row_of: dict[str, int]
+    gutter: int
+    """Cells of the rails."""
+    names: int
+    """Cells of the column of names with their marks, in a long rule; 0: labels have rows of their own."""
+    width: int
+
+
+class _Rail(NamedTuple):
+    target: str
+    arrow: int
+    """The row of the target."""
+    top: int
+    bottom: int
+    lane: int
+    sources: tuple[int, ...]
+
+
+def lay_out_graph(rule: Rule, width: int) -> GraphLayout:
+    """The drawing of a rule in `width` cells."""
+    order = find_state_order(rule)
+    most = most_lanes(width)
+    compact = sum(1 + len(state.transitions) for state in rule.states.values()) > LONG
+    compact = compact and width - 2 * most - 3 >= ROOM_FOR_BOTH
+    plan = _plan_rows(rule, order, compact)
+    row_of = {row.state: index for index, row in enumerate(plan) if row.is_state}
+    edges = {(row.edge.source, row.edge.number): row.edge for row in plan if row.edge is not None}
+    rails = _assign_lanes([edge for edge in edges.values() if edge.way == "rail"], row_of, most)
+    lane_of = {row: rail.lane for rail in rails for row in rail.sources}
+    for key, edge in edges.items():
+        if edge.way == "rail":
+            lane = lane_of.get(edge.row, -1)
+            edges[key] = edge._replace(lane=lane, way="rail" if lane >= 0 else "word")
+    lanes = max((rail.lane + 1 for rail in rails), default=0)
+    names = max(map(cell_length, rule.states)) + MARKS if compact else 0
+    return GraphLayout(
+        tuple(_draw_rows(rule, order, plan, edges, [_gutter_text(row, rails, lanes) for row in range(len(plan))])),
+        edges,
+        row_of,
+        2 * lanes + 1,
+        min(names, (width - 2 * lanes - 3) * 3 // 5),
+        width,
+    )
+
+
+def edge_path(layout: GraphLayout, edge: GraphEdge) -> Iterator[tuple[int, int]]:
+    """The cells, row and column, of a way's rail from its label to the arrow; none without a rail."""
+    if edge.way != "rail" or edge.target is None:
+        return
+    arrow = layout.row_of[edge.target]
+    column = layout.gutter - 2 * (edge.lane + 1)
+    for row in (edge.row, arrow):
+        for cell in range(column, layout.gutter):
+            if cell == column or layout.rows[row].rails[cell] != "│":
+                yield row, cell
+    for row in range(min(edge.row, arrow) + 1, max(edge.row, arrow)):
+        yield row, column
+
+
+def most_lanes(width: int) -> int:
+    """How many rails beside each other a width allows."""
+    return min(max((width - 30) // 9, 2), 6)
+
+
+def _draw_rows(
+    rule: Rule, order: StateOrder, plan: list[GraphRow], edges: dict[tuple[str, int], GraphEdge], gutters: list[str]
+) -> Iterator[GraphRow]:
+    """The rows of the plan with their rails and nodes."""
+    reached = set(order.states[: order.reached])
+    falling = {edge.source for edge in edges.values() if edge.way == "down"}
+    for index, row in enumerate(plan):
+        edge = edges[row.edge.source, row.edge.number] if row.edge is not None else None
+        node, notes = "", {}
+        if row.is_state:
+            notes = {
+                "start": row.state == rule.initial,
+                "end": not rule.states[row.state].transitions,
+                "never reached": row.state not in reached,
+            }
+        elif edge is not None:
+            is_last = index + 1 == len(plan) or plan[index + 1].is_state
+            node = _node_character(edge, last=is_last and row.state not in falling)
+        yield row._replace(edge=edge, rails=gutters[index], node=node, notes=tuple(filter(notes.get, notes)))
+
+
+def _plan_rows(rule: Rule, order: StateOrder, compact: bool) -> list[GraphRow]:
+    """A row for each state and each way out, before the rails are known."""
+    plan: list[GraphRow] = []
+    for name, below in zip_longest(order.states, order.states[1:]):
+        down: list[GraphEdge] = []
+        other: list[GraphEdge] = []
+        for index, transition in enumerate(rule.states[name].transitions):
+            target = transition.target
+            way: Way = (
+                "stays" if target is None
+                else "again" if target == name
+                else "down" if target == below
+                else "rail" if target in rule.states
+                else "word"
+            )  # fmt: skip
+            label = transition_label(transition)
+            if transition.condition is not None and not transition.is_eventless:
+                label = f"{label} if {transition.condition.text}"
+            (down if way == "down" else other).append(GraphEdge(name, index, target, label, way, 0))
+        beside = down.pop(0)._replace(row=len(plan)) if compact and down else None
+        plan.append(GraphRow(name, True, beside))
+        for edge in (*other, *down):
+            plan.append(GraphRow(name, False, edge._replace(row=len(plan))))
+    return plan
+
+
+def _assign_lanes(edges: list[GraphEdge], row_of: dict[str, int], most: int) -> list[_Rail]:
+    """One rail for each target. Short ways come first: where there is no room, the farthest have none."""
+    rails: dict[str, _Rail] = {}
+    for edge in sorted(edges, key=lambda each: (abs(each.row - row_of[each.target or ""]), each.row)):
+        target = edge.target or ""
+        arrow = row_of[target]
+        known = rails.get(target) or _Rail(target, arrow, arrow, arrow, 0, ())
+        top, bottom = min(known.top, edge.row), max(known.bottom, edge.row)
+        others = [
+            rail for rail in rails.values() if rail.target != target and rail.top <= bottom and top <= rail.bottom
+        ]
+        taken = {rail.lane for rail in others}
+        for lane in (known.lane, *range(most)):
+            if lane not in taken:
+                rails[target] = _Rail(target, arrow, top, bottom, lane, (*known.sources, edge.row))
+                break
+    return list(rails.values())
+
+
+def _gutter_text(row: int, rails: list[_Rail], lanes: int) -> str:
+    """The rails in one row, and the way from or to one of them."""
+    cells = [" "] * (2 * lanes + 1)
+    joined = -1
+    for rail in rails:
+        if not rail.top <= row <= rail.bottom:
+            continue
+        column = len(cells) - 2 * (rail.lane + 1)
+        if row == rail.arrow or row in rail.sources:
+            joined = column
+            cells[column] = "╭" if row == rail.top else "╰" if row == rail.bottom else "├"
+            if row == rail.arrow:
+                cells[-1] = "►"
+        else:
+            cells[column] = "│"
+    if joined >= 0:
+        for column in range(joined + 1, len(cells)):
+            if cells[column] == " ":
+                cells[column] = "─"
+    return "".join(cells)
+
+
+def _node_character(edge: GraphEdge, *, last: bool) -> str:
+    match edge.way:
+        case "down":
+            return "↓"
+        case "rail":
+            return "╯" if last else "┤"
+        case "word":
+            return "╰" if last else "├"
+        case _:
+            return "↺"

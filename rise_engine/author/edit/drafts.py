@@ -1,0 +1,160 @@
+"""Drafts: what an editor holds and has not saved, kept where a lost terminal does not reach it; and who edits a study.
+
+A draft lies in the state folder of the account, in a file of its own for each study. It holds the changed files whole,
+what was changed in words, and check sums of the files on which the changes were made.
+"""
+
+from __future__ import annotations
+
+import fcntl
+import glob
+import json
+import os
+import socket
+from collections.abc import Mapping
+from contextlib import suppress
+from datetime import datetime
+from hashlib import sha256
+from pathlib import Path
+
+import msgspec
+from msgspec import Struct
+
+from rise_engine.author.edit.plan import Files
+
+FORMAT = 1
+
+
+class Draft(Struct, frozen=True):
+    """What was not saved."""
+
+    folder: str
+    kept: str
+    """When, with the offset of the zone (ISO 8601)."""
+    base: dict[str, str]
+    """SHA-256 of every file that it was made on, by name."""
+    files: dict[str, bytes | None]
+    """The files that differ, whole; None: deleted."""
+    says: tuple[str, ...]
+    """What was changed, in words."""
+    format: int = FORMAT
+
+
+def state_folder() -> Path:
+    """Where drafts lie: `$XDG_STATE_HOME/rise-tui/drafts`."""
+    state = os.environ.get("XDG_STATE_HOME") or str(Path.home() / ".local" / "state")
+    return Path(state) / "rise-tui" / "drafts"
+
+
+def hashes(files: Files) -> dict[str, str]:
+    return {name: sha256(data).hexdigest() for name, data in files.items()}
+
+
+class DraftFile:
+    """The draft of one study, on the disk."""
+
+    def __init__(self, folder: Path) -> None:
+        """:param folder: the study's."""
+        self.folder = Path(os.path.realpath(folder))
+        name = sha256(os.fsencode(self.folder)).hexdigest()[:16]
+        self.path = state_folder() / f"{self.folder.name}-{name}.json"
+
+    def read(self) -> Draft | None:
+        """What was kept last; None: nothing that is to be offered, or nothing that can be read."""
+        found = self._find()
+        return None if found is None else found[1]
+
+    def _find(self) -> tuple[Path, Draft] | None:
+        earlier = sorted(self.path.parent.glob(f"{glob.escape(self.path.stem)}.earlier-*.json"), reverse=True)
+        for path in (self.path, *earlier):
+            with suppress(OSError, msgspec.DecodeError, UnicodeError):
+                draft = msgspec.json.decode(path.read_bytes(), type=Draft)
+                if draft.format == FORMAT and draft.files:
+                    return path, draft
+        return None
+
+    def put_aside(self) -> None:
+        """Leave what is kept now where the next draft does not replace it; it is offered again. Raises OSError."""
+        if self.path.exists():
+            now = datetime.now().astimezone().strftime("%Y%m%d-%H%M%S-%f")
+            self.path.rename(self.path.with_name(f"{self.path.stem}.earlier-{now}.json"))
+
+    def forget(self) -> None:
+        """Delete what `read` gives. Raises OSError."""
+        found = self._find()
+        if found is not None:
+            found[0].unlink(missing_ok=True)
+
+    def keep(self, base: Files, files: Mapping[str, bytes | None], says: tuple[str, ...]) -> None:
+        """Write it anew; without changed files there is none. Raises OSError."""
+        if not files:
+            self.path.unlink(missing_ok=True)
+            return
+        now = datetime.now().astimezone().isoformat(timespec="seconds")
+        draft = Draft(str(self.folder), now, hashes(base), dict(files), says)
+        write_durably(self.path, msgspec.json.encode(draft))
+
+
+def write_durably(path: Path, data: bytes) -> None:
+    """Write a file of the state folder: whole or not at all, for this account alone. Raises OSError."""
+    path.parent.mkdir(0o700, parents=True, exist_ok=True)
+    fresh = path.with_suffix(f".{os.getpid()}.new")
+    descriptor = os.open(fresh, os.O_WRONLY | os.O_CREAT | os.O_TRUNC | os.O_CLOEXEC, 0o600)
+    with os.fdopen(descriptor, "wb") as file:
+        file.write(data)
+        file.flush()
+        os.fsync(descriptor)
+    fresh.replace(path)
+
+
+class EditorLock:
+    """Who edits a study: one editor at a time. It goes with its process, however that ends."""
+
+    def __init__(self, folder: Path) -> None:
+        """:param folder: the study's. Nothing is written in it: the folder itself is locked."""
+        self.folder = folder
+        self._descriptor = -1
+        self._note = DraftFile(folder).path.with_suffix(".editor")
+        self.holder = ""
+        """Who else has it, for a person; empty: we do."""
+        self.try_again()
+
+    def try_again(self) -> None:
+        """Take it if nobody has it any more."""
+        if self._descriptor >= 0:
+            return
+        self.holder = ""
+        try:
+            descriptor = os.open(self.folder, os.O_RDONLY | os.O_CLOEXEC)
+        except OSError:
+            return
+        try:
+            fcntl.flock(descriptor, fcntl.LOCK_EX | fcntl.LOCK_NB)
+        except BlockingIOError:
+            os.close(descriptor)
+            self.holder = self._read_holder()
+            return
+        except OSError:  # a file system without locks: nobody can be told apart
+            os.close(descriptor)
+            return
+        self._descriptor = descriptor
+        self._write_holder()
+
+    def release(self) -> None:
+        if self._descriptor >= 0:
+            self._note.unlink(missing_ok=True)
+            os.close(self._descriptor)
+            self._descriptor = -1
+
+    def _write_holder(self) -> None:
+        since = datetime.now().astimezone().strftime("%H:%M")
+        with suppress(OSError):
+            self._note.parent.mkdir(0o700, parents=True, exist_ok=True)
+            self._note.write_text(json.dumps({"process": os.getpid(), "host": socket.gethostname(), "since": since}))
+
+    def _read_holder(self) -> str:
+        try:
+            told = json.loads(self._note.read_text(encoding="utf-8"))
+            return f"another editor, process {told['process']} on {told['host']}, since {told['since']}"
+        except (OSError, ValueError, KeyError):
+            return "another editor, of another user"

@@ -1,0 +1,164 @@
+"""From a use of a name to the bytes that it takes in its file, and what is to stand there for another name."""
+
+from __future__ import annotations
+
+import json
+import tomllib
+from collections.abc import Iterator
+
+from msgspec import Struct
+
+from rise_engine.author.edit.plan import EditRefused, Files, Splice
+from rise_engine.author.edit.text_edits import EditedText
+from rise_engine.author.edit.toml_edits import TomlText
+from rise_engine.author.edit.toml_writing import toml_key
+from rise_engine.expression.errors import ExpressionError
+from rise_engine.expression.tokens import escape_text, unquote
+from rise_engine.scenario.source_files import SourceFile
+from rise_engine.scenario.toml_syntax import TomlKeyPart, TomlValue
+from rise_engine.scenario.uses import Use
+from rise_engine.syntax.xml import CDATA, ENTITY, XmlSyntaxError, XmlTree, read_entity
+
+
+class NamePlace(Struct, frozen=True):
+    """Where a name is written: in which file, from which character to which."""
+
+    file: str
+    start: int
+    end: int
+
+
+class NamePlaces:
+    """Finds and rewrites names in the files of a study."""
+
+    def __init__(self, files: Files) -> None:
+        self.files = files
+        self._sources: dict[str, SourceFile] = {}
+        self._texts: dict[str, EditedText] = {}
+        self._tomls: dict[str, TomlText] = {}
+        self._trees: dict[str, XmlTree] = {}
+
+    def find(self, use: Use, name: str) -> NamePlace | None:
+        """Where a use writes its name: where it stands, or in its template. None: it is put together of both.
+
+        :param use: the use.
+        :param name: what must be written there: of an event without its slash, of a state without its rule.
+        """
+        place = use.place
+        if not use.length or place.file not in self.files:
+            return None
+        source, text = self._source(place.file), self._text(place.file)
+        start = source.offset(place.line, place.column)
+        end = start + use.length
+        written = text.text[start:end]
+        read = self._read(place.file, written)
+        if name not in (written, read, _unescaped(read)):
+            return None
+        return NamePlace(place.file, start, end)
+
+    def _source(self, file: str) -> SourceFile:
+        if file not in self._sources:
+            text = self._text(file).text
+            self._sources[file] = SourceFile(file, self.files[file], text)
+        return self._sources[file]
+
+    def _text(self, file: str) -> EditedText:
+        if file not in self._texts:
+            self._texts[file] = EditedText(file, self.files[file])
+        return self._texts[file]
+
+    def _read(self, file: str, written: str) -> str:
+        """What is written, as its file means it."""
+        if file.endswith(".xml") and "&" in written:
+            return ENTITY.sub(lambda found: read_entity(found.group()), written)
+        if file.endswith((".json", ".toml")) and "\\" in written:
+            try:
+                return str(tomllib.loads(f'a = "{written}"')["a"])
+            except ValueError:
+                return written
+        return written
+
+    def splice(self, place: NamePlace, name: str) -> Splice:
+        """Another name at a place, written as its file must have it there.
+
+        :raises EditRefused: it cannot be written there.
+        """
+        if place.file.endswith(".xml"):
+            return Splice(place.file, place.start, place.end, self._for_xml(place, name))
+        if place.file.endswith(".toml"):
+            return self._for_toml(place, name)
+        return Splice(place.file, place.start, place.end, json.dumps(name, ensure_ascii=False)[1:-1])
+
+    def _for_xml(self, place: NamePlace, name: str) -> str:
+        text = self._text(place.file).text
+        if place.file not in self._trees:
+            try:
+                self._trees[place.file] = XmlTree(text)
+            except XmlSyntaxError as error:
+                raise EditRefused(f"{place.file}: {error}") from None
+        escaped = name.replace("&", "&amp;").replace("<", "&lt;")
+        attribute = self._trees[place.file].element_at(place.start).attribute_at(place.start)
+        if attribute is not None:
+            return escaped.replace(attribute.quote, "&quot;" if attribute.quote == '"' else "&apos;")
+        opening = text.rfind(CDATA, 0, place.start)
+        return name if opening >= 0 and text.find("]]>", opening) >= place.end else escaped.replace("]]>", "]]&gt;")
+
+    def _for_toml(self, place: NamePlace, name: str) -> Splice:
+        """The name within a text, or as a key, in quotation marks where it must be."""
+        text = self._text(place.file)
+        if place.file not in self._tomls:
+            self._tomls[place.file] = TomlText(text.text)
+        toml = self._tomls[place.file]
+        for part in _key_parts(toml):
+            if part.start <= place.start < part.end:
+                if (part.start, part.end) in ((place.start, place.end), (place.start - 1, place.end + 1)):
+                    return Splice(place.file, part.start, part.end, toml_key(name))
+                raise EditRefused(f"{place.file}, line {text.line(part.start)}: the name is a part of another one")
+        for value in _values(toml):
+            if value.start <= place.start < value.end:
+                name = escape_text(name, _inner_quote(text, value, place))
+                if text.text.startswith("'", value.start):
+                    if "'" in name:
+                        line = text.line(value.start)
+                        raise EditRefused(
+                            f"{place.file}, line {line}: write this text in \" marks first; it stands in ' marks"
+                        )
+                    return Splice(place.file, place.start, place.end, name)
+                return Splice(place.file, place.start, place.end, json.dumps(name, ensure_ascii=False)[1:-1])
+        raise EditRefused(f"{place.file} is written in a way that cannot be changed here; change it with an editor")
+
+
+def _unescaped(written: str) -> str:
+    """A name that stands in quotation marks within a condition."""
+    try:
+        return unquote(written, f"'{written}'", 0)
+    except ExpressionError:
+        return written
+
+
+def _inner_quote(file: EditedText, value: TomlValue, place: NamePlace) -> str:
+    """The quotation mark in which a name stands within a text, as in `runs('R_Yes')`; empty: in none."""
+    begin = file.text[value.start : value.start + 3]
+    opening = len(begin) if begin in ('"""', "'''") else 1
+    before = file.text[value.start + opening : place.start]
+    return before[-1:] if before.endswith(("'", '"')) else ""
+
+
+def _key_parts(toml: TomlText) -> Iterator[TomlKeyPart]:
+    for section in toml.sections:
+        yield from section.parts
+        for pair in section.pairs:
+            yield from pair.parts
+            yield from _inner_parts(pair.value)
+
+
+def _inner_parts(value: TomlValue) -> Iterator[TomlKeyPart]:
+    for item in value.items:
+        yield from _inner_parts(item)
+    for pair in value.pairs:
+        yield from pair.parts
+        yield from _inner_parts(pair.value)
+
+
+def _values(toml: TomlText) -> Iterator[TomlValue]:
+    return (entry.value for entry in toml.entries.values() if entry.value.kind == "scalar")

@@ -1,0 +1,204 @@
+"""Edits of TOML files: `scenario.toml`, `study.toml`, the settings of a table, pronunciations, translations."""
+
+from __future__ import annotations
+
+import copy
+from collections.abc import Callable
+from typing import Any
+
+from rise_engine.author.edit.edits import Edit, RenameSetting, SetSetting
+from rise_engine.author.edit.memory import value_text
+from rise_engine.author.edit.plan import EditRefused, Plan
+from rise_engine.author.edit.rename_task_files import pressed_key_splices
+from rise_engine.author.edit.study_state import StudyState
+from rise_engine.author.edit.text_edits import EditedText
+from rise_engine.author.edit.toml_edits import TomlText, remove_value, rename_key, set_value
+from rise_engine.scenario.file_names import SCENARIO_FILE
+from rise_engine.scenario.study_paths import why_no_name
+from rise_engine.scenario.toml_syntax import KeyPath
+from rise_engine.syntax.changes import edits_between
+
+
+def plan_set_setting(edit: SetSetting, study: StudyState) -> Plan:
+    """A value of a TOML file; None takes the entry out. A file that is not there is made.
+
+    :raises EditRefused: it is not TOML as it stands, or has no place for this.
+    """
+    _check_path(edit.file, edit.path)
+    file = _file(study, edit.file, new=edit.value is not None)
+    before = _read(file)
+    found, old = before.find(edit.path)
+    if edit.value is None:
+        after = _changed(file, lambda text: remove_value(text, edit.path))
+        wanted = _without(before.values, edit.path)
+        says = f"{_label(edit)} is not set any more (was {value_text(old)})"
+    else:
+        after = _changed(file, lambda text: set_value(text, edit.path, edit.value))
+        wanted = _with(before.values, edit.path, edit.value)
+        says = f"{_label(edit)} {_is_in_words(edit, edit.value)} ({f'was {value_text(old)}' if found else 'new'})"
+    _check_outcome(file, after, wanted)
+    noticed = _comments_gone(file, after)
+    if edit.file not in study.files:
+        return Plan(written={edit.file: after.encode()}, says=(says,))
+    return Plan(splices=file.splices(edits_between(file.text, after)), says=(says,), noticed=noticed)
+
+
+def plan_rename_setting(edit: RenameSetting, study: StudyState) -> Plan:
+    """An entry of a TOML file under another name, in its place; of a key of the keyboard, tests press the new one.
+
+    :raises EditRefused: there is no such entry, or there is one of the new name.
+    """
+    _check_path(edit.file, (*edit.path, edit.name))
+    file = _file(study, edit.file)
+    before = _read(file)
+    after = _changed(file, lambda text: rename_key(text, edit.path, edit.name))
+    wanted = copy.deepcopy(before.values)
+    holder = _holder(wanted, edit.path)
+    holder[edit.name] = holder.pop(edit.path[-1])
+    _check_outcome(file, after, wanted)
+    says = f"{_label(edit)} is called {edit.name} now"
+    splices = file.splices(edits_between(file.text, after))
+    if edit.file == SCENARIO_FILE and edit.path[:-1] == ("keys",):
+        for name in sorted(study.files):
+            if name.startswith("tests/") and name.endswith(".jsonl"):
+                test = EditedText(name, study.files[name])
+                splices += pressed_key_splices(test, edit.path[-1], edit.name)
+    return Plan(splices=splices, says=(says,))
+
+
+def _check_path(file: str, path: KeyPath) -> None:
+    if problem := why_no_name(file, (".toml",)):
+        raise EditRefused(problem)
+    if not path or not all(isinstance(part, str) and part for part in path):
+        raise EditRefused("say which entry is meant: a path of names, none of them empty")
+
+
+def _file(study: StudyState, name: str, *, new: bool = False) -> EditedText:
+    if name in study.files:
+        return EditedText(name, study.files[name])
+    if new:
+        return EditedText(name, b"")
+    raise EditRefused(f"there is no file {name} in this study")
+
+
+def _read(file: EditedText) -> TomlText:
+    try:
+        return TomlText(file.text)
+    except EditRefused as error:
+        raise EditRefused(f"{file.name}: {error}") from None
+
+
+def _changed(file: EditedText, change: Callable[[str], str]) -> str:
+    try:
+        return change(file.text)
+    except EditRefused as error:
+        raise EditRefused(f"{file.name}: {error}") from None
+
+
+def _check_outcome(file: EditedText, after: str, wanted: dict[str, Any]) -> None:
+    """The file says what was asked for, and else what it said. (Tables that became empty may be gone.)
+
+    :raises EditRefused: it does not, whatever the reason: then it is written in a way that is not provided for.
+    """
+    try:
+        is_right = _typed(TomlText(after).values) == _typed(wanted)
+    except EditRefused:
+        is_right = False
+    if not is_right:
+        raise EditRefused(f"{file.name} is written in a way that cannot be changed here; change it with an editor")
+
+
+def _typed(value: Any) -> Any:
+    """A value in which 1, 1.0 and true differ, and tables and lists without entries count for nothing."""
+    if isinstance(value, dict):
+        inner = {key: _typed(each) for key, each in value.items()}
+        return {key: each for key, each in inner.items() if each not in ({}, [])}
+    if isinstance(value, list | tuple):
+        return [_typed(each) for each in value]
+    return type(value).__name__, value
+
+
+def _comments_gone(file: EditedText, after: str) -> tuple[str, ...]:
+    """What is said of comments that stood within what was taken out."""
+    kept = [line.strip() for line in after.splitlines()]
+    gone = []
+    for number, line in enumerate(file.text.splitlines(), 1):
+        at = line.find("#")
+        comment = line[at:].strip()
+        if at >= 0 and not any(each.endswith(comment) for each in kept):
+            gone.append(f"the comment in {file.name}, line {number}, goes with it: {comment}")
+    return tuple(gone)
+
+
+def _holder(values: Any, path: KeyPath, *, make: bool = False) -> Any:
+    """What holds the last part of a path."""
+    for at, part in enumerate(path[:-1]):
+        if isinstance(values, list):
+            if make and int(part) == len(values):
+                values.append({})
+            values = values[int(part)]
+        else:
+            if make and part not in values:
+                values[part] = {}
+            values = values[part]
+        if not isinstance(values, dict | list):
+            raise EditRefused(f"`{'.'.join(path[: at + 1])}` is no table")
+    return values
+
+
+def _with(values: dict[str, Any], path: KeyPath, value: Any) -> dict[str, Any]:
+    wanted = copy.deepcopy(values)
+    holder = _holder(wanted, path, make=True)
+    if isinstance(holder, list):
+        if int(path[-1]) == len(holder):
+            holder.append(value)
+        else:
+            holder[int(path[-1])] = value
+    else:
+        holder[path[-1]] = value
+    return wanted
+
+
+def _without(values: dict[str, Any], path: KeyPath) -> dict[str, Any]:
+    wanted = copy.deepcopy(values)
+    holder = _holder(wanted, path)
+    if isinstance(holder, list):
+        del holder[int(path[-1])]
+    else:
+        del holder[path[-1]]
+    return wanted
+
+
+_KEY_WORDS = {"act": "starts the act", "rule": "starts the rule", "event": "raises the event", "set": "sets"}
+
+
+def _is_in_words(edit: SetSetting, value: Any) -> str:
+    """What an entry is then: `is "Greeting"`; of a key of the keyboard what it does: `starts the act R_Nod`."""
+    if edit.file == SCENARIO_FILE and edit.path[:1] == ("keys",) and len(edit.path) == 2 and isinstance(value, dict):
+        kind = next((each for each in _KEY_WORDS if each in value), "")
+        if kind:
+            label = f", called “{value['label']}”" if "label" in value else ""
+            return f"{_KEY_WORDS[kind]} {value[kind]}{label}"
+    return f"is {value_text(value)}"
+
+
+def _label(edit: SetSetting | RenameSetting) -> str:
+    """What is changed, in words."""
+    path = edit.path
+    match path:
+        case ("keys", key) if edit.file == "scenario.toml":
+            return f"key {key}"
+        case ("keys", key, *rest) if edit.file == "scenario.toml":
+            return f"key {key}: {'.'.join(rest)}"
+        case ("act", act, *rest) if edit.file == "scenario.toml" and rest:
+            return f"act {act}: {'.'.join(rest)}"
+        case ("conditions", name, *rest) if edit.file == "scenario.toml":
+            return f"condition {name}" + (f": {'.'.join(rest)}" if rest else "")
+    where = "" if edit.file == "scenario.toml" else f"{edit.file}: "
+    return where + ".".join(path)
+
+
+PLANNERS: dict[type[Edit], Callable[[Any, StudyState], Plan]] = {
+    SetSetting: plan_set_setting,
+    RenameSetting: plan_rename_setting,
+}

@@ -1,0 +1,152 @@
+"""Remedies that write something else at the place of a finding: the name that was meant, a quotation mark, a number.
+
+Each is a pair of what it does and the edit.
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Callable, Iterable, Iterator
+from xml.sax.saxutils import unescape
+
+from rise_engine.author.edit.acts import next_id
+from rise_engine.author.edit.edits import AnyEdit
+from rise_engine.author.edit.finding_place import FindingPlace
+from rise_engine.syntax.changes import EditRefused, TextEdit
+from rise_engine.syntax.xml_layout import gap_before, gap_in
+from rise_engine.syntax.xml_repair import RepairedText
+from rise_engine.syntax.xml_writing import NewElement, set_text
+
+_MEANT = re.compile(r"`([^`]+)`[^`]*; did you mean `([^`]+)`")
+_WRITE = re.compile(r"`([^`]+)` (?:has no meaning here|is no operator|is not known); write `([^`]+)`")
+_QUOTED_WORD = re.compile(r"write '([^']+)' in quotation marks")
+_NUMBER = re.compile(r"\s*([\d.]+)\s*\Z")
+_ATTRIBUTE = re.compile(r"""[\w:.-]+\s*=\s*(?:"[^"]*"|'[^']*')""")
+_CONFLICT = re.compile(
+    r"<{7}[^\r\n]*(?:\r\n?|\n)(?P<ours>.*?)(?:\|{7}.*?)?^={7}[^\r\n]*(?:\r\n?|\n)(?P<theirs>.*?)^>{7}[^\r\n]*(?:\r\n?|\n|\Z)",
+    re.DOTALL | re.MULTILINE,
+)
+_ALLOW_COMMENT = re.compile(r"<!--.*?-->|#[^\r\n]*", re.DOTALL)
+_BLANKS = " \t"
+
+Written = tuple[str, AnyEdit]
+
+
+def _meant_name(place: FindingPlace) -> Iterator[Written]:
+    """The nearest right name."""
+    found = _MEANT.search(place.finding.message)
+    if found is None:
+        return
+    wrong, meant = found.groups()
+    written = place.written
+    mark = "<" if written.startswith("<") else written[:1] if written[:1] in ("'", '"') else ""
+    inner = written[1:-1] if mark and mark == written[-1:] else written.removeprefix(mark)
+    if wrong.strip("/") != unescape(inner, {"&quot;": '"', "&apos;": "'"}).strip().strip("/"):
+        return  # it stands elsewhere, in a template or put together of pieces
+    slash = "/" if inner.startswith("/") and not meant.startswith("/") else ""
+    at = place.start + len(mark)
+    yield f"write {meant}", place.rewritten(TextEdit(at, at + len(inner), place.escaped(slash + meant)))
+
+
+def _meant_sign(place: FindingPlace) -> Iterator[Written]:
+    """What an expression writes otherwise: `AND`, `&`, `≥`."""
+    found = _WRITE.search(place.finding.message)
+    if place.finding.code not in ("condition", "assignment", "time") or found is None:
+        return
+    wrong, right = found.groups()
+    for written in dict.fromkeys((place.escaped(wrong), wrong)):
+        if place.text.startswith(written, place.start):
+            edit = TextEdit(place.start, place.start + len(written), place.escaped(right))
+            yield f"write {right}", place.rewritten(edit)
+            return
+
+
+def _quoted_word(place: FindingPlace) -> Iterator[Written]:
+    """A word that is meant as a text."""
+    found = _QUOTED_WORD.search(place.finding.message)
+    if place.finding.code != "bare-word" or found is None:
+        return
+    equals = place.text.find("=", place.start, place.end)
+    word = re.compile(rf"(?<![\w.'\"&]){re.escape(found.group(1))}(?![\w.'\";])")
+    at = word.search(place.text, max(equals, place.start), place.end)
+    if at is None or place.text[place.end : place.end + 1] == "'":
+        return
+    yield f"write '{at.group()}' in quotation marks", place.rewritten(TextEdit(*at.span(), f"'{at.group()}'"))
+
+
+def _time_unit(place: FindingPlace) -> Iterator[Written]:
+    number = _NUMBER.match(place.written) if place.finding.code == "time" else None
+    if number is not None:
+        for unit in ("s", "ms"):
+            yield f"write {number.group(1)}{unit}", place.replaced(number.group(1) + unit)
+
+
+def _escaped_marks(place: FindingPlace) -> Iterator[Written]:
+    """`<`, `&` and quotation marks as XML wants them. In the whole file: with one that is left it cannot be read."""
+    if place.finding.code not in ("unescaped", "quotes") or not place.is_xml:
+        return
+    mended = RepairedText(place.text).text
+    yield f"write the marks in {place.file} as XML wants them", place.rewritten(TextEdit(0, len(place.text), mended))
+
+
+def _one_version(place: FindingPlace) -> Iterator[Written]:
+    """What git could not join: one of the two."""
+    if place.finding.code != "merge-conflict" or (found := _CONFLICT.match(place.text, place.start)) is None:
+        return
+    for version, words in (("ours", "upper"), ("theirs", "lower")):
+        yield f"keep the {words} of the two versions", place.rewritten(TextEdit(*found.span(), found[version]))
+
+
+def _no_silencing(place: FindingPlace) -> Iterator[Written]:
+    """A comment that silences nothing goes, with its line if nothing else stands there."""
+    comment = _ALLOW_COMMENT.match(place.text, place.start) if place.finding.code == "unused-allow" else None
+    if comment is None:
+        return
+    line_start = max(place.text.rfind(end, 0, place.start) for end in "\r\n") + 1
+    rest = re.compile(r"[ \t]*(\r\n?|\n|\Z)").match(place.text, comment.end())
+    alone = rest is not None and not place.text[line_start : place.start].strip(_BLANKS)
+    start, end = (line_start, rest.end()) if alone and rest is not None else comment.span()
+    yield "remove the comment, which silences nothing", place.rewritten(TextEdit(start, end, ""))
+
+
+def _no_attribute(place: FindingPlace) -> Iterator[Written]:
+    """An attribute that there is not; a function's says what to do, and is not just taken out."""
+    attribute = _ATTRIBUTE.match(place.text, place.start) if place.finding.code == "unknown-attribute" else None
+    opened = place.text.rfind("<", 0, place.start)
+    if attribute is None or place.text.startswith("<function", opened):
+        return
+    start = len(place.text[: place.start].rstrip())
+    yield f"remove {place.written}", place.rewritten(TextEdit(start, attribute.end(), ""))
+
+
+def _own_id(place: FindingPlace) -> Iterator[Written]:
+    """The next free number for an action without an actionID, or with one that another has."""
+    found = place.action if place.finding.code in ("missing-id", "duplicate-id") else None
+    if found is None or found[0].reason or found[1].reason:
+        return
+    act, action = found
+    number = next_id(act)
+    node, new = action.node, NewElement("actionID", text=number)
+    own = next((each for each in node if each.tag == "actionID"), None)
+    try:
+        if own is not None:
+            splice = set_text(own, number)
+        else:
+            splice = (gap_before(node[0]) if node else gap_in(node)).insert(new)
+    except EditRefused:
+        return
+    yield f"give it the actionID {number}", place.rewritten(TextEdit(*splice[1:]))
+
+
+WRITTEN: tuple[Callable[[FindingPlace], Iterable[Written]], ...] = (
+    _meant_name,
+    _meant_sign,
+    _quoted_word,
+    _time_unit,
+    _escaped_marks,
+    _one_version,
+    _no_silencing,
+    _no_attribute,
+    _own_id,
+)
+"""Each gives what it has for a finding; one that is alone is what was meant."""

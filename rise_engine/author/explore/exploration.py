@@ -1,0 +1,234 @@
+"""The whole of it: a scenario is explored, and what was found is said."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable, Sequence
+from typing import Any
+
+from msgspec import Struct
+from msgspec.structs import replace
+
+from rise_engine.author.explore import questions_of_acts, questions_of_course, questions_of_use
+from rise_engine.author.explore.bounds import Bounds
+from rise_engine.author.explore.explored import Explored
+from rise_engine.author.explore.finding import ExploreFinding
+from rise_engine.author.explore.parallel import explore_on_cores
+from rise_engine.author.explore.properties import PropertyChecker
+from rise_engine.author.explore.space import Space
+from rise_engine.author.explore.stepper import Stepper
+from rise_engine.author.explore.telling import tell_path
+from rise_engine.base.text import pluralize
+from rise_engine.kernel.inputs import SessionStarted
+from rise_engine.scenario.model import Scenario
+
+QUICK_SECONDS = 4.5
+"""How long `explore_quickly` looks; what it then says comes within five seconds."""
+_LEVELS = ("problem", "warning", "remark")
+
+
+class Exploration(Struct, frozen=True, kw_only=True):
+    """What exploring a scenario has given."""
+
+    scenario_hash: str
+    """Of the scenario that was explored: of another one it says nothing."""
+    bounds: Bounds
+    is_complete: bool
+    """Whether all situations within the bounds were looked at."""
+    situations: int
+    steps: int
+    """How many inputs the kernel was given."""
+    looked_at: tuple[str, ...]
+    """What was looked at and what was not, in sentences."""
+    told: tuple[str, ...]
+    """What holds, in sentences."""
+    findings: tuple[ExploreFinding, ...]
+    """Problems first."""
+    keys: dict[str, dict[str, str]]
+    """For each state of the main rule and each key, whether it does something there: always, sometimes or never."""
+
+    def row(self, scenario: Scenario) -> dict[str, Any]:
+        """As programs read it (`--json`); `scenario` is the one that was explored."""
+        findings = [
+            {
+                **{name: getattr(finding, name) for name in ("kind", "level", "text", "rule", "state", "act", "key")},
+                "file": finding.location.file if finding.location is not None else "",
+                "line": finding.location.line if finding.location is not None else 0,
+                "column": finding.location.column if finding.location is not None else 0,
+                "way": tell_path(scenario, finding.path, self.bounds) if finding.path is not None else [],
+            }
+            for finding in self.findings
+        ]
+        return {
+            "scenario": self.scenario_hash,
+            "complete": self.is_complete,
+            "situations": self.situations,
+            "looked_at": self.looked_at,
+            "told": self.told,
+            "findings": findings,
+            "keys": self.keys,
+        }
+
+    def count(self, level: str) -> int:
+        """How many findings of a level there are."""
+        return sum(finding.level == level for finding in self.findings)
+
+
+def explore(
+    scenario: Scenario,
+    bounds: Bounds | None = None,
+    *,
+    sessions: Sequence[SessionStarted] = (),
+    cores: int = 1,
+    go_on: Callable[[Space], bool] = lambda space: True,
+) -> Exploration:
+    """Look at all situations that a scenario can come into, and say what was found.
+
+    Arguments:
+        scenario: checked, as `rise_engine.scenario.loader.load` gives it.
+        bounds: how far to go; null: as the scenario says it.
+        sessions: those that are looked at; empty: one for each condition of the scenario.
+        cores: how many processes look at once.
+        go_on: is asked some hundred times a second with what was found so far; when it says no, that is what is told.
+
+        >>> from rise_engine.scenario.loader import load
+        >>> found = explore(load("scenarios/lablinking").scenario, Bounds(faults=0))
+        >>> found.is_complete, [finding.kind for finding in found.findings if finding.level == "problem"]
+        (True, [])
+    """
+    bounds = bounds or bounds_of(scenario)
+    if scenario.reads_session:
+        bounds = replace(bounds, follows_voice=True)
+    conditions = [
+        expression
+        for each in scenario.properties
+        for expression in (each.condition, each.after, each.unless)
+        if expression is not None
+    ]
+    stepper = Stepper(scenario, bounds, [*sessions] or sessions_of(scenario), main_rule(scenario), conditions)
+    space = Space(stepper)
+    space.begin()
+    explore_on_cores(space, cores, lambda: go_on(space))
+    return tell(Explored(space))
+
+
+def explore_quickly(scenario: Scenario, go_on: Callable[[], bool] = lambda: True) -> Exploration:
+    """Explore for a few seconds at most, without stops and lost robots: for who waits for the answer."""
+    until = time.monotonic() + QUICK_SECONDS
+    return explore(scenario, quick_bounds(scenario), go_on=lambda space: time.monotonic() < until and go_on())
+
+
+def quick_bounds(scenario: Scenario) -> Bounds:
+    """As far as the scenario says, without stops and lost robots."""
+    return replace(bounds_of(scenario), stop=False, lost=False)
+
+
+def bounds_of(scenario: Scenario) -> Bounds:
+    """How far a scenario says that exploring goes (`[explore]` in scenario.toml)."""
+    said = scenario.explore
+    return Bounds(
+        keys=said.keys, line=said.line, beside=said.beside, faults=said.faults, pace=said.pace, tries=said.tries
+    )
+
+
+def sessions_of(scenario: Scenario) -> list[SessionStarted]:
+    """The sessions that there can be: one for each condition of the study."""
+    return [
+        SessionStarted(condition=name, memory=dict(condition.memory)) for name, condition in scenario.conditions.items()
+    ] or [SessionStarted()]
+
+
+def main_rule(scenario: Scenario) -> str:
+    """The rule whose end is the study's: the one that the scenario says, or that of the first key that starts one;
+    empty: there is none."""
+    if scenario.explore.end:
+        return scenario.explore.end
+    started = (key.behavior for key in scenario.keys.values() if key.function == "startInteractionRule")
+    return next(started, next(iter(scenario.rules), ""))
+
+
+def tell(explored: Explored) -> Exploration:
+    """Ask everything of a space."""
+    checker = PropertyChecker(explored)
+    by_state = questions_of_use.keys_by_state(explored)
+    findings: list[ExploreFinding] = [
+        *checker.findings(),
+        *questions_of_course.find_dead_ends(explored),
+        *questions_of_course.find_lost_ends(explored),
+        *questions_of_course.find_runaways(explored),
+        *questions_of_acts.find_growing_lines(explored),
+        *questions_of_acts.find_two_at_once(explored),
+        *questions_of_acts.find_out_of_step(explored),
+        *questions_of_acts.find_failures_alike(explored),
+        *questions_of_use.find_missing_values(explored),
+        *questions_of_use.find_missing_parts(explored),
+        *questions_of_use.find_unused(explored),
+        *questions_of_use.find_idle_keys(explored, by_state),
+        *questions_of_use.find_lost_keys(explored),
+        *questions_of_course.find_rounds(explored),
+        *questions_of_acts.find_cut_off(explored),
+    ]
+    findings.sort(key=lambda finding: _LEVELS.index(finding.level))
+    space = explored.space
+    about_the_end = questions_of_course.tell_of_the_end(explored)
+    return Exploration(
+        scenario_hash=explored.scenario.hash,
+        bounds=space.stepper.bounds,
+        is_complete=space.complete,
+        situations=len(space.situations),
+        steps=space.stepper.steps,
+        looked_at=tuple(_looked_at(explored)),
+        told=tuple(filter(None, (about_the_end, *checker.told(), *questions_of_course.tell_who_must_act(explored)))),
+        findings=tuple(findings),
+        keys=by_state,
+    )
+
+
+def _looked_at(explored: Explored) -> Sequence[str]:
+    """What was looked at, and what was not."""
+    space = explored.space
+    stepper = space.stepper
+    bounds = stepper.bounds
+    count = len(space.situations)
+    keys = pluralize(len(stepper.moves.keys), "key")
+    wrong = "nothing going wrong" if not bounds.faults else f"at most {pluralize(bounds.faults, 'thing')} going wrong"
+    if bounds.faults:
+        kinds = ["a failed act", *(["a lost robot"] if bounds.lost else []), *(["a stop"] if bounds.stop else [])]
+        wrong += f" ({', '.join(kinds)})"
+    situations = f"all {count:,} situations" if space.complete else f"{count:,} situations"
+    told = [
+        f"Looked at {situations} with these {keys}, at most {pluralize(bounds.line, 'waiting act')}, "
+        f"{bounds.beside} beside others, and {wrong}."
+    ]
+    if not space.complete:
+        told.append(
+            f"It was broken off: of {pluralize(len(space.pending), 'situation')} what follows was not looked at, so "
+            "nothing is known of what is not named here."
+        )
+    for why, text in _BEYOND.items():
+        number = sum(why in reasons for reasons in space.beyond.values())
+        if number:
+            told.append(f"In {number:,} {text}: what follows was not looked at.")
+    if stepper.moves.alike:
+        merged = {name: first for name, first in stepper.moves.alike.items() if name != first}
+        if merged:
+            told.append(
+                "Taken for alike, because no rule speaks of them: "
+                + ", ".join(f"{name} ({first})" for name, first in merged.items())
+                + "."
+            )
+    if stepper.moves.outside:
+        told.append(
+            "From outside can come at any moment: " + ", ".join(f"/{topic}" for topic in stepper.moves.outside) + "."
+        )
+    return told
+
+
+_BEYOND = {
+    "line": "one more act could wait",
+    "beside": "one more act could run beside others",
+    "asked": "one more failed act could wait for an answer",
+    "kept": "one more event could be kept",
+    "values": "a memory key could have still other values",
+    "chance": "chance has more courses than were tried",
+}

@@ -1,0 +1,132 @@
+"""What was explored, made ready to be asked: which situations lead where, backwards and forwards."""
+
+from __future__ import annotations
+
+from array import array
+from collections.abc import Callable, Container, Iterable, Iterator
+from functools import cached_property
+
+from rise_engine.author.explore.moves import Move
+from rise_engine.author.explore.paths import Paths
+from rise_engine.author.explore.situation import Situation
+from rise_engine.author.explore.space import Number, Space
+from rise_engine.author.explore.stepper import END_BIT, Fact
+from rise_engine.scenario.model import Scenario
+
+
+class Explored:
+    """A space that has been explored, and what the questions share."""
+
+    def __init__(self, space: Space) -> None:
+        self.space = space
+        self.scenario: Scenario = space.stepper.scenario
+        self.end = space.stepper.end
+        """The rule whose end is the study's."""
+        self.situations: list[Situation] = space.situations
+        self.bits = {name: 1 << number for number, name in enumerate(self.scenario.rules, 1)}
+        """Of each rule, its bit in `FollowedMove.moved`."""
+
+        self._stuck: dict[str, list[Number]] = {}
+
+    @cached_property
+    def paths(self) -> Paths:
+        return Paths(self.space)
+
+    @cached_property
+    def unknown(self) -> set[Number]:
+        """The situations of which not everything that follows was looked at. That one more event is kept does not
+        count: it could as well come when a rule waits for it."""
+        return {number for number, why in self.space.beyond.items() if why - {"kept"}} | set(self.space.pending)
+
+    @cached_property
+    def ends(self) -> set[Number]:
+        """The situations from which one move ends the study."""
+        return self.with_moved(1 << END_BIT)
+
+    @property
+    def has_bounds(self) -> bool:
+        """Whether something lies beyond what was looked at."""
+        return bool(self.unknown)
+
+    def stuck(self, rule: str) -> list[Number]:
+        """The situations in which a rule runs that nothing planned can move any more."""
+        if rule not in self._stuck:
+            running = [number for number in range(len(self.situations)) if self.state_of(rule, number) is not None]
+            able = self.with_moved(self.bits[rule])
+            if not able.issuperset(running):
+                able = self.reaching(able | self.unknown, is_planned)
+            self._stuck[rule] = [number for number in running if number not in able]
+        return self._stuck[rule]
+
+    def state_of(self, rule: str, number: Number) -> str | None:
+        """The state of a rule in a situation; null: it does not run."""
+        for standing in self.situations[number].rules:
+            if standing.name == rule:
+                return standing.state
+        return None
+
+    def facts(self, kind: str) -> Iterator[Fact]:
+        """What was seen of this kind, the first first."""
+        return (fact for fact in self.space.facts if fact[0] == kind)
+
+    def with_moved(self, bits: int, *, mishaps: bool = False) -> set[Number]:
+        """The situations with a move that lets one of these rules move; `mishaps`: also if it is one."""
+        moves = self.space.moves
+        found = set()
+        for number, edges in enumerate(self.space.edges):
+            for at in range(0, len(edges), 3):
+                if edges[at + 2] & bits and (mishaps or not moves[edges[at]].is_mishap):
+                    found.add(number)
+                    break
+        return found
+
+    def reaching(
+        self, goals: Iterable[Number], allowed: Callable[[Move], bool], avoiding: Container[Number] = ()
+    ) -> set[Number]:
+        """The situations from which one of the goals can be reached by moves that are allowed, the goals among them;
+        not by way of those to be avoided."""
+        allows = [allowed(move) for move in self.space.moves]
+        found = set(goals)
+        pending = list(found)
+        before = self._before
+        while pending:
+            came = before[pending.pop()]
+            for at in range(0, len(came), 2):
+                number = came[at + 1]
+                if number not in found and allows[came[at]] and number not in avoiding:
+                    found.add(number)
+                    pending.append(number)
+        return found
+
+    def reachable_from(self, number: Number) -> set[Number]:
+        """The situations that can follow one, itself among them."""
+        if number not in self._after:
+            found = {number}
+            pending = [number]
+            while pending:
+                edges = self.space.edges[pending.pop()]
+                for at in range(0, len(edges), 3):
+                    if edges[at + 1] not in found:
+                        found.add(edges[at + 1])
+                        pending.append(edges[at + 1])
+            self._after[number] = found
+        return self._after[number]
+
+    @cached_property
+    def _after(self) -> dict[Number, set[Number]]:
+        return {}
+
+    @cached_property
+    def _before(self) -> list[array[int]]:
+        """Of each situation: move and situation that lead to it, one after the other."""
+        before = [array("q") for _ in self.situations]
+        for number, edges in enumerate(self.space.edges):
+            for at in range(0, len(edges), 3):
+                if edges[at + 1] != number:
+                    before[edges[at + 1]].extend((edges[at], number))
+        return before
+
+
+def is_planned(move: Move) -> bool:
+    """Whether a move is nothing that goes wrong."""
+    return not move.is_mishap

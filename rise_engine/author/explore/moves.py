@@ -1,0 +1,276 @@
+"""What can happen next in a situation: what people do, what comes from outside, and what happens by itself."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Iterator
+from typing import Any, Literal, NamedTuple, TypeAlias
+
+from rise_engine.author.explore.act_traits import ActTraits
+from rise_engine.author.explore.bounds import Bounds
+from rise_engine.author.explore.cone import parts_of_session_read
+from rise_engine.author.explore.situation import PERSON, Situation
+from rise_engine.kernel.act_runner import CANCEL_LIMIT
+from rise_engine.kernel.inputs import ActionReport, AnyInput, RobotChanged, StopReport, Submit, TimerElapsed
+from rise_engine.scenario.model import CUE_TOPICS, Scenario, functions_in, normal_topic
+
+MoveKind: TypeAlias = Literal[
+    "key",  # name: the key
+    "event",  # name: the topic; from outside
+    "try",  # name: the memory key; place: which of its values
+    "cue",  # how: marked or undone
+    "stop",
+    "release",  # how: enter or leave, for all rules
+    "answer",  # name: the failed act; place: among those asked about; how: goOn, repeatAct or stopRuleOfAct
+    "end",  # name: the act; place: among those that run; how: succeeded, failed, aborted, canceled, or accepted
+    "timer",  # name: its owner; place: among those that run; how: its purpose
+    "stopped",  # the robot confirms that everything has stopped
+    "lost",
+    "back",
+]
+BY_PERSON: frozenset[MoveKind] = frozenset({"key", "event", "try", "cue", "release", "answer"})
+"""Moves of somebody or something outside, of which nobody knows whether they come."""
+MISHAPS: frozenset[MoveKind] = frozenset({"stop", "lost"})
+"""Moves that nobody plans."""
+
+
+class Move(NamedTuple):
+    """One thing that happens."""
+
+    kind: MoveKind
+    name: str = ""
+    place: int = 0
+    """Which one, where there are several."""
+    how: str = ""
+    chance: tuple[int, ...] = ()
+    """What chance decides in it: of each decision, which of its possibilities."""
+
+    @property
+    def is_mishap(self) -> bool:
+        """A stop, a robot that is lost, an act that fails."""
+        return self.kind in MISHAPS or (self.kind == "end" and self.how in ("failed", "aborted"))
+
+    @property
+    def is_spontaneous(self) -> bool:
+        """Whether it comes by itself when nobody does anything, and nothing fails."""
+        return self.kind in ("end", "timer", "stopped") and not self.is_mishap
+
+
+class Possibility(NamedTuple):
+    """A move, the input that it is for the kernel, and when it can come."""
+
+    move: Move
+    input: AnyInput
+    clock: int = 0
+    """The clock that decides when: acts first, then countdowns, from 1 on; 0: it can come at any time."""
+    least: int = 0
+    """What the clock shows then, in ms."""
+    most: int = 0
+    lengthens_line: bool = False
+    """Whether it starts an act that waits for its turn as long as another waits."""
+
+
+class Moves:
+    """The moves of a scenario."""
+
+    def __init__(self, scenario: Scenario, traits: dict[str, ActTraits], bounds: Bounds) -> None:
+        self._traits = traits
+        self._bounds = bounds
+        self.alike = acts_alike(scenario, traits) if bounds.keys == "all" and bounds.merges_alike else {}
+        """For each act that a key starts and no rule speaks of: the first act that nothing tells apart from it."""
+        self.keys = {
+            name: key
+            for name, key in scenario.keys.items()
+            if key.function != "startCommunicationRobotAct"
+            or (bounds.keys == "all" and self.alike.get(key.behavior, key.behavior) == key.behavior)
+        }
+        """The keys that are pressed."""
+        raised = {normal_topic(key.behavior) for key in self.keys.values() if key.function == "raiseEventTopic"}
+        self.outside = sorted(topics_from_outside(scenario) - raised)
+        """Events that only other programs can raise."""
+        self._always = [
+            *(
+                Possibility(
+                    Move("key", name),
+                    _submit(key.function, key.task_behavior),
+                    lengthens_line=key.function == "startCommunicationRobotAct"
+                    and scenario.settings_of(key.behavior).calling_type == "Blocking",
+                )
+                for name, key in self.keys.items()
+            ),
+            *(Possibility(Move("event", topic), _submit("raiseEventTopic", topic)) for topic in self.outside),
+            *(
+                Possibility(Move("try", key, index), _submit("assignValue", json.dumps({key: value})))
+                for key, values in bounds.tries.items()
+                for index, value in enumerate(values)
+            ),
+        ]
+        self._has_cue = cue_matters(scenario)
+        policies = {name: scenario.failure_policy(name).kind for name in scenario.acts} if bounds.lost else {}
+        self._repeated = {name for name, policy in policies.items() if policy == "repeat"}
+        """The acts of which it is told apart who has ended them."""
+
+    def possible(self, situation: Situation) -> Iterator[Possibility]:
+        """What can come next, people first. Which of it time allows, the clocks must say."""
+        yield from self._always
+        if self._has_cue:
+            yield _CUE
+            if situation.cue_open:
+                yield _CUE_UNDONE
+        for index, act in enumerate(situation.asked):
+            if act.phase == "pausing":
+                continue  # nobody need say anything: it is repeated by itself
+            for answer in ("goOn", "repeatAct", "stopRuleOfAct"):
+                if answer != "stopRuleOfAct" or act.is_own:
+                    yield Possibility(
+                        Move("answer", act.name, index, answer), _submit(answer, _asked_id(situation, index))
+                    )
+        yield from self._of_acts(situation)
+        yield from self._of_countdowns(situation)
+        yield from self._of_mishaps(situation)
+
+    def limits(self, situation: Situation) -> list[int]:
+        """The most that each clock can show, in ms."""
+        acts = [
+            self._traits[act.name].most if act.phase in ("running", "doomed") else _CANCEL_LIMIT
+            for act in situation.running
+        ]
+        return acts + [countdown.length for countdown in situation.countdowns]
+
+    def _of_acts(self, situation: Situation) -> Iterator[Possibility]:
+        foreign, own = (
+            1,
+            1 + len(situation.waiting) + len(situation.running) + len(situation.asked) + len(situation.rules),
+        )
+        for act in situation.waiting:
+            own, foreign = (own + 1, foreign) if act.is_own else (own, foreign + 1)
+        for index, act in enumerate(situation.running):
+            task = own if act.is_own else foreign
+            own, foreign = (own + 1, foreign) if act.is_own else (own, foreign + 1)
+            clock, traits = index + 1, self._traits[act.name]
+            if act.phase in ("running", "doomed"):
+                yield _end(task, act.name, index, "succeeded", clock, traits.least, traits.most)
+                may_fail = act.phase == "doomed" or situation.robot_lost
+                if traits.can_fail and (may_fail or situation.faults_left):
+                    yield _end(task, act.name, index, "failed", clock, 0, traits.most)
+                may_abort = situation.faults_left and not situation.robot_lost
+                if traits.can_fail and may_abort and act.name in self._repeated:
+                    yield _end(task, act.name, index, "aborted", clock, 0, traits.most)
+            else:
+                yield _end(task, act.name, index, "canceled", clock, 0, _CANCEL_LIMIT)
+            if (
+                self._bounds.follows_voice
+                and traits.changes_voice
+                and (act.phase in ("running", "doomed") or act.speaking)
+            ):
+                yield _end(task, act.name, index, "accepted", clock, 0, _FOREVER)
+
+    def _of_countdowns(self, situation: Situation) -> Iterator[Possibility]:
+        first = 1 + len(situation.running)
+        for index, countdown in enumerate(situation.countdowns):
+            if self._bounds.pace is None and any(
+                before.length <= countdown.length for before in situation.countdowns[:index]
+            ):
+                continue  # that one elapses first: it was set no later, and is no longer
+            length = countdown.length
+            move = Move("timer", countdown.owner, index, countdown.purpose)
+            yield Possibility(move, TimerElapsed(t=1.0, timer=index + 1), first + index, length, length)
+
+    def _of_mishaps(self, situation: Situation) -> Iterator[Possibility]:
+        bounds = self._bounds
+        if situation.stop == "requested":
+            yield _STOPPED
+        elif situation.stop == "latched":
+            yield _LEAVE
+            if situation.stood:
+                chosen = {rule[0]: "enter" for rule in situation.stood}
+                yield Possibility(Move("release", how="enter"), _submit("releaseStop", json.dumps(chosen)))
+        elif bounds.stop and situation.faults_left:
+            yield _STOP
+        if situation.robot_lost:
+            yield _BACK
+        elif bounds.lost and situation.faults_left:
+            yield _LOST
+
+
+_CANCEL_LIMIT = int(1000 * CANCEL_LIMIT)
+_FOREVER = 10**9
+
+
+def cue_matters(scenario: Scenario) -> bool:
+    """Whether it makes a difference that the participant's turn has ended."""
+    waits = bool(scenario.topics.intersection(CUE_TOPICS))
+    return waits or scenario.fillers.auto_after is not None or "cue" in parts_of_session_read(scenario)
+
+
+def acts_alike(scenario: Scenario, traits: dict[str, ActTraits]) -> dict[str, str]:
+    """Acts that no rule starts, stops or waits for, by the first of those from which nothing tells them apart."""
+    named = {
+        function.argument
+        for rule in scenario.rules.values()
+        for state in rule.states.values()
+        for block in (state.on_entry, state.on_exit, *(each.block for each in state.transitions))
+        for function in functions_in(block)
+        if function.name in ("startCommunicationRobotAct", "stopCommunicationRobotAct")
+    }
+    first: dict[tuple[object, ...], str] = {}
+    alike = {}
+    for name, act in scenario.acts.items():
+        ends = {f"{name}_{how}" for how in ("end", "succeeded", "failed", "stopped")}
+        if name in named or ends & scenario.topics:
+            continue
+        own = traits[name]
+        settings = scenario.settings_of(name)
+        what = (
+            act.channels,
+            settings.calling_type,
+            settings.filler,
+            scenario.failure_policy(name),
+            *(own.uses_robot, own.can_fail, own.can_go_on, own.waits, own.is_parallel, own.speaks, own.changes_voice),
+        )
+        alike[name] = first.setdefault(what, name)
+    return alike
+
+
+def topics_from_outside(scenario: Scenario) -> set[str]:
+    """Events that rules wait for and that neither the engine nor a rule raises."""
+    inside = {f"{act}_{how}" for act in scenario.acts for how in ("end", "succeeded", "failed", "stopped")}
+    inside |= {f"say_{how}" for how in ("end", "succeeded", "failed", "stopped")}
+    inside.update(CUE_TOPICS)
+    for rule in scenario.rules.values():
+        inside.add(f"{rule.name}_end")
+        inside |= {f"{rule.name}_{state.id}" for state in rule.states.values() if not state.transitions}
+        for state in rule.states.values():
+            for block in (state.on_entry, state.on_exit, *(each.block for each in state.transitions)):
+                inside |= {
+                    normal_topic(each.argument) for each in functions_in(block) if each.name == "raiseEventTopic"
+                }
+    return set(scenario.topics) - inside
+
+
+def _submit(function: str, behavior: str) -> Submit:
+    return Submit(t=1.0, function=function, behavior=behavior, source=PERSON)
+
+
+def _asked_id(situation: Situation, index: int) -> str:
+    """The number of a failed act's task, as `SituationKernel.put` gives it."""
+    acts = (*situation.waiting, *situation.running, *situation.asked)
+    at = len(situation.waiting) + len(situation.running) + index
+    before = sum(act.is_own == acts[at].is_own for act in acts[:at])
+    return str(1 + before + (len(acts) + len(situation.rules) if acts[at].is_own else 0))
+
+
+def _end(task: int, name: str, index: int, how: str, clock: int, least: int, most: int) -> Possibility:
+    aborted = how == "aborted"
+    status: Any = "failed" if aborted else how
+    report = ActionReport(t=1.0, action=f"{task}/{name}", status=status, aborted=aborted)
+    return Possibility(Move("end", name, index, how), report, clock, least, most)
+
+
+_CUE = Possibility(Move("cue", how="marked"), _submit("markCue", ""))
+_CUE_UNDONE = Possibility(Move("cue", how="undone"), _submit("undoCue", ""))
+_STOP = Possibility(Move("stop"), _submit("stopAll", ""))
+_STOPPED = Possibility(Move("stopped"), StopReport(t=1.0, confirmed=("robot",)))
+_LEAVE = Possibility(Move("release", how="leave"), _submit("releaseStop", ""))
+_LOST = Possibility(Move("lost"), RobotChanged(t=1.0, status="lost"))
+_BACK = Possibility(Move("back"), RobotChanged(t=1.0, status="connected"))

@@ -1,0 +1,156 @@
+"""A scenario played through on the engine, in virtual time: somebody presses in turn what the rules wait for.
+
+It is no proof: of several ways on, each is taken as rarely as the others. What it shows has happened like this, down to
+the action: a value that is missing when the robot is to say it fails here as it would beside a participant.
+"""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Callable, Iterator
+
+from msgspec import Struct
+
+from rise_engine.author.explore.moves import topics_from_outside
+from rise_engine.author.trial.standing import key_choices, standing_rules
+from rise_engine.author.trial.trial import SOURCE, Trial
+from rise_engine.kernel.inputs import SessionStarted, Submit
+from rise_engine.kernel.records import ActionRecord, TaskRecord
+from rise_engine.scenario.model import CUE_TOPICS, Scenario, SourceLocation
+
+MOST_SESSIONS = 12
+"""How often it is played from the start, at most; each time with another seed, on the ways taken least so far."""
+IN_VAIN = 3
+"""After so many sessions one after the other in which no other act has begun, it is enough."""
+MOST_STEPS = 300
+"""Of one session: what somebody does, and times until something happens."""
+
+
+class PlayedFailure(Struct, frozen=True):
+    """An action that failed while the robot did everything that it was asked for."""
+
+    act: str
+    action: str
+    reason: str
+    location: SourceLocation
+    by_hand: bool
+    """Whether the act was started by its own key, which nobody need press where it was pressed here."""
+
+
+class PlayedThrough(Struct, frozen=True):
+    """What came of it."""
+
+    acts: frozenset[str]
+    """Those that have begun."""
+    failures: tuple[PlayedFailure, ...]
+    """Each once."""
+    ended: bool
+    """Whether the rule whose end is the study's has ended in one of the sessions."""
+    is_complete: bool
+    """Whether it was played until nothing new came of it, or as often as it is played at most."""
+
+
+def play_through(
+    scenario: Scenario, started: SessionStarted, end: str, go_on: Callable[[], bool] = lambda: True
+) -> PlayedThrough:
+    """Play a scenario until nothing new comes of it.
+
+    :param scenario: checked; the simulated robot plays it, whatever its mode is.
+    :param started: what each session begins with.
+    :param end: the rule whose end is the study's; empty: there is none.
+    :param go_on: is asked before each step; when it says no, that is what is told.
+    """
+    player = _Player(scenario, started, end, go_on)
+    in_vain, is_complete = 0, True
+    for seed in range(1, MOST_SESSIONS + 1):
+        known = len(player.acts)
+        player.play(seed)
+        in_vain = 0 if len(player.acts) > known else in_vain + 1
+        is_complete = go_on()
+        if not is_complete or in_vain >= IN_VAIN:
+            break
+    return PlayedThrough(frozenset(player.acts), tuple(player.failures.values()), player.ended, is_complete)
+
+
+class _Player:
+    def __init__(self, scenario: Scenario, started: SessionStarted, end: str, go_on: Callable[[], bool]) -> None:
+        self._scenario = scenario
+        self._started = started
+        self._end = end
+        self._go_on = go_on
+        self._outside = set(topics_from_outside(scenario))
+        self._done: Counter[tuple[object, ...]] = Counter()
+        """How often each thing was done in each combination of states."""
+        self._pressed: set[str] = set()
+        """The keys that were pressed: one that starts an act is pressed once."""
+        self.acts: set[str] = set()
+        self.failures: dict[tuple[str, str, str], PlayedFailure] = {}
+        self.ended = False
+
+    def play(self, seed: int) -> None:
+        """One session, from its start to the study's end, or until nothing goes on."""
+        trial = Trial(self._scenario, seed=seed, started=self._started)
+        self._begin(trial)
+        was_running = False
+        for _ in range(MOST_STEPS):
+            rules = trial.view.running_rules()
+            if was_running and self._end not in rules:
+                self.ended = True
+                break
+            was_running = was_running or self._end in rules
+            if not self._go_on() or not self._do_next(trial):
+                break
+        self._note(trial)
+
+    def _begin(self, trial: Trial) -> None:
+        starts = [key for key in self._scenario.keys.values() if key.function == "startInteractionRule"]
+        if starts:
+            trial.press(starts[0])
+        elif self._end:
+            trial.start_rule(self._end)
+
+    def _do_next(self, trial: Trial) -> bool:
+        """Do what was done least where the rules are; whether there was anything."""
+        view = trial.view
+        states = tuple((name, view.rules[name].state) for name in view.running_rules())
+        choices = dict(self._choices(trial))
+        if not choices:
+            return False
+        name = min(choices, key=lambda choice: self._done[states, choice])
+        self._done[states, name] += 1
+        choices[name]()
+        self._pressed.add(name.removeprefix("key "))
+        return not trial.problem
+
+    def _choices(self, trial: Trial) -> Iterator[tuple[str, Callable[[], object]]]:
+        for choice in key_choices(trial):
+            key = choice.key
+            is_by_hand = key.function == "startCommunicationRobotAct" and key.key not in self._pressed
+            if choice.is_awaited or (is_by_hand and not trial.is_busy):
+                yield f"key {key.key}", lambda key=key: trial.press(key)  # type: ignore[misc]
+        topics = {way.event for rule in standing_rules(trial) for way in rule.ways}
+        if CUE_TOPICS[0] in topics:
+            yield "cue", trial.mark_cue
+        for topic in sorted(topics & self._outside):
+            yield f"event {topic}", lambda topic=topic: trial.raise_event(topic)  # type: ignore[misc]
+        for task in trial.view.questions:
+            yield f"answer {task}", lambda task=task: trial.submit(_go_on_without(task))  # type: ignore[misc]
+        if trial.next_at is not None:
+            yield "time", trial.go_on
+
+    def _note(self, trial: Trial) -> None:
+        by_hand: set[int] = set()
+        for record in trial.records:
+            if isinstance(record, TaskRecord):
+                if record.function == "startCommunicationRobotAct" and record.status == "ACTIVE":
+                    self.acts.add(record.behavior)
+                    by_hand |= {record.id} if record.source == SOURCE else set()
+            elif isinstance(record, ActionRecord) and record.status == "failed" and record.act in self._scenario.acts:
+                key = (record.act, record.action, record.reason)
+                actions = self._scenario.acts[record.act].actions
+                place = next(action.location for action in actions if action.id == record.action)
+                self.failures.setdefault(key, PlayedFailure(*key, place, record.task in by_hand))
+
+
+def _go_on_without(task: int) -> Submit:
+    return Submit(function="goOn", behavior=str(task), source=SOURCE)

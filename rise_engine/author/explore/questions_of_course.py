@@ -1,0 +1,247 @@
+"""Does it go on? Dead ends, the study's end, rules that go round by themselves, and who has to do something."""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Iterator
+
+from rise_engine.author.explore.explored import Explored, is_planned
+from rise_engine.author.explore.finding import ExploreFinding, some_states
+from rise_engine.author.explore.paths import Path
+from rise_engine.author.explore.space import Number
+
+
+def find_dead_ends(explored: Explored) -> Iterator[ExploreFinding]:
+    """Situations in which a rule runs that nothing can move any more, whatever anybody does, short of stopping all."""
+    for rule in explored.scenario.rules.values():
+        stuck = explored.stuck(rule.name)
+        if not stuck:
+            continue
+        states = {state: None for number in stuck if (state := explored.state_of(rule.name, number)) is not None}
+        first = next(iter(states))
+        yield ExploreFinding(
+            kind="dead-end",
+            level="problem",
+            text=f"{rule.name} can get stuck in {some_states(states)}{_after_mishaps(explored, stuck)}: no key, "
+            f"no event and no time takes it any further ({_share(explored, stuck)})",
+            location=rule.states[first].location,
+            rule=rule.name,
+            state=first,
+            path=_path(explored, stuck),
+        )
+
+
+def find_lost_ends(explored: Explored) -> Iterator[ExploreFinding]:
+    """Situations from which the study's end cannot be reached any more."""
+    end = explored.scenario.rules.get(explored.end)
+    if end is None:
+        return
+    if not any(not state.transitions for state in end.states.values()):
+        yield ExploreFinding(
+            kind="no-end",
+            level="remark",
+            text=f"{end.name} has no state that ends it, so nothing can be said about the study's end; `end` under "
+            "[explore] in scenario.toml names the rule that ends the study",
+            location=end.location,
+            rule=end.name,
+        )
+        return
+    if all(explored.state_of(end.name, number) is None for number in range(len(explored.situations))):
+        return  # something outside begins it: `never-started` says so
+    able = explored.reaching(explored.ends | explored.unknown, is_planned)
+    stuck = set(explored.stuck(end.name))  # of these it is said already
+    lost = [number for number in range(len(explored.situations)) if number not in able and number not in stuck]
+    if lost:
+        states = {explored.state_of(end.name, number): None for number in lost}
+        known = [state for state in states if state is not None]
+        place = f"while {end.name} is in {some_states(known)}" if known else f"while {end.name} does not run"
+        yield ExploreFinding(
+            kind="end-lost",
+            level="problem",
+            text=f"the end of {end.name} can become impossible to reach{_after_mishaps(explored, lost)}: {place} "
+            f"({_share(explored, lost)})",
+            location=end.states[known[0]].location if known else end.location,
+            rule=end.name,
+            state=known[0] if known else "",
+            path=_path(explored, lost),
+        )
+
+
+def tell_of_the_end(explored: Explored) -> str:
+    """What is known of the study's end, in a sentence; empty: nothing."""
+    end = explored.scenario.rules.get(explored.end)
+    if end is None or all(state.transitions for state in end.states.values()):
+        return ""
+    able = explored.reaching(explored.ends, is_planned)
+    number, count = len(able), len(explored.situations)
+    if number == count:
+        return f"From every one of {count:,} situations the end ({explored.end} ends) can still be reached."
+    unknown = len(explored.reaching(explored.ends | explored.unknown, is_planned)) - number
+    text = f"From {number:,} of {count:,} situations the end ({explored.end} ends) can still be reached"
+    return text + (f"; of {unknown:,} it is not known, because what follows was not looked at." if unknown else ".")
+
+
+def find_runaways(explored: Explored) -> Iterator[ExploreFinding]:
+    """Rules that were stopped because they took steps without end."""
+    for fact in explored.facts("faulted"):
+        rule = explored.scenario.rules[fact[1]]
+        yield ExploreFinding(
+            kind="runaway",
+            level="problem",
+            text=f"{rule.name} is stopped because it goes round without end: {fact[2]}",
+            location=rule.location,
+            rule=rule.name,
+            path=explored.paths.to_fact(fact),
+        )
+
+
+def find_rounds(explored: Explored) -> Iterator[ExploreFinding]:
+    """Rules that can go round for ever while nobody does anything."""
+    spontaneous = [move.is_spontaneous for move in explored.space.moves]
+    rounds: Counter[str] = Counter()
+    first: dict[str, Number] = {}
+    component = _components(explored, spontaneous)
+    for number, edges in enumerate(explored.space.edges):
+        for at in range(0, len(edges), 3):
+            if spontaneous[edges[at]] and component[edges[at + 1]] == component[number]:
+                for name, bit in explored.bits.items():
+                    if edges[at + 2] & bit:
+                        rounds[name] += 1
+                        first.setdefault(name, number)
+    for name in rounds:
+        yield ExploreFinding(
+            kind="round",
+            level="remark",
+            text=f"{name} can go on for ever while nobody does anything; that may be meant so",
+            location=explored.scenario.rules[name].location,
+            rule=name,
+            path=explored.paths.to(first[name]),
+        )
+
+
+def tell_who_must_act(explored: Explored) -> list[str]:
+    """The states of the study's main rule in which only a person goes on, and how long it can be silent otherwise."""
+    end = explored.end
+    waiting: dict[str, None] = {}
+    silence = _Silence(explored)
+    longest, where = 0.0, ""
+    for number, situation in enumerate(explored.situations):
+        if situation.running or situation.waiting or situation.stop != "released" or situation.robot_lost:
+            continue
+        state = next((rule.state for rule in situation.rules if rule.name == end), None)
+        if not situation.rules:
+            continue
+        if not situation.countdowns:
+            if state is not None and not situation.asked:
+                waiting[state] = None
+            continue
+        seconds = silence.of(number)
+        if seconds is not None and seconds > longest:
+            longest, where = seconds, _standing(explored, number)
+    told = []
+    if waiting:
+        told.append(f"Only a person or something from outside takes {end} on in {some_states(waiting)}.")
+    if longest:
+        told.append(f"The longest silence that the robot ends by itself is {longest:g} s ({where}).")
+    return told
+
+
+class _Silence:
+    """How long the robot is silent from a situation on, until by itself it does something again."""
+
+    def __init__(self, explored: Explored) -> None:
+        self._explored = explored
+        self._known: dict[Number, float | None] = {}
+
+    def of(self, number: Number) -> float | None:
+        """Seconds; null: for ever."""
+        known = self._known
+        if number in known:
+            return known[number]
+        known[number] = None  # while it is worked out: whoever comes back here has gone round in silence
+        longest: float | None = None
+        for move, target, _ in self._explored.space.steps_from(number):
+            if move.kind != "timer":
+                continue
+            situation = self._explored.situations[target]
+            before = self._explored.situations[number].countdowns[move.place].length / 1000
+            if situation.running:
+                after: float | None = 0.0
+            elif not situation.countdowns:
+                after = None
+            else:
+                after = self.of(target)
+            if after is not None:
+                longest = max(longest or 0.0, before + after)
+        known[number] = longest
+        return longest
+
+
+def _standing(explored: Explored, number: Number) -> str:
+    """Where the rules stand, the highest first."""
+    rules = reversed(explored.situations[number].rules)
+    return ", ".join(f"{rule.name} in {rule.state}" for rule in rules)
+
+
+def _after_mishaps(explored: Explored, numbers: list[Number]) -> str:
+    nearest = explored.paths.nearest(numbers)
+    if nearest is None or not explored.paths.mishaps[nearest]:
+        return ""
+    wrong = next(step.move for step in explored.paths.to(nearest).steps if step.move.is_mishap)
+    return {
+        "stop": " after everything was stopped",
+        "lost": " after the robot was lost",
+        "end": f" after {wrong.name} has failed",
+    }[wrong.kind]
+
+
+def _share(explored: Explored, numbers: list[Number]) -> str:
+    return f"in {len(numbers):,} of {len(explored.situations):,} situations"
+
+
+def _path(explored: Explored, numbers: list[Number]) -> Path | None:
+    nearest = explored.paths.nearest(numbers)
+    return explored.paths.to(nearest) if nearest is not None else None
+
+
+def _components(explored: Explored, allowed: list[bool]) -> list[int]:
+    """For each situation the group of situations that can all reach each other by moves that are allowed (R. Tarjan,
+    Depth-first search and linear graph algorithms, 1972)."""
+    count = len(explored.situations)
+    order = [0] * count
+    low = [0] * count
+    component = [-1] * count
+    stack: list[Number] = []
+    counter = 0
+    edges = explored.space.edges
+    for root in range(count):
+        if order[root]:
+            continue
+        work: list[tuple[Number, int]] = [(root, 0)]
+        while work:
+            number, at = work.pop()
+            if at == 0 and not order[number]:
+                counter += 1
+                order[number] = low[number] = counter
+                stack.append(number)
+            own = edges[number]
+            pushed = False
+            while at < len(own):
+                if allowed[own[at]]:
+                    target = own[at + 1]
+                    if not order[target]:
+                        work += [(number, at), (target, 0)]
+                        pushed = True
+                        break
+                    if component[target] < 0:
+                        low[number] = min(low[number], low[target])
+                at += 3
+            if pushed:
+                continue
+            if low[number] == order[number]:
+                while True:
+                    member = stack.pop()
+                    component[member] = number
+                    if member == number:
+                        break
+    return component

@@ -1,0 +1,293 @@
+"""What is never used, what does nothing, and what is read though nobody has set it."""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Iterator
+
+from rise_engine.author.drawing.labels import transition_label
+from rise_engine.author.explore.act_traits import keys_read
+from rise_engine.author.explore.cone import assignments_of
+from rise_engine.author.explore.explored import Explored
+from rise_engine.author.explore.finding import ExploreFinding, some_states
+from rise_engine.author.explore.moves import Move
+from rise_engine.author.explore.space import Number
+from rise_engine.base.text import pluralize
+from rise_engine.expression import Assignment, ExpressionError
+from rise_engine.scenario.model import CUE_TOPICS, Rule, SourceLocation, Transition, normal_topic
+from rise_engine.scenario.part_checks import find_missing_parts as find_missing_parts_of_act
+
+NOT_RUNNING = "(not running)"
+"""Stands for the state of a rule that does not run, in `keys_by_state`."""
+
+
+def find_unused(explored: Explored) -> Iterator[ExploreFinding]:
+    """Rules, states, ways out of states, and acts that are in no session."""
+    scenario = explored.scenario
+    entered = {(fact[1], fact[2]) for fact in explored.facts("state")}
+    taken = {(fact[1], fact[2], fact[3]) for fact in explored.facts("transition")}
+    within = _within(explored)
+    for rule in scenario.rules.values():
+        if not any(name == rule.name for name, _ in entered):
+            yield ExploreFinding(
+                kind="never-started",
+                level="warning",
+                text=f"{rule.name} is never started: no key and no rule does it{within}",
+                location=rule.location,
+                rule=rule.name,
+            )
+            continue
+        for_faults = []
+        for state in rule.states.values():
+            ways = [way for each in rule.states.values() for way in each.transitions if way.target == state.id]
+            if (rule.name, state.id) not in entered:
+                if ways and all(_is_for_faults(way) for way in ways):
+                    for_faults.append(state.id)
+                    continue
+                yield ExploreFinding(
+                    kind="never-entered",
+                    level="warning",
+                    text=f"{rule.name} never comes to {state.id}{within}",
+                    location=state.location,
+                    rule=rule.name,
+                    state=state.id,
+                )
+                continue
+            for index, transition in enumerate(state.transitions):
+                if (rule.name, state.id, index) in taken:
+                    continue
+                if _is_for_faults(transition):
+                    for_faults.append(state.id)
+                    continue
+                yield ExploreFinding(
+                    kind="never-taken",
+                    level="warning",
+                    text=f"in {state.id}, {rule.name} never takes {_transition_text(transition)}{within}",
+                    location=transition.location,
+                    rule=rule.name,
+                    state=state.id,
+                )
+        if for_faults:
+            yield ExploreFinding(
+                kind="not-met",
+                level="remark",
+                text=f"what {rule.name} does when an act fails was not met everywhere{within}: "
+                + ", ".join(dict.fromkeys(for_faults)),
+                location=rule.location,
+                rule=rule.name,
+            )
+    done = {fact[1] for fact in explored.facts("act")}
+    by_key = {key.behavior for key in scenario.keys.values() if key.function == "startCommunicationRobotAct"}
+    for act in scenario.acts.values():
+        if act.name not in done and act.name not in by_key and not scenario.settings_of(act.name).filler:
+            yield ExploreFinding(
+                kind="never-done",
+                level="warning",
+                text=f"{act.name} is never done: no key starts it, and no rule comes to where it would{within}",
+                location=act.location,
+                act=act.name,
+            )
+
+
+def _is_for_faults(transition: Transition) -> bool:
+    """Whether a way out is for an act that was not done."""
+    return transition.ended is not None and transition.outcomes != ("succeeded",)
+
+
+def _transition_text(transition: Transition) -> str:
+    target = "stays" if transition.target is None else transition.target
+    return f"the transition `{transition_label(transition, condition=True)}` → {target}"
+
+
+def keys_by_state(explored: Explored) -> dict[str, dict[str, str]]:
+    """For each state of the study's main rule and each key, whether the key does something there: always, sometimes
+    or never."""
+    keys = [name for name, key in explored.space.stepper.moves.keys.items() if _is_followed(key.function)]
+    counts: Counter[str] = Counter()
+    effective: Counter[tuple[str, str]] = Counter()
+    moves = explored.space.moves
+    key_of = [move.name if move.kind == "key" else "" for move in moves]
+    pending = set(explored.space.pending)
+    for number, situation in enumerate(explored.situations):
+        if situation.stop != "released" or number in pending:
+            continue
+        state = next((rule.state for rule in situation.rules if rule.name == explored.end), NOT_RUNNING)
+        counts[state] += 1
+        edges = explored.space.edges[number]
+        done = {key_of[edges[at]] for at in range(0, len(edges), 3)} | explored.space.keys_beyond.get(
+            number, frozenset()
+        )
+        for key in done:
+            effective[state, key] += 1
+    return {
+        state: {
+            key: "never" if not effective[state, key] else "always" if effective[state, key] == count else "sometimes"
+            for key in keys
+        }
+        for state, count in counts.items()
+    }
+
+
+def find_idle_keys(explored: Explored, by_state: dict[str, dict[str, str]]) -> Iterator[ExploreFinding]:
+    """Keys that nowhere do anything."""
+    keys = next(iter(by_state.values()), {})
+    matter = {key.partition(".")[0] for key in explored.space.stepper.kernel.keys}
+    spoken = {key.partition(".")[0] for act in explored.scenario.acts.values() for key in keys_read(act)}
+    for name in keys:
+        if all(row[name] == "never" for row in by_state.values()):
+            key = explored.scenario.keys[name]
+            if key.function == "assignValue":
+                sets = _keys_set(key.behavior)
+                if sets & spoken or not sets & matter:
+                    continue  # acts say it, or nothing reads it: it is a note for the record
+            if key.function == "raiseEventTopic" and normal_topic(key.behavior) not in explored.scenario.topics:
+                continue  # `check` says that no rule waits for it; it is in the record
+            title = f" ({key.title})" if key.title else ""
+            yield ExploreFinding(
+                kind="idle-key",
+                level="warning",
+                text=f"the key {key.label}{title} never does anything that a rule or an act notices{_within(explored)}",
+                location=key.location,
+                key=name,
+            )
+
+
+def find_lost_keys(explored: Explored) -> Iterator[ExploreFinding]:
+    """Events of keys, and the participant's cue, that come to nothing when somebody is early: nobody waits for them,
+    and with the next thing that happens by itself a rule does."""
+    for name, key in explored.space.stepper.moves.keys.items():
+        if key.function == "raiseEventTopic" and key.keep is None:
+            title = f" ({key.title})" if key.title else ""
+            yield from _lost(explored, Move("key", name), f"the key {key.label}{title}", normal_topic(key.behavior))
+    if CUE_TOPICS[0] in explored.scenario.topics and explored.scenario.cue_keep is None:
+        yield from _lost(explored, Move("cue", how="marked"), "the participant's cue", CUE_TOPICS[0])
+
+
+def _lost(explored: Explored, pressed: Move, what: str, topic: str) -> Iterator[ExploreFinding]:
+    """The finding about one key or cue that raises this event, if it can be lost."""
+    rules = [
+        rule
+        for rule in explored.scenario.rules.values()
+        if any(way.event == topic for state in rule.states.values() for way in state.transitions)
+    ]
+    waiting = sum(explored.bits[rule.name] for rule in rules)
+    space = explored.space
+    moves = [(move.kind, move.name, move.how) == (pressed.kind, pressed.name, pressed.how) for move in space.moves]
+    taken: dict[Number, int] = {}
+    for number, edges in enumerate(space.edges):
+        for at in range(0, len(edges), 3):
+            if moves[edges[at]]:
+                taken[number] = taken.get(number, 0) | (edges[at + 2] & waiting)
+    for number in space.keys_beyond if pressed.kind == "key" else ():
+        if pressed.name in space.keys_beyond[number]:
+            taken[number] = waiting
+    early: dict[tuple[str, str], Number] = {}
+    for number, situation in enumerate(explored.situations):
+        if taken.get(number) or situation.stop != "released":
+            continue
+        for move, target, moved in space.steps_from(number):
+            by = taken.get(target, 0) & moved if move.is_spontaneous else 0
+            for rule in situation.rules if by else ():
+                if explored.bits[rule.name] & by:
+                    early.setdefault((rule.name, rule.state), number)
+    if not early:
+        return
+    (name, state), first = next(iter(early.items()))
+    states = dict.fromkeys(state for rule, state in early if rule == name)
+    remedy = 'keep = "3s" at the key' if pressed.kind == "key" else 'keep = "3s" under [cue] in scenario.toml'
+    yield ExploreFinding(
+        kind="lost-key" if pressed.kind == "key" else "lost-cue",
+        level="remark" if pressed.kind == "key" else "warning",
+        text=f"{what} is lost when it comes a moment too early: while {name} is in {some_states(states)}, no rule "
+        f"waits for /{topic} yet; {remedy} keeps it",
+        location=explored.scenario.rules[name].states[state].location,
+        rule=name,
+        state=state,
+        key=pressed.name,
+        path=explored.paths.to(first),
+    )
+
+
+def _keys_set(text: str) -> set[str]:
+    try:
+        return {assignment.key.partition(".")[0] for assignment in Assignment.parse_all(text)}
+    except ExpressionError:
+        return set()
+
+
+def find_missing_values(explored: Explored) -> Iterator[ExploreFinding]:
+    """Conditions that read keys which the memory does not have then, or that cannot be worked out."""
+    told: set[tuple[str, str]] = set()
+    for fact in explored.facts("missing"):
+        _, key, text, rule = fact
+        if (key, text) not in told:
+            told.add((key, text))
+            yield ExploreFinding(
+                kind="missing-value",
+                level="warning",
+                text=f"the memory has no value for {key} when {rule} asks `{text}`",
+                location=_place_of(explored.scenario.rules[rule], text),
+                rule=rule,
+                path=explored.paths.to_fact(fact),
+            )
+    for fact in explored.facts("error"):
+        _, text, problem, rule = fact
+        if (text, problem) not in told:
+            told.add((text, problem))
+            yield ExploreFinding(
+                kind="condition-error",
+                level="warning",
+                text=f"when {rule} asks `{text}`, that cannot be worked out: {problem}; it counts as false",
+                location=_place_of(explored.scenario.rules[rule], text),
+                rule=rule,
+                path=explored.paths.to_fact(fact),
+            )
+
+
+def find_missing_parts(explored: Explored) -> Iterator[ExploreFinding]:
+    """Acts that need a part of a value which can never be there, with what the session begins with. An index that the
+    study works out stands for any entry."""
+    scenario = explored.scenario
+    changed = {assignment.key.partition(".")[0] for assignment in assignments_of(scenario)}
+    told: set[tuple[str, str]] = set()
+    for begun in explored.space.stepper.beginnings:
+        memory = {**scenario.memory, **begun.memory}
+        for act in scenario.acts.values():
+            for action, problem in find_missing_parts_of_act(act, scenario.tables, memory, changed):
+                if (act.name, problem) in told:
+                    continue
+                told.add((act.name, problem))
+                yield ExploreFinding(
+                    kind="missing-part",
+                    level="problem",
+                    text=f"{act.name} fails at action {action.id}: {problem}",
+                    location=action.location,
+                    act=act.name,
+                )
+
+
+def _place_of(rule: Rule, text: str) -> SourceLocation:
+    """Where a condition stands, or else the rule."""
+    for state in rule.states.values():
+        for transition in state.transitions:
+            if any(each is not None and each.text == text for each in (transition.condition, transition.held)):
+                return transition.location
+    return rule.location
+
+
+def _is_followed(function: str) -> bool:
+    return function != "startCommunicationRobotAct"
+
+
+def _within(explored: Explored) -> str:
+    """What has to be said with a "never"."""
+    faults = explored.space.stepper.bounds.faults
+    wrong = (
+        "when nothing goes wrong" if not faults else f"when at most {pluralize(faults, 'thing')} {_goes(faults)} wrong"
+    )
+    looked = "" if not explored.has_bounds else ", as far as was looked"
+    return f" ({wrong}{looked})"
+
+
+def _goes(count: int) -> str:
+    return "goes" if count == 1 else "go"

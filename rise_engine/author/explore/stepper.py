@@ -1,0 +1,354 @@
+"""One step: what can follow a situation, by way of the kernel."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from itertools import combinations
+from typing import Any, NamedTuple, TypeAlias, cast
+
+from rise_engine.author.explore.act_traits import traits_of
+from rise_engine.author.explore.bounds import Bounds
+from rise_engine.author.explore.chance import MAX_SCRIPTS
+from rise_engine.author.explore.cone import keys_that_matter
+from rise_engine.author.explore.moves import BY_PERSON, MISHAPS, Move, Moves, Possibility
+from rise_engine.author.explore.situation import PERSON, ActTask, Situation, SituationKernel
+from rise_engine.author.explore.zones import NO_CLOCKS, Zone, carry, let_pass, narrow
+from rise_engine.expression import Expression
+from rise_engine.kernel.inputs import SessionStarted
+from rise_engine.kernel.records import (
+    AnyRecord,
+    ConditionRecord,
+    EventRecord,
+    MemoryRecord,
+    NoteRecord,
+    RuleRecord,
+    TaskRecord,
+)
+from rise_engine.scenario.model import Scenario
+
+Fact: TypeAlias = tuple[Any, ...]
+"""Something that was seen to happen: what kind of thing (`Stepper`), and to whom."""
+END_BIT = 0
+"""In `FollowedMove.moved`: the study's end was reached."""
+
+
+class FollowedMove(NamedTuple):
+    """What one move leads to."""
+
+    move: Move
+    situation: Situation
+    zone: Zone
+    moved: int
+    """Which rules have taken a step, as bits: that of a rule is its number in the scenario plus 1."""
+    facts: tuple[Fact, ...]
+    """What is seen in it for the first time."""
+    beyond: str
+    """Why it is not followed: `line`, `beside`, `asked`, `kept`, `values` or `chance`; empty: it is."""
+
+
+class Stepper:
+    """Finds what can follow a situation.
+
+    The facts that it tells of: `("transition", rule, state, index)`, `("state", rule, state)`, `("act", name)`,
+    `("ended", rule, state)`, `("faulted", rule, reason)`, `("cut off", act, reason)`, `("missing", key, text)`,
+    `("error", text, problem)`, `("two at once", act, act)`, `("out of step", rule, state, act)`,
+    `("in line", act, source)`, `("failure matters", act, source)` and `("failure alike", act, source)`.
+    """
+
+    def __init__(
+        self,
+        scenario: Scenario,
+        bounds: Bounds,
+        beginnings: list[SessionStarted],
+        end: str,
+        properties: Sequence[Expression] = (),
+    ) -> None:
+        """`beginnings`: the sessions that are looked at, one for each condition; `end`: the rule that ends the study;
+        `properties`: conditions that will be asked of the situations."""
+        self.scenario = scenario
+        self.bounds = bounds
+        self.end = end
+        self.beginnings = beginnings
+        memories = [{**scenario.memory, **beginning.memory} for beginning in beginnings]
+        traits = {
+            name: traits_of(scenario, act, memories, bounds.pace or (0.0, 1.0)) for name, act in scenario.acts.items()
+        }
+        keys = keys_that_matter(scenario, memories, properties)
+        follows_failures = {name for name in scenario.acts if scenario.failure_policy(name).kind != "go_on"}
+        self.kernel = SituationKernel(scenario, keys, traits, follows_failures, in_order=bounds.pace is None)
+        self.moves = Moves(scenario, traits, bounds)
+        self._bits = {name: 1 << number for number, name in enumerate(scenario.rules, 1)}
+        self._ends_of_acts = {
+            f"/{name}_{how}": name for name in scenario.acts for how in ("end", "succeeded", "failed", "stopped")
+        }
+        self._share_channel = {
+            frozenset((one, other))
+            for one, other in combinations(scenario.acts, 2)
+            if scenario.acts[one].channels & scenario.acts[other].channels
+        } | {frozenset((name,)) for name, act in scenario.acts.items() if act.channels}
+        self._told: set[Fact] = set()
+        self.steps = 0
+        """How many inputs the kernel has handled."""
+
+    def begin(self) -> list[Situation]:
+        """The situations in which sessions begin."""
+        found = []
+        for beginning in self.beginnings:
+            fresh = SituationKernel(
+                self.scenario, self.kernel.keys, self.kernel.traits, set(), in_order=self.bounds.pace is None
+            )
+            fresh.kernel.handle(beginning)
+            found.append(fresh.read(self.bounds.faults)[0])
+        self.kernel.kernel.handle(self.beginnings[0])
+        self.kernel.put(found[0])
+        return found
+
+    def follow(self, situation: Situation, zone: Zone) -> Iterator[FollowedMove]:
+        """What can follow, each with the first facts that are seen in it. Steps that change nothing are left out."""
+        kernel = self.kernel
+        handle = kernel.kernel.handle
+        decisions = kernel.decisions
+        timed = self.bounds.pace is not None
+        stale = True
+        succeeded: dict[int, Situation] = {}
+        for possibility in self.moves.possible(situation):
+            if (
+                possibility.lengthens_line
+                and len(situation.waiting) >= self.bounds.line
+                and situation.stop == "released"
+            ):
+                yield FollowedMove(possibility.move, situation, zone, 0, (), "line")  # it would wait, too
+                continue
+            when = zone
+            if timed and possibility.move.kind == "timer" and _comes_second(situation, zone, possibility.move.place):
+                continue
+            if timed and possibility.clock:
+                narrowed = narrow(zone, possibility.clock, possibility.least, possibility.most)
+                if narrowed is None:
+                    continue
+                when = narrowed
+            script: list[int] | None = []
+            tried = 0
+            while script is not None:
+                if stale:
+                    kernel.put(situation)
+                    tasks = tuple(kernel.runner.runs)
+                    stale = False
+                decisions.begin(script)
+                records, _ = handle(possibility.input)
+                self.steps += 1
+                tried += 1
+                move = possibility.move
+                if decisions.made:
+                    move = move._replace(chance=tuple(choice for choice, _ in decisions.made))
+                script = decisions.next_script()
+                if move.kind in BY_PERSON and not move.chance and not self._changes_anything(records):
+                    continue
+                stale = True
+                step = self._look(situation, tasks, possibility, move, records, when)
+                if script is not None and tried >= MAX_SCRIPTS:
+                    script = None
+                    step = step._replace(beyond=step.beyond or "chance")
+                if move.kind == "end" and not move.chance:
+                    step = self._compare_failure(situation, step, succeeded)
+                if step.moved or step.beyond or step.situation != situation:
+                    yield step
+
+    def _changes_anything(self, records: list[AnyRecord]) -> bool:
+        """Whether an input has changed anything that matters, as far as its records tell."""
+        keys = self.kernel.keys
+        for record in records:
+            kind = type(record)
+            if kind is EventRecord:
+                if cast(EventRecord, record).taken_by is not None:
+                    return True
+            elif kind is TaskRecord:
+                task = cast(TaskRecord, record)
+                if task.status == "SUCCEEDED" and task.function not in _HARMLESS:
+                    return True
+                if task.status in ("PENDING", "ACTIVE"):
+                    return True
+            elif kind is MemoryRecord:
+                write = cast(MemoryRecord, record)
+                same = write.value == write.old and type(write.value) is type(write.old) and not write.created
+                if write.key in keys and not (same and isinstance(write.value, str | bool)):
+                    return True
+            elif kind is not ConditionRecord and kind is not NoteRecord:
+                return True
+        return False
+
+    def _look(
+        self,
+        before: Situation,
+        tasks: tuple[int, ...],
+        possibility: Possibility,
+        move: Move,
+        records: list[AnyRecord],
+        when: Zone,
+    ) -> FollowedMove:
+        """The step that the kernel has just taken."""
+        kernel, bounds = self.kernel, self.bounds
+        faults_left = before.faults_left
+        if (
+            move.kind in MISHAPS
+            or move.how == "aborted"
+            or (move.how == "failed" and not before.robot_lost and before.running[move.place].phase != "doomed")
+        ):
+            faults_left -= 1
+        situation, acts, timers = kernel.read(faults_left)
+        moved, facts = self._facts(records)
+        beyond = ""
+        if len(situation.waiting) > bounds.line:
+            beyond = "line"
+            if asks_again(situation):
+                facts.append(("in line", situation.waiting[-1].name, situation.waiting[-1].source))
+        elif len(situation.running) > bounds.beside and (
+            sum(act.calling_type == "None" for act in situation.running) > bounds.beside
+        ):
+            beyond = "beside"
+        elif len(situation.asked) > bounds.asked:
+            beyond = "asked"
+        elif len(situation.kept) > bounds.kept:
+            beyond = "kept"
+        zone = NO_CLOCKS
+        if bounds.pace is not None and not beyond:
+            zone = self._zone_after(before, tasks, situation, acts, timers, possibility, when)
+        told = self._told
+        new = tuple([fact for fact in facts if fact not in told])
+        told.update(new)
+        return FollowedMove(move, situation, zone, moved, new, beyond)
+
+    def _zone_after(
+        self,
+        before: Situation,
+        tasks: tuple[int, ...],
+        situation: Situation,
+        acts: tuple[int, ...],
+        timers: tuple[int, ...],
+        possibility: Possibility,
+        when: Zone,
+    ) -> Zone:
+        clocks: list[int | None] = []
+        for task, act in zip(acts, situation.running, strict=True):
+            clock = None
+            if task in tasks:
+                at = tasks.index(task)
+                if _has_stopped(before.running[at]) == _has_stopped(act):
+                    clock = at + 1
+            clocks.append(clock)
+        first, had = len(before.running), len(before.countdowns)
+        clocks += [first + number if number <= had else None for number in timers]
+        if not clocks:
+            return NO_CLOCKS
+        if possibility.clock == 0 and clocks == [*range(1, first + had + 1)]:
+            return when  # nothing has begun and nothing ended: it can come at any of these times
+        return let_pass(carry(when, clocks), self.moves.limits(situation))
+
+    def _facts(self, records: list[AnyRecord]) -> tuple[int, list[Fact]]:
+        """Which rules have moved, and what is to be told."""
+        moved = 0
+        facts: list[Fact] = []
+        for record in records:
+            kind = type(record)
+            if kind is RuleRecord:
+                moved |= self._look_at_rule(cast(RuleRecord, record), facts)
+            elif kind is TaskRecord:
+                task = cast(TaskRecord, record)
+                if task.status == "ACTIVE":
+                    if task.function == _START_ACT:
+                        facts.append(("act", task.behavior))
+                elif task.status == "CANCELED" and task.function == _START_ACT and task.reason.startswith(_CUT):
+                    facts.append(("cut off", task.behavior, task.reason))
+            elif kind is ConditionRecord:
+                condition = cast(ConditionRecord, record)
+                for key in condition.missing:
+                    facts.append(("missing", key, condition.expression, condition.rule))
+                if condition.error:
+                    facts.append(("error", condition.expression, condition.error, condition.rule))
+            elif kind is NoteRecord:
+                facts.append(("note", cast(NoteRecord, record).text))
+        runner = self.kernel.runner
+        if len(runner.runs) > 0:
+            for run in runner.runs.values():
+                reason = run.cancel_reason
+                if reason is not None and reason.startswith(_CUT):
+                    facts.append(("cut off", run.task.behavior, reason))
+            if len(runner.runs) > 1:
+                going = [run.task.behavior for run in runner.runs.values() if run.cancel_reason is None]
+                for pair in combinations(sorted(going), 2):
+                    if frozenset(pair) in self._share_channel:
+                        facts.append(("two at once", *pair))
+        return moved, facts
+
+    def _look_at_rule(self, record: RuleRecord, facts: list[Fact]) -> int:
+        """Tell what a rule has done; returns its bit, and that of the end if it is reached."""
+        rule, status = record.name, record.status
+        moved = self._bits[rule]
+        if record.transition is not None:
+            facts.append(("transition", rule, record.previous, record.transition))
+            if record.trigger in self._ends_of_acts:
+                self._note_out_of_step(rule, record, self._ends_of_acts[record.trigger], facts)
+        if status == "entered":
+            facts.append(("state", rule, record.state))
+        elif status == "ended":
+            facts.append(("ended", rule, record.state))
+            if rule == self.end:
+                moved |= 1 << END_BIT
+        elif status == "faulted":
+            facts.append(("faulted", rule, record.reason))
+        return moved
+
+    def _note_out_of_step(self, rule: str, record: RuleRecord, act: str, facts: list[Fact]) -> None:
+        """A rule has gone on at the end of an act: is another one of that name, asked for before, still to come?"""
+        scheduler, last = self.kernel.kernel.scheduler, self.kernel.last_task
+        going = [run.task for run in scheduler.runner.runs.values() if run.cancel_reason is None]
+        if any(task.behavior == act and task.id <= last for task in (*scheduler.waiting, *going)):
+            facts.append(("out of step", rule, record.previous, act))
+
+    def _compare_failure(self, before: Situation, step: FollowedMove, succeeded: dict[int, Situation]) -> FollowedMove:
+        """Does it matter whether this act, which a rule has started, succeeds or fails?"""
+        index, how = step.move.place, step.move.how
+        act = before.running[index]
+        if act.source == PERSON:
+            return step
+        if how == "succeeded":
+            succeeded[index] = step.situation
+        elif how == "failed" and index in succeeded:
+            alike = step.situation._replace(faults_left=before.faults_left) == succeeded[index]
+            fact = ("failure alike" if alike else "failure matters", act.name, act.source)
+            if fact not in self._told:
+                self._told.add(fact)
+                return step._replace(facts=(*step.facts, fact))
+        return step
+
+
+_HARMLESS = frozenset({"raiseEventTopic", "assignValue"})
+"""What these tasks change, other records tell."""
+_START_ACT = "startCommunicationRobotAct"
+_CUT = ("interrupted by ", "stopped by rule:")
+
+
+def _comes_second(situation: Situation, zone: Zone, place: int) -> bool:
+    """Whether a timer of a rule is as long as one of an earlier way out of the same state, and was set with it: that
+    one is always first."""
+    own = situation.countdowns[place]
+    first = 1 + len(situation.running)
+    return any(
+        other[:2] == own[:2] == ("after", own.owner)
+        and other.transition < own.transition
+        and other.length == own.length
+        and zone[first + at][first + place] == 0 == zone[first + place][first + at]
+        for at, other in enumerate(situation.countdowns[:place])
+    )
+
+
+def asks_again(situation: Situation) -> bool:
+    """Whether the act that waits last was asked for by a rule whose last act of this name is still to come."""
+    last = situation.waiting[-1]
+    others = (*situation.waiting[:-1], *(act for act in situation.running if not _has_stopped(act)))
+    return last.source != PERSON and any(act.name == last.name and act.source == last.source for act in others)
+
+
+def _has_stopped(act: ActTask) -> bool:
+    """Whether it is over but for the robot's word."""
+    return act.phase not in ("running", "doomed")

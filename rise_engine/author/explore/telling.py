@@ -1,0 +1,219 @@
+"""A path in sentences: what somebody does, or what happens by itself, and what the rules and acts do then."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Iterable, Iterator
+from itertools import pairwise
+
+from msgspec.structs import replace
+
+from rise_engine.author.drawing.study_keys import key_title
+from rise_engine.author.explore.bounds import Bounds
+from rise_engine.author.explore.following import Followed, follow_path
+from rise_engine.author.explore.moves import Move
+from rise_engine.author.explore.paths import Path
+from rise_engine.author.explore.situation import Countdown
+from rise_engine.base.typed_values import format_value
+from rise_engine.kernel.record_words import words_of
+from rise_engine.kernel.records import (
+    AnyRecord,
+    ConditionRecord,
+    EventRecord,
+    FailureRecord,
+    KeptRecord,
+    MemoryRecord,
+    NoteRecord,
+    RuleRecord,
+    TaskRecord,
+)
+from rise_engine.scenario.model import Scenario, normal_topic
+
+_ACT = "startCommunicationRobotAct"
+
+
+def tell_path(scenario: Scenario, path: Path, bounds: Bounds | None = None) -> list[str]:
+    """One sentence for each step, without number and full stop: what happens → what comes of it.
+
+    Arguments:
+        scenario: what was explored.
+        path: a way through its situations.
+        bounds: with which it was explored; what is tried stands there.
+
+    Raises rise_engine.base.errors.RiseError when the path is of another scenario.
+    """
+    followed = follow_path(scenario, path, bounds or Bounds())
+    return [_tell(scenario, before, step) for before, step in pairwise(followed)]
+
+
+def _tell(scenario: Scenario, before: Followed, step: Followed) -> str:
+    assert step.move is not None, "only the beginning is no move"
+    happens = move_text(scenario, step.move, before, step)
+    comes = [*_consequences(before, step)]
+    if step.by_chance:
+        happens += ", and chance decides"
+    if not comes and step.submitted is not None and not any(isinstance(each, MemoryRecord) for each in step.records):
+        comes = ["nothing comes of it"]
+    return f"{happens} → {', '.join(comes)}" if comes else happens
+
+
+# --- what happens -----------------------------------------------------------------------------------------------------
+
+
+def move_text(scenario: Scenario, move: Move, before: Followed, step: Followed) -> str:
+    """What happens, or is done, in a step."""
+    match move.kind:
+        case "key":
+            key = scenario.keys[move.name]
+            return f"the wizard presses {key.label} ({key_title(key)})"
+        case "event":
+            return f"the event /{normal_topic(move.name)} comes from outside"
+        case "try":
+            assert step.submitted is not None
+            return f"somebody sets {_assignment(step.submitted.behavior)}"
+        case "end":
+            return _ENDINGS[move.how].format(act=move.name)
+        case "timer":
+            return _countdown_text(before.countdowns[step.timer], before)
+        case "answer":
+            return f"{move.name} has failed, and the wizard says: {_ANSWERS[move.how]}"
+        case _:
+            return _OTHERS[move.kind, move.how]
+
+
+_ENDINGS = {
+    "succeeded": "{act} ends",
+    "failed": "{act} fails",
+    "aborted": "the robot gives up {act}, or somebody else stops it",
+    "canceled": "the robot has stopped with {act}",
+    "accepted": "the robot begins or ends to speak in {act}",
+}
+_ANSWERS = {"goOn": "go on", "repeatAct": "do it again", "stopRuleOfAct": "stop the rule"}
+_OTHERS = {
+    ("cue", "marked"): "the wizard marks that the participant has finished",
+    ("cue", "undone"): "the wizard takes back that the participant has finished",
+    ("stop", ""): "somebody stops everything",
+    ("stopped", ""): "the robot has stopped",
+    ("release", "leave"): "the wizard takes the stop back, without any rule",
+    ("release", "enter"): "the wizard takes the stop back, and the rules enter their states again",
+    ("release", "wait"): "the wizard takes the stop back, and the rules wait where they stood",
+    ("lost", ""): "the robot cannot be reached any more",
+    ("back", ""): "the robot can be reached again",
+}
+
+
+def _assignment(behavior: str) -> str:
+    """`{"task": 2.5}` is `task = 2.5`."""
+    return ", ".join(f"{key} = {format_value(value)}" for key, value in json.loads(behavior).items())
+
+
+def _countdown_text(countdown: Countdown, before: Followed) -> str:
+    seconds = f"{countdown.length / 1000:g} s"
+    if countdown.purpose == "keep":
+        return f"nobody has waited for /{normal_topic(countdown.owner)} for {seconds}"
+    if countdown.purpose == "repeat":
+        return f"{seconds} pass after {countdown.owner} has failed"
+    if countdown.purpose == "filler":
+        return f"{seconds} pass without an answer of the robot"
+    state = next((rule.state for rule in before.situation.rules if rule.name == countdown.owner), "")
+    return f"{seconds} pass in {state}" + (f" ({countdown.owner})" if len(before.situation.rules) > 1 else "")
+
+
+# --- what comes of it -------------------------------------------------------------------------------------------------
+
+
+def _consequences(before: Followed, step: Followed) -> Iterator[str]:
+    rules: dict[str, list[RuleRecord]] = {}
+    acts: dict[int, list[TaskRecord]] = {}
+    others: list[str] = []
+    for record in step.records:
+        if isinstance(record, RuleRecord):
+            rules.setdefault(record.name, []).append(record)
+        elif isinstance(record, TaskRecord):
+            if record.function == _ACT and record.id != step.task:
+                acts.setdefault(record.id, []).append(record)
+            elif record.status == "REJECTED" and not record.source.startswith("rule:"):
+                others.append(f"it is refused: {record.reason}")
+        else:
+            others += _other_text(record, by_chance=step.by_chance)
+    for name, records in rules.items():
+        yield from _rule_texts(name, records)
+    for id, (name, phase) in step.running.items():
+        if "canceling" in phase and id in before.running and "canceling" not in before.running[id][1]:
+            yield f"{name} is cut off"
+        elif phase == "failing" and id == step.task:
+            yield "what else it does is broken off"
+    for id, tasks in acts.items():
+        yield from _act_texts(id in before.running, tasks)
+    yield from others
+
+
+def _rule_texts(name: str, records: list[RuleRecord]) -> Iterator[str]:
+    """What a rule has done in one go."""
+    begun = any(record.status == "started" for record in records)
+    states = [record.state or "" for record in records if record.status == "entered"]
+    if begun and states:
+        yield f"{name} begins in {states[0]}" + _and_on(states[1:])
+    elif states:
+        yield f"{name} goes on to {states[0]}" + _and_on(states[1:])
+    elif any(record.status == "stayed" for record in records):
+        yield f"{name} stays in {records[-1].state} and does what it says there"
+    last = records[-1]
+    if last.status == "ended":
+        yield f"{name} ends"
+    elif last.status == "stopped":
+        yield f"{name} is stopped in {last.state}"
+    elif last.status == "faulted":
+        yield f"{name} breaks off: {last.reason}"
+
+
+def _and_on(states: Iterable[str]) -> str:
+    return "".join(f", at once to {state}" for state in states)
+
+
+def _act_texts(ran: bool, records: list[TaskRecord]) -> Iterator[str]:
+    """What has become of an act that somebody asked for, or that was under way."""
+    last, name = records[-1], records[-1].behavior
+    began = any(record.status == "ACTIVE" for record in records)
+    match last.status:
+        case "ACTIVE":
+            yield f"{name} begins"
+        case "PENDING" if last.reason != "moved":
+            yield f"{name} has to wait"
+        case "SUCCEEDED":
+            yield f"{name} begins and ends at once" if began else f"{name} ends"
+        case "ABORTED":
+            yield f"{name} begins and fails at once" if began else f"{name} fails"
+        case "CANCELED":
+            yield _cut_text(name, last.reason, ran)
+        case "REJECTED":
+            yield f"{name} is refused: {last.reason}"
+
+
+def _cut_text(name: str, reason: str, ran: bool) -> str:
+    for words, verb in (("interrupted by ", "interrupts"), ("stopped by rule:", "stops")):
+        if reason.startswith(words):
+            return f"{reason.removeprefix(words)} {verb if ran else 'takes back'} {name}"
+    return f"{name} is cut off" if ran else f"{name} is taken back"
+
+
+def _other_text(record: AnyRecord, *, by_chance: bool) -> Iterator[str]:
+    said = words_of(record).sentence
+    match record:
+        case FailureRecord(status="asked" | "waiting" | "repeated" | "dropped"):
+            comes = words_of(replace(record, reason="")).text.removeprefix("failed, and ")  # why is told already
+            yield comes if record.status in ("asked", "dropped") else f"{record.act} {comes}"
+        case KeptRecord(status="kept" | "taken"):
+            yield said
+        case EventRecord(taken_by=None, source=source) if source.startswith("rule:"):
+            yield said
+        case MemoryRecord(source=source) if by_chance and source.startswith("rule:") and not record.deleted:
+            yield said
+        case ConditionRecord() if record.error:
+            yield f"the condition {said}"
+        case ConditionRecord() if record.missing:
+            yield " and ".join(f"{key} is not set" for key in record.missing)
+        case NoteRecord():
+            yield said
+        case _:
+            return

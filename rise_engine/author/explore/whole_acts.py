@@ -1,0 +1,111 @@
+"""Acts as one thing each: what rules and the scheduler can see of them, and nothing else.
+
+Rules learn of an act only that it has ended, and how; the scheduler looks at the channels of the whole act. So an act
+need not be followed action by action: it runs, until it ends well, fails, or is cancelled, and between failing or being
+cancelled and its end the robot may still have to confirm. Where it depends on the moment within the act what comes
+next, each possibility is a decision (`rise_engine.author.explore.chance`), so that all of them are looked at.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import Literal, TypeAlias, cast
+
+from rise_engine.author.explore.act_traits import ActTraits, begin
+from rise_engine.author.explore.chance import Decisions
+from rise_engine.kernel.act_runner import ActRun, ActRunner
+from rise_engine.kernel.core import Core, Task, TimerTarget, parse_task_id
+from rise_engine.kernel.records import ActionStatus, TaskStatus
+from rise_engine.kernel.speech import find_act
+
+Phase: TypeAlias = Literal["running", "doomed", "failing", "canceling", "failing and canceling"]
+"""doomed: an action of it will fail when its turn comes, if nothing gives the memory the value that it needs."""
+FAILED = "an action failed"
+
+
+class WholeActRun(ActRun):
+    """An act that runs."""
+
+    doomed: bool = False
+    speaking: bool = False
+
+    @property
+    def phase(self) -> Phase:
+        if self.cancel_reason is not None:
+            return "canceling" if self.failure is None else "failing and canceling"
+        if self.failure is not None:
+            return "failing"
+        return "doomed" if self.doomed else "running"
+
+
+class WholeActs(ActRunner):
+    """All running acts, each as one thing.
+
+    The robot's word about one is an `ActionReport` for the action `ACT` of its task: `succeeded`; `failed`, also
+    `aborted`, by the robot or somebody else; `canceled` for what was failing or being cancelled and is now over;
+    `accepted` says that it has changed between speaking and being silent.
+    """
+
+    def __init__(self, core: Core, on_ended: Callable[[ActRun, TaskStatus, str], None]) -> None:
+        super().__init__(core, on_ended)
+        self.traits: dict[str, ActTraits] = {}
+        self.decisions = Decisions()
+        """What decides between the possibilities of a moment."""
+
+    @property
+    def is_speaking(self) -> bool:
+        return any(cast(WholeActRun, run).speaking for run in self.runs.values())
+
+    def start(self, task: Task) -> None:
+        run = WholeActRun(task, {})
+        self.runs[task.id] = run
+        core = self._core
+        act = find_act(core.scenario, task)
+        traits = self.traits[act.name]
+        lost = self.robot_lost is not None
+        beginning, robot_began, run.doomed = begin(core.scenario, act, core.memory, lost, self.decisions.choose)
+        if beginning == "fails":
+            run.failure = FAILED
+            if not (robot_began and self.decisions.choose(2)):
+                self._finish(run)
+        elif beginning == "ends":
+            self._finish(run)
+        else:
+            run.speaking = traits.speaks
+
+    def report(self, goal: str, status: ActionStatus, reason: str, *, aborted: bool = False) -> None:
+        run = cast(WholeActRun, self.runs[parse_task_id(goal.partition("/")[0])])
+        if status == "accepted":
+            run.speaking = not run.speaking
+        elif aborted and self.traits[run.task.behavior].can_go_on and self.decisions.choose(2):
+            run.interfered = True
+        elif status == "failed":
+            run.failure, run.interfered = FAILED, aborted or run.interfered
+            winds_down = self.robot_lost is None and self.traits[run.task.behavior].is_parallel
+            if not (winds_down and self.decisions.choose(2)):
+                self._finish(run)
+        else:
+            self._finish(run)
+
+    def timer_elapsed(self, target: TimerTarget) -> None:
+        raise AssertionError("acts that are one thing set no timers")
+
+    def lose_running(self, reason: str) -> None:
+        for each in list(self.runs.values()):
+            run, traits = cast(WholeActRun, each), self.traits[each.task.behavior]
+            if run.failure is not None or run.cancel_reason is not None:
+                self._finish(run)
+            elif traits.uses_robot and not (traits.waits and self.decisions.choose(2)):
+                if traits.can_fail:
+                    run.failure = reason
+                self._finish(run)
+            elif traits.can_fail:
+                run.speaking = False
+
+    def cancel(self, run: ActRun, reason: str) -> None:
+        if run.cancel_reason is not None:
+            return
+        run.cancel_reason = reason
+        traits = self.traits[run.task.behavior]
+        if run.failure is None and (not traits.uses_robot or (traits.waits and self.decisions.choose(2))):
+            self._finish(run)

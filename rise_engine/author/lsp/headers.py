@@ -1,0 +1,37 @@
+"""The headers of messages, looked at before pygls does: it waits for ever after one that it does not understand.
+
+https://microsoft.github.io/language-server-protocol/specifications/lsp/3.17/specification/#headerPart
+"""
+
+from __future__ import annotations
+
+import re
+from typing import BinaryIO
+
+from rise_engine.base.errors import RiseError
+
+_LENGTH = re.compile(rb"Content-Length: [0-9]+\r\n")
+_OTHER = re.compile(rb"(?!Content-Length)([A-Za-z-]+: .*)?\r\n")
+
+
+class HeaderError(RiseError):
+    """Where a message begins cannot be known any more; the text says why."""
+
+
+class CheckedHeaders:
+    """What an editor sends. Bodies are read with `read`, so each line is of a header."""
+
+    def __init__(self, stream: BinaryIO) -> None:
+        self._stream = stream
+        self.read = stream.read
+
+    def readline(self) -> bytes:
+        """The next line of a header, as pygls asks for it; empty at the end. Raises HeaderError."""
+        line = self._stream.readline()
+        if line.endswith(b"\n") and not (_LENGTH.fullmatch(line) or _OTHER.fullmatch(line)):
+            shown = line[:80].decode(errors="replace").rstrip("\r\n")
+            raise HeaderError(
+                f"the header {shown!r} cannot be understood: `Content-Length: ` and the number of bytes was expected, "
+                "ended by CR LF. The connection ends, because nobody can say where the next message begins"
+            )
+        return line

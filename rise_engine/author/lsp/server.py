@@ -1,0 +1,183 @@
+"""The server: the protocol's requests answered from `ServedStudy`. It speaks over standard input and output.
+
+https://microsoft.github.io/language-server-protocol/specifications/lsp/3.17/specification/
+"""
+
+from __future__ import annotations
+
+from typing import Any
+from xml.sax.saxutils import escape
+
+from lsprotocol import types as lsp
+from pygls.exceptions import JsonRpcException
+
+from rise_engine.author.edit.plan import EditRefused
+from rise_engine.author.lsp.completion import proposals
+from rise_engine.author.lsp.hover import hover_text
+from rise_engine.author.lsp.study_server import StudyServer
+from rise_engine.author.lsp.symbols import file_symbols
+from rise_engine.author.lsp.workspace_edits import file_operations, workspace_edit
+
+_QUICK_FIX = lsp.CodeActionKind.QuickFix.value
+_KINDS = {
+    "act": lsp.CompletionItemKind.Function,
+    "rule": lsp.CompletionItemKind.Class,
+    "state": lsp.CompletionItemKind.EnumMember,
+    "event": lsp.CompletionItemKind.Event,
+    "key": lsp.CompletionItemKind.Variable,
+    "action": lsp.CompletionItemKind.Reference,
+    "element": lsp.CompletionItemKind.Struct,
+    "attribute": lsp.CompletionItemKind.Property,
+}
+
+
+def _refusal(why: str) -> JsonRpcException:
+    """What cannot be done, said to the person at the editor."""
+    return JsonRpcException(why, lsp.LSPErrorCodes.RequestFailed.value)
+
+
+def make_server() -> StudyServer:
+    """The server with its answers."""
+    server = StudyServer()
+    _follow_documents(server)
+    _answer_about_names(server)
+    _answer_about_files(server)
+    return server
+
+
+def _follow_documents(server: StudyServer) -> None:
+    @server.feature(lsp.TEXT_DOCUMENT_DID_OPEN)
+    @server.feature(lsp.TEXT_DOCUMENT_DID_CHANGE)
+    def hold(params: lsp.DidOpenTextDocumentParams | lsp.DidChangeTextDocumentParams) -> None:
+        uri = params.text_document.uri
+        if (found := server.study_of(uri)) is not None:
+            study, name = found
+            study.hold(study.folder / name, server.workspace.get_text_document(uri).source)
+            server.tell(study)
+
+    @server.feature(lsp.TEXT_DOCUMENT_DID_CLOSE)
+    def let_go(params: lsp.DidCloseTextDocumentParams) -> None:
+        if (found := server.study_of(params.text_document.uri)) is not None:
+            study, name = found
+            study.let_go(study.folder / name)
+            server.tell(study)
+
+    @server.feature(lsp.TEXT_DOCUMENT_DID_SAVE)
+    @server.feature(lsp.WORKSPACE_DID_CHANGE_WATCHED_FILES)
+    def look_again(params: Any) -> None:
+        for study in server.studies.values():
+            study.forget()
+            server.tell(study)
+
+
+def _answer_about_names(server: StudyServer) -> None:
+    @server.feature(
+        lsp.TEXT_DOCUMENT_COMPLETION, lsp.CompletionOptions(trigger_characters=['"', "'", "{", "<", "/", "|"])
+    )
+    def complete(params: lsp.CompletionParams) -> list[lsp.CompletionItem]:
+        if (place := server.at(params)) is None:
+            return []
+        study, name, source, offset = place
+        start, found = proposals(study.checked, name, source.text, offset)
+        covered = server.range_of(source, start, offset)
+        is_xml = name.lower().endswith(".xml")
+        return [
+            lsp.CompletionItem(
+                label=each.text,
+                kind=_KINDS.get(each.kind, lsp.CompletionItemKind.Value),
+                detail=each.note or None,
+                filter_text=each.text,
+                text_edit=lsp.TextEdit(covered, escape(each.text, {'"': "&quot;"}) if is_xml else each.text),
+            )
+            for each in found
+        ]
+
+    @server.feature(lsp.TEXT_DOCUMENT_DEFINITION)
+    def define(params: lsp.DefinitionParams) -> list[lsp.Location]:
+        if (found := server.use_at(params)) is None:
+            return []
+        places = (server.place_of_use(found[0], each) for each in found[0].definitions(found[1]))
+        return [place for place in places if place is not None]
+
+    @server.feature(lsp.TEXT_DOCUMENT_REFERENCES)
+    def refer(params: lsp.ReferenceParams) -> list[lsp.Location]:
+        if (found := server.use_at(params)) is None:
+            return []
+        uses = (each for each in found[0].uses_like(found[1]) if params.context.include_declaration or not each.defines)
+        places = (server.place_of_use(found[0], each) for each in uses)
+        return [place for place in places if place is not None]
+
+    @server.feature(lsp.TEXT_DOCUMENT_HOVER)
+    def hover(params: lsp.HoverParams) -> lsp.Hover | None:
+        place = server.at(params)
+        text = hover_text(place[0], place[1], place[3]) if place is not None else ""
+        return lsp.Hover(lsp.MarkupContent(lsp.MarkupKind.Markdown, text)) if text else None
+
+    @server.feature(lsp.TEXT_DOCUMENT_PREPARE_RENAME)
+    def prepare_rename(params: lsp.PrepareRenameParams) -> lsp.PrepareRenamePlaceholder | None:
+        """Names have blanks, which editors take for the end of one."""
+        found = server.use_at(params)
+        place = server.place_of_use(*found) if found is not None else None
+        if found is None or place is None:
+            return None
+        name = found[1].name
+        alone = name.rpartition("/")[2] if found[1].kind in ("state", "action") else name
+        return lsp.PrepareRenamePlaceholder(place.range, alone)
+
+    @server.feature(lsp.TEXT_DOCUMENT_RENAME)
+    def rename(params: lsp.RenameParams) -> lsp.WorkspaceEdit:
+        if (found := server.use_at(params)) is None:
+            raise _refusal("here stands no name of an act, rule, state, event, action or memory key")
+        study, use = found
+        try:
+            changed = workspace_edit(server, study, study.rename(use, params.new_name))
+        except EditRefused as refused:
+            raise _refusal(str(refused)) from None
+        assert changed is not None  # a rename makes no files
+        return changed
+
+
+def _answer_about_files(server: StudyServer) -> None:
+    @server.feature(lsp.TEXT_DOCUMENT_DOCUMENT_SYMBOL)
+    def list_symbols(params: lsp.DocumentSymbolParams) -> list[lsp.DocumentSymbol]:
+        if (found := server.study_of(params.text_document.uri)) is None or (
+            source := found[0].source(found[1])
+        ) is None:
+            return []
+        return file_symbols(server, *found, source)
+
+    @server.feature(
+        lsp.TEXT_DOCUMENT_CODE_ACTION, lsp.CodeActionOptions(code_action_kinds=[lsp.CodeActionKind.QuickFix])
+    )
+    def offer_remedies(params: lsp.CodeActionParams) -> list[lsp.CodeAction]:
+        """Of the findings that the place touches, whether or not the editor names them."""
+        wanted, found = params.context.only, server.study_of(params.text_document.uri)
+        is_wanted = wanted is None or any(_QUICK_FIX.startswith(str(getattr(each, "value", each))) for each in wanted)
+        source = found[0].source(found[1]) if found is not None else None
+        if found is None or source is None or not is_wanted:
+            return []
+        (study, name), positions, actions = found, server.positions(source), dict[str, lsp.CodeAction]()
+        start, end = (positions.offset(at.line, at.character) for at in (params.range.start, params.range.end))
+        for finding in study.findings(name, start, end):
+            shown = server.diagnostic(finding, source)
+            for remedy, planned in study.remedies(finding, with_new_files="create" in file_operations(server)):
+                edit = workspace_edit(server, study, planned)
+                if edit is not None and remedy.title not in actions:
+                    actions[remedy.title] = lsp.CodeAction(
+                        remedy.title, lsp.CodeActionKind.QuickFix, [shown], remedy.is_likely or None, edit=edit
+                    )
+        return list(actions.values())
+
+    @server.feature(lsp.TEXT_DOCUMENT_FORMATTING)
+    def lay_out(params: lsp.DocumentFormattingParams) -> list[lsp.TextEdit]:
+        if (found := server.study_of(params.text_document.uri)) is None or (
+            source := found[0].source(found[1])
+        ) is None:
+            return []
+        try:
+            after = found[0].formatted(found[1])
+        except EditRefused as refused:
+            raise _refusal(str(refused)) from None
+        if after == source.text:
+            return []
+        return [lsp.TextEdit(server.range_of(source, 0, len(source.text)), after)]

@@ -1,0 +1,122 @@
+"""The server as the editor's other side: its studies, places of the protocol, and the findings that it tells."""
+
+from __future__ import annotations
+
+from functools import lru_cache
+from pathlib import Path
+from typing import Any
+
+from lsprotocol import types as lsp
+from msgspec import UNSET
+from pygls import uris
+from pygls.lsp.server import LanguageServer
+
+from rise_engine import __version__
+from rise_engine.author.lsp.open_files import OpenFilesProtocol
+from rise_engine.author.lsp.positions import PositionEncoding, TextPositions
+from rise_engine.author.lsp.served_study import ServedStudy, study_folder
+from rise_engine.scenario.diagnostics import Diagnostic
+from rise_engine.scenario.model import SourceLocation
+from rise_engine.scenario.source_files import SourceFile
+from rise_engine.scenario.uses import Use
+
+SOURCE = "rise"
+"""Who says a finding, for editors."""
+_ENCODINGS: dict[str, PositionEncoding] = {
+    lsp.PositionEncodingKind.Utf8: "utf-8",
+    lsp.PositionEncodingKind.Utf16: "utf-16",
+    lsp.PositionEncodingKind.Utf32: "utf-32",
+}
+
+
+@lru_cache(maxsize=32)
+def _positions(text: str, encoding: PositionEncoding) -> TextPositions:
+    """Kept, since an answer asks for hundreds of places of a file."""
+    return TextPositions(text, encoding)
+
+
+class StudyServer(LanguageServer):
+    """A language server with the studies that files are open of."""
+
+    def __init__(self) -> None:
+        whole = lsp.TextDocumentSyncKind.Full
+        super().__init__("rise-engine", __version__, whole, protocol_cls=OpenFilesProtocol)
+        self.studies: dict[Path, ServedStudy] = {}
+        self.told: dict[Path, set[str]] = {}
+        """By study, the files of which the editor has findings."""
+
+    # --- studies and places -------------------------------------------------------------------------------------------
+
+    def study_of(self, uri: str) -> tuple[ServedStudy, str] | None:
+        """The study that a file belongs to, and the file's name in it; None: it is none of a study's files."""
+        written = uris.to_fs_path(uri)
+        if written is None:
+            return None
+        path = Path(written)
+        folder = study_folder(path)
+        if folder is None:
+            return None
+        study = self.studies.setdefault(folder, ServedStudy(folder))
+        return study, study.name_of(path)
+
+    def positions(self, source: SourceFile) -> TextPositions:
+        return _positions(source.text, _ENCODINGS[self.workspace.position_encoding or lsp.PositionEncodingKind.Utf16])
+
+    def range_of(self, source: SourceFile, start: int, end: int) -> lsp.Range:
+        """A stretch of a file's text."""
+        positions = self.positions(source)
+        return lsp.Range(lsp.Position(*positions.place(start)), lsp.Position(*positions.place(end)))
+
+    def place_of_use(self, study: ServedStudy, use: Use) -> lsp.Location | None:
+        source = study.source(use.place.file)
+        if source is None:
+            return None
+        start = source.offset(use.place.line, use.place.column)
+        return lsp.Location(self.uri(study, use.place.file), self.range_of(source, start, start + use.length))
+
+    def uri(self, study: ServedStudy, name: str) -> str:
+        return uris.from_fs_path(str(study.folder / name)) or ""
+
+    def at(self, params: Any) -> tuple[ServedStudy, str, SourceFile, int] | None:
+        """Study, file, and the offset that a request is about."""
+        found = self.study_of(params.text_document.uri)
+        source = found[0].source(found[1]) if found is not None else None
+        if found is None or source is None:
+            return None
+        offset = self.positions(source).offset(params.position.line, params.position.character)
+        return found[0], found[1], source, offset
+
+    def use_at(self, params: Any) -> tuple[ServedStudy, Use] | None:
+        place = self.at(params)
+        use = place[0].use_at(place[1], place[3]) if place is not None else None
+        return (place[0], use) if place is not None and use is not None else None
+
+    # --- findings -----------------------------------------------------------------------------------------------------
+
+    def tell(self, study: ServedStudy) -> None:
+        """Send the findings of a study; files that have none any more are told so."""
+        by_file: dict[str, list[Diagnostic]] = {name: [] for name in study.held}
+        for found in study.checked.diagnostics:
+            by_file.setdefault(found.location.file, []).append(found)
+        for name in self.told.get(study.folder, set()) - by_file.keys():
+            by_file[name] = []
+        self.told[study.folder] = {name for name, found in by_file.items() if found}
+        for name, findings in by_file.items():
+            source = study.source(name)
+            shown = [self.diagnostic(each, source) for each in findings]
+            self.text_document_publish_diagnostics(lsp.PublishDiagnosticsParams(self.uri(study, name), shown))
+
+    def diagnostic(self, found: Diagnostic, source: SourceFile | None) -> lsp.Diagnostic:
+        def offset(location: SourceLocation) -> int:
+            return source.offset(location.line, location.column) if source is not None else 0
+
+        start = offset(found.location)
+        end = offset(found.end) if found.end is not UNSET else start
+        is_error = found.severity == "error"
+        return lsp.Diagnostic(
+            range=self.range_of(source or SourceFile("", b"", ""), start, end),
+            message=found.message,
+            severity=lsp.DiagnosticSeverity.Error if is_error else lsp.DiagnosticSeverity.Warning,
+            code=found.code,
+            source=SOURCE,
+        )

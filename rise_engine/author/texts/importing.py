@@ -1,0 +1,293 @@
+"""A table of texts that comes back: what in it is new becomes edits, one text each (docs/reference/languages.md).
+
+A row is compared with what the table was made from (`of`, `check`) and with what the study says now. What only the
+table has changed is taken, what only the study has changed stays, and what both have changed is refused, by itself.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+
+from msgspec import Struct
+
+from rise_engine.author.edit.edits import AddAct, AddColumn, AddLanguage, AnyEdit, SetCell, SetTranslation
+from rise_engine.author.edit.originals import edit_of_original
+from rise_engine.author.edit.plan import EditRefused
+from rise_engine.author.edit.read_outline import read_outline
+from rise_engine.author.texts.reading import ReadRow, ReadTable
+from rise_engine.author.texts.table import FIXED_COLUMNS, id_of_cell, text_check
+from rise_engine.base.errors import ExchangeError
+from rise_engine.base.nearest_name import did_you_mean
+from rise_engine.base.text import pluralize
+from rise_engine.scenario.loader import LoadResult
+from rise_engine.scenario.spoken_texts import SpokenText
+from rise_engine.scenario.ssml_checks import find_ssml_problems
+from rise_engine.scenario.table_texts import TableText
+from rise_engine.scenario.template import Template, TemplateError, parse_template
+from rise_engine.scenario.translations import LanguageTexts, slot_problem
+
+_SHOWN = 60
+
+
+class RefusedRow(Struct, frozen=True):
+    """What of a table is not taken."""
+
+    line: int
+    what: str
+    """The text, or what stands in its place."""
+    why: str
+
+    def __str__(self) -> str:
+        return f"{self.what}: {self.why}"
+
+
+class TextImport(Struct, frozen=True):
+    """What a table changes."""
+
+    edits: tuple[AnyEdit, ...]
+    refused: tuple[RefusedRow, ...]
+    noticed: tuple[str, ...] = ()
+    rows: int = 0
+    """How many rows were compared."""
+
+
+def import_table(
+    table: ReadTable, loaded: LoadResult, languages: Sequence[str] = (), *, new: bool = False
+) -> TextImport:
+    """Compare a table with the study.
+
+    :param table: as it was read.
+    :param loaded: the scenario, loaded in no language.
+    :param languages: whose columns are read, besides those that the study has translations into.
+    :param new: whether rows without an id become acts.
+    :raises ExchangeError: the table has not the columns that it needs.
+    """
+    return _Importer(table, loaded, languages, new).run()
+
+
+class _Importer:
+    def __init__(self, table: ReadTable, loaded: LoadResult, languages: Sequence[str], new: bool) -> None:
+        self.table = table
+        self.loaded = loaded
+        self.outline = read_outline(loaded.parts)
+        self.new = new
+        self.texts: dict[str, SpokenText | TableText] = {text.id: text for text in loaded.texts}
+        self.texts |= {text.id: text for text in loaded.table_texts}
+        known = {each.lower(): each for each in (*languages, *loaded.translations)}
+        by_column = {column.lower(): column for column in table.columns}
+        self.languages = {by_column[tag]: name for tag, name in known.items() if tag in by_column}
+        """By column."""
+        self.edits: list[AnyEdit] = []
+        self.translated: list[AnyEdit] = []
+        self.refused: list[RefusedRow] = []
+        self.seen: dict[str, int] = {}
+
+    def run(self) -> TextImport:
+        self._check_columns()
+        for row in self.table.rows:
+            id = id_of_cell(row.values.get("id", ""), self.texts.keys())
+            if not id and not any(row.values.get(column, "").strip() for column in ("act", "text", *self.languages)):
+                continue  # of no text: what somebody has written below the table
+            if not id:
+                self._read_new(row)
+            elif id in self.seen:
+                self._refuse(row, id, f"this text stands in {self.table.what} {self.seen[id]} already")
+            else:
+                self.seen[id] = row.line
+                self._read_row(row, id)
+        edits = (*self.edits, *self._new_columns(), *self.translated)  # a translation is one of what the act says then
+        return TextImport(edits, tuple(self.refused), tuple(self._notices()), len(self.seen))
+
+    def _new_columns(self) -> Iterator[AnyEdit]:
+        """The columns of tables that translations need, and the languages that they need."""
+        cells = [edit for edit in self.translated if isinstance(edit, SetCell)]
+        files = {edit.language for edit in self.translated if isinstance(edit, SetTranslation)}
+        languages = dict.fromkeys(edit.column.rpartition(".")[2] for edit in cells)
+        yield from (AddLanguage(each) for each in languages if each not in self.loaded.translations.keys() | files)
+        for table, column in dict.fromkeys((edit.table, edit.column) for edit in cells):
+            base, _, language = column.rpartition(".")
+            found = self.loaded.draft.tables[table]
+            if base not in found.translations.get(language, {}):
+                yield AddColumn(table, column)
+
+    def _check_columns(self) -> None:
+        columns = self.table.columns
+        for column in ("id", "of"):
+            if column not in columns:
+                near = did_you_mean(column, [each for each in columns if each], limit=0)
+                raise ExchangeError(
+                    f"the table has no column `{column}`{near or ';'} it says what a row is about, and of what it "
+                    "was made: export the table anew, and put the texts in"
+                )
+        for column in ("text", *self.languages):
+            if columns.count(column) > 1:
+                raise ExchangeError(f"the table has several columns `{column}`; leave one of them")
+
+    def _notices(self) -> Iterator[str]:
+        known = {*FIXED_COLUMNS, *self.languages, ""}
+        if further := [each for each in self.table.columns if each not in known]:
+            yield (
+                f"not read: the {'column' if len(further) == 1 else 'columns'} "
+                f"{', '.join(f'`{each}`' for each in further)}; a new language is named, --language TAG"
+            )
+        if not self.languages and "text" not in self.table.columns:
+            yield "the table has no column that is read: `text`, or a language"
+
+    def _refuse(self, row: ReadRow, id: str, why: str) -> None:
+        self.refused.append(
+            RefusedRow(row.line, f"{self.table.what} {row.line}, {id}" if id else f"{self.table.what} {row.line}", why)
+        )
+
+    # --- a text that there is ---------------------------------------------------------------------------------------
+
+    def _read_row(self, row: ReadRow, id: str) -> None:
+        text = self.texts.get(id)
+        of, check = _normal(row.values.get("of", "")), _checks(row.values.get("check", ""))
+        said = _normal(row.values.get("text", of))
+        changed = [
+            column
+            for column, language in self.languages.items()
+            if column in row.values and text_check(_normal(row.values[column])) != check.get(language, "")
+        ]
+        if text is None:
+            near = did_you_mean(id, self.texts, limit=0)
+            self._refuse(row, id, f"there is no such text any more{near}")
+        elif not of:
+            self._refuse(row, id, "its cell `of` is empty, so nobody knows of which text it was made")
+        elif of != text.text:
+            if said != of or any(self._is_other(row, text, column) for column in changed):
+                now = _short(text.text)
+                why = f"the text was changed since the table was made: it is “{now}” now, and was “{_short(of)}”"
+                self._refuse(row, id, why)
+        else:
+            template = text.template if isinstance(text, SpokenText) else None
+            if said != of:
+                template = self._change_text(row, text, said) or template
+            for column, language in self.languages.items():
+                if column in row.values:
+                    self._change_translation(row, text, template, column, language, check.get(language))
+
+    def _is_other(self, row: ReadRow, text: SpokenText | TableText, column: str) -> bool:
+        """Whether a row has another translation than the study."""
+        given = _normal(row.values[column])
+        return bool(given) and given != self._translation(text, self.languages[column])
+
+    def _translation(self, text: SpokenText | TableText, language: str) -> str:
+        if isinstance(text, TableText):
+            return text.translation(language)
+        found = (self.loaded.translations.get(language) or LanguageTexts(language, "")).texts.get(text.id)
+        return found.template.text if found is not None else ""
+
+    def _change_text(self, row: ReadRow, text: SpokenText | TableText, said: str) -> Template | None:
+        """Another original text; gives it, or None when it is refused, or stands in a table."""
+        if not said:
+            self._refuse(row, text.id, "the text is empty; an act says something, or has no such action")
+            return None
+        if isinstance(text, TableText):
+            self.edits.append(SetCell(text.table.name, text.row, text.column, said))
+            return None
+        template, problem = _read_template(said)
+        if template is None:
+            self._refuse(row, text.id, problem)
+            return None
+        try:
+            edit = edit_of_original(text, said, self.outline)
+        except EditRefused as refused:
+            where = text.action.location
+            self._refuse(row, text.id, f"{refused}; change it in {where.file}, line {where.line}")
+            return None
+        self.edits.append(edit)
+        return template
+
+    def _change_translation(
+        self,
+        row: ReadRow,
+        text: SpokenText | TableText,
+        template: Template | None,
+        column: str,
+        language: str,
+        check: str | None,
+    ) -> None:
+        given, now = _normal(row.values[column]), self._translation(text, language)
+        edit: AnyEdit
+        if isinstance(text, TableText):
+            edit = SetCell(text.table.name, text.row, f"{text.column}.{language}", given)
+        else:
+            edit = SetTranslation(language, text.act, text.key, given)
+        if given == now:
+            if given and language in row.confirmed and self._is_stale(text, language):
+                self.translated.append(edit)
+            return
+        if check is not None and text_check(given) == check:
+            return  # only the study has changed it
+        if not given:
+            self._refuse(row, text.id, f"the cell `{column}` is empty; “{_short(now)}” stays what it says")
+        elif check is None and now:
+            why = f"the table does not say (in `check`) what `{column}` was; it is “{_short(now)}” now"
+            self._refuse(row, text.id, f"{why}, and not changed")
+        elif check is not None and text_check(now) != check:
+            why = f"`{column}` was changed in the study, too, since the table was made: “{_short(now)}” there"
+            self._refuse(row, text.id, f"{why}, “{_short(given)}” here")
+        else:
+            translated, problem = _read_template(given) if template is not None else (None, "")
+            if template is not None and translated is not None:
+                problem = problem or slot_problem(template, translated)
+            if problem:
+                self._refuse(row, text.id, f"`{column}`: {problem}")
+            else:
+                self.translated.append(edit)
+
+    def _is_stale(self, text: SpokenText | TableText, language: str) -> bool:
+        return isinstance(text, SpokenText) and bool(self.loaded.translations[language].stale([text]))
+
+    # --- one that there is not yet ----------------------------------------------------------------------------------
+
+    def _read_new(self, row: ReadRow) -> None:
+        act, said = row.values.get("act", "").strip(), _normal(row.values.get("text", ""))
+        if not self.new:
+            self._refuse(row, act, "this row has no id; with --new it becomes an act, called as its cell `act` says")
+            return
+        if not act or not said:
+            self._refuse(row, act, f"a new act needs {'a name, in `act`' if not act else 'a text, in `text`'}")
+            return
+        taken = next((edit for edit in self.edits if isinstance(edit, AddAct) and edit.name == act), None)
+        template, problem = _read_template(said)
+        if self.outline.act(act) is not None or taken is not None:
+            self._refuse(row, act, "there is an act of this name already")
+        elif template is None:
+            self._refuse(row, act, problem)
+        else:
+            self.edits.append(AddAct(act, said))
+            for column, language in self.languages.items():
+                if given := _normal(row.values.get(column, "")):
+                    self.translated.append(SetTranslation(language, act, "1", given))
+
+
+def _read_template(text: str) -> tuple[Template | None, str]:
+    """A text with its memory values; or None, and what is wrong with it."""
+    try:
+        template = parse_template(text)
+    except TemplateError as error:
+        return None, str(error)
+    problems = [problem.text for problem in find_ssml_problems(template) if problem.is_error]
+    return (None, problems[0]) if problems else (template, "")
+
+
+def _normal(cell: str) -> str:
+    """A cell as texts are: on one line."""
+    return " ".join(cell.split())
+
+
+def _checks(cell: str) -> dict[str, str]:
+    """The sums of the translations that the table was made with, by language."""
+    return {tag: value for tag, _, value in (each.rpartition(":") for each in cell.split()) if tag}
+
+
+def _short(text: str) -> str:
+    return text if len(text) <= _SHOWN else f"{text[: _SHOWN - 1]}…"
+
+
+def summary(found: TextImport) -> str:
+    """What a table changes, in a sentence."""
+    changed = f"{pluralize(len(found.edits), 'change')} in {pluralize(found.rows, 'text')}"
+    return f"{changed}; {pluralize(len(found.refused), 'row')} refused" if found.refused else changed

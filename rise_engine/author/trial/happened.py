@@ -1,0 +1,182 @@
+"""What happened in a trial and why, in lines: made of records alone."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Iterator
+from typing import Any, Literal, TypeAlias
+
+from msgspec import Struct
+
+from rise_engine.author.trial.trial import Trial
+from rise_engine.kernel.behaviors import describe_behavior, started_rule
+from rise_engine.kernel.record_words import words_of
+from rise_engine.kernel.records import (
+    ENDINGS,
+    ENGINE,
+    FINAL,
+    ActionRecord,
+    AnyRecord,
+    ConditionRecord,
+    CountdownRecord,
+    CueRecord,
+    EventRecord,
+    FailureRecord,
+    KeptRecord,
+    MemoryRecord,
+    NoteRecord,
+    RuleRecord,
+    StopRecord,
+    TaskRecord,
+)
+from rise_engine.kernel.task_view import ACT_FUNCTIONS
+from rise_engine.scenario.ssml import plain_words
+
+HappenedKind: TypeAlias = Literal["done", "state", "event", "memory", "condition", "act", "says", "note", "problem"]
+_WELL = ("succeeded", "accepted")
+
+
+class HappenedLine(Struct, frozen=True):
+    """One thing that happened, in a sentence without a full stop."""
+
+    t: float
+    """Session time in seconds."""
+    kind: HappenedKind
+    """`done`: somebody asked for it. `problem`: something that the author will want to know of."""
+    text: str
+    key: str = ""
+    """The label of the study's key that it began with; only in the first line of a step."""
+    rule: str = ""
+    """The rule that it is about."""
+
+
+def happened(trial: Trial, first: int = 0) -> list[HappenedLine]:
+    """The lines of all steps from number `first` on."""
+    return [line for number in range(first, len(trial.steps)) for line in happened_in(trial, number)]
+
+
+def happened_in(trial: Trial, number: int) -> list[HappenedLine]:
+    """The lines of one step, by its number in `Trial.steps`; -1: of the last one."""
+    if not trial.steps:
+        return []
+    step = trial.steps[number]
+    lines = list(lines_of(trial.records_of(number)))
+    if step.task is None:
+        return lines
+    if not lines:
+        lines = [HappenedLine(step.at, "done", f"{step.task.function} {step.task.behavior}".strip())]
+    first = lines[0]
+    return [HappenedLine(first.t, first.kind, first.text, step.key, first.rule), *lines[1:]]
+
+
+def lines_of(records: Iterable[AnyRecord]) -> Iterator[HappenedLine]:
+    """A line for each record that says something new; values that are set together share one."""
+    waiting: list[MemoryRecord] = []
+    for record in records:
+        if waiting and not _goes_with(record, waiting[-1]):
+            yield _memory_line(waiting)
+            waiting = []
+        if isinstance(record, MemoryRecord):
+            if record.source not in (ENGINE, "file"):
+                waiting.append(record)
+        elif (line := _line(record)) is not None:
+            yield line
+    if waiting:
+        yield _memory_line(waiting)
+
+
+def _goes_with(record: AnyRecord, before: MemoryRecord) -> bool:
+    """Whether a record says nothing that would come between two values that are set together."""
+    if isinstance(record, TaskRecord):
+        return record.function == "assignValue" and record.source == before.source and record.status == "SUCCEEDED"
+    return isinstance(record, MemoryRecord) and (record.source, record.t) == (before.source, before.t)
+
+
+def _memory_line(records: list[MemoryRecord]) -> HappenedLine:
+    first = records[0]
+    text = " · ".join(words_of(record).sentence for record in records)
+    return HappenedLine(first.t, "memory", text, rule=first.source.removeprefix("rule:"))
+
+
+def _line(record: AnyRecord) -> HappenedLine | None:
+    said = words_of(record).sentence
+    match record:
+        case TaskRecord():
+            return _task_line(record)
+        case ActionRecord():
+            return _action_line(record)
+        case RuleRecord(status="started"):
+            return None  # that it enters its first state follows
+        case RuleRecord():
+            kind: HappenedKind = "problem" if record.status == "faulted" else "state"
+            return HappenedLine(record.t, kind, said, rule=record.name)
+        case EventRecord() if record.taken_by and record.topic.startswith("ended "):
+            return None  # the rule's own act: the state that follows says it
+        case EventRecord():
+            by = f"rule {rule} raises " if (rule := _rule_of(record.source)) else ""
+            return HappenedLine(record.t, "event", f"{by}{said}", rule=record.taken_by or rule)
+        case ConditionRecord():
+            return HappenedLine(record.t, "problem" if record.error else "condition", said, rule=record.rule)
+        case CountdownRecord():
+            return HappenedLine(record.t, "problem" if record.status == "failed" else "note", said, rule=record.rule)
+        case KeptRecord():
+            return HappenedLine(record.t, "event", said, rule=record.rule or "")
+        case CueRecord():
+            return HappenedLine(record.t, "note", said)
+        case FailureRecord():
+            return HappenedLine(record.t, "problem" if record.status in ("asked", "waiting") else "note", said)
+        case StopRecord():
+            return HappenedLine(record.t, "note", words_of(record).full_sentence)
+        case NoteRecord():
+            return HappenedLine(record.t, "problem", said)
+        case _:
+            return None
+
+
+def _rule_of(source: str) -> str:
+    """The rule of a source, if it is one."""
+    return source.removeprefix("rule:") if source.startswith("rule:") else ""
+
+
+def _task_line(record: TaskRecord) -> HappenedLine | None:
+    what = describe_behavior(record.function, record.behavior)
+    rule = _rule_of(record.source)
+    if record.status in ("REJECTED", "ABORTED") and record.reason:
+        return HappenedLine(record.t, "problem", words_of(record).full_sentence, rule=rule)
+    if record.function in ACT_FUNCTIONS:
+        return _act_line(record, what, rule)
+    if record.function == "startInteractionRule":
+        if record.status != "PENDING":
+            return None  # its RuleRecords say it
+        return HappenedLine(record.t, "done", f"starts rule {what}", rule=started_rule(record.behavior))
+    if record.status not in FINAL or record.function in ("raiseEventTopic", "assignValue"):
+        return None  # the event's own record, or the value's, says more
+    words = {"stopCommunicationRobotAct": "stops", "stopInteractionRule": "stops rule", "deleteValue": "deletes"}
+    return HappenedLine(record.t, "done", f"{words.get(record.function, record.function)} {what}".strip(), rule=rule)
+
+
+def _act_line(record: TaskRecord, what: str, rule: str) -> HappenedLine | None:
+    match record.status:
+        case "ACTIVE":
+            return HappenedLine(record.t, "act", f"starts {what}", rule=rule)
+        case "PENDING":
+            return HappenedLine(record.t, "act", f"{what} waits its turn", rule=rule) if record.position else None
+        case "SUCCEEDED":
+            return HappenedLine(record.t, "act", f"{what} has ended", rule=rule)
+        case _:
+            return HappenedLine(record.t, "problem", words_of(record).sentence, rule=rule)
+
+
+def _action_line(record: ActionRecord) -> HappenedLine | None:
+    if record.status in ENDINGS and record.status not in _WELL:
+        words = words_of(record)
+        return HappenedLine(record.t, "problem", f"{words.kind} {words.text}")
+    if record.status != "started":
+        return None
+    message = said_words(record.parameters)
+    return HappenedLine(record.t, "says", f"says “{message}”") if message else None
+
+
+def said_words(parameters: dict[str, Any]) -> str:
+    """What an action with these parameters says; empty: nothing."""
+    message = parameters.get("message")
+    return plain_words(message).strip() if isinstance(message, str) else ""

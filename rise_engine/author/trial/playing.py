@@ -1,0 +1,164 @@
+"""Playing a test of a study: its lines are done in a trial; what comes of them is compared with what is expected."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from typing import Any
+
+from msgspec import Struct
+from msgspec.structs import replace
+
+from rise_engine.author.trial.happened import said_words
+from rise_engine.author.trial.study_test import Expectation, StudyTest, StudyTestLine
+from rise_engine.author.trial.trial import SOURCE, Trial
+from rise_engine.base.typed_values import format_value
+from rise_engine.expression import lookup
+from rise_engine.kernel.records import ActionRecord, AnyRecord, EventRecord, TaskRecord
+from rise_engine.scenario.model import Scenario, normal_topic
+
+
+class StudyTestFailure(Struct, frozen=True):
+    """What came otherwise than expected."""
+
+    line: int
+    t: float
+    """Session time in seconds at which it was looked at."""
+    text: str
+    """What was expected, and what came."""
+
+
+class StudyTestOutcome(Struct, frozen=True):
+    test: StudyTest
+    failures: tuple[StudyTestFailure, ...]
+    steps: int
+    """How many lines have done something."""
+    seconds: float
+    """Session time that has passed."""
+
+    @property
+    def passed(self) -> bool:
+        return not self.failures
+
+
+def play_test(scenario: Scenario, test: StudyTest) -> StudyTestOutcome:
+    """Play a test to its end, also when something comes otherwise than expected.
+
+    :param scenario: the one that the test was read for.
+    :param test: as `rise_engine.author.trial.study_test.read_study_test` gives it.
+    """
+    trial = Trial(scenario, seed=test.seed, condition=test.condition, memory=test.memory)
+    failures: list[StudyTestFailure] = []
+    for at, line in enumerate(test.lines):
+        if line.expect is not None:
+            found = _differences(trial, line.expect)
+        else:
+            expects_refusal = _expects_refusal(test.lines[at + 1 :])
+            found = _do(trial, line, expects_refusal)
+        failures += [StudyTestFailure(line.line, trial.now, text) for text in found]
+    return StudyTestOutcome(test, tuple(failures), len(trial.steps), trial.now)
+
+
+def _expects_refusal(following: tuple[StudyTestLine, ...]) -> bool:
+    for line in following:
+        if line.expect is None:
+            return False
+        if line.expect.refused:
+            return True
+    return False
+
+
+def _do(trial: Trial, line: StudyTestLine, expects_refusal: bool) -> Iterator[str]:
+    """Do what a line says; yields what is wrong about it."""
+    trial.problem = ""
+    if line.go_on:
+        if trial.next_at is not None:
+            trial.go_on()
+    elif line.wait:
+        trial.let_pass(line.wait)
+    elif line.at is not None and line.at < trial.now:
+        yield f"`at` is {line.at:g} s, and {trial.now:g} s have passed already"
+        return
+    elif line.key is not None:
+        trial.press(line.key, at=line.at)
+    else:
+        assert line.task is not None, "a line that expects nothing does something"
+        task = line.task if line.task.source != "file" else replace(line.task, source=SOURCE)
+        trial.submit(task, at=line.at)
+    if trial.problem:
+        yield trial.problem
+    reason = refusal(trial)
+    if reason and not expects_refusal:
+        yield f"it was refused: {reason}"
+
+
+def refusal(trial: Trial) -> str:
+    """Why the task of the last step was refused; empty: it was not, or the step has none."""
+    records = trial.records_of(-1)
+    first = next((record for record in records if isinstance(record, TaskRecord)), None)
+    is_refused = first is not None and first.status == "REJECTED" and trial.steps[-1].task is not None
+    return first.reason or "it was rejected" if first is not None and is_refused else ""
+
+
+def _differences(trial: Trial, expected: Expectation) -> Iterator[str]:
+    """What is otherwise than expected after the last step, a sentence each."""
+    for name, state in expected.rules.items():
+        rule = trial.view.rules.get(name)
+        now = rule.state if rule is not None and rule.running else None
+        if now != state:
+            wanted = f"be in `{state}`" if state is not None else "not run"
+            yield f"rule {name} should {wanted}, and it {'does not run' if now is None else f'is in `{now}`'}"
+    memory = trial.memory
+    for key, value in expected.memory.items():
+        exists, present = lookup(memory, key)
+        if not exists:
+            yield f"{key} should be {format_value(value)}, and it is not set"
+        elif not is_same_value(present, value):
+            yield f"{key} should be {format_value(value)}, and it is {format_value(present)}"
+    records = trial.records_of(-1)
+    for what, wanted_texts, came in (
+        ("starts", expected.starts, started_acts(records)),
+        ("says", expected.says, said_texts(records)),
+    ):
+        if wanted_texts is not None and list(wanted_texts) != came:
+            yield f"`{what}` should be {_list_text(wanted_texts)}, and it is {_list_text(came)}"
+    raised = [normal_topic(record.topic) for record in records if isinstance(record, EventRecord)]
+    for topic in expected.events or ():
+        if topic not in raised:
+            yield f"the event /{topic} should be raised, and raised is {_list_text(raised)}"
+    if expected.refused and not refusal(trial):
+        yield "it should be refused, and it was not"
+
+
+def is_same_value(one: Any, other: Any) -> bool:
+    """Whether two JSON values are the same: `1` and `1.0` are, `1` and `true` are not."""
+    if isinstance(one, bool) or isinstance(other, bool):
+        return one is other
+    if isinstance(one, list | tuple) and isinstance(other, list | tuple):
+        return len(one) == len(other) and all(map(is_same_value, one, other))
+    if isinstance(one, dict) and isinstance(other, dict):
+        return one.keys() == other.keys() and all(is_same_value(one[key], other[key]) for key in one)
+    return bool(one == other)
+
+
+def _list_text(texts: tuple[str, ...] | list[str]) -> str:
+    return ", ".join(texts) or "nothing"
+
+
+def started_acts(records: list[AnyRecord]) -> list[str]:
+    """The acts that have begun to run, in this order."""
+    return [
+        record.behavior
+        for record in records
+        if isinstance(record, TaskRecord)
+        and record.function == "startCommunicationRobotAct"
+        and record.status == "ACTIVE"
+    ]
+
+
+def said_texts(records: list[AnyRecord]) -> list[str]:
+    """The texts that the robot has begun to say, in this order."""
+    return [
+        words
+        for record in records
+        if isinstance(record, ActionRecord) and record.status == "started" and (words := said_words(record.parameters))
+    ]

@@ -1,0 +1,358 @@
+"""How a trial stands: where each rule is, what its ways out wait for, what the keys would do, and what counts."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Iterator, Mapping
+from math import ceil
+from typing import Any, Literal, TypeAlias
+
+from msgspec import Struct
+
+from rise_engine.author.drawing.act_seconds import estimate_act_seconds
+from rise_engine.author.drawing.conditions import Joint, is_met, split_condition
+from rise_engine.author.drawing.labels import transition_label
+from rise_engine.author.drawing.rule_text import Truth, find_awaited_act, functions_in, truth_of, wait_text
+from rise_engine.author.drawing.study_keys import ACT, StudyKeys, key_title
+from rise_engine.author.trial.happened import said_words
+from rise_engine.author.trial.trial import Trial
+from rise_engine.expression import Expression, lookup
+from rise_engine.kernel.view import RuleView
+from rise_engine.scenario.model import (
+    ActionCall,
+    Block,
+    If,
+    KeyBinding,
+    OneOf,
+    Scenario,
+    State,
+    Statement,
+    Transition,
+    normal_topic,
+)
+
+Trigger: TypeAlias = Literal["event", "ended", "after", "condition"]
+
+
+class ConditionReading(Struct, frozen=True):
+    """A condition as it is read now, by its parts."""
+
+    word: Literal["if", "while"]
+    joint: Joint
+    """What stands between the parts: `and`, `or`; empty: there is one."""
+    parts: tuple[Truth, ...]
+    holds: bool
+
+
+class WayOut(Struct, frozen=True):
+    """A transition of the state in which a rule is."""
+
+    rule: str
+    index: int
+    """Among the state's transitions, in the file's order."""
+    trigger: Trigger
+    target: str | None
+    """None: it stays in the state."""
+    label: str
+    """Short: its event, its time, its condition."""
+    waits_for: str
+    """In words."""
+    now: str
+    """How far that is: `2.1 of 6.7 s`, `4 s left`, `not now`; empty: nothing is to be said."""
+    readings: tuple[ConditionReading, ...]
+    """`while` and `if`, in this order, as far as there are any."""
+    keys: tuple[KeyBinding, ...]
+    """The study's keys that would make it be taken now."""
+    event: str = ""
+    """Of an event that somebody can raise: its topic without slash."""
+
+
+class RuleStanding(Struct, frozen=True):
+    """A running rule."""
+
+    name: str
+    state: str
+    previous: str | None
+    trigger: str
+    """What led to the state."""
+    transition: int | None
+    """The index of the transition that did, among those of `previous`."""
+    since: float
+    ways: tuple[WayOut, ...]
+
+
+class RunningAct(Struct, frozen=True):
+    """What the robot does, or will do when it can."""
+
+    act: str
+    """Free speech: `say`."""
+    waits: bool
+    """Whether it only waits its turn."""
+    seconds: float
+    """For how long it has run."""
+    expected: float
+    """How long it takes, about."""
+    says: str
+    """The words that are being said."""
+
+
+class KeyChoice(Struct, frozen=True):
+    """A key of the study, and what it would do now."""
+
+    key: KeyBinding
+    title: str
+    does: str
+    """`/next`, `rule Next`, `R_Yes`, `step = 2`."""
+    now: str
+    """Who would take it, or why nothing would come of it; empty: it simply does it."""
+    is_awaited: bool
+    """Whether a running rule waits for it."""
+
+
+class MemoryLine(Struct, frozen=True):
+    """A memory key that counts where a rule stands."""
+
+    key: str
+    exists: bool
+    value: Any
+    source: str
+    """`start value`, `condition`, `rule Table setting`, `you`; empty: it is not set."""
+    changed: float
+    """When it was set, in seconds; 0: at the start."""
+
+
+def standing_rules(trial: Trial) -> list[RuleStanding]:
+    """The running rules, the one that gets events first first."""
+    keys = StudyKeys(trial.scenario)
+    return [_standing(trial, keys, name, trial.view.rules[name]) for name in trial.view.running_rules()]
+
+
+def _standing(trial: Trial, keys: StudyKeys, name: str, view: RuleView) -> RuleStanding:
+    state = trial.scenario.rules[name].states[view.state or ""]
+    memory = trial.memory
+    ways = tuple(_way_out(trial, keys, name, view, memory, index, each) for index, each in enumerate(state.transitions))
+    return RuleStanding(name, state.id, view.previous, view.trigger or "", view.transition, view.since, ways)
+
+
+def _way_out(
+    trial: Trial,
+    keys: StudyKeys,
+    rule: str,
+    view: RuleView,
+    memory: Mapping[str, Any],
+    index: int,
+    transition: Transition,
+) -> WayOut:
+    trigger: Trigger = (
+        "event" if transition.event is not None
+        else "ended" if transition.ended is not None
+        else "after" if transition.after is not None
+        else "condition"
+    )  # fmt: skip
+    readings = []
+    if transition.held is not None:
+        readings.append(read_condition("while", transition.held, memory))
+    if transition.condition is not None:
+        readings.append(read_condition("if", transition.condition, memory))
+    topic = normal_topic(transition.event) if transition.event is not None else ""
+    can_raise = topic and find_awaited_act(trial.scenario, transition) is None
+    return WayOut(
+        rule,
+        index,
+        trigger,
+        transition.target,
+        transition_label(transition),
+        wait_text(trial.scenario, transition),
+        _progress(trial, view, index, transition, readings),
+        tuple(readings),
+        tuple(dict.fromkeys(keys.keys_for(transition, memory, _busy(trial)))),
+        topic if can_raise else "",
+    )
+
+
+def _busy(trial: Trial) -> set[str]:
+    """Acts and rules that run or wait."""
+    view = trial.view
+    acts = {view.tasks[id].behavior for id in (*view.running, *view.waiting)}
+    return acts | set(view.running_rules())
+
+
+def read_condition(word: Literal["if", "while"], condition: Expression, memory: Mapping[str, Any]) -> ConditionReading:
+    """A condition with these values, part by part; also what a form reads back while it is typed."""
+    joint, parts = split_condition(condition)
+    return ConditionReading(
+        word, joint, tuple(truth_of(part, memory) for part in parts), truth_of(condition, memory).holds
+    )
+
+
+def _progress(
+    trial: Trial, view: RuleView, index: int, transition: Transition, readings: Iterable[ConditionReading]
+) -> str:
+    if transition.after is not None:
+        return _time_left(trial, view, index, transition, readings)
+    blocked = any(not reading.holds for reading in readings)
+    name = find_awaited_act(trial.scenario, transition)
+    if name is None:
+        return "not now" if blocked and transition.event is not None else ""
+    act = next((each for each in running_acts(trial) if each.act == name), None)
+    if act is None:
+        rule = trial.view.rules.get(name)
+        return f"in {rule.state}" if rule is not None and rule.running else "is not running"
+    return "waits its turn" if act.waits else f"{act.seconds:.1f} of {act.expected:.1f} s"
+
+
+def _time_left(
+    trial: Trial, view: RuleView, index: int, transition: Transition, readings: Iterable[ConditionReading]
+) -> str:
+    assert transition.after is not None
+    countdown = view.countdowns.get(index)
+    if countdown is not None and countdown.seconds is None:
+        return f"never: {countdown.reason}"
+    if countdown is not None:
+        due = countdown.since + (countdown.seconds or 0.0)
+    elif transition.after.seconds is not None and transition.held is None:
+        due = view.since + transition.after.seconds
+    else:
+        held_up = (part.values for reading in readings for part in reading.parts if not part.holds)
+        return f"held up: {next(held_up, '')}".removesuffix(": ")
+    left = ceil(due - trial.now)
+    return f"{left} s left" if left > 0 else "the time is up"
+
+
+def running_acts(trial: Trial) -> list[RunningAct]:
+    """What the robot does now, then what waits."""
+    view, found = trial.view, []
+    for id in (*view.running, *view.waiting):
+        task = view.tasks[id]
+        is_waiting = task.started is None
+        saying = [
+            words
+            for action in task.actions.values()
+            if action.ended is None and (words := said_words(action.parameters))
+        ]
+        act = trial.scenario.acts.get(task.behavior) if task.function != "say" else None
+        expected = estimate_act_seconds(trial.scenario, act, trial.memory) if act is not None else 0.0
+        name = "say" if act is None else act.name
+        seconds = 0.0 if task.started is None else trial.now - task.started
+        found.append(RunningAct(name, is_waiting, seconds, expected, " ".join(saying)))
+    return found
+
+
+# --- what somebody can do ---------------------------------------------------------------------------------------------
+
+
+def key_choices(trial: Trial) -> list[KeyChoice]:
+    """All keys of the study: those that a running rule waits for first, each group in the file's order."""
+    keys = StudyKeys(trial.scenario)
+    states = {name: trial.view.rules[name].state for name in trial.view.running_rules()}
+    awaited = keys.expected_keys(states, trial.memory, _busy(trial))
+    choices = [_choice(trial, keys, key, key.key in awaited) for key in trial.scenario.keys.values()]
+    return sorted(choices, key=lambda choice: not choice.is_awaited)
+
+
+def _choice(trial: Trial, keys: StudyKeys, key: KeyBinding, is_awaited: bool) -> KeyChoice:
+    name = key.behavior.strip()
+    does, now = name, ""
+    match key.function:
+        case "raiseEventTopic":
+            does, now = f"/{normal_topic(name)}", _taker_text(trial, [normal_topic(name)])
+        case "startInteractionRule":
+            does = f"rule {name}"
+            topics = sorted(keys.events_of_rule.get(name, ()))
+            now = "runs already" if name in trial.view.running_rules() else ""
+            if not now and topics:
+                now = _taker_text(trial, topics)
+                does += f", /{' /'.join(topics)}" if len(topics) == 1 else ""
+        case "startCommunicationRobotAct":
+            now = "waits its turn" if trial.view.running else ""
+        case "stopCommunicationRobotAct":
+            does, now = f"stops {name}", "" if name in _busy(trial) else "it does not run"
+        case "stopInteractionRule":
+            does, now = f"stops rule {name}", "" if name in _busy(trial) else "it does not run"
+        case "assignValue":
+            pass
+    return KeyChoice(key, key_title(key), does, now, is_awaited)
+
+
+def _taker_text(trial: Trial, topics: Iterable[str]) -> str:
+    """Who would take one of these events now."""
+    wanted = set(topics)
+    for name in trial.view.running_rules():
+        state = _state(trial.scenario, name, trial.view.rules[name].state)
+        for transition in state.transitions if state is not None else ():
+            is_wanted = transition.event is not None and normal_topic(transition.event) in wanted
+            if is_wanted and is_met(transition.condition, trial.memory):
+                return f"{name} takes it"
+    return "nobody waits for it now"
+
+
+def _state(scenario: Scenario, rule: str, state: str | None) -> State | None:
+    return scenario.rules[rule].states.get(state or "") if rule in scenario.rules else None
+
+
+def events_to_raise(trial: Trial) -> list[str]:
+    """Events without slash that running rules wait for now and that no key of the study raises."""
+    keys = StudyKeys(trial.scenario)
+    found = (way.event for rule in standing_rules(trial) for way in rule.ways if way.event)
+    return [topic for topic in dict.fromkeys(found) if not keys.keys_raising(topic)]
+
+
+# --- what counts ------------------------------------------------------------------------------------------------------
+
+
+def memory_that_counts(trial: Trial, rule: str) -> list[MemoryLine]:
+    """The memory keys that a rule reads or sets in its present state, in alphabetical order.
+
+    :param rule: the name of a rule; one that does not run counts with its initial state.
+    """
+    found = trial.scenario.rules[rule]
+    view = trial.view.rules.get(rule)
+    state = found.states[view.state if view is not None and view.running and view.state else found.initial]
+    memory = trial.memory
+    return [_memory_line(trial, memory, key) for key in sorted(set(_keys_of(trial.scenario, state)))]
+
+
+def _keys_of(scenario: Scenario, state: State) -> Iterator[str]:
+    blocks = [state.on_entry, state.on_exit]
+    for transition in state.transitions:
+        blocks.append(transition.block)
+        for condition in (transition.condition, transition.held):
+            yield from condition.keys if condition is not None else ()
+        if transition.after is not None and transition.after.expression is not None:
+            yield from transition.after.expression.keys
+    for block in blocks:
+        for function, _ in functions_in(block):
+            if function.assignment is not None:
+                yield function.assignment.key
+                yield from function.assignment.keys
+            elif function.name == ACT and (act := scenario.acts.get(function.argument)) is not None:
+                yield from (key for action in act.actions for call in action.calls for key in _keys_read_by(call))
+        yield from _keys_of_conditions(block)
+
+
+def _keys_read_by(call: ActionCall) -> Iterator[str]:
+    for template in call.parameters.values():
+        for slot in template.slots:
+            yield from (slot.key,) if slot.part is None else slot.part.keys
+
+
+def _keys_of_conditions(block: Block) -> Iterator[str]:
+    pending: list[Statement] = [*block]
+    while pending:
+        statement = pending.pop()
+        if isinstance(statement, If):
+            for branch in statement.branches:
+                yield from branch.condition.keys if branch.condition is not None else ()
+                pending += branch.block
+        elif isinstance(statement, OneOf):
+            pending += statement.choices
+
+
+def _memory_line(trial: Trial, memory: Mapping[str, Any], key: str) -> MemoryLine:
+    exists, value = lookup(memory, key)
+    entry = trial.view.memory.get(key) or trial.view.memory.get(key.partition(".")[0])
+    if not exists:
+        return MemoryLine(key, False, None, "", 0.0)
+    if entry is None:
+        return MemoryLine(key, True, value, "table", 0.0)
+    source = {"file": "start value", "wizard:trial": "you"}.get(entry.source, entry.source.replace("rule:", "rule ", 1))
+    return MemoryLine(key, True, value, source, entry.changed)

@@ -1,0 +1,299 @@
+"""A study that is tried out: played on a virtual clock by the simulated robot, without record, journal and people.
+
+It is the engine of a session itself, so what happens is what `rise-engine run --speed max` would record. A trial is
+the list of what was done in it: one step back is everything but the last, done again.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from math import floor
+from typing import Any, Literal, TypeAlias
+
+from msgspec import Struct
+from msgspec.structs import replace
+
+from rise_engine.kernel.inputs import Note, SessionStarted, Submit
+from rise_engine.kernel.records import AnyRecord, TaskRecord
+from rise_engine.kernel.task_view import ACT_FUNCTIONS
+from rise_engine.kernel.view import SessionView
+from rise_engine.run.engine.clock import VirtualClock
+from rise_engine.run.engine.drivers import make_robot
+from rise_engine.run.engine.engine import Engine
+from rise_engine.run.protocol.session_options import SessionOptions
+from rise_engine.run.protocol.session_start import first_input, start_remarks
+from rise_engine.scenario.model import KeyBinding, Scenario, normal_topic, rule_start_behavior
+from rise_engine.scenario.study import condition_problem
+
+SOURCE = "wizard:trial"
+"""Who asks for what is done in a trial."""
+LONGEST = 600.0
+"""Seconds that pass at most until something waits for somebody."""
+LIVELOCK = 20_000
+"""Inputs in one moment beyond which time is not let go on: something goes round in circles."""
+PRESS_AFTER = 0.1
+"""Seconds by which what somebody does comes after what has happened: nobody presses a key in the same moment."""
+
+StepKind: TypeAlias = Literal["task", "go_on", "wait"]
+
+
+class TrialStep(Struct, frozen=True):
+    """What was done once: something was asked for, or time was let go on."""
+
+    kind: StepKind
+    at: float
+    """Session time at which the task was submitted, or until which time has gone on."""
+    task: Submit | None = None
+    key: str = ""
+    """The label of the study's key that was pressed for it; empty: it was none."""
+    seconds: float = 0.0
+    """Of `wait`: how long."""
+    first_record: int = 0
+    """The `seq` of the first record that came of it; the step's records end where the next step's begin."""
+
+
+class Trial:
+    """A study that is played without robot and record. It belongs to one thread; nothing in it waits.
+
+    >>> from rise_engine.scenario.loader import load
+    >>> trial = Trial(load("scenarios/greeting").scenario)
+    >>> trial.start_act("R_Smile").kind
+    'task'
+    >>> trial.go_on().kind, trial.is_busy, trial.now > 1
+    ('go_on', False, True)
+    >>> trial.back(), trial.is_busy
+    (True, True)
+    """
+
+    def __init__(
+        self,
+        scenario: Scenario,
+        *,
+        seed: int = 1,
+        condition: str = "",
+        memory: dict[str, Any] | None = None,
+        started: SessionStarted | None = None,
+    ) -> None:
+        """Begins at once, at time 0, with nothing started.
+
+        :param scenario: checked; its robot and mode do not matter, no robot is reached.
+        :param seed: what is picked by chance follows from it.
+        :param condition: one of the scenario's conditions, whose memory values it begins with.
+        :param memory: values that it begins with instead of the start values, by key.
+        :param started: what it begins with instead, as a session of a study does.
+        :raises ValueError: there is no such condition.
+        :raises RobotOptionsError: the robot's profile has options that the simulated driver does not understand.
+        """
+        self.scenario = replace(scenario, mode="debug")
+        if condition and (problem := condition_problem(self.scenario, condition)):
+            raise ValueError(problem)
+        self.seed = seed
+        self.condition = condition
+        self.start_memory = dict(memory or {})
+        self._started = started or first_input(scenario, SessionOptions(scenario.folder, condition=condition))
+        self.steps: list[TrialStep] = []
+        """What was done, the last one last."""
+        self.problem = ""
+        """Why time could not go on as it was asked for; empty: it could."""
+        self._begin()
+
+    def _begin(self) -> None:
+        scenario = self.scenario
+        self.clock = VirtualClock()
+        self.view = SessionView()
+        """The session as anybody outside would see it."""
+        self.records: list[AnyRecord] = []
+        """All of it so far."""
+        robot = make_robot(scenario.robot, "debug", self.clock, self.seed)
+        started = replace(self._started, memory={**self._started.memory, **self.start_memory})
+        sinks = (self.records.append, self.view.apply)
+        self._engine = Engine(scenario, robot, self.clock, self.seed, started=started, sinks=sinks)
+        self._engine.start()
+        for sentence in start_remarks(scenario, started):
+            self._engine.post(Note(text=sentence))
+        self._handled_until = -1.0
+        """The last moment at which time has passed by a timer; what somebody does comes after it."""
+
+    # --- how it stands --------------------------------------------------------------------------------------------
+
+    @property
+    def now(self) -> float:
+        """Virtual seconds since it began."""
+        return self.clock.now()
+
+    @property
+    def is_busy(self) -> bool:
+        """Whether the robot does something, or something waits until it can."""
+        view = self.view
+        return bool(view.running or view.waiting) or view.stop.status == "requested"
+
+    @property
+    def next_at(self) -> float | None:
+        """When something happens by itself next; None: everything waits for somebody."""
+        return self.clock.next_at
+
+    @property
+    def memory(self) -> dict[str, Any]:
+        """The working memory now, tables among it."""
+        return {**self.scenario.table_memory, **{key: entry.value for key, entry in self.view.memory.items()}}
+
+    def records_of(self, number: int) -> list[AnyRecord]:
+        """The records that came of a step, by its number in `steps`; -1: of the last one."""
+        if not self.steps:
+            return list(self.records)
+        number %= len(self.steps)
+        end = self.steps[number + 1].first_record if number + 1 < len(self.steps) else len(self.records) + 1
+        return self.records[self.steps[number].first_record - 1 : end - 1]
+
+    # --- what can be done -----------------------------------------------------------------------------------------
+
+    def press(self, key: KeyBinding, at: float | None = None) -> TrialStep:
+        """Press a key of the study; `at` as in `submit`."""
+        return self.submit(Submit(function=key.function, behavior=key.task_behavior, source=SOURCE), key.label, at)
+
+    def start_rule(self, name: str, state: str | None = None, enter: bool = True) -> TrialStep:
+        """Start a rule, in its initial state or another; without `enter` it waits there and does not run onEntry."""
+        behavior = rule_start_behavior(name, state, enter)
+        return self.submit(Submit(function="startInteractionRule", behavior=behavior, source=SOURCE))
+
+    def start_act(self, name: str) -> TrialStep:
+        """Let the robot do an act."""
+        return self.submit(Submit(function="startCommunicationRobotAct", behavior=name, source=SOURCE))
+
+    def raise_event(self, topic: str) -> TrialStep:
+        """Raise an event; with or without its slash."""
+        return self.submit(Submit(function="raiseEventTopic", behavior=f"/{normal_topic(topic)}", source=SOURCE))
+
+    def set_value(self, assignment: str) -> TrialStep:
+        """Set a memory key, written as in a rule: `step = 2`."""
+        return self.submit(Submit(function="assignValue", behavior=assignment, source=SOURCE))
+
+    def mark_cue(self) -> TrialStep:
+        """Say that the participant's turn has ended, as the space bar does in a session."""
+        return self.submit(Submit(function="markCue", source=SOURCE))
+
+    def submit(self, task: Submit, key: str = "", at: float | None = None) -> TrialStep:
+        """Ask for anything that a session can be asked for. What cannot be done is recorded as REJECTED.
+
+        :param task: what; its time is put on here.
+        :param key: the label of the study's key that it is for.
+        :param at: session time; None: a tenth of a second after what has happened last.
+        """
+        if at is None:
+            now = self.now
+            is_free = self._handled_until < now or now == 0
+            at = now if is_free and not self._has_step_at(now) else (floor(now / PRESS_AFTER + 1e-6) + 1) * PRESS_AFTER
+        return self._do(TrialStep("task", round(at, 6), task, key))
+
+    def _has_step_at(self, now: float) -> bool:
+        return bool(self.steps) and self.steps[-1].kind == "task" and self.steps[-1].at == now
+
+    def go_on(self) -> TrialStep | None:
+        """Let time go on until the robot has done what it does, or, when it does nothing, until something happens.
+
+        Where it never rests, until all that it does has begun for the second time; at most LONGEST seconds.
+        None: nothing happens by itself any more, everything waits for somebody.
+        """
+        self.problem = ""
+        if self.next_at is None:
+            self.problem = "nothing happens by itself any more: it waits for you"
+            return None
+        return self._do(TrialStep("go_on", self.now))
+
+    def let_pass(self, seconds: float) -> TrialStep:
+        """Let so many seconds pass."""
+        return self._do(TrialStep("wait", round(self.now + seconds, 6), seconds=seconds))
+
+    def back(self) -> bool:
+        """One step back, as if the last one had not been done. False: there is none."""
+        if not self.steps:
+            return False
+        self._replay(self.steps[:-1])
+        return True
+
+    def restart(self) -> None:
+        """From the start, with nothing done."""
+        self._replay([])
+
+    # --- doing it -------------------------------------------------------------------------------------------------
+
+    def _replay(self, steps: Iterable[TrialStep]) -> None:
+        self.steps = []
+        self.problem = ""
+        self._begin()
+        for step in steps:
+            self.do(step)
+
+    def do(self, step: TrialStep) -> TrialStep:
+        """Do a step of a trial again that stood as this one does."""
+        return self._do(step, again=True)
+
+    def _do(self, step: TrialStep, *, again: bool = False) -> TrialStep:
+        first_record = len(self.records) + 1
+        if step.task is not None:
+            self.clock.pass_until(step.at)
+            self._engine.accept(step.task)
+        elif step.kind == "wait" or again:
+            self._advance_to(step.at)
+        else:
+            self._advance_until_quiet(first_record - 1)
+            step = replace(step, at=self.now)
+        step = replace(step, first_record=first_record)
+        self.steps.append(step)
+        return step
+
+    def _does_only(self, acts: set[str]) -> bool:
+        """Whether the robot does nothing, or nothing but these."""
+        view = self.view
+        return view.stop.status != "requested" and all(
+            view.tasks[id].behavior in acts for id in (*view.running, *view.waiting)
+        )
+
+    def _advance_to(self, until: float) -> None:
+        """Everything up to this moment happens, what is due in it as well."""
+        guard = _CircleGuard(self._engine)
+        while (due := self.clock.next_at) is not None and due <= until:
+            self.clock.advance()
+            self._handled_until = self.now
+            if guard.goes_round(self.now):
+                self.problem = guard.text
+                return
+        self.clock.pass_until(until)
+
+    def _advance_until_quiet(self, seq: int) -> None:
+        """Until nothing runs, or only acts that have begun again, and something has been recorded since `seq`."""
+        deadline = self.now + LONGEST
+        guard = _CircleGuard(self._engine)
+        begun = {self.view.tasks[id].behavior for id in self.view.running}
+        seen, again = seq, set[str]()
+        while (due := self.clock.next_at) is not None:
+            for record in self.records[seen:]:
+                if isinstance(record, TaskRecord) and record.function in ACT_FUNCTIONS and record.status == "ACTIVE":
+                    (again if record.behavior in begun else begun).add(record.behavior)
+            seen = len(self.records)
+            if due > self.now and self.view.seq > seq and self._does_only(again):
+                return
+            if due > deadline:
+                self.problem = f"after {LONGEST / 60:.0f} minutes something still goes on by itself"
+                return
+            self.clock.advance()
+            self._handled_until = self.now
+            if guard.goes_round(self.now):
+                self.problem = guard.text
+                return
+
+
+class _CircleGuard:
+    """Sees when more is done in one moment than anything but a circle does."""
+
+    def __init__(self, engine: Engine) -> None:
+        self._engine = engine
+        self._moment, self._inputs = -1.0, 0
+        self.text = ""
+
+    def goes_round(self, now: float) -> bool:
+        if now > self._moment + PRESS_AFTER:
+            self._moment, self._inputs = now, self._engine.inputs
+        if self._engine.inputs - self._inputs > LIVELOCK:
+            self.text = f"{LIVELOCK:,} inputs in one moment, at {now:g} s: something goes round in circles"
+        return bool(self.text)

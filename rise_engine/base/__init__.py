@@ -1,0 +1,1 @@
+"""What all packages stand on: texts, errors, JSON, names and how a process ends."""

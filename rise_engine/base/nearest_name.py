@@ -1,0 +1,135 @@
+"""The known name that somebody meant who wrote another one: "did you mean ...?", for every part that reads names.
+
+`did_you_mean` gives the whole end of a sentence, `nearest_name` the name alone.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Collection, Iterable, Iterator
+from contextlib import contextmanager
+from contextvars import ContextVar
+from difflib import get_close_matches
+from itertools import islice
+from unicodedata import combining, normalize
+from unicodedata import name as unicode_name
+
+from rise_engine.base.text import UNSEEN, character_name
+
+_COMPARISONS = 20_000
+"""How many names are compared with misspelt ones while one scenario is read: that is slow, and nobody reads more."""
+_LONGEST = 80
+"""Characters of a name that somebody may have misspelt."""
+_budget: ContextVar[list[int]] = ContextVar("comparisons that are left")
+
+
+@contextmanager
+def limited_comparisons() -> Iterator[None]:
+    """Within it, `nearest_name` compares `_COMPARISONS` names at most: nothing but mistakes is read as fast."""
+    token = _budget.set([_COMPARISONS])
+    try:
+        yield
+    finally:
+        _budget.reset(token)
+
+
+def nearest_name(word: str, known: Iterable[str]) -> str | None:
+    """The known name that somebody who wrote `word` most likely meant, or None when nothing is near."""
+    budget = _budget.get([_COMPARISONS])
+    if budget[0] <= 0 or len(word) > _LONGEST:
+        return None
+    folded: dict[str, str] = {}
+    for name in islice(_in_order(known), budget[0]):
+        if len(name) <= _LONGEST:
+            folded.setdefault(_fold(name), name)
+    budget[0] -= len(folded)
+    matches = get_close_matches(_fold(word), folded, n=1, cutoff=0.6)
+    return folded[matches[0]] if matches else None
+
+
+def _in_order(names: Iterable[str]) -> Collection[str]:
+    """Sets have no order of their own, and would name another one of two alike in each run."""
+    if isinstance(names, set | frozenset):
+        return sorted(names)
+    return names if isinstance(names, Collection) else list(names)
+
+
+def did_you_mean(word: str, known: Iterable[str], *, limit: int = 12) -> str:
+    """The end of a message about an unknown name: the nearest right one, or all of them when they are few."""
+    names = _in_order(known)
+    near = nearest_name(word, names)
+    if near is not None:
+        return f"; did you mean `{near}`?{lookalike_note(word, near)}"
+    if 0 < len(names) <= limit:
+        known_names = in_backquotes(dict.fromkeys(names))
+        return f"; known: {known_names}" if len(known_names) < 1000 else ""
+    return ""
+
+
+def lookalike_note(word: str, known: str) -> str:
+    """What makes two names different that look the same: a sentence for the end of a message, or empty.
+
+    Names are compared as they are written, and a letter with an accent can be written as one character or as two (file
+    names on macOS and texts out of PDF files have two).
+    """
+    if word.isascii() and known.isascii():
+        return ""
+    pairs = enumerate(zip(word, known, strict=False))
+    at = next((index for index, (here, there) in pairs if here != there), min(len(word), len(known)))
+    if _visible_part(normalize("NFC", word)) == _visible_part(normalize("NFC", known)):
+        while at > 0 and any(combining(each) for each in (word[at : at + 1], known[at : at + 1]) if each):
+            at -= 1  # to the letter that the accent belongs to
+    elif not _are_of_two_scripts(word[at : at + 1], known[at : at + 1]):
+        return ""
+    here, there = _letter_at(word, at), _letter_at(known, at)
+    named_here, named_there = _describe_characters(here), _describe_characters(there)
+    if len(here) == len(there) or not here or not there:
+        return f" They look alike, but here stands {named_here}, there {named_there}; copy it from there."
+    return (
+        f" They look alike, but its `{there}` is written as {named_here} here, and as {named_there} "
+        "there; copy the name from there."
+    )
+
+
+def is_in_other_form(word: str, known: Collection[str]) -> bool:
+    """Whether a name is known in the other of Unicode's forms: with letters and accents as one character, or as two."""
+    return not word.isascii() and any(
+        form != word and form in known for form in (normalize("NFC", word), normalize("NFD", word))
+    )
+
+
+def _fold(name: str) -> str:
+    """A name without what readers overlook."""
+    if name.isascii():
+        return name.casefold()
+    return normalize("NFC", name).casefold()
+
+
+def _visible_part(name: str) -> str:
+    """What of a name can be seen."""
+    return " ".join(UNSEEN.sub("", name).split())
+
+
+def _letter_at(name: str, at: int) -> str:
+    """The letter that begins at an offset, with its accents."""
+    end = at + 1
+    while end < len(name) and combining(name[end]):
+        end += 1
+    return name[at:end]
+
+
+def _are_of_two_scripts(here: str, there: str) -> bool:
+    """Whether one of two letters is from another alphabet, such as a Cyrillic `а` in a Latin word."""
+    scripts = [unicode_name(each, "").partition(" ")[0] for each in (here, there) if each.isalpha()]
+    return len(set(scripts)) == 2 and set(scripts) <= {"LATIN", "CYRILLIC", "GREEK", "FULLWIDTH"}
+
+
+def _describe_characters(letter: str) -> str:
+    if not letter:
+        return "nothing"
+    written = " and ".join(character_name(each) for each in letter)
+    return f"two characters, {written}" if len(letter) == 2 else written
+
+
+def in_backquotes(names: Iterable[str]) -> str:
+    """Names in backquotes, separated by commas."""
+    return ", ".join(f"`{name}`" for name in names)

@@ -1,0 +1,46 @@
+"""What word processors and chat programs make of plain characters: curly quotation marks, and blanks of other widths.
+
+Where a file's format wants the plain ones, its own messages say nothing ("Invalid value"). These sentences say which
+character stands there and what to write instead.
+"""
+
+from __future__ import annotations
+
+import re
+
+from rise_engine.base.text import BLANKS, character_name
+
+DOUBLE = "“”„‟«»″＂"
+SINGLE = "‘’‚‛‹›′＇"
+_QUOTE = re.compile(f"[{DOUBLE}{SINGLE}]")
+
+
+def straight_quote(character: str) -> str:
+    """The straight quotation mark that is meant by a typographic one; empty for every other character."""
+    return '"' if character and character in DOUBLE else "'" if character and character in SINGLE else ""
+
+
+def typography_problem(text: str, at: int, *, quote: str = "") -> str:
+    """What is wrong with the character at an offset of a file's text, if it is one of these; otherwise empty.
+
+    `quote`: the only quotation mark that the format has.
+    """
+    character = text[at : at + 1]
+    straight = straight_quote(character)
+    if straight:
+        straight = quote or straight
+        name = character_name(character)
+        return f"`{character}` is a typographic quotation mark, {name}; write a straight one: {straight}"
+    if character and character.isspace() and character not in BLANKS:
+        return f"here stands {character_name(character)}, which only looks like a blank; write an ordinary blank"
+    return ""
+
+
+def find_typographic_closing(text: str, opening: int) -> int:
+    """Where, in its line, a typographic mark was meant to close the text opened at `opening`; -1: nowhere."""
+    end = text.find("\n", opening)
+    for found in _QUOTE.finditer(text, opening + 1, end if end >= 0 else len(text)):
+        following = text[found.end() : found.end() + 1]
+        if not following or following in " \t\r\n,:}])#=":
+            return found.start()
+    return -1

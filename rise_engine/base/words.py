@@ -1,0 +1,172 @@
+"""Words that are to go, and what stands instead of them: found however a program has written them.
+
+A word is found in upper and lower case, in both of Unicode's ways to write `ü`, behind the escapes of JSON (`\\u00fc`,
+also when JSON stands in a text of JSON) and of XML (`&#252;`), and with any blanks between its parts.
+"""
+
+from __future__ import annotations
+
+import re
+import unicodedata
+from collections.abc import Iterable
+from html.entities import codepoint2name
+from typing import Any
+
+from msgspec import Struct
+
+from rise_engine.base.errors import RiseError
+
+LEAST_CHARACTERS = 2
+_REPLACEMENT = re.compile(r"[A-Za-z0-9_]{1,40}")
+_MARKS = "\u0300-\u036f"
+"""Combining marks: what makes a `ü` of a `u` in Unicode's decomposed form."""
+_BEFORE = r"(?:(?<![\w])|(?<=\\[nrt]))"
+"""Where a word can begin: not within another one; the `n` of an escaped line end is none of its letters."""
+_NO_QUOTES = str.maketrans("", "", "'\"\\")
+_AFTER = rf"(?![\w{_MARKS}])"
+
+
+class WordError(RiseError):
+    """A word cannot be replaced like this; the text says why, for a person."""
+
+
+class Replacement(Struct, frozen=True):
+    """A word, and what is to stand in its place."""
+
+    word: str
+    name: str
+
+
+def parse_replacement(text: str) -> Replacement:
+    """`Maria=NAME1`; what is behind the last `=` is the new name. Raises WordError."""
+    word, mark, name = text.rpartition("=")
+    word, name = unicodedata.normalize("NFC", " ".join(word.split())), name.strip()
+    if not mark:
+        raise WordError(f"{text!r} does not say what is to stand there instead; write --replace Maria=NAME1")
+    if len(word) < LEAST_CHARACTERS:
+        what = "there is no word before the `=`" if not word else f"{word!r} has one character only"
+        raise WordError(f"{what}; a word that is replaced has at least {LEAST_CHARACTERS}, else it stands everywhere")
+    if not any(character.isalnum() for character in word):
+        raise WordError(f"{word!r} has no letter and no digit, so it cannot be anybody's name")
+    if not _REPLACEMENT.fullmatch(name):
+        raise WordError(
+            f"{name!r} cannot stand instead: letters without accents, digits and `_` only, 40 at most, such as NAME1"
+        )
+    return Replacement(word, name)
+
+
+class Words:
+    """Replaces words in texts, and in all texts of a JSON value."""
+
+    def __init__(
+        self, replacements: Iterable[Replacement], *, whole_words: bool = False, match_case: bool = False
+    ) -> None:
+        """`whole_words`: leave them where they are within longer ones. `match_case`: only as they are written.
+
+        Raises WordError when they contradict one another.
+        """
+        self.replacements = tuple(dict.fromkeys(replacements))
+        if not self.replacements:
+            raise WordError("say which words are to go: --replace Maria=NAME1")
+        ordered = sorted(self.replacements, key=lambda each: -len(each.word))  # `Anna Berg` before `Anna`
+        patterns = [word_pattern(each.word, match_case=match_case) for each in ordered]
+        before, after = (_BEFORE, _AFTER) if whole_words else ("", f"[{_MARKS}]*")
+        self._names = [each.name for each in ordered]
+        self._pattern = re.compile("|".join(f"({before}{each}{after})" for each in patterns))
+        self._anywhere = re.compile("|".join(f"({each}[{_MARKS}]*)" for each in patterns))
+        self._longer = re.compile(f"[\\w{_MARKS}]*(?:{'|'.join(patterns)})[\\w{_MARKS}]*")
+        self._refuse_contradictions(ordered)
+
+    def _refuse_contradictions(self, ordered: list[Replacement]) -> None:
+        by_word: dict[str, str] = {}
+        for each in ordered:
+            known = by_word.setdefault(each.word.casefold(), each.name)
+            if known != each.name:
+                raise WordError(f"{each.word!r} cannot become both {known!r} and {each.name!r}")
+            if found := self._longer.search(each.name):
+                raise WordError(
+                    f"{each.name!r} holds a word that is to go ({found.group()!r}), so it would be there again; "
+                    "choose another name"
+                )
+
+    def find(self, text: str) -> bool:
+        """Whether one of them stands in a text."""
+        return self._pattern.search(text) is not None
+
+    def may_find(self, text: str) -> bool:
+        """As `find`, also within longer words: quick, for lines of JSON that need not be read otherwise."""
+        return self._anywhere.search(text) is not None
+
+    def mask(self, value: Any) -> Any:
+        """A JSON value as it is compared with one in which the words were replaced: without them wherever they stand,
+        as parts of longer words too; objects as sorted pairs. Quotation marks are left out: which are written depends
+        on what stands in them."""
+        if isinstance(value, str):
+            return self._anywhere.sub(self._name_of, value).translate(_NO_QUOTES)
+        if isinstance(value, list):
+            return [self.mask(each) for each in value]
+        if isinstance(value, dict):
+            return sorted(((self.mask(key), self.mask(each)) for key, each in value.items()), key=repr)
+        return value
+
+    def _name_of(self, found: re.Match[str]) -> str:
+        return self._names[(found.lastindex or 1) - 1]
+
+    def longer_words(self, text: str) -> list[str]:
+        """Words of a text that hold one of them and more than that."""
+        pattern = self._pattern
+        return [found for found in self._longer.findall(text) if pattern.fullmatch(found) is None]
+
+    def replace(self, text: str) -> str:
+        """The text without them. Raises WordError when what was left over makes up one of them."""
+        if self._pattern.search(text) is None:
+            return text
+        replaced = self._pattern.sub(self._name_of, text)
+        if self._pattern.search(replaced) is not None:
+            raise WordError("what is left of a text beside a new name makes up one of the words; choose another name")
+        return replaced
+
+    def replace_in(self, value: Any) -> Any:
+        """A JSON value without them, keys included. Raises WordError when two keys would become the same."""
+        if isinstance(value, str):
+            return self.replace(value)
+        if isinstance(value, list):
+            return [self.replace_in(each) for each in value]
+        if isinstance(value, dict):
+            replaced = {self.replace(key): self.replace_in(each) for key, each in value.items()}
+            if len(replaced) != len(value):
+                raise WordError("two keys of one object would become the same")
+            return replaced
+        return value
+
+
+def word_pattern(word: str, *, match_case: bool = False) -> str:
+    """A regular expression for a word, however it is written."""
+    parts = []
+    for part in word.split():
+        parts.append("".join(_character_pattern(character, match_case=match_case) for character in part))
+    return r"(?:\s|&#0*160;|&nbsp;|\\+[nrt])+".join(parts)
+
+
+def _character_pattern(character: str, *, match_case: bool) -> str:
+    """A character in every way in which it can be written."""
+    cases = {character}
+    if not match_case:
+        cases |= {character.lower(), character.upper(), character.title(), character.casefold()}
+    written: set[str] = set()
+    for each in cases:
+        for form in (unicodedata.normalize("NFC", each), unicodedata.normalize("NFD", each)):
+            written.add("".join(map(_escaped_pattern, form)))
+    return f"(?:{'|'.join(sorted(written, key=len, reverse=True))})"
+
+
+def _escaped_pattern(character: str) -> str:
+    """One code point: as it is, or escaped as JSON or XML has it."""
+    code = ord(character)
+    units = character.encode("utf-16-be", "surrogatepass")
+    escaped = "".join(rf"\\+u(?i:{units[at : at + 2].hex()})" for at in range(0, len(units), 2))
+    forms = [re.escape(character), escaped, f"&#0*{code};", f"&#[xX]0*(?i:{code:x});"]
+    name = "apos" if character == "'" else codepoint2name.get(code)
+    if name is not None:
+        forms.append(f"&{name};")
+    return f"(?:{'|'.join(forms)})"

@@ -1,0 +1,59 @@
+"""`rise-engine study bundle`: a study as one folder for others, and what is to be said of it."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from pathlib import Path
+
+import click
+
+from rise_engine.base.text import pluralize
+from rise_engine.cli.data.export import ended_by_signals, level_option, select_sessions
+from rise_engine.cli.options import PRIVATE, STUDY_OR_HERE
+from rise_engine.cli.terminal import print_lines
+from rise_engine.results.bundle.about import BundleOptions
+from rise_engine.results.bundle.making import make_bundle
+from rise_engine.session.levels import ExportLevel
+from rise_engine.study.state import read_state
+
+
+@click.command("bundle")
+@STUDY_OR_HERE
+@click.option("-o", "--output", metavar="NEW", required=True, type=click.Path(), help="A new folder, or a new .zip.")
+@level_option(
+    "shared",
+    "How much is told. shared: for other researchers; public: for everybody; full: for an archive of your own.",
+)
+@PRIVATE
+@click.option("--license", metavar="NAME", default="", help="What others may do with it: CC-BY-4.0, CC0-1.0, ...")
+@click.option("--all", "all_sessions", is_flag=True, help="Also sessions that do not count.")
+def bundle(
+    study: Path, output: str, level: ExportLevel, private: tuple[str, ...], license: str, all_sessions: bool
+) -> None:
+    """Put everything of STUDY that others need into a new folder or zip file: design, scenarios, sessions that can be
+    run again, tables, BIDS, report, the program itself, check sums, and what it is for programs (an RO-Crate).
+
+    Says what is in it, what was left out, and what you should look at before anybody else gets it.
+
+    Exit status: 0; 1 when it cannot be made; 2 when there is no study.
+    """
+    selection = select_sessions([str(study)], all=all_sessions)
+    options = BundleOptions(level, private, license.strip())
+    with ended_by_signals():
+        report = make_bundle(read_state(study.absolute()), selection.folders, Path(output), options, selection.remarks)
+    print_lines(
+        f"{output}: a bundle of {pluralize(report.sessions, 'session')}, level {options.level}",
+        "",
+        "in it:",
+        *_indent(report.contents),
+        "left out:",
+        *_indent(report.left_out),
+        "look at this before anybody else gets it:",
+        *_indent(report.look_at),
+        "its fingerprint, for the paper (rise-engine reproduce prints it):",
+        f"  {report.fingerprint}",
+    )
+
+
+def _indent(lines: Sequence[str]) -> list[str]:
+    return [f"  {line}" for line in lines]

@@ -1,0 +1,204 @@
+"""`rise-engine coded`: annotations of a session that people give back."""
+
+from __future__ import annotations
+
+import hashlib
+from collections import Counter
+from collections.abc import Sequence
+from datetime import datetime
+from pathlib import Path
+from typing import Any
+
+import click
+import msgspec
+
+from rise_engine.base.errors import SessionError
+from rise_engine.base.exit_status import OK, PARTIAL, USAGE
+from rise_engine.base.text import pluralize
+from rise_engine.cli.data.media import parse_moment, read_marks
+from rise_engine.cli.options import JSON, SESSION
+from rise_engine.cli.terminal import print_lines, print_notes, refusing, show
+from rise_engine.results.analysis.model import SessionData
+from rise_engine.results.analysis.reading import read_session
+from rise_engine.results.export.media_clock import clock_of_file
+from rise_engine.run.recording.alignment import align_by_moments
+from rise_engine.session.coded import (
+    CODED_FOLDER,
+    ClockSource,
+    CodedFile,
+    add_coded,
+    read_bytes,
+    read_coded,
+    read_spans,
+    remove_coded,
+)
+from rise_engine.session.coded_formats import CodedClock, CodedDocument, read_coded_document, tiers_taken
+from rise_engine.session.levels import LEVELS, LevelFilter
+from rise_engine.session.media import MediaFile
+
+
+@click.group("coded")
+def coded() -> None:
+    """What people have annotated of a session, in ELAN or BORIS: given back, it is exported beside the record."""
+
+
+@coded.command("add")
+@SESSION
+@click.argument("file", type=click.Path())
+@click.option("--tier", "tiers", metavar="NAME", multiple=True, help="Only this tier. Repeatable. Without: all yours.")
+@click.option(
+    "--speech", metavar="NAME", multiple=True, help="A tier with what the participant said: gaps and overlaps follow."
+)
+@click.option("--annotator", metavar="NAME", default="", help="Who annotated, where the file does not say it.")
+@click.option("--observation", metavar="NAME", default="", help="Of a file of BORIS: which observation it is.")
+@click.option(
+    "--at",
+    "moments",
+    metavar="SECONDS|FILE=SESSION",
+    multiple=True,
+    help="Where its times lie, as for `rise-engine media add`. Twice: their drift, too.",
+)
+@JSON
+@refusing(USAGE)
+def add(
+    session: Path,
+    file: str,
+    tiers: tuple[str, ...],
+    speech: tuple[str, ...],
+    annotator: str,
+    observation: str,
+    moments: tuple[str, ...],
+    as_json: bool,
+) -> int:
+    """Keep FILE (.eaf of ELAN; .boris, or a table of events, of BORIS) with SESSION, and bring its times to its clock.
+
+    A file that `rise-engine export` wrote says itself how its times come from the session's. Any other one is laid by
+    the recording that it names (`rise-engine media add`), or by --at. What the program itself wrote into the file is
+    passed over. A file of the same name takes the place of the one that was there.
+
+    \b
+      rise-engine coded add SESSION P07.eaf --speech "participant speech"
+      rise-engine coded add SESSION events.tsv --at 14.04=12.34      a clap, at 14.04 s in it, at 12.34 s of the session
+
+    Exit status: 0; 1 it is kept, and something in it could not be read; 2 wrong usage, or nothing was kept.
+    """
+    path = Path(file).expanduser()
+    data = read_bytes(path)
+    document = read_coded_document(path.name, data, observation, session.name)
+    _refuse_other_session(path, session, document)
+    taken = tuple(tiers_taken(document, tiers))
+    said = tuple(tiers_taken(document, speech)) if speech else ()
+    if missing := [each for each in said if each not in taken]:
+        raise SessionError(f"--speech {missing[0]} is not among the tiers that --tier names")
+    if not taken:
+        raise SessionError(f"{path} has no tier of yours: everything in it was written by this program")
+    clock, by = _find_clock(path, session, document, moments)
+    entry = CodedFile(
+        name=path.name,
+        sha256=hashlib.sha256(data).hexdigest(),
+        clock=clock,
+        clock_by=by,
+        tiers=taken,
+        speech=said,
+        annotator=annotator,
+        observation=observation,
+        added=datetime.now().astimezone().isoformat(timespec="seconds"),
+    )
+    was_there = add_coded(session, entry, data)
+    lines = [*_lines(session, entry), *["it takes the place of the one that was there"] * was_there]
+    show(lines, {**_values(session, entry), "problems": document.problems}, as_json=as_json)
+    print_notes(*(f"warning: {problem}" for problem in document.problems))
+    return PARTIAL if document.problems else OK
+
+
+def _refuse_other_session(path: Path, folder: Path, document: CodedDocument) -> None:
+    """A file that was made from another session says so."""
+    names = {LevelFilter(level, None).session_name(folder.name) for level in LEVELS}
+    if document.session and document.session not in names:
+        raise SessionError(f"{path} was made from the session {document.session}, not from {folder.name}")
+
+
+def _find_clock(
+    path: Path, folder: Path, document: CodedDocument, moments: Sequence[str]
+) -> tuple[CodedClock, ClockSource]:
+    """How the file's times come from the session's. Raises SessionError."""
+    if moments:
+        given = [parse_moment(each, read_marks(folder)[0]) for each in moments]
+        found = align_by_moments(given)
+        if found.offset is None:
+            raise SessionError(found.problem)
+        laid = MediaFile(path=path.name, kind="other", offset=found.offset, rate=found.rate, marks=found.marks)
+        return clock_of_file(laid, read_session(folder).outages).as_coded(), "given"
+    if document.clock is not None:
+        return document.clock, "file"
+    data: SessionData = read_session(folder)
+    known = {Path(each.path).name: each for each in data.media if each.offset is not None}
+    for name, origin in document.media:
+        if name in known:
+            return clock_of_file(known[name], data.outages, origin).as_coded(), "media"
+    named = (
+        f"the recordings that it names ({', '.join(name for name, _ in document.media)}) are" if document.media else ""
+    )
+    raise SessionError(
+        f"where {path} lies against the session is not known: "
+        + (f"{named} not laid against it. rise-engine media add does that; or say" if named else "say")
+        + " --at SECONDS, the session second at which its times begin, or --at FILE=SESSION, one moment in both"
+    )
+
+
+@coded.command("list")
+@SESSION
+@JSON
+@refusing(USAGE)
+def list_coded(session: Path, as_json: bool) -> int:
+    """List the annotation files of SESSION.
+
+    Exit status: 0; 1 when one cannot be read; 2 when the session cannot be read.
+    """
+    lines: list[str] = []
+    documents, problems = [], []
+    for each in read_coded(session):
+        try:
+            lines += _lines(session, each)
+            documents.append(_values(session, each))
+        except SessionError as error:
+            problems.append(f"error: {error}")
+    nothing = f"{session.name} has no annotations: rise-engine coded add SESSION FILE"
+    show(lines if lines or problems else [nothing], {"files": documents}, as_json=as_json)
+    print_notes(*problems)
+    return PARTIAL if problems else OK
+
+
+@coded.command("remove")
+@SESSION
+@click.argument("file")
+def remove(session: Path, file: str) -> None:
+    """Delete the annotation file FILE of SESSION.
+
+    Exit status: 0; 1 when there is no such file; 2 when the session cannot be read.
+    """
+    remove_coded(session, Path(file).name)
+    print_lines(f"{Path(file).name} is no annotation file of {session.name} any more")
+
+
+def _lines(folder: Path, file: CodedFile) -> list[str]:
+    """A file in words. Raises SessionError."""
+    counts = Counter(each.tier for each in read_spans(folder, file))
+    by = {"file": "as the file says", "media": "by its recording", "given": "as somebody has said"}[file.clock_by]
+    clock = file.clock
+    gaps = f", without {pluralize(len(clock.gaps), 'interruption')}" if clock.gaps else ""
+    lines = [
+        f"{CODED_FOLDER}/{file.name}: session time = (its time - {clock.shift:.3f} s) / {clock.rate:.6f}{gaps} ({by})"
+    ]
+    for tier in file.tiers:
+        speech = ", the participant's speech" if tier in file.speech else ""
+        lines.append(f"   {tier}: {pluralize(counts[tier], 'annotation')}{speech}")
+    return lines
+
+
+def _values(folder: Path, file: CodedFile) -> dict[str, Any]:
+    values: dict[str, Any] = msgspec.to_builtins(file)
+    return {**values, "annotations": Counter(each.tier for each in read_spans(folder, file))}
+
+
+COMMANDS = {"coded": coded}

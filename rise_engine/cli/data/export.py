@@ -1,0 +1,265 @@
+"""`rise-engine export`: which sessions are meant, where they go, and what is said of it."""
+
+from __future__ import annotations
+
+import signal
+import sys
+from collections import Counter
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager
+from pathlib import Path
+from types import FrameType
+from typing import Any, TypeVar
+
+import click
+from msgspec import Struct, field
+
+from rise_engine.base.exit_status import INTERRUPTED, OK, PARTIAL, USAGE
+from rise_engine.base.nearest_name import did_you_mean
+from rise_engine.base.text import pluralize
+from rise_engine.cli.options import ALL_SESSIONS, PRIVATE, STUDIES_OR_SESSIONS, without_file
+from rise_engine.cli.terminal import print_notes, refusing, standard_output
+from rise_engine.results.export.format import ExportError, ExportFormat
+from rise_engine.results.export.formats import format_names, load_format
+from rise_engine.results.export.records import RecordFormat, SessionExport
+from rise_engine.results.export.writing import export_context, export_sessions, new_export
+from rise_engine.session.folder import find_session
+from rise_engine.session.levels import LEVELS, ExportLevel
+from rise_engine.study.model import StudyStanding
+from rise_engine.study.sessions import StudySession
+from rise_engine.study.state import read_state
+from rise_engine.study.study_log import read_log
+from rise_engine.study.study_toml import STUDY_FILE, is_study
+from rise_engine.study.traces import owner_of, study_of_session, wizard_names
+from rise_engine.study.withdrawn import is_withdrawn
+
+Command = TypeVar("Command", bound=Callable[..., Any])
+RECORD_FORMATS: tuple[RecordFormat, ...] = ("csv", "jsonl")
+"""Of one session, these go to standard output as well, however long it is."""
+
+
+class ExportRequest(Struct, frozen=True):
+    """What somebody asks for on the command line."""
+
+    named: tuple[str, ...]
+    """Studies and sessions."""
+    format: str
+    out: str | None = None
+    level: ExportLevel = "full"
+    private: tuple[str, ...] = ()
+    all: bool = False
+    """Of a study, also sessions that do not count or did not end."""
+    spreadsheet_safe: bool = False
+    """Whether cells that a spreadsheet would carry out get an apostrophe."""
+    wide: bool = False
+    """Tables: also one with a row for each participant."""
+
+
+class Selection(Struct):
+    """The sessions that are meant."""
+
+    folders: list[Path] = field(default_factory=list)
+    """In the order in which they began, study by study."""
+    standing: StudyStanding | None = None
+    """Of the study, when it is all that was named."""
+    several: bool = False
+    """Whether a study, or more than one session, was named."""
+    remarks: list[str] = field(default_factory=list)
+    """What is left out, in sentences."""
+
+
+def level_option(default: ExportLevel, about: str) -> Callable[[Command], Command]:
+    """The option `level`: how much is told to others."""
+    return click.option("--level", type=click.Choice(LEVELS), default=default, show_default=True, help=about)
+
+
+LEVEL = level_option("full", "How much is told. shared: for other researchers; public: for everybody.")
+
+
+def _known_format(ctx: click.Context, param: click.Parameter, value: str) -> str:
+    if value not in (names := format_names()):
+        raise click.BadParameter(f"there is no format {value!r}{did_you_mean(value, names)}", ctx, param)
+    return value
+
+
+class _ExportCommand(click.Command):
+    """Its help lists every format with what it is."""
+
+    def format_epilog(self, ctx: click.Context, formatter: click.HelpFormatter) -> None:
+        rows = []
+        for name in format_names():
+            try:
+                rows.append((name, load_format(name).about))
+            except ExportError as error:
+                rows.append((name, str(error)))
+        with formatter.section("Formats"):
+            formatter.write_dl(rows)
+
+
+@click.command(cls=_ExportCommand)
+@STUDIES_OR_SESSIONS
+@click.option(
+    "--format", metavar="FORMAT", callback=_known_format, required=True, help="For which programs; see below."
+)
+@click.option("-o", "--output", metavar="NEW", type=click.Path(), help="A new file, or a new folder.")
+@LEVEL
+@PRIVATE
+@ALL_SESSIONS
+@click.option(
+    "--spreadsheet-safe",
+    is_flag=True,
+    help="Of tables and csv: an apostrophe before what a spreadsheet would carry out.",
+)
+@click.option("--wide", is_flag=True, help="Of tables, also wide.csv: a row for each participant, with their trials.")
+@refusing(USAGE)
+def export(
+    named: tuple[str, ...],
+    format: str,
+    output: str | None,
+    level: ExportLevel,
+    private: tuple[str, ...],
+    all_sessions: bool,
+    spreadsheet_safe: bool,
+    wide: bool,
+) -> int:
+    """Write what happened in sessions for other programs: of a STUDY, those that count and have ended; and each
+    SESSION, also one that is running, torn or damaged.
+
+    SESSION is a session's folder, or its name in the sessions folder ($RISE_SESSIONS, or ~/rise-sessions). One session
+    becomes a file, several a folder or one file, as the format is; csv and jsonl of one session go to standard output
+    unless -o says otherwise. Nothing is ever written over.
+
+    Exit status: 0; 1 when something could not be read, and the rest was exported; 2 when nothing was.
+    """
+    request = ExportRequest(named, format, output, level, private, all_sessions, spreadsheet_safe, wide)
+    if spreadsheet_safe and not load_format(format).spreadsheet_safe:
+        raise ExportError(f"--spreadsheet-safe goes with the formats tables and csv, not with {format}")
+    if wide and format != "tables":
+        raise ExportError("--wide is a table more of --format tables; the other formats have none")
+    selection = select_sessions(named, all=all_sessions)
+    if format in RECORD_FORMATS and not selection.several:
+        return _export_records(selection.folders[0], request)
+    with ended_by_signals():
+        return _export(selection, load_format(format), request)
+
+
+def select_sessions(named: Sequence[str], *, all: bool = False) -> Selection:
+    """The sessions that are meant with the names of studies and sessions.
+
+    :param named: folders of studies (or their study.toml), and sessions as `find_session` takes them.
+    :param all: of studies, also the sessions that do not count or did not end.
+    :raises ExportError: nothing is left to export, or one is the session of somebody who has withdrawn.
+    :raises SessionError: one is no session.
+    :raises FileError: a study's files are not right.
+    :raises StudyLogError: a study's log cannot be read.
+    """
+    selection = Selection(several=len(named) > 1)
+    for name in named:
+        path = without_file(name, STUDY_FILE)
+        if is_study(path):
+            _select_study(selection, path, all=all, alone=len(named) == 1)
+        else:
+            folder = find_session(name)
+            _refuse_withdrawn(folder)
+            selection.folders.append(folder)
+    unique = {folder.resolve(): folder for folder in reversed(selection.folders)}
+    selection.folders = list(reversed(unique.values()))
+    if not selection.folders:
+        raise ExportError("there is no session to export", *selection.remarks)
+    return selection
+
+
+def _refuse_withdrawn(folder: Path) -> None:
+    """What a backup has brought back of somebody who has withdrawn is nobody's data."""
+    study = study_of_session(folder)
+    if study is not None and is_withdrawn(owner_of(folder), read_log(study)):
+        raise ExportError(f"{folder.name} is not exported: its participant has withdrawn")
+
+
+def _select_study(selection: Selection, path: Path, *, all: bool, alone: bool) -> None:
+    state = read_state(path)
+    selection.several = True
+    if alone:
+        selection.standing = state.standing
+    left_out: Counter[str] = Counter()
+    for session in state.sessions:
+        why = _why_left_out(session)
+        if session.info is None:
+            selection.remarks.append(f"{session.name} is not in the export: it {session.missing}")
+        elif session.entry.participant in state.places.withdrawn:
+            selection.remarks.append(f"{session.name} is not in the export: its participant has withdrawn")
+        elif why and not all:
+            left_out[why] += 1
+        else:
+            selection.folders.append(session.path)
+    if left_out:
+        told = ", ".join(f"{count} {why}" for why, count in left_out.items())
+        sessions = pluralize(left_out.total(), "session")
+        verb = "is" if left_out.total() == 1 else "are"
+        selection.remarks.append(f"{sessions} of {path} {verb} not in the export ({told}): --all takes them in")
+
+
+def _why_left_out(session: StudySession) -> str:
+    """In a word, why a session is not data of the study; empty: it is."""
+    entry = session.entry
+    if entry.purpose != "counted":
+        return entry.purpose
+    return "" if entry.status == "ended" else entry.status
+
+
+def _export(selection: Selection, format: ExportFormat, request: ExportRequest) -> int:
+    if request.out is None or request.out == "-":
+        folder = selection.several and format.shape == "file-per-session"
+        what = f"file, such as sessions{format.suffix}" if format.suffix and not folder else "folder"
+        raise ExportError(f"say where: -o names a new {what}")
+    folders = selection.folders
+    context = export_context(folders, request.level)
+    context.standing = selection.standing
+    context.spreadsheet_safe = request.spreadsheet_safe
+    context.wide = request.wide
+    out = Path(request.out)
+    report = export_sessions(format, out, folders, context, private=request.private, several=selection.several)
+    print_notes(*(f"note: {sentence}" for sentence in (*selection.remarks, *report.warnings)))
+    status = _tell_problems(report.problems)
+    print_notes(f"{pluralize(report.sessions, 'session')} exported to {out}")
+    return status
+
+
+def _tell_problems(problems: Sequence[str]) -> int:
+    """Say what could not be read; the exit status."""
+    print_notes(*(f"warning: {problem}" for problem in problems), *["Everything else was exported."] * bool(problems))
+    return PARTIAL if problems else OK
+
+
+def _export_records(folder: Path, request: ExportRequest) -> int:
+    """The records of one session, one after the other, to a file or to standard output."""
+    out, format = request.out, RECORD_FORMATS[RECORD_FORMATS.index(request.format)]
+    wizards = wizard_names(study_of_session(folder))
+    exporter = SessionExport(folder, level=request.level, private=request.private, wizards=wizards)
+    if out is None or out == "-":
+        with standard_output() as file:
+            exporter.write(format, file, spreadsheet_safe=request.spreadsheet_safe)
+    else:
+        with ended_by_signals(), new_export(Path(out), [folder], format, request.level) as export:
+            print_notes(*(f"warning: {problem}" for problem in export.problems))
+            with export.here.open("xb") as file:
+                exporter.write(format, file, spreadsheet_safe=request.spreadsheet_safe)
+    return _tell_problems(exporter.problems)
+
+
+@contextmanager
+def ended_by_signals() -> Iterator[None]:
+    """Whoever ends the program while it writes leaves nothing half behind."""
+
+    def end(number: int, frame: FrameType | None) -> None:
+        sys.exit(INTERRUPTED)
+
+    before = {number: signal.signal(number, end) for number in (signal.SIGINT, signal.SIGTERM, signal.SIGHUP)}
+    try:
+        yield
+    finally:
+        for number, handler in before.items():
+            signal.signal(number, handler)
+
+
+COMMANDS = {"export": export}

@@ -1,0 +1,394 @@
+"""`rise-engine media`: the recordings that belong to a session, and where they lie against its clock."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Sequence
+from datetime import datetime
+from pathlib import Path
+from typing import Any
+
+import click
+import msgspec
+from msgspec import Struct
+from msgspec.structs import replace
+
+from rise_engine.base.errors import SessionError
+from rise_engine.base.exit_status import OK, PARTIAL, USAGE
+from rise_engine.base.text import pluralize
+from rise_engine.cli.options import JSON, SESSION
+from rise_engine.cli.terminal import exit_with_usage, print_lines, print_notes, reason_of, refusing, show, write_json
+from rise_engine.kernel.records import RecordingRecord, SessionRecord, SyncRecord
+from rise_engine.run.recording.alignment import (
+    UNKNOWN_WITHIN,
+    Alignment,
+    SessionMark,
+    align_by_marks,
+    align_by_moments,
+)
+from rise_engine.run.recording.finding import find_marks
+from rise_engine.run.recording.media_files import MediaFacts, Sound, hash_file, look_at_media
+from rise_engine.session.folder import JOURNAL
+from rise_engine.session.journal_reader import read_journal
+from rise_engine.session.media import (
+    MEDIA_FILE,
+    AlignedBy,
+    FoundMark,
+    MediaFile,
+    media_path,
+    read_media,
+    register_media,
+    remove_media,
+    stored_path,
+)
+from rise_engine.study.traces import registered_recordings
+
+_MARK = re.compile(r"mark *(\d+)")
+_CLOCK = re.compile(r"(?:(\d+):)?(\d+):(\d+(?:\.\d*)?)")
+LARGE = 2_000_000_000
+"""Bytes from which on it is said that a file is being read."""
+
+
+@click.group("media")
+def media() -> None:
+    """Recordings that belong to a session: a camera's film, a microphone's sound, a bag."""
+
+
+class _Addition(Struct, frozen=True):
+    """What is the same for all files that are added at once."""
+
+    folder: Path
+    marks: list[SessionMark]
+    interruptions: list[float]
+    given: list[FoundMark]
+    """Moments that somebody has given."""
+    find: bool
+    """Whether marks are looked for."""
+    name: str
+
+
+class _Added(Struct, frozen=True):
+    """What became of one file."""
+
+    file: MediaFile
+    found: Alignment
+    was_there: bool
+
+
+@media.command("add")
+@SESSION
+@click.argument("files", metavar="[FILE]...", nargs=-1, type=click.Path())
+@click.option(
+    "--at",
+    "moments",
+    metavar="SECONDS|FILE=SESSION",
+    multiple=True,
+    help="Where it lies: the session second at which it begins; or a moment in it = the session's (markN: of that "
+    "mark). Twice: its drift, too.",
+)
+@click.option("--find-marks", is_flag=True, help="Find the session's marks in its sound.")
+@click.option("--name", metavar="NAME", default="", help="What it is called: camera.")
+@JSON
+@refusing(USAGE)
+def add(
+    session: Path, files: tuple[str, ...], moments: tuple[str, ...], find_marks: bool, name: str, as_json: bool
+) -> int:
+    """Register FILE (or a bag's folder) as a recording of SESSION, and say where it lies against the session's clock.
+
+    The file stays where it is. One that is registered already is looked at again. Without FILE: all that the session
+    has, in its list or its record.
+
+    \b
+      rise-engine media add SESSION room.mp4 --find-marks
+      rise-engine media add SESSION room.mp4 --at 14.04=12.34        a clap, seen at 14.04 s, noted at 12.34 s
+      rise-engine media add SESSION room.mp4 --at 3.2=mark1 --at 1:02:10.4=mark2
+      rise-engine media add SESSION room.mp4 --at -1.7               it began 1.7 s before the session
+
+    Exit status: 0; 1 it is registered, and nobody knows where it lies; 2 wrong usage, or nothing was registered.
+    """
+    if find_marks and moments:
+        exit_with_usage("say either --find-marks or --at")
+    if len(files) != 1 and (moments or name):
+        exit_with_usage("--at and --name are about one file: name it")
+    marks, interruptions = read_marks(session)
+    given = [parse_moment(each, marks) for each in moments]
+    addition = _Addition(session, marks, interruptions, given, find_marks, name)
+    known = [path for path in map(Path, _known_paths(session)) if path.exists()]
+    facts = [(path, _look(path)) for path in ([Path(each).expanduser() for each in files] or known)]
+    if not facts:
+        raise SessionError(f"{session.name} has no recordings yet: name a file")
+    return _print_added(addition, facts, as_json=as_json)
+
+
+def _look(path: Path) -> MediaFacts:
+    try:
+        return look_at_media(path)
+    except FileNotFoundError:
+        raise SessionError(f"there is no file {path}") from None
+    except OSError as error:
+        raise SessionError(f"{path} cannot be read: {reason_of(error)}") from None
+
+
+def _known_paths(folder: Path) -> list[str]:
+    """The recordings that the session's list or its record names, absolute."""
+    return list(dict.fromkeys([*(str(media_path(folder, each)) for each in read_media(folder)),
+                               *registered_recordings(folder, inside=True)]))  # fmt: skip
+
+
+def _print_added(addition: _Addition, facts: Sequence[tuple[Path, MediaFacts]], *, as_json: bool) -> int:
+    documents: list[dict[str, Any]] = []
+    status = OK
+    for path, each in facts:
+        if each.bytes > LARGE and not as_json:
+            print_notes(f"reading {path.name}, {size_text(each.bytes)} ...")
+        added = _add(addition, path, each)
+        file, found = added.file, added.found
+        if file.offset is None or found.problem:
+            status = PARTIAL
+        if as_json:
+            values = {"remarks": list(found.remarks), "problem": found.problem}
+            documents.append({**_values(addition.folder, file), **values})
+            continue
+        already = ["it was registered already"] if added.was_there else []
+        print_lines(*_lines(file), *_alignment_lines(file, found), *already)
+    if as_json:
+        write_json({"files": documents})
+    return status
+
+
+def _add(addition: _Addition, path: Path, facts: MediaFacts) -> _Added:
+    """Register one file. Raises SessionError when that cannot be done."""
+    folder = addition.folder
+    stored = stored_path(folder, str(path))
+    before = next((each for each in read_media(folder) if each.path == stored), None)
+    try:
+        file = _describe(stored, path, facts, before, addition.name)
+    except OSError as error:
+        raise SessionError(f"{path} cannot be read: {reason_of(error)}") from None
+    by: AlignedBy = "marks" if addition.find else "given"
+    if addition.find:
+        found = _find(path, facts, addition.marks)
+    elif addition.given:
+        found = align_by_moments(addition.given)
+    elif before is not None and before.offset is not None:
+        by, found = before.aligned_by, Alignment(before.offset, before.rate, before.marks, before.within)
+    else:
+        by, found = "start", _by_start(folder, path)
+    if found.offset is not None:
+        offset = round(found.offset, 6)
+        found = replace(found, remarks=(*found.remarks, *_interruption_remarks(addition.interruptions, found)))
+        file = replace(file, offset=offset, rate=found.rate, aligned_by=by, marks=found.marks, within=found.within)
+    register_media(folder, file)
+    return _Added(file, found, before is not None)
+
+
+def _describe(stored: str, path: Path, facts: MediaFacts, before: MediaFile | None, name: str) -> MediaFile:
+    """What is known of a file, without where it lies; what was known before of that stays."""
+    file = before or MediaFile(path=stored, kind=facts.kind)
+    return replace(
+        file,
+        kind=facts.kind,
+        name=name or file.name,
+        bytes=facts.bytes,
+        sha256=hash_file(path),
+        duration=facts.duration if facts.duration is not None else file.duration,
+        fps=facts.fps,
+        added=datetime.now().astimezone().isoformat(timespec="seconds"),
+    )
+
+
+def _interruption_remarks(interruptions: Sequence[float], found: Alignment) -> list[str]:
+    """For which part of a session that was recovered this holds."""
+    if not interruptions:
+        return []
+    at = found.marks[0].session_at if found.marks else 0.0
+    after, before = [each for each in interruptions if each <= at], [each for each in interruptions if each > at]
+    ends = [f"after {after[-1]:.1f} s" if after else "", f"before {before[0]:.1f} s" if before else ""]
+    part = " and ".join(filter(None, ends))
+    return [f"the session was interrupted, which a camera does not know: this holds only for what was {part}"]
+
+
+def _find(path: Path, facts: MediaFacts, marks: Sequence[SessionMark]) -> Alignment:
+    """By the marks in its sound."""
+    sounds = [each for each in marks if each.medium == "sound"]
+    if not sounds and marks:
+        return Alignment(problem="the session's marks are flashes: look for them, and say --at FILE=markN")
+    if not sounds:
+        return align_by_marks(sounds, [])
+    if facts.has_sound is False:
+        return Alignment(problem="the file has no sound: say --at FILE=markN for a flash or a clap that can be seen")
+    try:
+        sound = Sound(path)
+        return align_by_marks(sounds, find_marks(sound.blocks(), sound.rate))
+    except SessionError as error:
+        return Alignment(problem=str(error))
+
+
+def _by_start(folder: Path, path: Path) -> Alignment:
+    """By when its recorder was started, if one of the session's has written it."""
+    wanted = path.absolute()
+    for record in read_journal(folder / JOURNAL).read_records():
+        started = isinstance(record, RecordingRecord) and record.status == "started" and record.path
+        if started and (folder / started).absolute() == wanted:
+            remark = "by when its recorder was started, which is no time of its first picture: look for marks"
+            return Alignment(-record.t, remarks=(remark,))
+    return Alignment(problem="nobody has said where it lies: --find-marks, or --at FILE=SESSION")
+
+
+def read_marks(folder: Path) -> tuple[list[SessionMark], list[float]]:
+    """The marks that were given in a session, and when it went on after interruptions. Raises SessionError."""
+    marks: list[SessionMark] = []
+    interruptions: list[float] = []
+    for record in read_journal(folder / JOURNAL).read_records():
+        if isinstance(record, SessionRecord) and record.status == "recovered":
+            interruptions.append(record.t)
+        elif isinstance(record, SyncRecord):
+            within = record.within if record.within is not None else UNKNOWN_WITHIN
+            at = record.at if record.at is not None else record.t
+            marks.append(SessionMark(record.number, at, within, record.medium, len(interruptions)))
+    return marks, interruptions
+
+
+def parse_moment(text: str, marks: Sequence[SessionMark]) -> FoundMark:
+    """What `--at` says. Ends the command if it is nothing.
+
+    >>> parse_moment("14.5=12", []), parse_moment("-1.5", []).media_at
+    (FoundMark(number=0, session_at=12.0, media_at=14.5, strength=0.0), 0.0)
+    """
+    in_file, equals, in_session = text.partition("=")
+    if not equals:
+        return FoundMark(0, _parse_seconds(text, text), 0.0, 0.0)
+    media_at = _parse_seconds(in_file, text)
+    if found := _MARK.fullmatch(in_session.strip()):
+        number = int(found[1])
+        named = [each for each in marks if each.number == number]
+        if len(named) == 1:
+            return FoundMark(number, named[0].at, media_at, 0.0)
+        known = ", ".join(str(each.number) for each in marks) or "none"
+        why = f"has {len(named)} marks {number}: give the session's second" if named else f"has no mark {number}"
+        exit_with_usage(f"--at {text}: the session {why}; its marks are {known}")
+    return FoundMark(0, _parse_seconds(in_session, text), media_at, 0.0)
+
+
+def _parse_seconds(part: str, text: str) -> float:
+    """Seconds, or h:mm:ss."""
+    part = part.strip()
+    if found := _CLOCK.fullmatch(part):
+        return int(found[1] or 0) * 3600 + int(found[2]) * 60 + float(found[3])
+    try:
+        seconds = float(part)
+    except ValueError:
+        seconds = float("nan")
+    if not abs(seconds) < 1e7:
+        exit_with_usage(f"--at {text}: {part!r} is no time: write seconds (75.2), a clock (1:15.2), or FILE=markN")
+    return seconds
+
+
+@media.command("list")
+@SESSION
+@JSON
+@refusing(USAGE)
+def list_media(session: Path, as_json: bool) -> int:
+    """List the recordings of SESSION, and where they lie against its clock.
+
+    Exit status: 0; 1 when a file is not where it was; 2 when the session cannot be read.
+    """
+    files = read_media(session)
+    listed = {str(media_path(session, each)) for each in files}
+    others = [path for path in registered_recordings(session, inside=True) if path not in listed]
+    missing = [each for each in files if not media_path(session, each).exists()]
+    lines: list[str] = []
+    for each in files:
+        gone = ["   IT IS NOT THERE: put it back, or rise-engine media remove"] if each in missing else []
+        lines += [*_lines(each), *(f"   {line}" for line in position_lines(each)), *gone]
+    if others:
+        lines += [f"on record, and not in {MEDIA_FILE} (rise-engine media add):", *(f"   {each}" for each in others)]
+    document = {"files": [_values(session, each) for each in files], "on_record_only": others}
+    nothing = f"{session.name} has no recordings: rise-engine media add SESSION FILE"
+    show(lines or [nothing], document, as_json=as_json)
+    return PARTIAL if missing else OK
+
+
+@media.command("remove")
+@SESSION
+@click.argument("file")
+@JSON
+def remove(session: Path, file: str, as_json: bool) -> None:
+    """Take FILE out of the list of SESSION's recordings. The file itself stays where it is.
+
+    FILE is its path, its last part, or its name in the list. After this nobody erases it when its participant
+    withdraws.
+
+    Exit status: 0; 1 there is no such file in the list, or several; 2 when the session cannot be read.
+    """
+    removed = remove_media(session, file)
+    said = f"{removed.path} is no recording of {session.name} any more; the file itself was not touched"
+    show([said], _values(session, removed), as_json=as_json)
+
+
+# --- in words -------------------------------------------------------------------------------------------------------
+
+
+def _lines(file: MediaFile) -> list[str]:
+    about = [file.name, file.kind, size_text(file.bytes) if file.bytes is not None else ""]
+    about.append(_length_text(file.duration) if file.duration is not None else "")
+    about.append(f"{file.fps:g} pictures a second" if file.fps else "")
+    return [f"{file.path}: {', '.join(filter(None, about))}"]
+
+
+def position_lines(file: MediaFile) -> list[str]:
+    """Where it lies against the session's clock."""
+    if file.offset is None:
+        return ["nobody has said where it lies against the session"]
+    begins = f"begins {abs(file.offset):.3f} s {'before' if file.offset >= 0 else 'after'} the session"
+    drift = ""
+    if file.has_drift:
+        drift = f", its clock runs {abs(file.drift_ppm):.1f} ppm {'fast' if file.rate >= 1 else 'slow'}"
+    elif file.drift_within_ppm is not None:
+        drift = f", with no drift that can be told from none (within {file.drift_within_ppm:,.0f} ppm)"
+    by = {"marks": "by marks", "given": "as somebody has said", "start": "by when it was started", "": ""}
+    return [f"{begins}{drift} ({by[file.aligned_by]})"]
+
+
+def _alignment_lines(file: MediaFile, found: Alignment) -> list[str]:
+    lines = []
+    if file.aligned_by == "marks" and found.offset is not None:
+        for mark in file.marks:
+            lines.append(
+                f"mark {mark.number}: {mark.media_at:.4f} s in the file, {mark.session_at:.4f} s of the session, "
+                f"{mark.strength:.1f} times above all else"
+            )
+    lines += position_lines(file) if file.offset is not None else []
+    if found.within is not None and found.offset is not None:
+        ppm = f", and its drift to {found.rate_within_ppm:.0f} ppm" if found.rate_within_ppm is not None else ""
+        lines.append(f"that is known to {found.within * 1000:.0f} ms{ppm}: by how well the marks' own times are known")
+    if found.offset is not None:
+        lines.append(f"time in the file = {file.offset:.4f} s + {file.rate:.8f} x session time")
+    lines += [f"note: {each}" for each in found.remarks]
+    return lines + ([f"not aligned: {found.problem}"] if found.problem else [])
+
+
+def size_text(count: int) -> str:
+    """Bytes for people.
+
+    >>> size_text(999), size_text(1_234_567), size_text(25_000_000_000)
+    ('999 bytes', '1.2 MB', '25.0 GB')
+    """
+    for unit, least in (("GB", 1e9), ("MB", 1e6), ("kB", 1e3)):
+        if count >= least:
+            return f"{count / least:.1f} {unit}"
+    return pluralize(count, "byte")
+
+
+def _length_text(seconds: float) -> str:
+    minutes, rest = divmod(seconds, 60)
+    return f"{int(minutes)} min {rest:.0f} s" if minutes else f"{rest:.1f} s"
+
+
+def _values(folder: Path, file: MediaFile) -> dict[str, Any]:
+    values: dict[str, Any] = msgspec.to_builtins(file)
+    ppm = round(file.drift_ppm, 3) if len(file.marks) > 1 else None
+    return {**values, "drift_ppm": ppm, "there": media_path(folder, file).exists()}
+
+
+COMMANDS = {"media": media}

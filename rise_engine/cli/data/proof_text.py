@@ -1,0 +1,47 @@
+"""What is proved of sessions, in lines for a terminal and as JSON: for `reproduce` and `study check --sessions`."""
+
+from __future__ import annotations
+
+from typing import Any
+
+from rise_engine.base.text import pluralize
+from rise_engine.study.proof import ProvedSession
+
+
+def proof_lines(session: ProvedSession) -> list[str]:
+    """What came of one session."""
+    found = session.comparison
+    if found is None:
+        first, *others = session.problems
+        return [f"{session.name}: cannot be replayed: {first}", *(f"  {each}" for each in others)]
+    others = [f"{session.name}: {each}" for each in (session.note, *session.problems) if each]
+    if found.identical:
+        inputs, records = pluralize(found.inputs, "input"), pluralize(found.records, "record")
+        return [f"{session.name}: identical ({inputs}, {records}, {found.seconds:.1f} s)", *others]
+    if found.difference is not None:
+        return [f"{session.name}: different: {found.difference}", *others]
+    why = [f"line {line} cannot be read ({reason})" for line, reason in found.damaged.items()]
+    why += [f"{pluralize(found.missing, 'record')} cannot be read"] if found.missing else []
+    return [f"{session.name}: different: {'; '.join(why)}", *others]
+
+
+def proof_row(session: ProvedSession) -> dict[str, Any]:
+    """The same as a document."""
+    found = session.comparison
+    row: dict[str, Any] = {
+        "session": session.name,
+        "identical": found is not None and found.identical,
+        "proved": session.proved,
+        "problems": list(session.problems),
+        "note": session.note,
+    }
+    if found is not None:
+        row |= {
+            "inputs": found.inputs,
+            "records": found.records,
+            "seconds": found.seconds,
+            "difference": found.difference,
+            "damaged": [{"line": line, "reason": why} for line, why in found.damaged.items()],
+            "missing": found.missing,
+        }
+    return row

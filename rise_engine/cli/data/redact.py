@@ -1,0 +1,172 @@
+"""`rise-engine redact`: takes words out of a session."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Sequence
+from pathlib import Path
+
+import click
+
+from rise_engine.base.exit_status import OK, PARTIAL, USAGE
+from rise_engine.base.text import pluralize
+from rise_engine.base.words import Words, parse_replacement
+from rise_engine.cli.options import HERE, JSON, SESSION
+from rise_engine.cli.terminal import print_lines, refusing, show
+from rise_engine.session.redaction import RedactionReport, redact
+from rise_engine.session.suggestions import NameSuggestion, suggest_words
+from rise_engine.study.study_log import LOG_FILE, LockedLog, LogEntry, StudyLogError
+from rise_engine.study.traces import study_of_session
+
+
+@click.command("redact")
+@SESSION
+@click.option(
+    "--replace", "replacements", metavar="WORD=NAME", multiple=True, help="What is to go, and what stands there then."
+)
+@click.option("--suggest", is_flag=True, help="List words that could be names, and change nothing.")
+@click.option("--whole-words", is_flag=True, help="Leave a word where it is only a part of a longer one.")
+@click.option("--match-case", is_flag=True, help="Only as it is written, in upper and lower case.")
+@click.option("--try", "try_only", is_flag=True, help="Say what would be done, and change nothing.")
+@click.option("--by", metavar="NAME", default="", help="Who does it; stands in session.toml. Default: nobody is named.")
+@HERE
+@JSON
+def redact_session(
+    session: Path,
+    replacements: tuple[str, ...],
+    suggest: bool,
+    whole_words: bool,
+    match_case: bool,
+    try_only: bool,
+    by: str,
+    here: bool,
+    as_json: bool,
+) -> int:
+    """Remove words from the record of SESSION permanently. The session still replays.
+
+    SESSION is a session's folder, or its name in the sessions folder ($RISE_SESSIONS, or ~/rise-sessions).
+
+    \b
+      rise-engine redact SESSION --suggest
+      rise-engine redact SESSION --replace Maria=NAME1 --replace "Anna Berg=NAME2"
+
+    A word goes from the inputs and the records of the journal and from session.toml, in upper and lower case and also
+    within longer words. Refused, and nothing changed, when the words decide what happened: then the session would not
+    replay. Nothing of the old journal is kept. Words of the scenario are the scenario's, and stay; that is said.
+
+    In a study the words go from study.jsonl, too, where it is about this session. Exports that were made before are
+    named, not changed.
+
+    Exit status: 0 done; 1 refused, the words still stand somewhere, or older exports are there; 2 wrong usage.
+    """
+    with refusing(USAGE):
+        if suggest:
+            found = suggest_words(session)
+            show(_suggestion_lines(found), found, as_json=as_json)
+            return OK
+        words = Words(map(parse_replacement, replacements), whole_words=whole_words, match_case=match_case)
+    exports: list[str] = []
+
+    def tell_study(report: RedactionReport) -> None:
+        exports.extend(redact_in_study(session, report, words, try_only=try_only))
+
+    report = redact(session, words, by=by, here=here, try_only=try_only, before=tell_study)
+    show(_report_lines(report, try_only=try_only, whole_words=whole_words), report, as_json=as_json)
+    if try_only:
+        return OK
+    if exports and not as_json:
+        print_lines("exports that were made before may still hold the words, delete them or make them again:")
+        print_lines(*(f"  {each}" for each in exports))
+    return PARTIAL if report.remains or exports else OK
+
+
+def _report_lines(report: RedactionReport, *, try_only: bool, whole_words: bool) -> list[str]:
+    if not report.changed:
+        lines = ["nothing was changed: the words stand in nothing that people said or typed"]
+    elif try_only:
+        lines = [
+            f"would change {pluralize(report.lines, 'line')} of the journal, and it would replay; nothing was done"
+        ]
+    else:
+        lines = [f"changed {pluralize(report.lines, 'line')} of the journal, and it replays: identical"]
+    if report.info_lines and not try_only:
+        lines.append(f"changed {pluralize(report.info_lines, 'line')} of session.toml")
+    if report.shadow_lines and not try_only:
+        lines.append(f"changed {pluralize(report.shadow_lines, 'line')} of what second wizards did (shadow)")
+    if report.coded_files and not try_only:
+        lines.append(f"changed {pluralize(report.coded_files, 'annotation file')}")
+    if report.log_lines:
+        would = "would change" if try_only else "changed"
+        lines.append(f"{would} {pluralize(report.log_lines, 'line')} of the study's log ({LOG_FILE})")
+    if report.longer_words:
+        longer = ", ".join(f"{word} ({count})" for word, count in list(report.longer_words.items())[:12])
+        said = "left within longer words" if whole_words else "within longer words, too"
+        lines.append(f"{said}: {longer}")
+    lines += [f"erased {name}, which a recovery had kept of the old journal" for name in report.erased]
+    if report.remains:
+        lines.append("the words still stand in:")
+        lines += [f"  {each}" for each in report.remains]
+    return lines
+
+
+def redact_in_study(folder: Path, report: RedactionReport, words: Words, *, try_only: bool = False) -> list[str]:
+    """Take the words out of what people wrote about a session in the log of its study, and note it there.
+
+    This comes before the session is changed: then a run that is killed in between leaves nothing unsaid.
+
+    :param folder: the session's.
+    :param report: of the session; what is done and what remains is added to it.
+    :param words: what is to go.
+    :param try_only: change nothing.
+    :return: what was exported of the session before its last redaction and is still there.
+    """
+    study = study_of_session(folder)
+    if study is None:
+        return []
+    name = folder.resolve().name
+    try:
+        with LockedLog(study) as log:
+            before = log.entries()
+            after = [
+                each.with_written(words.replace) if name in (each.get("session"), each.get("folder")) else each
+                for each in before
+            ]
+            report.log_lines = sum(one != other for one, other in zip(before, after, strict=True))
+            others = [each for each in after if each.with_written(words.replace) != each]
+            report.remains += [
+                f"{LOG_FILE}, line {each.line}: what somebody wrote about another session" for each in others
+            ]
+            if try_only:
+                return []
+            if report.log_lines:
+                log.rewrite(after)
+            if report.changed:
+                log.append("redacted", session=name, lines=report.lines)
+            return _older_exports(study, name, log.entries())
+    except (StudyLogError, OSError) as error:
+        report.remains.append(f"{LOG_FILE}, which could not be changed: {error}")
+        return []
+
+
+def _older_exports(study: Path, session: str, log: Sequence[LogEntry]) -> list[str]:
+    """Where exports of a session lie that were made before its last redaction."""
+    found: dict[str, Path] = {}
+    older: list[str] = []
+    for each in log:
+        if each.kind == "exported" and session in (each.get("sessions") or []):
+            found[str(each.get("path"))] = study / str(each.get("path"))
+        elif each.kind == "redacted" and each.get("session") == session:
+            older += found
+            found.clear()
+    return [path for path in dict.fromkeys(older) if path not in found and os.path.lexists(study / path)]
+
+
+def _suggestion_lines(found: Sequence[NameSuggestion]) -> list[str]:
+    if not found:
+        return ["no word was found that could be a name; look through the notes all the same"]
+    width = min(30, max(len(each.word) for each in found))
+    lines = [f"{each.word:{width}}  {each.count:>3}  {each.why}" for each in found]
+    return [*lines, "", "Which of them are names, only people know: rise-engine redact SESSION --replace WORD=NAME1"]
+
+
+COMMANDS = {"redact": redact_session}

@@ -1,0 +1,260 @@
+"""`rise-engine reproduce`: whether the sessions of a bundle come out again, and everything that is made of them."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any
+
+import click
+import msgspec
+from msgspec import Struct, field
+
+from rise_engine import __version__
+from rise_engine.base.errors import FileError, RiseError, SessionError
+from rise_engine.base.exit_status import DIFFERENT, OK, USAGE
+from rise_engine.base.text import pluralize
+from rise_engine.cli.data.proof_text import proof_lines, proof_row
+from rise_engine.cli.options import JSON
+from rise_engine.cli.session.other_robot import compare_on_robot, load_for_robot
+from rise_engine.cli.terminal import Refused, print_lines, refusing, write_json
+from rise_engine.results.bundle.about import AboutBundle, read_about
+from rise_engine.results.bundle.archive import opened_bundle
+from rise_engine.results.bundle.courses import CourseComparison
+from rise_engine.results.bundle.derived import DerivedCheck, compare_derived, sessions_in_order
+from rise_engine.results.bundle.inputs import InputsCheck, check_inputs
+from rise_engine.results.bundle.manifest import ManifestCheck, fingerprint
+from rise_engine.results.bundle.reproducing import check_bundle
+from rise_engine.results.export.format import ExportError
+from rise_engine.study.proof import ProvedSession, prove_sessions
+from rise_engine.study.state import StudyStatus, read_state
+from rise_engine.study.study_log import StudyLogError
+
+_SHOWN = 5
+"""Differences of a kind that are printed for a session; `--json` has all."""
+
+
+class OtherCourse(Struct, frozen=True):
+    """A session on another robot."""
+
+    name: str
+    comparison: CourseComparison | None
+    problem: str = ""
+
+
+class Reproduction(Struct):
+    """What came of a bundle."""
+
+    check: ManifestCheck
+    about: AboutBundle
+    fingerprint: str
+    inputs: InputsCheck = field(default_factory=InputsCheck)
+    derived: DerivedCheck = field(default_factory=DerivedCheck)
+    problems: list[str] = field(default_factory=list)
+    """Why something cannot be made again, in sentences."""
+    sessions: list[ProvedSession] = field(default_factory=list)
+    others: list[OtherCourse] = field(default_factory=list)
+
+    @property
+    def as_it_was(self) -> bool:
+        """Whether nothing differs."""
+        same = all(each.comparison is not None and each.comparison.identical for each in self.others)
+        follows = not (self.inputs.problems or self.derived.differences or self.problems)
+        return self.check.whole and follows and all(each.proved for each in self.sessions) and same
+
+    @property
+    def same_version(self) -> bool:
+        """Whether this version of the program made it."""
+        return self.about.program == __version__
+
+
+@click.command()
+@click.argument("bundle", metavar="BUNDLE", type=click.Path())
+@click.option("--robot", metavar="NAME", help="Run the same inputs on this robot, simulated, and say what differs.")
+@JSON
+def reproduce(bundle: str, robot: str | None, as_json: bool) -> int:
+    """Say whether BUNDLE, a folder or zip file of `rise-engine study bundle`, is whole and comes out again.
+
+    The recorded inputs of every session go through this program once more. Then tables, BIDS and the report are made
+    again from these sessions and the study's files, and compared with those in the bundle. At the end stands what this
+    has proved, and what it has not.
+
+    With --robot, what people and programs did is done again with another robot, which is simulated here and gives its
+    own reports and times; acts that end otherwise and rules that go another way are told.
+
+    Exit status: 0 as it was; 1 something differs, is missing or cannot be replayed; 2 there is no such bundle or robot.
+    """
+    path = Path(bundle)
+    with refusing(USAGE, of=ExportError, where=bundle), opened_bundle(path) as root:
+        check = check_bundle(root)
+        found = Reproduction(check, read_about(root), fingerprint(root))
+        state = _state_of(root, found)
+        folders = sessions_in_order(root, state)
+        if robot is not None and folders:
+            load_for_robot(folders[0], robot)  # a robot that there is not is no difference
+        show = _show_nothing if as_json else print_lines  # with --json, everything is told at the end
+        show(*_check_lines(found.check))
+        for session in prove_sessions(root, state, absent=found.about.absent):
+            found.sessions.append(session)
+            show(*proof_lines(session))
+        _make_again(root, state, folders, found)
+        show(*_made_lines(found))
+        for folder in folders if robot is not None else ():
+            other = _on_robot(folder, str(robot))
+            found.others.append(other)
+            show(*_other_lines(other, str(robot)))
+    if not found.sessions:
+        raise Refused(f"{path}: no session is in it that could be run again", status=DIFFERENT)
+    if as_json:
+        write_json(_document(path, found, robot))
+    else:
+        print_lines(*_last_lines(found, robot))
+    return OK if found.as_it_was else DIFFERENT
+
+
+def _show_nothing(*lines: str) -> None:
+    """Instead of `print_lines`."""
+
+
+def _state_of(root: Path, found: Reproduction) -> StudyStatus | None:
+    try:
+        return read_state(root)
+    except (FileError, StudyLogError) as error:
+        found.problems += error.lines
+        return None
+
+
+def _make_again(root: Path, state: StudyStatus | None, folders: Sequence[Path], found: Reproduction) -> None:
+    """Compare the inputs with the sessions, and what is made of both with what is in the bundle."""
+    if state is None or not folders:
+        return
+    found.inputs = check_inputs(root, state, folders)
+    try:
+        found.derived = compare_derived(root, found.about, same_version=found.same_version)
+    except (RiseError, OSError) as error:
+        found.problems.append(f"tables, BIDS and the report cannot be made again: {error}")
+
+
+def _on_robot(folder: Path, robot: str) -> OtherCourse:
+    try:
+        return OtherCourse(folder.name, compare_on_robot(folder, robot))
+    except (ExportError, SessionError) as error:
+        return OtherCourse(folder.name, None, str(error))
+
+
+def _check_lines(check: ManifestCheck) -> list[str]:
+    lines = [f"changed: {name}" for name in check.changed]
+    lines += [f"missing: {name}" for name in check.missing]
+    lines += [f"not of the bundle: {name}" for name in check.unlisted]
+    lines += [f"unreadable: {sentence}" for sentence in check.unreadable]
+    if check.whole:
+        return [f"whole: {pluralize(check.files, 'file')} as they were"]
+    return [*lines, f"({pluralize(check.files, 'file')} as they were)"]
+
+
+def _made_lines(found: Reproduction) -> list[str]:
+    """What came of the inputs, and of what is made of everything."""
+    derived = found.derived
+    lines = [f"different: {each}" for each in (*found.problems, *found.inputs.problems)]
+    lines += [f"different: {each}" for each in derived.differences]
+    if not found.same_version:
+        lines.append(
+            f"the bundle was made with rise-tui {found.about.program}, and this is {__version__}: of tables, columns "
+            "that both know are compared"
+        )
+        lines += [f"not compared: {each}" for each in derived.not_compared]
+    same = f"made again: {pluralize(derived.files, 'file')} of tables, BIDS and report"
+    return [*lines, f"{same}, {'the same' if derived.files != 1 else 'it is the same'}"] if derived.files else lines
+
+
+def _other_lines(other: OtherCourse, robot: str) -> list[str]:
+    found = other.comparison
+    if found is None:
+        return [f"{other.name} on {robot}: cannot be run: {other.problem}"]
+    lines = [f"{other.name} on {robot} (simulated): {found.same} of {pluralize(found.acts, 'act')} end as they had"]
+    for differences in (found.acts_differ, found.rules_differ):
+        lines += [f"  {each}" for each in differences[:_SHOWN]]
+        if len(differences) > _SHOWN:
+            lines.append(f"  and {len(differences) - _SHOWN} more (--json)")
+    if found.rules_same:
+        lines.append(f"  the same way: {', '.join(found.rules_same)}")
+    if found.longer:
+        longer = "longer" if found.median_longer >= 0 else "shorter"
+        lines.append(
+            f"  {pluralize(len(found.longer), 'act')} took other times: {abs(found.median_longer):.1f} s {longer} in "
+            "the median"
+        )
+    return lines
+
+
+def _last_lines(found: Reproduction, robot: str | None) -> list[str]:
+    identical = sum(each.comparison is not None and each.comparison.identical for each in found.sessions)
+    lines = ["", f"{identical} of {pluralize(len(found.sessions), 'session')} identical"]
+    if robot is not None:
+        same = sum(each.comparison is not None and each.comparison.identical for each in found.others)
+        lines.append(f"{same} of {len(found.others)} went the same way on {robot}")
+    if not found.check.whole:
+        lines.append("the bundle is not as it was made")
+    if not found.as_it_was and not found.same_version:
+        lines.append(
+            f"it was made with rise-tui {found.about.program}, and this is {__version__}: install the one in program/, "
+            "and try again"
+        )
+    return [*lines, "", *_proof_paragraph(found)]
+
+
+def _proof_paragraph(found: Reproduction) -> list[str]:
+    """What all of this has proved, and what not."""
+    proved = sum(each.proved for each in found.sessions)
+    lines = ["This proves:"]
+    if proved:
+        lines.append(
+            f"- {pluralize(proved, 'session')}: every record follows from the recorded inputs and the session's copy "
+            "of the scenario, and study.jsonl and plan.csv say the same of it"
+        )
+    lines += [f"- {each}" for each in found.inputs.proved]
+    if found.derived.files and not found.derived.differences:
+        lines.append("- tables, BIDS and the report follow from the sessions and the study's files in the bundle")
+    lines = lines if len(lines) > 1 else ["This proves nothing."]
+    lines += [
+        "This does not prove:",
+        *(f"- {each}" for each in found.inputs.open),
+        *(f"- anything about {name}: {why}" for name, why in found.about.absent.items()),
+        "- that participants.csv holds what people said: no session has a copy of it",
+        "- that nobody has replaced everything together, inputs, records and all that follows. Against that, compare "
+        "the fingerprint with the one that the authors have published:",
+        f"  {found.fingerprint}",
+    ]
+    return lines
+
+
+def _document(path: Path, found: Reproduction, robot: str | None) -> dict[str, Any]:
+    return {
+        "bundle": str(path),
+        "as_it_was": found.as_it_was,
+        "made_with": found.about.program,
+        "fingerprint": found.fingerprint,
+        "options": msgspec.to_builtins(found.about.options),
+        "absent": found.about.absent,
+        "problems": found.problems,
+        "inputs": msgspec.to_builtins(found.inputs),
+        "made_again": {
+            **msgspec.to_builtins(found.derived),
+            "differences": [str(each) for each in found.derived.differences],
+        },
+        "whole": found.check.whole,
+        "files": msgspec.to_builtins(found.check),
+        "sessions": [proof_row(each) for each in found.sessions],
+        "robot": robot,
+        "on_robot": [
+            {
+                "session": each.name,
+                "problem": each.problem,
+                **({} if each.comparison is None else msgspec.to_builtins(each.comparison)),
+            }
+            for each in found.others
+        ],
+    }
+
+
+COMMANDS = {"reproduce": reproduce}

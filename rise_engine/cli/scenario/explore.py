@@ -1,0 +1,308 @@
+"""`rise-engine explore`: all situations of a study, before anybody comes."""
+
+from __future__ import annotations
+
+import os
+import signal
+import sys
+import time
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
+from pathlib import Path
+from shlex import quote
+from textwrap import fill
+from types import FrameType
+from typing import Any
+
+import click
+from msgspec.structs import replace
+
+from rise_engine.author.explore.bounds import Bounds
+from rise_engine.author.explore.exploration import Exploration, bounds_of, explore
+from rise_engine.author.explore.finding import ExploreFinding
+from rise_engine.author.explore.playing import find_times, task_file_of
+from rise_engine.author.explore.questions_of_use import NOT_RUNNING
+from rise_engine.author.explore.space import Space
+from rise_engine.author.explore.telling import tell_path
+from rise_engine.base.exit_status import NOT_WRITTEN, OK, REFUSED
+from rise_engine.base.text import pluralize
+from rise_engine.checks.kinds import KindFinding, MergedFinding, explore_kind, findings_of, load_for, merge
+from rise_engine.cli.options import FOLDER_OR_NONE, JSON, ROBOT, is_study, resolve_scenario
+from rise_engine.cli.scenario.loading import load_scenario
+from rise_engine.cli.terminal import Refused, exit_with_usage, print_lines, print_notes, write_json
+from rise_engine.scenario.model import Scenario
+from rise_engine.session.disk import error_message
+from rise_engine.study.review import review_study
+from rise_engine.study.session_kinds import SessionKind, session_kinds
+
+_WIDTH = 100
+_MARKS = {"problem": "PROBLEM", "warning": "warning", "remark": "remark"}
+_SECONDS_BETWEEN = 0.5
+"""Between two lines of progress."""
+
+
+@click.command("explore")
+@FOLDER_OR_NONE
+@ROBOT
+@click.option("--all-keys", is_flag=True, help="Press also the keys that start acts by hand.")
+@click.option("--faults", metavar="N", type=click.IntRange(0, 5), help="So many things go wrong on one way.")
+@click.option("--line", metavar="N", type=click.IntRange(0, 5), help="So many acts wait at most.")
+@click.option("--beside", metavar="N", type=click.IntRange(0, 5), help="So many acts run beside others at most.")
+@click.option("--pace", metavar="LEAST-MOST|any", help="Acts take so many times what is expected: 0.5-3.")
+@click.option("--no-stop", is_flag=True, help="Nobody stops everything.")
+@click.option("--no-lost", is_flag=True, help="The robot is never lost.")
+@click.option("--cores", metavar="N", type=click.IntRange(1, 64), help="So many processes. Default: all cores.")
+@click.option("--show", metavar="N|all", help="Show the way to finding N, step by step.")
+@click.option("--write", metavar="DIR", type=click.Path(file_okay=False), help="Write each way as a task file.")
+@click.option("--keys", "show_keys", is_flag=True, help="Show which key does something in which state.")
+@JSON
+def explore_command(folder: str | None, robot: str | None, **options: Any) -> int:
+    """Look at everything that can happen in the scenario or study in DIR, and say what can go wrong.
+
+    All keys are pressed in every situation, acts end, fail, or are cut off, time passes, the robot is lost and
+    everything is stopped, within the bounds that the output names. ctrl+c ends it with what was found so far.
+
+    Of a study, a folder with study.toml, every kind of session is explored, each condition in each language, and
+    played once without a robot. A finding is told once, with the kinds of session that have it.
+
+    Exit status: 0 no problem was found; 1 there are problems, or the scenario has errors; 2 wrong usage; 74 the ways
+    cannot be written.
+    """
+    if is_study(Path(folder or ".")):
+        return _explore_study(folder or ".", robot, options)
+    scenario = load_scenario(resolve_scenario(folder or "."), robot=robot)
+    bounds = _bounds(scenario, options)
+    cores = options["cores"] or os.cpu_count() or 1
+    with _interruptible() as interrupted:
+        exploration = explore(scenario, bounds, cores=cores, go_on=_Progress(interrupted))
+    if options["as_json"]:
+        write_json(exploration.row(scenario))
+    else:
+        _print(_report(scenario, exploration, options["show"], show_keys=options["show_keys"]))
+    if options["write"] is not None:
+        _write_ways(scenario, exploration, Path(options["write"]), folder or ".")
+    return REFUSED if exploration.count("problem") else OK
+
+
+def _explore_study(folder: str, robot: str | None, options: dict[str, Any]) -> int:
+    """Explore and play every kind of session of a study, and print what was found; the exit status."""
+    for name, given in (("--robot", robot), ("--write", options["write"]), ("--keys", options["show_keys"])):
+        if given:
+            exit_with_usage(f"{name} goes with a scenario: rise-engine explore {quote(str(Path(folder) / 'scenario'))}")
+    review = review_study(folder)
+    study = review.study
+    if study is None or review.errors:
+        raise Refused("nothing is explored as long as the study has errors", findings=review.errors)
+    cores = options["cores"] or os.cpu_count() or 1
+    explored: list[tuple[SessionKind, Scenario, Exploration]] = []
+    found: list[tuple[SessionKind, bool, Sequence[KindFinding]]] = []
+    with _interruptible() as interrupted:
+        for kind in session_kinds(study, review.participants, review.scenarios):
+            scenario = load_for(study, kind.run.scenario, kind.language)
+            if scenario is None or interrupted:
+                continue
+            bounds = _bounds(scenario, options)
+            progress = _Progress(interrupted)
+            exploration, played = explore_kind(study, kind, scenario, bounds, cores=cores, go_on=progress)
+            explored.append((kind, scenario, exploration))
+            found.append((kind, exploration.is_complete, findings_of(study, kind, exploration, played)))
+    merged = merge(found)
+    if options["as_json"]:
+        kinds = [
+            {"condition": kind.run.condition, "language": kind.language, **exploration.row(scenario)}
+            for kind, scenario, exploration in explored
+        ]
+        write_json({"kinds": kinds, "findings": [each.row() for each in merged]})
+    else:
+        _print(_study_report(study.title, explored, merged, options["show"]))
+    return REFUSED if any(each.finding.level == "problem" for each in merged) else OK
+
+
+def _print(paragraphs: Iterator[str]) -> None:
+    for paragraph in paragraphs:
+        print_lines(*paragraph.split("\n"))
+
+
+def _study_report(
+    title: str,
+    explored: Sequence[tuple[SessionKind, Scenario, Exploration]],
+    merged: Sequence[MergedFinding],
+    show: str | None,
+) -> Iterator[str]:
+    yield title
+    alike: dict[tuple[str, ...], list[str]] = {}
+    for kind, scenario, exploration in explored:
+        alike.setdefault((*exploration.looked_at, *exploration.told), []).append(kind.name or scenario.title)
+    for sentences, names in alike.items():
+        yield ""
+        yield fill(", ".join(names), _WIDTH)
+        for sentence in sentences:
+            yield fill(sentence, _WIDTH, initial_indent="  ", subsequent_indent="  ")
+    for number, each in enumerate(merged, 1):
+        finding = each.finding
+        if number == 1 or finding.level != merged[number - 2].finding.level:
+            yield ""
+        text = f"{finding.text} {each.where}".rstrip()
+        yield _finding_line(number, finding.level, text, finding.place)
+        kind_number, at = each.first
+        _, scenario, exploration = explored[kind_number]
+        if show in ("all", str(number)) and at < len(exploration.findings):
+            yield from _way_lines(scenario, exploration, exploration.findings[at])
+    yield ""
+    counts = (pluralize(sum(each.finding.level == level for each in merged), level) for level in _MARKS)
+    yield f"{', '.join(counts)}{'; `--show N` shows the way to one of them' if merged and show is None else ''}"
+
+
+def _bounds(scenario: Scenario, options: dict[str, Any]) -> Bounds:
+    """What the scenario says, and over it what the command line says."""
+    given: dict[str, Any] = {name: options[name] for name in ("faults", "line", "beside") if options[name] is not None}
+    if options["all_keys"]:
+        given["keys"] = "all"
+    if options["no_stop"]:
+        given["stop"] = False
+    if options["no_lost"]:
+        given["lost"] = False
+    if options["pace"] is not None:
+        given["pace"] = _read_pace(options["pace"])
+    return replace(bounds_of(scenario), **given)
+
+
+def _read_pace(text: str) -> tuple[float, float] | None:
+    """`0.5-3`, or `any`."""
+    if text == "any":
+        return None
+    least, _, most = text.partition("-")
+    try:
+        pace = (float(least), float(most))
+    except ValueError:
+        pace = (0.0, 0.0)
+    if not 0 < pace[0] <= pace[1]:
+        exit_with_usage(f"--pace is two numbers such as 0.5-3, or `any`, not {text!r}")
+    return pace
+
+
+# --- while it looks -------------------------------------------------------------------------------------------------
+
+
+@contextmanager
+def _interruptible() -> Iterator[list[bool]]:
+    """Within this, ctrl+c only says that it is enough; twice ends the program."""
+    interrupted: list[bool] = []
+
+    def interrupt(number: int, frame: FrameType | None) -> None:
+        if interrupted:
+            raise KeyboardInterrupt
+        interrupted.append(True)
+
+    before = signal.signal(signal.SIGINT, interrupt)
+    try:
+        yield interrupted
+    finally:
+        signal.signal(signal.SIGINT, before)
+
+
+class _Progress:
+    """Tells somebody who watches how far it has come, and stops when they have had enough."""
+
+    def __init__(self, interrupted: list[bool]) -> None:
+        self._interrupted = interrupted
+        self._shown = sys.stderr.isatty()
+        self._next = time.monotonic() + _SECONDS_BETWEEN
+
+    def __call__(self, space: Space) -> bool:
+        if self._interrupted:
+            if self._shown:
+                print_notes("broken off: what was found so far comes now (ctrl+c again: without it)")
+            return False
+        now = time.monotonic()
+        if self._shown and now >= self._next:
+            self._next = now + _SECONDS_BETWEEN
+            count, left = len(space.situations), len(space.pending)
+            print_notes(f"{count:,} situations, {left:,} still to look at (ctrl+c: tell what was found so far)")
+        return True
+
+
+# --- what it found --------------------------------------------------------------------------------------------------
+
+
+def _report(scenario: Scenario, exploration: Exploration, show: str | None, *, show_keys: bool) -> Iterator[str]:
+    yield f"{scenario.title}"
+    for sentence in exploration.looked_at:
+        yield fill(sentence, _WIDTH)
+    yield ""
+    for sentence in exploration.told:
+        yield fill(sentence, _WIDTH)
+    for number, finding in enumerate(exploration.findings, 1):
+        if number == 1 or finding.level != exploration.findings[number - 2].level:
+            yield ""
+        yield from _finding_lines(scenario, exploration, number, shown=show in ("all", str(number)))
+    if show_keys:
+        yield ""
+        yield from _key_lines(scenario, exploration)
+    yield ""
+    counts = (pluralize(exploration.count(level), level) for level in _MARKS)
+    with_way = any(finding.path is not None for finding in exploration.findings)
+    yield f"{', '.join(counts)}{'; `--show N` shows the way to one of them' if with_way and show is None else ''}"
+
+
+def _finding_lines(scenario: Scenario, exploration: Exploration, number: int, *, shown: bool) -> Iterator[str]:
+    finding = exploration.findings[number - 1]
+    yield _finding_line(number, finding.level, finding.text, str(finding.location or ""))
+    if shown:
+        yield from _way_lines(scenario, exploration, finding)
+
+
+def _finding_line(number: int, level: str, text: str, place: str) -> str:
+    head = f"{number:>3} {_MARKS[level]}: "
+    where = f" [{place}]" if place else ""
+    return fill(f"{head}{text}{where}", _WIDTH, subsequent_indent="    ", break_on_hyphens=False)
+
+
+def _way_lines(scenario: Scenario, exploration: Exploration, finding: ExploreFinding) -> Iterator[str]:
+    """The way to a finding, step by step."""
+    if finding.path is not None:
+        for at, sentence in enumerate(tell_path(scenario, finding.path, exploration.bounds), 1):
+            yield fill(sentence, _WIDTH, initial_indent=f"      {at:>2}. ", subsequent_indent="          ")
+        played = find_times(scenario, finding.path, exploration.bounds)
+        if not played.is_certain:
+            yield fill(
+                f"Perhaps it does not come like this: {played.problem}.",
+                _WIDTH,
+                initial_indent="      ",
+                subsequent_indent="      ",
+            )
+    else:
+        yield "      there is no single way to it"
+
+
+def _key_lines(scenario: Scenario, exploration: Exploration) -> Iterator[str]:
+    """Which key does something in which state: `x` always, `-` sometimes, nothing: never."""
+    signs = {"always": "x", "sometimes": "-", "never": " "}
+    keys = next(iter(exploration.keys.values()), {})
+    labels = [scenario.keys[key].label for key in keys]
+    widest = max((len(state) for state in exploration.keys), default=0)
+    yield f"{'':<{widest}}  {' '.join(labels)}   (x: it does something there, -: sometimes)"
+    order = sorted(exploration.keys, key=lambda state: state == NOT_RUNNING)
+    for state in order:
+        row = exploration.keys[state]
+        cells = (signs[row[key]].ljust(len(label)) for key, label in zip(keys, labels, strict=True))
+        yield f"{state:<{widest}}  {' '.join(cells)}".rstrip()
+
+
+def _write_ways(scenario: Scenario, exploration: Exploration, folder: Path, study: str) -> None:
+    """Each finding's way as a task file in a new or empty folder. Ends the program if they cannot be written."""
+    if folder.exists() and any(folder.iterdir()):
+        exit_with_usage(f"{folder} is not empty; name a new folder")
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+        for number, finding in enumerate(exploration.findings, 1):
+            if finding.path is not None:
+                told = tell_path(scenario, finding.path, exploration.bounds)
+                played = find_times(scenario, finding.path, exploration.bounds)
+                text = task_file_of(finding.text, told, played, study)
+                (folder / f"{number:02}-{finding.kind}.jsonl").write_text(text, encoding="utf-8")
+    except OSError as error:
+        raise Refused(f"{folder} cannot be written: {error_message(error)}", status=NOT_WRITTEN) from None
+
+
+COMMANDS = {"explore": explore_command}

@@ -1,0 +1,103 @@
+"""`rise-engine graph`: the rules or acts of a study as pictures."""
+
+from __future__ import annotations
+
+import shutil
+import sys
+from collections.abc import Sequence
+from pathlib import Path
+from typing import TypeVar
+
+import click
+
+from rise_engine.author.drawing.diagrams import mermaid_of_acts, mermaid_of_rules
+from rise_engine.author.drawing.pictures import picture_of_act, picture_of_rule, text_of
+from rise_engine.author.drawing.svg import svg_text
+from rise_engine.base.nearest_name import did_you_mean
+from rise_engine.cli.options import SCENARIO
+from rise_engine.cli.scenario.loading import sound_scenario
+from rise_engine.cli.terminal import Refused, exit_with_usage, reason_of
+from rise_engine.scenario.loader import load
+from rise_engine.scenario.model import Act, Rule, Scenario
+
+Named = TypeVar("Named", Act, Rule)
+FORMATS = ("text", "svg", "mermaid")
+WIDTH = 100
+"""Cells of a picture when nothing else is said."""
+LEAST_WIDTH, MOST_WIDTH = 40, 400
+
+
+def graph_text(scenario: Scenario, name: str, format: str, width: int, *, act: bool = False) -> str:
+    """The picture of a rule or an act, or of all rules. Ends the command if there is none.
+
+    :param name: of a rule or an act; empty: all rules, or all acts.
+    :param format: one of FORMATS.
+    :param width: cells; of text and SVG.
+    :param act: an act is meant, where a rule is called so too; without a name: all acts.
+    """
+    if act or (name and name not in scenario.rules and name in scenario.acts):
+        acts = _chosen(scenario.acts, name, "act")
+        if format in ("text", "svg"):
+            return _drawn(scenario, acts, (), format, width)
+        return mermaid_of_acts(acts)
+    if name and name not in scenario.rules:
+        near = did_you_mean(name, [*scenario.rules, *scenario.acts])
+        exit_with_usage(f"there is no rule and no act `{name}`{near}")
+    rules = _chosen(scenario.rules, name, "rule")
+    if format in ("text", "svg"):
+        return _drawn(scenario, (), rules, format, width)
+    return mermaid_of_rules(rules)
+
+
+def _chosen(among: dict[str, Named], name: str, what: str) -> list[Named]:
+    if name and name not in among:
+        exit_with_usage(f"there is no {what} `{name}`{did_you_mean(name, among)}")
+    if not among:
+        exit_with_usage(f"this scenario has no {what}s")
+    return [among[name]] if name else list(among.values())
+
+
+def _drawn(scenario: Scenario, acts: Sequence[Act], rules: Sequence[Rule], format: str, width: int) -> str:
+    pictures = [*(picture_of_rule(rule, width) for rule in rules), *(picture_of_act(act, width) for act in acts)]
+    if format == "svg":
+        return svg_text(scenario.title, pictures)
+    blocks = []
+    for picture in pictures:
+        head = f"{picture.kind} {picture.name}: {picture.summary}"
+        blocks.append("\n".join([head, "", *text_of(picture)]))
+    return "\n\n".join(blocks) + "\n"
+
+
+@click.command()
+@SCENARIO
+@click.argument("name", required=False, default="")
+@click.option("--format", "format", type=click.Choice(FORMATS), default="text", help="Default: text.")
+@click.option("--act", is_flag=True, help="NAME is an act, where a rule is called so too. Without NAME: all acts.")
+@click.option(
+    "--width",
+    type=click.IntRange(LEAST_WIDTH, MOST_WIDTH),
+    default=None,
+    help=f"Characters that text and SVG take at most. Default: the terminal's, or {WIDTH}.",
+)
+@click.option("-o", "--output", metavar="FILE", help="Write it there, where it takes the place of an earlier one.")
+def graph(folder: str, name: str, format: str, act: bool, width: int | None, output: str | None) -> None:
+    """Draw the rule or act NAME of the scenario in DIR, or all its rules: states, and what leads from one to another.
+
+    SVG goes into a paper or a browser, Mermaid into a page that draws it. The same scenario gives the same bytes.
+    Exit status: 0; 1 when the scenario has errors or the file cannot be written; 2 when there is no such rule or act.
+    """
+    scenario = sound_scenario(load(folder))
+    if width is None:
+        fits_terminal = output is None and format == "text" and sys.stdout.isatty()
+        width = max(LEAST_WIDTH, min(shutil.get_terminal_size().columns, MOST_WIDTH)) if fits_terminal else WIDTH
+    text = graph_text(scenario, name, format, width, act=act)
+    if output is None:
+        print(text, end="")
+        return
+    try:
+        Path(output).write_bytes(text.encode())
+    except OSError as error:
+        raise Refused(f"{output}: {reason_of(error)}") from None
+
+
+COMMANDS = {"graph": graph}

@@ -1,0 +1,217 @@
+"""`rise-engine texts`: what a study says as one table, for who writes and translates it (docs/how-to/translate.md)."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import click
+
+from rise_engine.author.edit.plan import EditRefused
+from rise_engine.author.edit.workspace import Workspace
+from rise_engine.author.texts.csv_file import read_csv, write_csv
+from rise_engine.author.texts.importing import TextImport, import_table, summary
+from rise_engine.author.texts.po_file import read_po, write_po
+from rise_engine.author.texts.reading import ReadTable
+from rise_engine.author.texts.table import Only, TextTable, make_table
+from rise_engine.author.texts.xlsx_file import read_xlsx, write_xlsx
+from rise_engine.base.errors import ExchangeError
+from rise_engine.base.exit_status import OK, REFUSED, USAGE
+from rise_engine.base.text import pluralize
+from rise_engine.cli.options import SCENARIO
+from rise_engine.cli.scenario.loading import sound_scenario
+from rise_engine.cli.terminal import (
+    Refused,
+    exit_with_usage,
+    not_written,
+    print_lines,
+    print_notes,
+    reason_of,
+    refusing,
+    write_bytes,
+)
+from rise_engine.scenario.languages import language_problem
+from rise_engine.scenario.loader import LoadResult, load
+from rise_engine.scenario.translations import LanguageTexts
+
+_KINDS = (".csv", ".xlsx", ".po")
+_LARGEST = 50_000_000
+
+
+def _check_languages(_context: click.Context, _option: click.Parameter, tags: tuple[str, ...]) -> tuple[str, ...]:
+    for tag in tags:
+        if problem := language_problem(tag):
+            raise click.BadParameter(problem)
+    return tags
+
+
+LANGUAGES = click.option(
+    "--language",
+    "languages",
+    metavar="TAG",
+    multiple=True,
+    callback=_check_languages,
+    help="A language, also a new one: de, pt-BR. Repeatable. Default: all that there are.",
+)
+
+
+@click.group("texts")
+def texts() -> None:
+    """What a study says, as one table: for a spreadsheet, for translators, and back."""
+
+
+@texts.command("export")
+@SCENARIO
+@click.option(
+    "-o", "--output", metavar="FILE", type=click.Path(), help="A new .csv, .xlsx or .po file. Default: CSV, printed."
+)
+@LANGUAGES
+@click.option("--only", type=click.Choice(["missing", "stale"]), help="Texts of which a translation is.")
+@refusing(USAGE)
+def export(folder: str, output: str | None, languages: tuple[str, ...], only: Only | None) -> None:
+    """Write every text of the scenario in DIR as one table, a row for each, with its translations.
+
+    For Excel take .xlsx: there every cell is a text. .po is for one language, for the tools of gettext. What is changed
+    in the table, `texts import` takes back. Nothing is ever written over.
+
+    Exit status: 0; 1 the scenario has errors; 2 wrong usage; 74 the file cannot be written.
+    """
+    table = make_table(_load(folder), languages, only)
+    data = _write_table(table, Path(output).suffix.lower() if output is not None else ".csv")
+    if output is None:
+        write_bytes(data.removeprefix(b"\xef\xbb\xbf"))
+        return
+    try:
+        with Path(output).open("xb") as file:
+            file.write(data)
+    except FileExistsError:
+        exit_with_usage(f"there is a file {output} already; nothing is written over")
+    except OSError as error:
+        raise not_written(output, error) from None
+    print_lines(f"{output}: {pluralize(len(table.rows), 'text')}{_languages_text(table)}")
+
+
+@texts.command("import")
+@SCENARIO
+@click.argument("file", metavar="FILE", type=click.Path())
+@LANGUAGES
+@click.option("--dry-run", is_flag=True, help="Say what would change, and change nothing.")
+@click.option("--new", is_flag=True, help="Rows without an id become acts, called as their cell `act` says.")
+def import_(folder: str, file: str, languages: tuple[str, ...], dry_run: bool, new: bool) -> int:
+    """Take back what was changed in a table that `texts export` made from the scenario in DIR: texts and translations.
+
+    Rows are found by their id; their order, and what else stands in the table, does not matter. A row whose text was
+    changed in the study meanwhile is refused by itself, and all others are taken.
+
+    Exit status: 0; 1 something was refused, or the study would have errors; 2 wrong usage, or no such table.
+    """
+    with refusing(USAGE, of=ExchangeError, where=file):
+        table = _read_table(Path(file), languages)
+        with refusing(USAGE, of=EditRefused):
+            workspace = Workspace(Path(folder))
+        try:
+            sound_scenario(workspace.checked)
+            if workspace.draft is not None:
+                message = "an editor has left changes in this study that are not saved"
+                raise EditRefused(f"{message}; open it (rise-tui edit {folder}), and save them or give them up")
+            found = import_table(table, workspace.checked, languages, new=new)
+            end = _apply(workspace, found, dry_run=dry_run)
+        except EditRefused as error:
+            raise Refused(f"{error}; nothing was changed") from None
+        finally:
+            workspace.close()
+    print_notes(*found.refused, *found.noticed)
+    print_lines(f"{summary(found)}{end}")
+    return REFUSED if found.refused else OK
+
+
+def _apply(workspace: Workspace, found: TextImport, *, dry_run: bool) -> str:
+    """Make the edits, and save them; gives the end of the last sentence.
+
+    :raises EditRefused: they cannot be made, or saved.
+    """
+    if not found.edits:
+        return ": nothing is to be changed"
+    change = workspace.apply(*found.edits)
+    saved: tuple[str, ...] = ()
+    try:
+        saved = () if dry_run else workspace.save().files
+    finally:
+        difference = workspace.diff()
+        if not saved:  # nor does a draft of it stay
+            workspace.undo()
+    print_lines(*change.says)
+    if dry_run:
+        print(difference)
+        return "; nothing was written (--dry-run)"
+    return f": {', '.join(saved)}"
+
+
+@texts.command("check")
+@SCENARIO
+@LANGUAGES
+def check(folder: str, languages: tuple[str, ...]) -> int:
+    """Say which texts of the scenario in DIR are not translated, and of which the original has changed since.
+
+    Exit status: 0 everything is translated; 1 something is not, or is of an earlier text; 2 wrong usage.
+    """
+    loaded = _load(folder)
+    known = {tag.lower(): found for tag, found in loaded.translations.items()}
+    chosen = [known.get(tag.lower()) or LanguageTexts(tag, "") for tag in languages] or list(known.values())
+    if not chosen:
+        print_lines(
+            f"{pluralize(len(loaded.texts), 'text')}, and no translations (`rise-engine texts export` begins one)"
+        )
+    status, number = OK, len(loaded.texts) + len(loaded.table_texts)
+    for found in chosen:
+        cells = [text for text in loaded.table_texts if not text.translation(found.language)]
+        uttered, stale = found.missing(loaded.texts), found.stale(loaded.texts)
+        missing = len(uttered) + len(cells)
+        translated = sum(text.id in found.texts for text in loaded.texts) + len(loaded.table_texts) - len(cells)
+        status = REFUSED if missing or stale else status
+        more = [f"{len(stale)} changed since"] * bool(stale) + [f"{missing} missing"] * bool(missing)
+        print_lines(
+            ", ".join([f"{found.language}: {translated} of {number} texts translated", *more]),
+            *(f"  missing  {text.id:<24} {text.text}" for text in uttered),
+            *(f"  missing  {text.id:<24} {text.text}" for text in cells),
+            *(f"  changed  {text.id:<24} {text.text}  (was: {found.texts[text.id].of})" for text in stale),
+        )
+    return status
+
+
+def _load(folder: str) -> LoadResult:
+    """What was read of a scenario without errors."""
+    loaded = load(folder)
+    sound_scenario(loaded)
+    return loaded
+
+
+def _write_table(table: TextTable, kind: str) -> bytes:
+    _check_kind(kind)
+    return {".csv": write_csv, ".xlsx": write_xlsx, ".po": write_po}[kind](table)
+
+
+def _read_table(path: Path, languages: tuple[str, ...]) -> ReadTable:
+    kind = path.suffix.lower()
+    _check_kind(kind)
+    try:
+        if path.stat().st_size > _LARGEST:
+            raise ExchangeError(f"this file is larger than {_LARGEST // 1_000_000} MB")
+        data = path.read_bytes()
+    except OSError as error:
+        raise ExchangeError(f"it cannot be read: {reason_of(error)}") from None
+    if kind == ".xlsx":
+        return read_xlsx(data)
+    return read_csv(data) if kind == ".csv" else read_po(data, languages[0] if len(languages) == 1 else "")
+
+
+def _check_kind(kind: str) -> None:
+    if kind not in _KINDS:
+        raise ExchangeError("a table of texts is a .csv, an .xlsx or a .po file")
+
+
+def _languages_text(table: TextTable) -> str:
+    into = f", into {', '.join(table.languages)}" if table.languages else ""
+    return f" in {table.language}{into}" if table.language else into
+
+
+COMMANDS: dict[str, click.Command] = {"texts": texts}

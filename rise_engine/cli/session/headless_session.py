@@ -1,0 +1,352 @@
+"""A session without a console: what `rise-engine run` does once its arguments are understood.
+
+In real time it runs on an asyncio loop; in virtual time in one plain loop, without waiting.
+"""
+
+from __future__ import annotations
+
+import asyncio
+import os
+import signal
+import sys
+import threading
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager, suppress
+from types import FrameType
+
+from msgspec import Struct
+from msgspec.structs import replace
+
+from rise_engine.base import exit_status
+from rise_engine.base.errors import FileError
+from rise_engine.cli.session.transcript import Output, ThreadedOutput
+from rise_engine.cli.terminal import print_notes
+from rise_engine.kernel.inputs import Note, SessionStarted
+from rise_engine.kernel.records import AnyRecord, TaskRecord, describe_open_goals
+from rise_engine.ports.bridge import Bridge
+from rise_engine.run.engine.clock import RealClock, SessionClock, VirtualClock
+from rise_engine.run.engine.drivers import make_robot, open_bridge, simulated_robot_warning
+from rise_engine.run.engine.engine import Engine
+from rise_engine.run.protocol.session_options import SessionOptions
+from rise_engine.run.protocol.session_start import first_input, start_remarks
+from rise_engine.run.protocol.task_file import TaskFileReader, TimedTask, warning_for_task
+from rise_engine.run.server.hub import SessionHub
+from rise_engine.scenario.model import Scenario
+
+LIVELOCK = 20_000
+"""Inputs, tasks of the script not counted, within which virtual time must get on by LIVELOCK_SECONDS."""
+LIVELOCK_SECONDS = 0.1
+ENDLESS_AFTER = 86_400.0
+"""Virtual seconds after the last scripted task: a session that is not idle by then never will be."""
+
+
+class RunOptions(Struct, frozen=True):
+    """What to run, and until when."""
+
+    scenario: Scenario
+    session: SessionOptions
+    """How it was asked for; `session.first_tasks` are submitted at time 0, in this order, before the script."""
+    script: tuple[TimedTask, ...] = ()
+    stream: bool = False
+    """Read further tasks from standard input while the session runs."""
+    virtual: bool = False
+    """In virtual time, in which ROS 2 is not spoken."""
+    until: float | None = None
+    """Seconds of session time; None: until nothing happens by itself any more."""
+    json: bool = False
+    strict: bool = False
+    """Whether a task that was rejected or aborted shows in the exit status."""
+    started: SessionStarted | None = None
+    """The first input, for a session of a study."""
+
+    @property
+    def seed(self) -> int:
+        return self.session.seed or 0
+
+
+def run_session(options: RunOptions) -> int:
+    """Run a session to its end and give the exit status.
+
+    Raises rise_engine.base.errors.AdapterError and RobotOptionsError, before anything has started.
+    """
+    if options.virtual:
+        return _run_virtual(options)
+    return asyncio.run(_run_real(options))
+
+
+class _HeadlessSession:
+    """What real and virtual time share: the task file, the reasons to end, the exit status."""
+
+    def __init__(
+        self, options: RunOptions, clock: SessionClock, output: Output, bridge: Bridge[SessionHub] | None = None
+    ) -> None:
+        self.options = options
+        scenario = options.scenario
+        robot = make_robot(scenario.robot, scenario.mode, clock, options.seed, options.session.faults, bridge)
+        begun = options.started or first_input(scenario, options.session)
+        self.started = replace(begun, injected_faults=options.session.faults)
+        self.engine = Engine(
+            scenario,
+            robot,
+            clock,
+            options.seed,
+            started=self.started,
+            sinks=(output, self._note_failed_task),
+        )
+        self.output = output
+        self.status = exit_status.OK
+        self.submitted = 0
+        """Tasks of the script that have been submitted."""
+        self._due: dict[float, list[TimedTask]] = {}
+        """Tasks that are still to be submitted, by their time."""
+        self.streaming = options.stream
+        self._unsuccessful = False
+        self._output_failure_reported = False
+
+    def start(self) -> None:
+        """Begin the session: its first tasks at once, those of the task file by their time."""
+        engine, clock = self.engine, self.engine.clock
+        for task in self.options.script:
+            self._print_warning(task)
+        engine.start()
+        warning = simulated_robot_warning(self.options.scenario.robot, self.options.scenario.mode)
+        for sentence in (*filter(None, [warning]), *start_remarks(self.options.scenario, self.started)):
+            print_notes(f"warning: {sentence}")
+            engine.post(Note(text=sentence))
+        for submit in self.options.session.first_tasks:
+            engine.accept(submit)
+        for task in self.options.script:
+            self._schedule(task)
+        if self.options.until is not None:
+            clock.call_at(self.options.until, lambda: engine.end(f"{self.options.until:g} s are over"))
+
+    def add_task(self, task: TimedTask) -> None:
+        """A task that came while the session runs; one whose time is over is submitted at once."""
+        self._print_warning(task)
+        if task.at <= self.engine.clock.now():
+            self._submit(task)
+        else:
+            self._schedule(task)
+
+    def _print_warning(self, task: TimedTask) -> None:
+        warning = warning_for_task(task, self.options.scenario)
+        if warning is not None:
+            print_notes(warning)
+
+    def end_if_idle(self) -> None:
+        """With `--until idle`: end when nothing happens by itself any more and no task is left to submit."""
+        if self.options.until is None and not self._due and not self.streaming and self.engine.idle:
+            self.engine.end("nothing is left to do")
+
+    def interrupt(self) -> None:
+        """Somebody wants it to end: stop the robot first."""
+        self.status = exit_status.INTERRUPTED
+        self.engine.end("interrupted", stop=True)
+
+    def end_if_output_failed(self) -> None:
+        """End the session when it cannot be written any more: no robot goes on unrecorded."""
+        if self.output.failure is not None:
+            if not self._output_failure_reported:
+                self._output_failure_reported = True
+                error = self.output.failure
+                text = f"{type(error).__name__}: {error}".removesuffix(": ")
+                print_notes(f"error: a record could not be written ({text}); the session was ended")
+                self.status = exit_status.FAILED
+                self.engine.end("a record could not be written", stop=True)
+        elif self.output.broken and self.status != exit_status.BROKEN_PIPE:
+            self.status = exit_status.BROKEN_PIPE
+            self.engine.end("nobody reads the output")
+
+    def end_as_endless(self, message: str) -> None:
+        """End a session that would never end by itself; `message` says why."""
+        print_notes(f"error: {message}")
+        self.status = exit_status.ENDLESS
+        self.engine.end(message, stop=True)
+
+    def status_at_end(self) -> int:
+        """The exit status, once the session is over."""
+        if self.engine.failure is not None:
+            print_notes(f"error: the engine failed, which is a mistake in this program: {self.engine.failure!r}")
+            return exit_status.FAILED
+        if self.output.failure is not None:
+            self.end_if_output_failed()
+            return exit_status.FAILED
+        if self.engine.open_goals:
+            print_notes(f"error: the session has ended; {describe_open_goals(self.engine.open_goals)}")
+            return exit_status.STILL_RUNNING if self.status == exit_status.OK else self.status
+        if self.status == exit_status.OK and self.options.strict and self._unsuccessful:
+            return exit_status.TASK_FAILED
+        return self.status
+
+    def _schedule(self, task: TimedTask) -> None:
+        # Those of one moment have one timer, in the order of their lines: an asyncio loop does not keep that of timers.
+        tasks = self._due.setdefault(task.at, [])
+        if not tasks:
+            self.engine.clock.call_at(task.at, lambda: self._submit_due(task.at))
+        tasks.append(task)
+
+    def _submit_due(self, at: float) -> None:
+        for task in self._due.pop(at):
+            self._submit(task)
+
+    def _submit(self, task: TimedTask) -> None:
+        self.submitted += 1
+        if not self.engine.ended:
+            self.engine.post(task.task)
+
+    def _note_failed_task(self, record: AnyRecord) -> None:
+        if isinstance(record, TaskRecord) and record.status in ("REJECTED", "ABORTED"):
+            self._unsuccessful = True
+
+
+# --- virtual time ---------------------------------------------------------------------------------------------------
+
+
+def _run_virtual(options: RunOptions) -> int:
+    clock = VirtualClock()
+    session = _HeadlessSession(options, clock, Output(json=options.json))
+    engine = session.engine
+    interrupts: list[int] = []
+
+    def on_signal(number: int, frame: FrameType | None) -> None:
+        if interrupts:
+            sys.exit(exit_status.INTERRUPTED)
+        interrupts.append(number)
+
+    horizon = ENDLESS_AFTER + max((task.at for task in options.script), default=0.0)
+    with _signals_to(on_signal), _tolerate_engine_failure(engine):
+        session.start()
+        moment, inputs = clock.now(), engine.inputs
+        while not engine.ended:
+            session.end_if_output_failed()
+            session.end_if_idle()
+            if engine.ended or not clock.advance():
+                break
+            now, handled = clock.now(), engine.inputs - session.submitted
+            if now >= moment + LIVELOCK_SECONDS:
+                moment, inputs = now, handled
+            elif handled - inputs > LIVELOCK:
+                if session.status == exit_status.ENDLESS:
+                    break
+                inputs = handled
+                session.end_as_endless(
+                    f"{LIVELOCK:,} inputs in one moment, at {now:g} s: something goes round in circles"
+                )
+            if options.until is None and now > horizon and session.status != exit_status.ENDLESS:
+                session.end_as_endless(
+                    f"after {now / 3600:.0f} hours of session time something still goes on by itself; "
+                    "say how long to run: --until SECONDS"
+                )
+            if interrupts and session.status != exit_status.INTERRUPTED:
+                session.interrupt()
+        engine.end_now("nothing is left to do")
+    return session.status_at_end()
+
+
+@contextmanager
+def _tolerate_engine_failure(engine: Engine) -> Iterator[None]:
+    """An engine that failed has stopped the robot and says why by itself: see `status_at_end`."""
+    try:
+        yield
+    except Exception:
+        if engine.failure is None:
+            raise
+
+
+@contextmanager
+def _signals_to(handler: Callable[[int, FrameType | None], None]) -> Iterator[None]:
+    """SIGINT and SIGTERM go to `handler` inside the block."""
+    before = [(each, signal.signal(each, handler)) for each in (signal.SIGINT, signal.SIGTERM)]
+    try:
+        yield
+    finally:
+        for each, handler_before in before:
+            signal.signal(each, handler_before)
+
+
+# --- real time ------------------------------------------------------------------------------------------------------
+
+
+async def _run_real(options: RunOptions) -> int:
+    bridge = await open_bridge(options.session.ros, options.scenario.robot, options.scenario.mode)
+    try:
+        return await _run_connected(options, bridge)
+    finally:
+        if bridge is not None:
+            await bridge.close()
+
+
+async def _run_connected(options: RunOptions, bridge: Bridge[SessionHub] | None) -> int:
+    loop = asyncio.get_running_loop()
+    output = ThreadedOutput(json=options.json)
+    session = _HeadlessSession(options, RealClock(loop, options.session.speed), output, bridge)
+    engine = session.engine
+    if bridge is not None:
+        bridge.join(SessionHub(engine))
+    ended = asyncio.Event()
+    engine.on_ended(ended.set)
+    engine.after_inputs = lambda: loop.call_soon(session.end_if_idle)
+
+    def on_output_failure() -> None:
+        with suppress(RuntimeError):  # the session is over and its loop is closed
+            loop.call_soon_threadsafe(session.end_if_output_failed)
+
+    output.on_failure = on_output_failure
+    interrupts: list[int] = []
+
+    def on_signal(number: int, frame: FrameType | None) -> None:
+        if interrupts:
+            sys.exit(exit_status.INTERRUPTED)
+        interrupts.append(number)
+        loop.call_soon_threadsafe(session.interrupt)
+
+    with _signals_to(on_signal):
+        try:
+            with _tolerate_engine_failure(engine):
+                session.start()
+                if options.stream:
+                    _submit_from_standard_input(loop, session)
+                session.end_if_idle()
+                await ended.wait()
+        finally:
+            output.close(hurried=lambda: bool(interrupts))
+    return session.status_at_end()
+
+
+def _submit_from_standard_input(loop: asyncio.AbstractEventLoop, session: _HeadlessSession) -> None:
+    """Tasks run as their lines arrive on standard input; its end ends the script."""
+    reader = TaskFileReader("-")
+
+    def submit_line(text: bytes) -> None:
+        try:
+            task = reader.read_line(text)
+        except FileError as error:  # the session goes on without this line
+            print_notes(*error.lines)
+            session.status = exit_status.USAGE
+        else:
+            if task is not None:
+                session.add_task(task)
+
+    def end_stream() -> None:
+        session.streaming = False
+        session.end_if_idle()
+
+    def read_lines() -> None:
+        # Straight from the descriptor: at the end of the program nothing may be stuck in a lock of sys.stdin.
+        rest = b""
+        try:
+            descriptor = sys.stdin.fileno()
+            while chunk := os.read(descriptor, 65_536):
+                *lines, rest = (rest + chunk).split(b"\n")
+                for text in lines:
+                    loop.call_soon_threadsafe(submit_line, text)
+            if rest:
+                loop.call_soon_threadsafe(submit_line, rest)
+            loop.call_soon_threadsafe(end_stream)
+        except RuntimeError:  # the session is over and its loop is closed
+            return
+        except (AttributeError, OSError, ValueError):  # no standard input at all
+            with suppress(RuntimeError):
+                loop.call_soon_threadsafe(end_stream)
+
+    threading.Thread(target=read_lines, name="rise-stdin", daemon=True).start()

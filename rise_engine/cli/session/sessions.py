@@ -1,0 +1,216 @@
+"""`rise-engine sessions`: the sessions that run, that did not end, or that were recorded."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Iterable
+from contextlib import suppress
+from pathlib import Path
+from typing import Literal
+
+import click
+from msgspec import Struct
+from msgspec.structs import replace
+
+from rise_engine.base.errors import SessionError
+from rise_engine.cli.options import JSON
+from rise_engine.cli.session.unfinished import unfinished_lines, unfinished_sessions
+from rise_engine.cli.terminal import exit_with_usage, print_lines, print_notes, show, table_lines, write_json
+from rise_engine.run.client.running_sessions import all_running_sessions, sessions_on_other_computers
+from rise_engine.run.protocol.messages import SessionSummary
+from rise_engine.session.folder import (
+    JOURNAL,
+    SessionInfo,
+    duration_text,
+    has_begun,
+    has_ended,
+    is_abandoned,
+    read_info,
+    sessions_folder,
+)
+from rise_engine.session.lock import is_journal_locked
+from rise_engine.study.labels import reassignment_of
+from rise_engine.study.sessions import SESSIONS, read_verdict
+from rise_engine.study.standing import when_text
+from rise_engine.study.study_log import read_log
+from rise_engine.study.study_toml import is_study
+
+
+@click.command()
+@click.argument("where", metavar="[STUDY|DIR]", type=click.Path(), required=False)
+@click.option("--all", "everything", is_flag=True, help="Also those that have ended.")
+@JSON
+def sessions(where: str | None, everything: bool, as_json: bool) -> None:
+    """List the sessions that run on this machine, and those that did not end.
+
+    With STUDY, a scenario's DIR or a folder with sessions: every session that was recorded there, also those that have
+    ended, with participant, condition, outcome, length and mode. So with --all, for the folder where sessions lie.
+
+    Exit status: 0; 1 when they cannot be listed; 2 when there is no such folder.
+    """
+    if where is not None or everything:
+        _print_recorded(where, as_json=as_json)
+    else:
+        print_sessions(as_json=as_json)
+
+
+# --- those that run -------------------------------------------------------------------------------------------------
+
+
+def print_sessions(*, as_json: bool) -> None:
+    """Print the running sessions, and on standard error what else did not end."""
+    found = all_running_sessions()
+    if as_json:
+        write_json([{"name": name, "about": each} for name, each in found.items()], indent=-1)
+        return
+    others = sessions_on_other_computers()
+    if not found and not others:
+        print_notes("no session is running; begin one with:  rise-tui --config DIR")
+    print_lines(*(line for name, summary in found.items() for line in _running_lines(name, summary)))
+    print_notes(*others, *unfinished_lines(unfinished_sessions(found)))
+
+
+def _running_lines(name: str, summary: SessionSummary | None) -> list[str]:
+    if summary is None:
+        return [f"{name}  does not answer"]
+    minutes, seconds = divmod(int(summary.t), 60)
+    time_text = f"{minutes // 60}:{minutes % 60:02}:{seconds:02}"
+    doing = "STOPPED" if summary.stopped else "busy" if summary.busy else "idle"
+    who = f"{summary.control} has control" if summary.control is not None else "nobody has control"
+    others = [client for client in summary.clients if client != summary.control]
+    lines = [
+        f"{name}  {summary.title}  {summary.mode.upper()}  {summary.robot}  {time_text}  {doing}  {who}"
+        + (f", also {', '.join(others)}" if others else ""),
+        f"    record  {summary.folder}",
+    ]
+    if summary.trouble:
+        lines.append(f"    NOT RECORDING, paused: {summary.trouble}")
+    return lines
+
+
+# --- those that were recorded ---------------------------------------------------------------------------------------
+
+
+def _print_recorded(where: str | None, *, as_json: bool) -> None:
+    """Print every session that was recorded: of a study, of a scenario, in a folder, or (None) in that where sessions
+    lie."""
+    if where is not None and not Path(where).is_dir():
+        exit_with_usage(f"there is no folder {where}")
+    found = list_sessions(None if where is None else Path(where))
+    show(session_lines(found) if found else (), found, as_json=as_json)
+    if not found and not as_json:
+        print_notes("no session was recorded here")
+
+
+class ListedSession(Struct, frozen=True):
+    """A session in a list."""
+
+    folder: str
+    started: str
+    """ISO 8601."""
+    status: Literal["running", "unfinished", "given-up", "ended"]
+    outcome: str
+    """complete, aborted, excluded, or empty: nobody has said it."""
+    reason: str
+    seconds: float
+    """Session time of its last record."""
+    participant: str
+    condition: str
+    study: str
+    run: int
+    attempt: int
+    purpose: str
+    mode: str
+    title: str
+
+
+def list_sessions(where: Path | None) -> list[ListedSession]:
+    """The sessions of a study, of a scenario or of a folder with sessions, the earliest first.
+
+    :param where: the folder of one of these; None: the folder where sessions lie that are of no study.
+    :raises rise_engine.study.study_log.StudyLogError: a study's log cannot be read.
+    """
+    judged: dict[str, tuple[str, str]] = {}
+    scenario = ""
+    if where is None:
+        root = sessions_folder()
+    elif is_study(where):
+        root = where / SESSIONS
+        entries = [each for each in read_log(where) if each.kind == "outcome"]
+        judged = {
+            str(each.get("session")): (str(each.get("status")), str(each.get("reason") or "")) for each in entries
+        }
+    elif (where / "scenario.toml").is_file():
+        root, scenario = sessions_folder(), os.path.realpath(where)
+    else:
+        root = where
+    found: list[ListedSession] = []
+    for folder in _folders(root):
+        with suppress(SessionError):  # it is no session
+            info = read_info(folder, compare=False)
+            if (moved := reassignment_of(folder)) is not None:
+                info = replace(info, participant=moved.participant, slot=moved.slot or 0, attempt=moved.attempt)
+            if has_begun(folder) and scenario in ("", os.path.realpath(info.scenario_folder)):
+                found.append(_listed(folder, info, judged.get(folder.name)))
+    return sorted(found, key=lambda each: (each.started, each.folder))
+
+
+def session_lines(listed: Iterable[ListedSession]) -> list[str]:
+    """Sessions for a terminal: when, who, in which condition, how it counts, how long, its mode, its folder's name."""
+    rows = [["when", "participant", "condition", "run", "outcome", "length", "mode", "folder"]]
+    for each in listed:
+        run = "" if not each.run else f"{each.run}" if each.attempt < 2 else f"{each.run}, attempt {each.attempt}"
+        unjudged = {"ended": "to judge" if each.purpose == "counted" else "-", "given-up": "given up"}
+        outcome = each.outcome or unjudged.get(each.status, each.status)
+        mode = each.mode if each.purpose in ("", "counted", "debug") else f"{each.mode}, {each.purpose}"
+        rows.append(
+            [
+                when_text(each.started),
+                each.participant,
+                each.condition,
+                run,
+                outcome,
+                duration_text(each.seconds),
+                mode,
+                Path(each.folder).name,
+            ]
+        )
+    return table_lines(rows)
+
+
+def _folders(root: Path) -> list[Path]:
+    with suppress(OSError):
+        return [Path(entry.path) for entry in os.scandir(root) if entry.is_dir()]
+    return []
+
+
+def _listed(folder: Path, info: SessionInfo, judged: tuple[str, str] | None) -> ListedSession:
+    verdict = read_verdict(folder)
+    status: Literal["running", "unfinished", "given-up", "ended"] = "unfinished"
+    if has_ended(folder):
+        status = "ended"
+    elif is_journal_locked(folder / JOURNAL):
+        status = "running"
+    elif is_abandoned(folder):
+        status = "given-up"
+    report = verdict.report
+    outcome, reason = judged or ((report.status, report.reason) if report is not None else ("", ""))
+    return ListedSession(
+        folder=str(folder),
+        started=info.started,
+        status=status,
+        outcome=outcome,
+        reason=reason,
+        seconds=round(verdict.seconds, 3),
+        participant=info.participant,
+        condition=info.condition,
+        study=info.study,
+        run=info.run,
+        attempt=info.attempt,
+        purpose=info.purpose,
+        mode=info.mode,
+        title=info.title,
+    )
+
+
+COMMANDS = {"sessions": sessions}

@@ -1,0 +1,119 @@
+"""`rise-engine stop` and `take-over`: what is done to a running session from outside."""
+
+from __future__ import annotations
+
+import asyncio
+import os
+import shlex
+import signal
+import time
+from pathlib import Path
+
+import click
+
+from rise_engine.base.errors import SessionError
+from rise_engine.base.exit_status import FAILED
+from rise_engine.cli.terminal import Refused, print_lines, print_notes
+from rise_engine.run.client.socket import SocketClient
+from rise_engine.run.protocol.client import Reply
+from rise_engine.run.protocol.registry import (
+    RegistryError,
+    ask_summary,
+    find_running,
+    is_locked,
+    lock_path,
+    running_names,
+    session_name,
+    socket_path,
+)
+from rise_engine.session.folder import read_info, running_sessions
+from rise_engine.session.lock import user_name
+from rise_engine.study.sessions import SESSIONS, read_verdict
+from rise_engine.study.study_toml import is_study
+
+END_SECONDS = 40.0
+"""Seconds that a session has to end: the robot's answer and the last records take 11 at most."""
+
+
+@click.command()
+@click.argument("which", metavar="[NAME|DIR|SOCKET]", required=False)
+def stop(which: str | None) -> None:
+    """End a running session: the robot is stopped, the record is completed.
+
+    Without an argument, the only one that runs. Exit status: 0 it has ended; 1 there is no such session, or several.
+    """
+    name = find_session_name(which)
+    lock = lock_path(socket_path(name))
+    summary = ask_summary(name)
+    try:
+        pid = int(lock.read_text())
+        os.kill(pid, signal.SIGTERM)
+    except (OSError, ValueError) as error:
+        raise Refused(f"{name} cannot be asked to end: {error}") from None
+    deadline = time.monotonic() + END_SECONDS
+    while is_locked(lock):
+        if time.monotonic() > deadline:
+            raise Refused(f"{name} (process {pid}) has not ended within {END_SECONDS:g} s", status=FAILED)
+        time.sleep(0.02)
+    print_notes(f"{name} has ended")
+    if summary is not None and summary.folder:
+        print_notes(*_to_judge_lines(Path(summary.folder)))
+
+
+def _to_judge_lines(folder: Path) -> list[str]:
+    """What is to be said about a session of a study that ended without outcome."""
+    try:
+        info = read_info(folder)
+    except SessionError:
+        return []
+    if info.purpose != "counted" or read_verdict(folder).report is not None:
+        return []
+    command = f"rise-engine study outcome {shlex.quote(str(folder.parent.parent))} {info.participant}"
+    return ["nobody has said how it counts. To say it:", f"  {command} complete | aborted | excluded"]
+
+
+def find_session_name(which: str | None) -> str:
+    """The name of the session that is meant. Raises RegistryError."""
+    if which is not None and Path(which).is_dir():
+        if (name := session_name(which)) in running_names():
+            return name
+        root = Path(which) / SESSIONS if is_study(which) else None
+        scenario = str(Path(which).absolute()) if root is None else None
+        holders = running_sessions(scenario, root).values()
+        return next(
+            (each.socket for each in holders if each is not None and each.is_this_computer), ""
+        ) or find_running(name)
+    if which is not None:
+        return find_running(which)
+    names = running_names()
+    if len(names) == 1:
+        return names[0]
+    raise RegistryError(f"say which: {', '.join(names)}" if names else "no session is running")
+
+
+async def _take_over(name: str) -> Reply:
+    client = SocketClient(socket_path(name), user_name(), "node")
+    await client.attach()
+    try:
+        return await client.take_over()
+    finally:
+        await client.close()
+
+
+@click.command("take-over")
+@click.argument("session", required=False, metavar="[SESSION|DIR]")
+def take_over(session: str | None) -> None:
+    """Let a running session go on with the files of its scenario as they are now. Without an argument, the only one.
+
+    Only at a safe moment: no act runs or waits, nothing is stopped, and where the rules stand is there still. Otherwise
+    it says why not, and the session goes on as it was. It is recorded, and the files are kept with the session.
+    Exit status: 0 they are taken over; 1 they are not, or there is no such session.
+    """
+    name = find_session_name(session)
+    reply = asyncio.run(_take_over(name))
+    if not reply.accepted:
+        raise Refused(hints=[f"not taken over: {reply.reason}"])
+    print_lines(f"{name} goes on with the files as they are now")
+
+
+COMMANDS = {"stop": stop, "take-over": take_over}

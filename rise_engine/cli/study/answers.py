@@ -1,0 +1,218 @@
+"""What answers about a new study mean: of the questions of `study new` and of its options alike.
+
+Every function takes a text and gives what it means, or raises ValueError with a sentence that says why it is nothing.
+"""
+
+from __future__ import annotations
+
+import re
+import tomllib
+from collections.abc import Collection
+from pathlib import Path
+
+from rise_engine.base.nearest_name import did_you_mean, in_backquotes
+from rise_engine.scenario.file_names import SCENARIO_FILE
+from rise_engine.scenario.loader import load
+from rise_engine.scenario.model import Json, Scenario
+from rise_engine.scenario.shipped_studies import shipped_studies
+from rise_engine.study.check_kinds import AUTOMATIC
+from rise_engine.study.design import PLAN_COLUMNS
+from rise_engine.study.level_checks import memory_key_problem, memory_type_problem
+from rise_engine.study.model import FactorKind, Level, StudyCheck
+from rise_engine.study.personal_data import WHY, personal_column
+from rise_engine.study.study_toml import MAX_PARTICIPANTS, RESERVED_COLUMNS
+
+NOTHING = "-"
+"""The answer that means none of what Enter would give."""
+_NAME = re.compile(r"[A-Za-z][A-Za-z0-9_]*\Z")
+_LEVEL = re.compile(r"[A-Za-z0-9_-]+\Z")
+_PAIR = re.compile(r"\s*([^\s=,{}]+)\s*=\s*([A-Za-z_][\w -]*?)\s*(?=,|\Z)")
+"""`mood = happy`: a text that stands in no quotation marks."""
+_ON, _OFF = ("yes", "on", "with", "true"), ("no", "off", "without", "false")
+_YES, _NO = ("y", "yes", "j", "ja"), ("n", "no", "nein")
+
+
+def parse_text(text: str) -> str:
+    """Any text that can be shown."""
+    if not text.strip() or not text.isprintable():
+        raise ValueError("write a word or more")
+    return text.strip()
+
+
+def parse_id(text: str) -> str:
+    """The short name of a study."""
+    if not re.fullmatch(r"[A-Za-z0-9]+", text):
+        raise ValueError("letters (a-z) and digits only, without blanks: it is a part of file names")
+    return text
+
+
+def parse_count(text: str) -> int:
+    """How many participants."""
+    if not (text.isascii() and text.isdigit()) or not 1 <= int(text[:9]) <= MAX_PARTICIPANTS:
+        raise ValueError(f"a whole number from 1 to {MAX_PARTICIPANTS}")
+    return int(text)
+
+
+def parse_yes(text: str) -> bool:
+    """Yes or no."""
+    if text.casefold() in _YES:
+        return True
+    if text.casefold() in _NO:
+        return False
+    raise ValueError("y or n")
+
+
+def parse_scenario(text: str) -> tuple[Path, Scenario]:
+    """The folder of a scenario, shipped or somebody's own, and what is in it."""
+    studies = shipped_studies()
+    path = studies.get(text, Path(text).expanduser())
+    path = path.parent if path.name == SCENARIO_FILE else path
+    if not path.is_dir():
+        near = did_you_mean(text, studies)
+        raise ValueError(f"there is no folder {text}, and no scenario of that name comes with the program{near}")
+    loaded = load(path)
+    if loaded.scenario is None:
+        first = "; ".join(map(str, loaded.errors[:3]))
+        raise ValueError(f"this scenario has errors, which `rise-engine check {text}` lists: {first}")
+    return path, loaded.scenario
+
+
+def parse_factor_name(text: str, taken: Collection[str]) -> str:
+    """What a factor is called."""
+    if not _NAME.match(text):
+        raise ValueError("one word of letters (a-z), digits and `_`, beginning with a letter: hesitation")
+    if text in taken:
+        raise ValueError(f"there is a factor `{text}` already")
+    if text in PLAN_COLUMNS:
+        raise ValueError(f"the plan has a column `{text}` of another meaning; choose another name")
+    return text
+
+
+def parse_kind(text: str) -> FactorKind:
+    """Between or within, as a word or its first letter."""
+    if text and "between".startswith(text.casefold()):
+        return "between"
+    if text and "within".startswith(text.casefold()):
+        return "within"
+    raise ValueError("between or within")
+
+
+def parse_level_names(text: str) -> list[str]:
+    """The levels of a factor, with commas between them."""
+    names = [part.strip() for part in text.split(",")]
+    if wrong := next((name for name in names if not _LEVEL.match(name)), None):
+        raise ValueError(f"a level is a word of letters (a-z), digits, `_` and `-`, not `{wrong}`")
+    if len(names) < 2 or "" in names:
+        raise ValueError("two levels or more, with commas between them: yes, no")
+    if len(set(names)) < len(names):
+        raise ValueError("a level stands there twice")
+    return names
+
+
+def parse_level(name: str, text: str, scenario: Scenario) -> Level:
+    """What the robot does in a level.
+
+    :param name: the level's.
+    :param text: memory values, `hesitation = true, pause_ms = 300`; or `scenario PATH`; or nothing.
+    :param scenario: the one whose memory is set.
+    """
+    text = text.strip()
+    if text in ("", NOTHING):
+        return Level(name)
+    word, _, path = text.partition(" ")
+    if word == "scenario" and "=" not in text:
+        parse_scenario(path.strip())
+        return Level(name, scenario=path.strip())
+    memory = _parse_memory(text)
+    for key, value in memory.items():
+        if problem := memory_key_problem(scenario, key):
+            raise ValueError(problem)
+        memory[key] = value = _as_bool(value) if isinstance(scenario.memory.get(key), bool) else value
+        if problem := memory_type_problem(scenario, key, value):
+            raise ValueError(problem)
+    return Level(name, memory)
+
+
+def _as_bool(value: Json) -> Json:
+    """`yes` and `no`, where true and false are meant."""
+    word = value.casefold() if isinstance(value, str) else ""
+    return True if word in _ON else False if word in _OFF else value
+
+
+def _parse_memory(text: str) -> dict[str, Json]:
+    quoted = _PAIR.sub(lambda found: f"{found[1]} = {_quote_word(found[2])}", text)
+    try:
+        memory = tomllib.loads(f"memory = {{ {quoted} }}")["memory"]
+    except ValueError:
+        raise ValueError("write KEY = VALUE, with commas between: hesitation = true, pause_ms = 300") from None
+    if not isinstance(memory, dict):
+        raise ValueError("write KEY = VALUE, with commas between")
+    return memory
+
+
+def _quote_word(word: str) -> str:
+    return word if word in ("true", "false") else f'"{word}"'
+
+
+def usual_level(factor: str, level: str, scenario: Scenario) -> str:
+    """What a level surely sets: the key of the factor's name, if the memory has one; empty if nobody can tell.
+
+    >>> from rise_engine.scenario.loader import load
+    >>> scenario = load("scenarios/lablinking").scenario
+    >>> usual_level("hesitation", "no", scenario), usual_level("noise", "loud", scenario)
+    ('hesitation = false', '')
+    """
+    start = scenario.memory.get(factor)
+    if isinstance(start, bool):
+        word = level.casefold()
+        return f"{factor} = {'true' if word in _ON else 'false'}" if word in (*_ON, *_OFF) else ""
+    return f'{factor} = "{level}"' if isinstance(start, str) else ""
+
+
+def parse_stratum(text: str, taken: Collection[str]) -> tuple[str, tuple[str, ...]]:
+    """A column of participants.csv and its values: `language: de, en`."""
+    column, _, rest = re.sub(r"=", ":", text, count=1).partition(":")
+    column, values = column.strip(), tuple(part.strip() for part in rest.split(","))
+    if not _NAME.match(column) or len(values) < 2 or "" in values:
+        raise ValueError("write a word and its values: language: de, en")
+    if column in (*taken, *RESERVED_COLUMNS, *PLAN_COLUMNS) or column.startswith("consent_"):
+        raise ValueError(f"there is a column `{column}` already; choose another word")
+    if kind := personal_column(column):
+        raise ValueError(f"`{column}` seems to hold {kind}: {WHY}")
+    if len(set(values)) < len(values) or any("/" in value or "=" in value for value in values):
+        raise ValueError("each value stands there once, without `/` and `=`")
+    return column, values
+
+
+def parse_consents(text: str) -> tuple[str, ...]:
+    """What must be consented to, with commas between."""
+    if text.strip() in ("", NOTHING):
+        return ()
+    names = tuple(part.strip().removeprefix("consent_") for part in text.split(","))
+    if not all(_NAME.match(name) for name in names):
+        raise ValueError(f"words with commas between, as study, recording; or {NOTHING} for none")
+    return tuple(dict.fromkeys(names))
+
+
+def parse_automatic(text: str) -> tuple[StudyCheck, ...]:
+    """Automatic checks, with commas between."""
+    if text.strip() in ("", NOTHING):
+        return ()
+    names = list(dict.fromkeys(part.strip() for part in text.split(",")))
+    for name in names:
+        if name not in AUTOMATIC:
+            near = did_you_mean(name, AUTOMATIC, limit=0) or f"; there are {in_backquotes(AUTOMATIC)}"
+            raise ValueError(f"there is no automatic check `{name}`{near}")
+    return tuple(StudyCheck(name, auto=name, minimum="5 GB" if name == "disk" else "") for name in names)
+
+
+def asked_check(sentence: str, taken: Collection[str], *, after: bool = False) -> StudyCheck:
+    """A check that somebody confirms, with an id made of its words."""
+    words = re.findall(r"[a-z0-9]+", sentence.casefold())
+    words = [word for word in words if word not in ("the", "is", "are", "a", "an", "was", "were", "has", "have")]
+    base = "-".join(words[:3]) or "asked"
+    base = base if base[0].isalpha() else f"check-{base}"
+    identity, number = base, 2
+    while identity in taken:
+        identity, number = f"{base}-{number}", number + 1
+    return StudyCheck(identity, ask=parse_text(sentence), when="after" if after else "before")

@@ -1,0 +1,402 @@
+"""`rise-engine study new`: the questions about a new study, or the same answers as options."""
+
+from __future__ import annotations
+
+import re
+import sys
+from collections.abc import Callable, Collection, Iterator
+from contextlib import contextmanager
+from functools import partial
+from pathlib import Path
+from random import SystemRandom
+from shlex import quote
+from shutil import get_terminal_size
+from textwrap import fill
+from typing import Any, NamedTuple, TypeVar
+
+import click
+
+from rise_engine.base.exit_status import INTERRUPTED, OK, REFUSED
+from rise_engine.base.nearest_name import in_backquotes
+from rise_engine.base.text import pluralize
+from rise_engine.cli.options import MODE, ROBOT
+from rise_engine.cli.study import answers
+from rise_engine.cli.study.planning import look_at_study, look_lines
+from rise_engine.cli.terminal import Refused, exit_with_usage, print_lines
+from rise_engine.scenario.model import Mode, Scenario
+from rise_engine.scenario.shipped_studies import shipped_studies
+from rise_engine.study.balance import with_blocks_that_fit
+from rise_engine.study.check_kinds import AUTOMATIC
+from rise_engine.study.design import cells, runs
+from rise_engine.study.factor_tables import what_it_does
+from rise_engine.study.model import AssignmentSettings, Factor, FactorKind, Level, Study, StudyCheck
+from rise_engine.study.new_study import NewStudy, copy_sentence, folder_problem, write_new_study
+from rise_engine.study.review import review_study
+from rise_engine.study.study_toml import MAX_SEED
+
+_WIDEST = 88
+_USUAL_CHECKS = "robot, disk, scenario, wizard"
+_DEBRIEF = "The participant was debriefed"
+_Answer = TypeVar("_Answer")
+
+
+@click.command()
+@click.argument("folder", metavar="STUDY", type=click.Path())
+@click.option("--title", metavar="TEXT", help="What the study is called.")
+@click.option("--id", metavar="WORD", help="Its short name: letters and digits.")
+@click.option("--scenario", metavar="NAME|DIR", help="The scenario that is copied: a shipped one, or a path.")
+@click.option("--n", metavar="N", help="Complete participants that are wanted.")
+@MODE
+@ROBOT
+@click.option("--seed", type=click.IntRange(0, MAX_SEED), metavar="N", help="Of the plan. Without: drawn.")
+@click.option("--factor", "factors", metavar="NAME=KIND", multiple=True, help="noise=between, or within. Repeatable.")
+@click.option(
+    "--level",
+    "levels",
+    metavar="FACTOR.LEVEL=SETS",
+    multiple=True,
+    help="'noise.loud=noise = true', or 'noise.loud=scenario DIR'. Repeatable.",
+)
+@click.option("--label-only", metavar="FACTOR", multiple=True, help="What differs in it is done by people. Repeatable.")
+@click.option("--stratum", "strata", metavar="NAME=A,B", multiple=True, help="language=de,en. Repeatable.")
+@click.option("--consent", metavar="A,B", help="What must be consented to; - for nothing. Default: study.")
+@click.option("--auto", "automatic", metavar="A,B", help=f"Automatic checks; - for none. Default: {_USUAL_CHECKS}.")
+@click.option("--ask", "asked", metavar="SENTENCE", multiple=True, help="To be confirmed before a session. Repeatable.")
+@click.option(
+    "--ask-after",
+    "asked_after",
+    metavar="SENTENCE",
+    multiple=True,
+    help="The same after it; - for nothing. Repeatable.",
+)
+@click.option("--hidden", is_flag=True, help="Screens show the condition only when the session begins.")
+@click.option("--yes", is_flag=True, help="Ask nothing: what no option says is as usual.")
+def new(folder: str, **given: Any) -> int:
+    """Make a study in the new or empty folder STUDY: asks what it is about, and writes study.toml with comments.
+
+    Exit status: 0; 1 when it could not be made; 2 wrong usage; 130 when it was broken off. Nothing is left half made.
+    """
+    path = Path(folder)
+    if problem := folder_problem(path):
+        raise Refused(problem)
+    if not given["yes"] and not (sys.stdin is not None and sys.stdin.isatty()):
+        exit_with_usage(
+            "nobody can be asked, because standard input is no terminal; say --yes, and options for the rest"
+        )
+    try:
+        made = _Conversation(path, given).ask_all()
+        if made is None:
+            print_lines("Nothing was written.")
+            return REFUSED
+        errors = write_new_study(path, made, accept_errors=not given["yes"])
+    except (EOFError, KeyboardInterrupt):
+        print_lines("", "Nothing was written.")
+        return INTERRUPTED
+    print_lines(*errors)
+    try:
+        look = look_at_study(review_study(path)) if not errors else None
+    except KeyboardInterrupt:
+        look = None  # the study is there; `study check` explores it
+    for line in look_lines(look):
+        _print_filled(line)
+    where = quote(folder)
+    print_lines(
+        "",
+        f"{folder} is there{', with errors that are to be mended in it' * bool(errors)}.",
+        *(f"{copy_sentence(str(path / name), str(source))}." for name, source in made.sources.items()),
+        "What is next:",
+        "  1. Write a line for each participant into participants.csv; study.toml says",
+        "     how, at its end. Change in study.toml what you like.",
+        f"  2. rise-engine study check {where}",
+        "     says what is still wrong.",
+        f"  3. rise-engine study plan {where}",
+        "     makes the plan, once: who gets what, in which order.",
+        f"  4. rise-tui --config {where}",
+        "     runs it.",
+    )
+    return REFUSED if errors else OK
+
+
+class _Question(NamedTuple):
+    """Something that is asked once."""
+
+    option: str
+    """That answers it."""
+    question: str
+    parse: Callable[[str], Any]
+    """Raises ValueError with the reason why an answer means nothing."""
+    about: str = ""
+    """A paragraph before it."""
+
+
+_NOTHING = f"({answers.NOTHING}: nothing)"
+_TITLE = _Question("--title", "Title", answers.parse_text)
+_ID = _Question("--id", "Short name, letters and digits, for file names", answers.parse_id)
+_N = _Question("--n", "Complete participants that you want", answers.parse_count)
+_CONSENT = _Question(
+    "--consent",
+    f"Consent to {_NOTHING}",
+    answers.parse_consents,
+    "What must participants have consented to before a session? Each is a column of participants.csv with a date; "
+    "without one no session begins. Write words with commas between them: study, recording",
+)
+_AUTOMATIC = _Question(
+    "--auto",
+    f"Look at {_NOTHING}",
+    answers.parse_automatic,
+    "What is the program to look at before each session? Words with commas between them.",
+)
+
+
+class _Conversation:
+    """All questions. What options say is not asked."""
+
+    def __init__(self, folder: Path, given: dict[str, Any]) -> None:
+        """`given`: what the options of `new` say; with `yes`, nothing is asked."""
+        self.folder = folder
+        self.given = given
+        self.asks = not given["yes"]
+        self.sources: dict[str, Path] = {}
+        self.label_only: set[str] = set(given["label_only"])
+
+    def ask_all(self) -> NewStudy | None:
+        """Everything about the study; None: it is not to be written."""
+        self.say(
+            f"A new study in {self.folder}. Enter takes what stands in [brackets]; ctrl+c ends, and nothing is "
+            "written before you have said so at the end. Everything can be changed in study.toml later."
+        )
+        given, usual = self.given, self.folder.resolve().name
+        title: str = self.put(_TITLE, usual, given["title"])
+        identity: str = self.put(_ID, re.sub(r"[^A-Za-z0-9]", "", usual) or "study", given["id"])
+        scenario = self.ask_scenario()
+        n: int = self.put(_N, "24", given["n"])
+        factors = self.ask_factors(scenario)
+        strata = self.ask_strata()
+        consent: tuple[str, ...] = self.put(_CONSENT, "study", given["consent"])
+        checks = self.ask_checks()
+        hidden: bool = given["hidden"]
+        if self.asks and factors and not hidden:
+            question = "Is the wizard to see the condition only when the session begins (y/n)"
+            hidden = self.answer(question, "n", answers.parse_yes)
+        mode: Mode = given["mode"] or "real"
+        study = with_blocks_that_fit(
+            Study(
+                folder=str(self.folder),
+                title=title,
+                id=identity,
+                seed=given["seed"] if given["seed"] is not None else SystemRandom().randrange(10**8, 10**9),
+                n=n,
+                scenario="scenario",
+                mode=mode,
+                robot=given["robot"] or "",
+                factors=factors,
+                assignment=AssignmentSettings(strata=tuple(strata), hidden=hidden),
+                strata=strata,
+                consent=consent,
+                checks=checks,
+            )
+        )
+        if self.asks:
+            self.say(_summary(study))
+            if not self.answer(f"Write it into {self.folder} (y/n)", "y", answers.parse_yes):
+                return None
+        return NewStudy(study, self.sources, frozenset(self.label_only))
+
+    # --- asking ---
+
+    def say(self, text: str) -> None:
+        """A paragraph before questions."""
+        if self.asks:
+            print_lines("")
+            _print_filled(text, break_on_hyphens=True)
+
+    def put(self, question: _Question, usual: str, given: str | None) -> Any:
+        """Ask one of the questions above, unless its option says it."""
+        if given is not None:
+            with _meaning(f"{question.option} {given}"):
+                return question.parse(given)
+        if question.about:
+            self.say(question.about)
+        if question is _AUTOMATIC and self.asks:
+            width = max(map(len, AUTOMATIC))
+            for name, what in AUTOMATIC.items():
+                _print_filled(f"   {name:<{width}}  {what}", " " * (width + 5), break_on_hyphens=True)
+        return self.answer(question.question, usual, question.parse)
+
+    def answer(self, question: str, usual: str, parse: Callable[[str], _Answer]) -> _Answer:
+        """What is answered, asked again with a reason until it means something. `usual`: what Enter means."""
+        if not self.asks:
+            return parse(usual)
+        while True:
+            text = input(f"{question}{f' [{usual}]' if usual else ''}: ").strip() or usual
+            try:
+                return parse(text)
+            except ValueError as error:
+                _print_filled(f"   -> {error}", "      ", break_on_hyphens=True)
+
+    def answers(self, first: str, others: str, parse: Callable[[str], _Answer]) -> Iterator[_Answer]:
+        """What is answered, until somebody only presses Enter. Each is used before the next is asked."""
+        question = first
+        while (found := self.answer(question, "", lambda text: parse(text) if text else None)) is not None:
+            yield found
+            question = others
+
+    # --- the parts of a study ---
+
+    def ask_scenario(self) -> Scenario:
+        shipped = list(shipped_studies())
+        about = (
+            "The scenario is what the robot can do: acts and rules. It is copied into the study. With the program come "
+            f"{', '.join(shipped)}; or write the path of yours."
+        )
+        usual = "greeting" if "greeting" in shipped else next(iter(shipped), ".")
+        question = _Question("--scenario", "Scenario", answers.parse_scenario, about)
+        scenario: Scenario
+        self.sources["scenario"], scenario = self.put(question, usual, self.given["scenario"])
+        return scenario
+
+    def ask_factors(self, scenario: Scenario) -> tuple[Factor, ...]:
+        factors: dict[str, Factor] = {}
+        for written in self.given["factors"]:
+            factor = self.factor_of_option(written, factors, scenario)
+            factors[factor.name] = factor
+        for text in self.given["levels"]:
+            if text.partition("=")[0].strip().partition(".")[0] not in factors:
+                exit_with_usage(f"--level {text}: write FACTOR.LEVEL=KEY = VALUE, with --factor FACTOR=between before")
+        if self.asks and not factors:
+            self.say(
+                "Factors are what you vary. A level of a factor says what the robot does in it, by memory values that "
+                "are set before anything runs (hesitation = true), or by another scenario (scenario PATH). The keys of "
+                f"this scenario's memory: {', '.join(scenario.memory) or 'none'}."
+            )
+            first, others = "First factor, one word (Enter: none)", "Next factor, one word (Enter: no more)"
+            for name in self.answers(first, others, partial(answers.parse_factor_name, taken=factors)):
+                factors[name] = self.ask_factor(name, scenario)
+        return tuple(factors.values())
+
+    def ask_factor(self, name: str, scenario: Scenario) -> Factor:
+        print_lines(
+            "   between: each participant has one level. within: everybody has every level,",
+            "   each in a session of its own.",
+        )
+        kind = self.answer("   Between or within", "between", answers.parse_kind)
+        while True:
+            names = self.answer("   Its levels, with commas between them", "yes, no", answers.parse_level_names)
+            levels = [self.ask_level(name, level, scenario) for level in names]
+            if not (same := _same_levels(levels)):
+                break
+            print_lines(f"   -> In {in_backquotes(same)} the robot does the same.")
+            if self.answer("   Is what differs done by people, not by the robot (y/n)", "n", answers.parse_yes):
+                self.label_only.add(name)
+                break
+        return self.make_factor(name, kind, levels)
+
+    def ask_level(self, factor: str, level: str, scenario: Scenario) -> Level:
+        usual = answers.usual_level(factor, level, scenario)
+        hint = f"{answers.NOTHING}: nothing" if usual else "KEY = VALUE; Enter: nothing"
+        question = f"   What {level} sets ({hint})"
+        return self.answer(question, usual, lambda text: answers.parse_level(level, text, scenario))
+
+    def make_factor(self, name: str, kind: FactorKind, levels: list[Level]) -> Factor:
+        """The factor, with the scenarios of its levels as they are called in the study."""
+        named: list[Level] = []
+        for level in levels:
+            if level.scenario:
+                called = f"scenario-{level.name}"
+                self.sources[called] = answers.parse_scenario(level.scenario)[0]
+                level = Level(level.name, level.memory, called, level.label)
+            named.append(level)
+        return Factor(name, kind, tuple(named))
+
+    def factor_of_option(self, written: str, before: Collection[str], scenario: Scenario) -> Factor:
+        name, _, kind = written.partition("=")
+        levels: list[Level] = []
+        with _meaning(f"--factor {written}"):
+            answers.parse_factor_name(name, before)
+            parsed = answers.parse_kind(kind)
+            for text in self.given["levels"]:
+                path, _, sets = text.partition("=")
+                factor, _, level = path.strip().partition(".")
+                if factor == name:
+                    with _meaning(f"--level {text}"):
+                        levels.append(answers.parse_level(level.strip(), sets, scenario))
+            answers.parse_level_names(", ".join(level.name for level in levels))
+        if (same := _same_levels(levels)) and name not in self.label_only:
+            exit_with_usage(
+                f"--factor {written}: in {in_backquotes(same)} the robot does the same; say "
+                f"--label-only {name} if what differs is done by people"
+            )
+        return self.make_factor(name, parsed, levels)
+
+    def ask_strata(self) -> dict[str, tuple[str, ...]]:
+        strata: dict[str, tuple[str, ...]] = {}
+        for written in self.given["strata"]:
+            with _meaning(f"--stratum {written}"):
+                column, values = answers.parse_stratum(written, strata)
+            strata[column] = values
+        if self.asks and not strata:
+            self.say(
+                "Are there groups of people in each of which the conditions are to be equally frequent, as people who "
+                "speak German and English? Write a word and its values: language: de, en"
+            )
+            first, others = "Groups (Enter: none)", "Next groups (Enter: no more)"
+            for column, values in self.answers(first, others, partial(answers.parse_stratum, taken=strata)):
+                strata[column] = values
+        return strata
+
+    def ask_checks(self) -> tuple[StudyCheck, ...]:
+        checks: list[StudyCheck] = [*self.put(_AUTOMATIC, _USUAL_CHECKS, self.given["automatic"])]
+
+        def add(sentence: str, *, after: bool = False) -> None:
+            if sentence.strip() != answers.NOTHING:
+                checks.append(answers.asked_check(sentence, [check.id for check in checks], after=after))
+
+        for option, sentences in (("--ask", self.given["asked"]), ("--ask-after", self.given["asked_after"])):
+            for sentence in sentences:
+                with _meaning(f"{option} {sentence}"):
+                    add(answers.parse_text(sentence), after=option == "--ask-after")
+        if self.asks and not self.given["asked"]:
+            self.say("What is somebody to look at, and to confirm? A sentence: The lamp behind the robot is on")
+            question = "Before each session (Enter: no more)"
+            for sentence in self.answers(question, question, answers.parse_text):
+                add(sentence)
+        if not self.given["asked_after"]:
+            add(self.answer(f"After each session {_NOTHING}", _DEBRIEF, answers.parse_text), after=True)
+        return tuple(checks)
+
+
+@contextmanager
+def _meaning(option: str) -> Iterator[None]:
+    """Within it, an answer that means nothing ends the command with the reason. `option`: what says it."""
+    try:
+        yield
+    except ValueError as error:
+        exit_with_usage(f"{option}: {error}")
+
+
+def _print_filled(text: str, indent: str = "", *, break_on_hyphens: bool = False) -> None:
+    """Print a paragraph, as wide as the terminal. `indent`: of its second line, and of the others."""
+    width = min(_WIDEST, get_terminal_size().columns - 1)
+    print_lines(*fill(text, width, subsequent_indent=indent, break_on_hyphens=break_on_hyphens).split("\n"))
+
+
+def _same_levels(levels: list[Level]) -> list[str]:
+    """The first two levels in which the robot does the same."""
+    for at, level in enumerate(levels):
+        for other in levels[:at]:
+            if what_it_does(level) == what_it_does(other):
+                return [other.name, level.name]
+    return []
+
+
+def _summary(study: Study) -> str:
+    parts = [pluralize(study.n, "participant")]
+    if len(names := cells(study)) > 1:
+        listed = ", ".join("+".join(cell.values()) for cell in names)
+        parts.append(f"{len(names)} cells ({listed})")
+    each = runs(study)
+    if len(each) > 1:
+        parts.append(f"{len(each)} sessions each ({', '.join(each)}), in orders that are balanced")
+    if study.strata:
+        parts.append(f"balanced within {', '.join(study.strata)}")
+    return f"{study.title}: {'; '.join(parts)}."

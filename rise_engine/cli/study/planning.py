@@ -1,0 +1,185 @@
+"""`rise-engine study check` and `study plan`: what is wrong with a study, and its plan."""
+
+from __future__ import annotations
+
+import sys
+from collections.abc import Iterator
+from pathlib import Path
+from shlex import quote
+
+import click
+
+from rise_engine.base.errors import FileError
+from rise_engine.base.exit_status import OK, REFUSED
+from rise_engine.base.text import pluralize
+from rise_engine.checks.kinds import StudyLook, look_at_kinds
+from rise_engine.cli.data.proof_text import proof_lines, proof_row
+from rise_engine.cli.options import JSON, STUDY_OR_HERE
+from rise_engine.cli.scenario.loading import diagnostic_row
+from rise_engine.cli.terminal import Refused, exit_with_usage, print_lines, print_notes, write_json
+from rise_engine.study.design import cells, runs
+from rise_engine.study.model import Study
+from rise_engine.study.participants import load_participants
+from rise_engine.study.planning import last_planned, plan_study
+from rise_engine.study.proof import ProvedSession, prove_sessions
+from rise_engine.study.review import StudyReview, review_study
+from rise_engine.study.session_kinds import session_kinds
+from rise_engine.study.state import read_state
+from rise_engine.study.study_log import StudyLogError, read_log
+from rise_engine.study.study_toml import STUDY_FILE, load_study
+
+_PROBLEMS = (
+    "nothing is planned as long as sessions have problems. Correct them, or say why the plan is made all the same: "
+    "rise-engine study plan --anyway REASON"
+)
+
+
+def look_at_study(review: StudyReview) -> StudyLook | None:
+    """Explore and play every kind of session; None: the study has errors.
+
+    :param review: of the study, which was read a moment ago.
+    """
+    if review.study is None or review.errors:
+        return None
+    kinds = session_kinds(review.study, review.participants, review.scenarios)
+    shown = sys.stderr.isatty()
+    return look_at_kinds(review.study, kinds, lambda sentence: print_notes(sentence) if shown else None)
+
+
+def look_lines(look: StudyLook | None) -> Iterator[str]:
+    """Problems and warnings, a line each, and what was looked at; nothing of a study with errors."""
+    if look is None:
+        return
+    for each in look.findings:
+        finding = each.finding
+        if finding.level != "remark":
+            place = f"{finding.place}: " if finding.place else ""
+            yield f"{place}{finding.level} {finding.kind}: {finding.text} {each.where}".rstrip()
+    yield look.sentence
+
+
+@click.command()
+@STUDY_OR_HERE
+@click.option("--sessions", is_flag=True, help="Prove every session: replay it, and compare what is said of it.")
+@JSON
+def check(study: Path, sessions: bool, as_json: bool) -> int:
+    """Say everything that is wrong with the study in the folder STUDY (this one, if none is given).
+
+    study.toml, participants.csv, plan.csv, every scenario, and whether the plan is still the one that was made; also
+    whether session.toml and study.jsonl say of each session what its journal says. Without errors, every kind of
+    session, each condition in each language, is explored and played for a few seconds; what came of it is kept.
+
+    Exit status: 0 without errors (warnings may be there), 1 with errors, with a problem in some kind of session, or
+    with a session that is not proved, 2 when there is no study.
+    """
+    review = review_study(study)
+    errors = len(review.errors)
+    look = look_at_study(review)
+    problems = look.problems if look is not None else 0
+    proved = _proved(study) if sessions else iter(())
+    warnings = len(review.diagnostics) - errors
+    if as_json:
+        shown = list(proved)
+        write_json(
+            {
+                "errors": errors,
+                "warnings": warnings,
+                "findings": [diagnostic_row(diagnostic) for diagnostic in review.diagnostics],
+                "not_looked_at": list(review.left_out),
+                **({"explored": look.row()} if look is not None else {}),
+                **({"sessions": [proof_row(each) for each in shown]} if sessions else {}),
+            }
+        )
+        return OK if not errors and not problems and all(each.proved for each in shown) else REFUSED
+    print_lines(*review.diagnostics)
+    for name in review.left_out:
+        print_lines(f"{name} was not looked at: {STUDY_FILE} says what stands in it, and has errors there")
+    found = f"{pluralize(errors, 'error')}, {pluralize(warnings, 'warning')}" if review.diagnostics else "no findings"
+    print_lines(f"{found}{f' ({_contents_text(review.study, review)})' if review.study is not None else ''}")
+    print_lines(*look_lines(look))
+    is_well = not errors and not problems
+    if sessions and not _print_proof(proved):
+        is_well = False
+    if review.study is not None and is_well:
+        print_lines(_next_step(review, study))
+    return OK if is_well else REFUSED
+
+
+def _proved(path: Path) -> Iterator[ProvedSession]:
+    try:
+        state = read_state(path)
+    except (FileError, StudyLogError):
+        state = None
+    return prove_sessions(path, state)
+
+
+def _print_proof(sessions: Iterator[ProvedSession]) -> bool:
+    """Print what is proved of each session, as soon as it is; whether all are."""
+    found = []
+    for session in sessions:
+        found.append(session)
+        print_lines(*proof_lines(session))
+    proved = sum(each.proved for each in found)
+    print_lines(
+        f"{proved} of {pluralize(len(found), 'session')} proved: the record comes out of its inputs again, and "
+        "session.toml, study.jsonl and plan.csv say the same of it"
+    )
+    return proved == len(found)
+
+
+def _contents_text(study: Study, review: StudyReview) -> str:
+    parts = [pluralize(len(study.factors), "factor")]
+    if (number := len(cells(study))) > 1:
+        parts.append(pluralize(number, "cell"))
+    if (number := len(runs(study))) > 1:
+        parts.append(f"{number} runs each")
+    parts.append(f"{study.n} wanted")
+    without = sum(not all(each.consent.get(name) for name in study.consent) for each in review.participants)
+    parts.append(
+        f"{len(review.participants)} in participants.csv{f', {without} of them without consent' * bool(without)}"
+    )
+    if review.slots:
+        parts.append(f"a plan with {pluralize(len(review.slots), 'slot')}")
+    return ", ".join(parts)
+
+
+def _next_step(review: StudyReview, path: Path) -> str:
+    """What somebody does next."""
+    where = quote(str(path))
+    if not review.is_planned:
+        return f"next: make the plan   rise-engine study plan {where}"
+    if not review.participants:
+        return "next: write a line for each participant into participants.csv"
+    return f"next: run it           rise-tui --config {where}"
+
+
+@click.command()
+@STUDY_OR_HERE
+@click.option("--again", metavar="REASON", help="Make a new plan; study.jsonl keeps the reason.")
+@click.option("--anyway", metavar="REASON", help="Plan although sessions have problems; study.jsonl keeps the reason.")
+def plan(study: Path, again: str | None, anyway: str | None) -> None:
+    """Make the plan of the study in the folder STUDY, once, and print the proof of its balance.
+
+    Before that, every kind of session, each condition in each language, is explored and played without a robot. With a
+    problem in one, there is no plan. With --again, there is a new plan: whoever holds a slot keeps it, and all other
+    rows are made anew.
+
+    Exit status: 0; 1 when no plan can be made; 2 when there is no study, or without a reason.
+    """
+    if again is not None and not again.strip():
+        exit_with_usage("--again needs a reason: rise-engine study plan --again 'eight more participants'")
+    if anyway is not None and not anyway.strip():
+        exit_with_usage("--anyway needs a reason: rise-engine study plan --anyway 'that rule ends with the session'")
+    loaded = load_study(study)
+    if loaded.study is None:
+        raise Refused("nothing is planned as long as the study has errors", findings=loaded.diagnostics)
+    print_notes(*loaded.diagnostics)
+    participants = load_participants(loaded.study).participants
+    if again is not None or last_planned(read_log(study)) is None:
+        look = look_at_study(StudyReview(loaded.study, loaded.diagnostics, participants, loaded.scenarios))
+        print_lines(*look_lines(look), "")
+        if look is not None and look.problems and anyway is None:
+            raise Refused(_PROBLEMS)
+    reason = again.strip() if again is not None else None
+    made = plan_study(loaded.study, loaded.scenarios, participants, again=reason, anyway=(anyway or "").strip())
+    print_lines(made.sentence, "", *made.balance.lines)

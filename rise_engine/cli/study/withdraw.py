@@ -1,0 +1,105 @@
+"""`rise-engine study withdraw`: erases everything about a participant."""
+
+from __future__ import annotations
+
+import sys
+from collections.abc import Mapping, Sequence
+from pathlib import Path
+
+import click
+
+from rise_engine.base.exit_status import OK, PARTIAL
+from rise_engine.base.text import pluralize
+from rise_engine.cli.terminal import Refused, exit_with_usage, print_lines
+from rise_engine.results.export.anonymous import rows_to_keep
+from rise_engine.study.kept_rows import FILE as KEPT_FILE
+from rise_engine.study.labels import Reassignment, reassignments
+from rise_engine.study.study_log import LOG_FILE, read_log
+from rise_engine.study.traces import STUDY_FILE
+from rise_engine.study.withdrawal import plan_withdrawal
+from rise_engine.study.withdrawal import withdraw as withdraw_participant
+from rise_engine.study.withdrawal_work import WithdrawalPlan
+
+
+@click.command("withdraw")
+@click.argument("folder", metavar="STUDY", type=click.Path())
+@click.argument("participant", metavar="PARTICIPANT")
+@click.option("--yes", is_flag=True, help="Do not ask. It cannot be undone.")
+@click.option(
+    "--keep-anonymous",
+    is_flag=True,
+    help="Keep how their sessions went, in numbers, under a fresh id, because they agreed to that (consent_anonymous).",
+)
+def withdraw(folder: str, participant: str, yes: bool, keep_anonymous: bool) -> int:
+    """Erase everything about PARTICIPANT from STUDY, because they have withdrawn their consent.
+
+    Their session folders, the recordings that these have registered, and what was exported of them with `export -o` are
+    erased. In study.jsonl a salted hash takes the place of the pseudonym, and a slot that they hold is free. What
+    cannot be reached from here is listed. It cannot be undone; when it was interrupted, say it again.
+
+    With --keep-anonymous, anonymous.csv keeps a row for each of their sessions that counts: condition, duration,
+    numbers of acts, answer times; no date, no slot, no words. It is refused unless participants.csv has a date in
+    consent_anonymous for them.
+
+    Exit status: 0 done; 1 refused, something that is known of was not erased, or they are still named in the study's
+    folder; 2 wrong usage.
+    """
+    study = Path(folder)
+    if not ((study / STUDY_FILE).is_file() or (study / LOG_FILE).is_file()):
+        exit_with_usage(f"{folder} is no study: it has no {STUDY_FILE}")
+    plan = plan_withdrawal(study, participant)
+    keep = rows_to_keep(study, participant, plan.sessions) if keep_anonymous else []
+    print_lines(*_plan_lines(plan, reassignments(read_log(study))))
+    if keep:
+        print_lines(f"{pluralize(len(keep), 'row')} of numbers stay in {KEPT_FILE}, as {keep[0]['id']}")
+    if not yes:
+        _ask(participant)
+    slot = _slot_afterwards(study, participant)
+    report = withdraw_participant(study, participant, keep=keep)
+    erased = f"{participant} has withdrawn: {pluralize(len(report.erased), 'thing')} erased"
+    lines = [f"{erased}; {slot}" if slot else erased]
+    if report.make_again:
+        lines += ["exports that held others too are erased; make them again:", *_indent(report.make_again)]
+    if report.remains:
+        lines += ["still named in the study's folder:", *_indent(report.remains)]
+    if report.unreached:
+        lines += ["not erased, and somebody has to see to it:", *_indent(report.unreached)]
+    lines += ["what this program cannot reach, and somebody has to see to:", *_indent(report.beyond)]
+    print_lines(*lines)
+    return PARTIAL if report.remains or report.unreached else OK
+
+
+def _slot_afterwards(study: Path, participant: str) -> str:
+    """What becomes of the slot of somebody who withdraws; empty: they have none."""
+    taken = [entry for entry in read_log(study) if entry.kind == "taken"]
+    takers = {entry.get("slot"): entry.get("participant") for entry in taken}
+    theirs = [entry.get("slot") for entry in taken if entry.get("participant") == participant]
+    if not theirs:
+        return ""
+    holder = takers[theirs[-1]]
+    return "their slot is free" if holder == participant else f"slot {theirs[-1]}, which they had, stays with {holder}"
+
+
+def _plan_lines(plan: WithdrawalPlan, moved: Mapping[str, Reassignment]) -> list[str]:
+    lines = [f"this is erased of {plan.participant}, and cannot be brought back:"]
+    lines += _indent(
+        [f"session {name}" + (f", {moved[name].sentence}" if name in moved else "") for name in plan.sessions]
+    )
+    lines += _indent([f"recording {path}" for path in plan.recordings])
+    for path, others in plan.exports.items():
+        what = "export folder, with everything in it:" if path in plan.export_folders else "export"
+        lines += _indent([f"{what} {path}" + (f", which also holds {', '.join(others)}" if others else "")])
+    return [*lines, *_indent(["what study.jsonl says about them, but for a salted hash"])]
+
+
+def _ask(participant: str) -> None:
+    """Ends the command unless somebody types the pseudonym."""
+    if not sys.stdin.isatty():
+        exit_with_usage("nobody can be asked here; say --yes to do it. Nothing was erased")
+    typed = click.prompt("To do it, type the pseudonym", default="", show_default=False)
+    if typed.strip() != participant:
+        raise Refused("that is another one; nothing was erased")
+
+
+def _indent(lines: Sequence[str]) -> list[str]:
+    return [f"  {line}" for line in lines]

@@ -1,0 +1,191 @@
+"""Acts and cues of a session, with the parts of every latency.
+
+What old journals do not say is worked out from their other records: who asked for an act from its task, whether it
+bridged a cue from the cue, when it was to be heard from its actions.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping
+from sys import intern
+from typing import Any, cast
+
+from msgspec.structs import replace
+
+from rise_engine.kernel.records import FINAL, AnyRecord, CueRecord, Mark, TaskRecord, TaskStatus
+from rise_engine.kernel.speech import SAY, SPEECH
+from rise_engine.kernel.task_view import ActionView, TaskView, add_record
+from rise_engine.results.analysis.causes import CauseCollector, actor_of
+from rise_engine.results.analysis.model import ActPart, Cue, PlayedAct, WizardKey
+from rise_engine.scenario.action_declarations import core_actions
+from rise_engine.scenario.model import ActionSpec, Scenario
+from rise_engine.scenario.spoken import MESSAGE, SPEECH_CHANNEL
+from rise_engine.scenario.ssml import plain_words
+from rise_engine.scenario.template import spoken_text
+
+_TELLING = ("value", "duration")
+"""Parameters, the most telling first."""
+
+
+def _share_words(task: TaskView) -> None:
+    """Hundreds of thousands of tasks of a node say the same words: in memory, once."""
+    task.function, task.behavior = intern(task.function), intern(task.behavior)
+    task.calling_type, task.source = intern(task.calling_type), intern(task.source)
+
+
+class ActCollector:
+    """Takes in the records of a session in their order, and says which acts and cues they tell of."""
+
+    def __init__(self, scenario: Scenario | None) -> None:
+        """
+        :param scenario: the session's; None: it cannot be loaded, and channels are those of the core actions.
+        """
+        self._scenario = scenario
+        self._specs = specs_of(scenario)
+        self._tasks: dict[int, TaskView] = {}
+        self._cues: list[Cue] = []
+        self._answers: dict[int, int] = {}
+        """By task, the cue in the list that it answered."""
+        self._bridges: dict[int, int] = {}
+        self._causes = CauseCollector(self._tasks)
+
+    def add(self, record: AnyRecord) -> None:
+        """Take in the next record."""
+        add_record(self._tasks, record)
+        self._causes.add(record)
+        if isinstance(record, CueRecord):
+            self._add_cue(record)
+        elif isinstance(record, TaskRecord):
+            _share_words(self._tasks[record.id])
+
+    def acts(self) -> tuple[PlayedAct, ...]:
+        """Every act, by when the engine took it."""
+        acts = [task for task in self._tasks.values() if task.is_act]
+        marks = self._causes.marks([act.id for act in acts])
+        played = [self._played(act, marks.get(act.id)) for act in acts]
+        return tuple(sorted(played, key=lambda each: (each.accepted_at, each.task)))
+
+    def keys(self) -> tuple[WizardKey, ...]:
+        """What wizards asked for."""
+        return self._causes.keys([task.id for task in self._tasks.values() if task.is_act])
+
+    def raised(self) -> tuple[tuple[float, str], ...]:
+        """Which events wizards raised, and when."""
+        return self._causes.raised()
+
+    def cues(self, acts: Iterable[PlayedAct]) -> tuple[Cue, ...]:
+        """Every cue, with what `acts` answered and bridged it."""
+        by_task = {act.task: act for act in acts}
+        cues = list(self._cues)
+        for task, index in self._bridges.items():
+            act = by_task.get(task)
+            if act is not None and act.robot_at is not None and cues[index].filled_at is None:
+                cues[index] = replace(cues[index], filled_at=act.robot_at)
+        for task, index in self._answers.items():
+            act = by_task.get(task)
+            began = None if act is None else act.voice_at if act.speaks else act.robot_at
+            cues[index] = replace(cues[index], answered_at=began, task=task)
+        return tuple(cues)
+
+    def _add_cue(self, record: CueRecord) -> None:
+        if record.status == "marked":
+            self._cues.append(Cue(at=record.t, source=record.source, text=record.text))
+            return
+        if not self._cues:
+            return  # what marked it cannot be read
+        index = len(self._cues) - 1
+        if record.status == "undone":
+            self._cues[index] = replace(self._cues[index], undone_at=record.t)
+        elif record.task is not None:
+            (self._answers if record.status == "answered" else self._bridges).setdefault(record.task, index)
+
+    def _played(self, task: TaskView, mark: Mark | None) -> PlayedAct:
+        cue = self._answers.get(task.id, self._bridges.get(task.id))
+        origin = self._causes.origin_of(task.id)
+        name = SAY if task.function == "say" else task.behavior
+        parts = parts_of(task, self._specs)
+        robot_at, voice_at = confirmed_at(parts)
+        return PlayedAct(
+            task=task.id,
+            act=name,
+            source=task.source,
+            by=origin.by,
+            via=origin.via,
+            actor=actor_of(origin.by),
+            status=cast(TaskStatus, task.status),
+            reason=task.reason,
+            filler=task.id in self._bridges or task.filler,
+            cue_at=None if cue is None else self._cues[cue].at,
+            key_at=origin.key_at,
+            accepted_at=task.submitted,
+            started_at=task.started,
+            robot_at=robot_at if task.robot_at is None else task.robot_at,
+            voice_at=voice_at if task.voice_at is None else task.voice_at,
+            ended_at=task.ended if task.status != "REJECTED" else None,
+            mark=mark,
+            parts=parts,
+            speaks=self._speaks(name, task, parts),
+        )
+
+    def _speaks(self, name: str, task: TaskView, parts: tuple[ActPart, ...]) -> bool:
+        if any(SPEECH_CHANNEL in part.channels for part in parts):
+            return True
+        if parts and task.status in FINAL:
+            return False
+        if name == SAY:
+            return SPEECH_CHANNEL in self._specs[SPEECH].channels if SPEECH in self._specs else True
+        found = self._scenario.acts.get(name) if self._scenario is not None else None
+        return found is not None and SPEECH_CHANNEL in found.channels
+
+
+def specs_of(scenario: Scenario | None) -> Mapping[str, ActionSpec]:
+    """What is known of the actions of a session's robot; of the core actions where its scenario cannot be loaded."""
+    return scenario.robot.actions if scenario is not None else core_actions()
+
+
+def parts_of(task: TaskView, specs: Mapping[str, ActionSpec]) -> tuple[ActPart, ...]:
+    """The actions of an act as the robot did them. What the engine does itself, as a pause, no robot confirms."""
+    return tuple(_part(action, specs.get(action.sent_as or action.type)) for action in task.actions.values())
+
+
+def _part(action: ActionView, spec: ActionSpec | None) -> ActPart:
+    by_engine = spec is not None and spec.engine
+    return ActPart(
+        action=action.action,
+        type=action.type,
+        channels=spec.channels if spec is not None and not by_engine else (),
+        parameters=action.parameters,
+        text=telling_text(action.parameters),
+        accepted_at=None if by_engine else action.confirmed,
+        ended_at=action.ended,
+        status=action.status,
+        started_at=action.since if action.began else None,
+    )
+
+
+def confirmed_at(parts: Iterable[ActPart]) -> tuple[float | None, float | None]:
+    """When the robot had taken the first of an act's actions, and the first one that takes the voice."""
+    found = [(part.accepted_at, part.channels) for part in parts if part.accepted_at is not None]
+    voiced = (at for at, channels in found if SPEECH_CHANNEL in channels)
+    return min((at for at, _ in found), default=None), min(voiced, default=None)
+
+
+def telling_text(parameters: Mapping[str, Any]) -> str:
+    """What an action says, or its most telling parameter, in a few words.
+
+    >>> telling_text({"message": "<speak>Hello<break time='1s'/>you</speak>"}), telling_text({"value": "nod"})
+    ('Hello you', 'nod')
+    >>> telling_text({"pointx": 1.0, "pointy": 0, "pointz": 0.5}), telling_text({})
+    ('(1, 0, 0.5)', '')
+    """
+    message = parameters.get(MESSAGE)
+    if message is not None:
+        return plain_words(message) if isinstance(message, str) else spoken_text(message)
+    if all(axis in parameters for axis in ("pointx", "pointy", "pointz")):
+        return "(" + ", ".join(spoken_text(parameters[axis]) for axis in ("pointx", "pointy", "pointz")) + ")"
+    told = next((name for name in _TELLING if name in parameters), None)
+    if told == "duration":
+        return f"{spoken_text(parameters[told])} ms"
+    if told is not None:
+        return spoken_text(parameters[told])
+    return next((spoken_text(value) for value in parameters.values()), "")

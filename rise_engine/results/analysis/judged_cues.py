@@ -1,0 +1,352 @@
+"""What several wizards decided about the same cues: the one who ran the session, and those to whom it was played.
+
+A decision is the first thing that a wizard asked for after a cue and that is no filler, no mark and no note: an act, an
+event, a rule, a value, speech, a stop. What was asked for before the cue is one when the act that came of it answered
+the cue. Nothing until the next cue is a decision, too (`NOTHING`). What was said freely is `say`, whatever its words.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from pathlib import Path
+
+from msgspec import Struct, field
+
+from rise_engine.base.errors import SessionError
+from rise_engine.expression import Assignment, LanguageError
+from rise_engine.kernel.behaviors import (
+    BehaviorError,
+    EventRaise,
+    is_object,
+    read_object,
+    read_step_back,
+    started_rule,
+)
+from rise_engine.kernel.records import ControlRecord, CueRecord, Mark, MistakeRecord, TaskRecord
+from rise_engine.results.analysis.causes import actor_of
+from rise_engine.results.analysis.model import SessionData, SessionFacts
+from rise_engine.scenario.model import Scenario, normal_topic
+from rise_engine.session.folder import read_info
+from rise_engine.session.replay import load_session_scenario
+from rise_engine.session.shadow import (
+    NO_ANSWERS,
+    Shadow,
+    ShadowCue,
+    ShadowEnd,
+    ShadowHeader,
+    ShadowKey,
+    ShadowMark,
+    ShadowPause,
+    read_shadows,
+)
+
+NOTHING = "(nothing)"
+"""The decision of who did nothing about a cue until it was over."""
+ACT, SAY, EVENT, SET = "startCommunicationRobotAct", "say", "raiseEventTopic", "assignValue"
+_WORDS = {
+    "stopCommunicationRobotAct": "stop",
+    "stopInteractionRule": "stop rule",
+    "deleteValue": "delete",
+    "cancelTask": "cancel a task",
+    "stopAll": "stop all",
+    "goOn": "go on",
+    "repeatAct": "repeat the failed act",
+    "stopRuleOfAct": "stop the rule of the failed act",
+}
+_WITHOUT_NAME = frozenset({"cancelTask", "stopAll", "goOn", "repeatAct", "stopRuleOfAct"})
+"""What names a task by its number, or nothing."""
+
+
+class Decision(Struct, frozen=True):
+    """What one wizard did about one cue."""
+
+    label: str
+    latency: float | None = None
+    """Seconds from the cue to the key; None: nothing was done, or the time means nothing (see `why`)."""
+    why: str = ""
+    """Why there is no latency although something was done: `paused`, `another speed`, `before the cue`."""
+
+
+class JudgedCue(Struct, frozen=True, kw_only=True):
+    """One cue, and who decided what about it."""
+
+    facts: SessionFacts
+    number: int
+    """The how-manieth cue of its session, from 1; those that were taken back are counted and left out."""
+    at: float
+    decisions: dict[str, Decision]
+    """By the wizard's name. Who did not see it is not there."""
+
+
+class MarkedAct(Struct, frozen=True, kw_only=True):
+    """Something that the session's wizard did, and what each who marks mistakes says of it."""
+
+    facts: SessionFacts
+    task: int
+    act: str
+    marks: dict[str, Mark]
+    """By name; `none`: they saw it and found nothing wrong."""
+
+
+class JudgedSession(Struct, kw_only=True):
+    """One session with those who judged it."""
+
+    live: str
+    """Who ran it; several, joined by ` + `."""
+    cues: list[JudgedCue] = field(default_factory=list)
+    undone: int = 0
+    """Cues that were taken back, and count for nobody."""
+    acts: list[MarkedAct] = field(default_factory=list)
+    remarks: list[str] = field(default_factory=list)
+
+
+class _Window(Struct):
+    """A cue until the next one."""
+
+    seq: int
+    at: float
+    number: int
+    decision: Decision | None = None
+    undone: bool = False
+
+
+def decision_label(scenario: Scenario | None, function: str, behavior: str) -> str:
+    """What was decided, in a few words that tell no value that somebody typed.
+
+    :param scenario: of the session; None where it cannot be read.
+    :param function: of the task.
+    :param behavior: of the task.
+    """
+    match function:
+        case _ if function == ACT:
+            return behavior
+        case _ if function == SAY:
+            return SAY
+        case _ if function == EVENT:
+            return f"event {_topic(behavior)}"
+        case "startInteractionRule":
+            return f"rule {started_rule(behavior)}"
+        case _ if function == SET:
+            is_key = scenario is not None and any(
+                (each.function, each.task_behavior) == (function, behavior) for each in scenario.keys.values()
+            )
+            return f"set {' '.join(behavior.split()) if is_key else _assigned(behavior)}"
+        case "stepBack":
+            try:
+                return f"step back {read_step_back(behavior).rule}"
+            except BehaviorError:
+                return "step back"
+    word = _WORDS.get(function, function)
+    return word if function in _WITHOUT_NAME else f"{word} {behavior}".strip()
+
+
+def _topic(behavior: str) -> str:
+    if is_object(behavior):
+        try:
+            behavior = read_object(behavior, EventRaise, "an event").event
+        except BehaviorError:
+            return "?"
+    return f"/{normal_topic(behavior)}"
+
+
+def _assigned(behavior: str) -> str:
+    try:
+        return Assignment.parse(behavior).key
+    except LanguageError:
+        return "?"
+
+
+def judge_session(data: SessionData, names: Mapping[str, str] | None = None) -> JudgedSession:
+    """What was decided about each cue of a session.
+
+    :param data: the session, read at the level `full`: decisions are told by their labels alone.
+    :param names: what to call each wizard; None: as they are called.
+    """
+    scenario = _scenario_of(data.folder)
+    shadows, problems = read_shadows(data.folder)
+    named = dict(names or {})
+    windows = _windows(data, scenario)
+    live = _live_names(data)
+    session = JudgedSession(live=" + ".join(named.get(each, each) for each in live))
+    if scenario is None:
+        session.remarks.append(f"{data.facts.session} has no scenario that can be read: fillers count as answers")
+    problems += [f"{data.facts.session}: {problem}" for each in shadows for problem in each.problems]
+    session.remarks += [each.replace(str(data.folder), data.facts.session) for each in problems]
+    if len(live) > 1:
+        session.remarks.append(f"{len(live)} wizards ran {data.facts.session}; what they did is counted as one's")
+    session.undone = sum(window.undone for window in windows)
+    judges = _judges(shadows, live, named, session, data.facts.session)
+    judged = {name: _shadow_decisions(shadow, scenario) for name, shadow in judges.items()}
+    for window in windows:
+        if window.undone:
+            continue
+        decisions = {session.live: window.decision or Decision(NOTHING)}
+        for name, found in judged.items():
+            if (decision := found.get(window.seq)) is not None:
+                decisions[name] = decision
+        session.cues.append(JudgedCue(facts=data.facts, number=window.number, at=window.at, decisions=decisions))
+    session.acts = _marked_acts(data, scenario, judges, named)
+    return session
+
+
+def wizards_of(data: SessionData) -> list[str]:
+    """Everybody who ran, judged or marked a session, by name."""
+    marking = (_person(each.source) for each in data.records if isinstance(each, MistakeRecord))
+    judging = (each.header.wizard for each in read_shadows(data.folder)[0])
+    return list(dict.fromkeys([*_live_names(data), *judging, *marking]))
+
+
+def _scenario_of(folder: Path) -> Scenario | None:
+    try:
+        return load_session_scenario(folder, read_info(folder), [])
+    except SessionError:
+        return None
+
+
+# --- who ran it -------------------------------------------------------------------------------------------------------
+
+
+def _person(source: str) -> str:
+    return source.partition(":")[2].partition("#")[0]
+
+
+def _live_names(data: SessionData) -> list[str]:
+    """Who asked for anything, in order; if nobody did, who had control."""
+    acted = dict.fromkeys(
+        _person(each.source)
+        for each in data.records
+        if isinstance(each, TaskRecord) and actor_of(each.source) == "wizard" and each.function not in NO_ANSWERS
+    )
+    held = dict.fromkeys(
+        _person(each.holder)
+        for each in data.records
+        if isinstance(each, ControlRecord) and each.holder and each.holder.startswith("wizard:")
+    )
+    return list(acted or held) or ["wizard"]
+
+
+def _windows(data: SessionData, scenario: Scenario | None) -> list[_Window]:
+    keys = {key.task: key.at for key in data.keys}
+    pressed_at: dict[tuple[str, float | None], int] = {(key.source, key.at): key.task for key in data.keys}
+    early = {act.cue_at: pressed_at.get((act.by, act.key_at), 0) for act in data.acts if act.before_cue}
+    asked: dict[int, TaskRecord] = {}
+    windows: list[_Window] = []
+    for record in data.records:
+        if isinstance(record, CueRecord) and record.status == "marked":
+            window = _Window(record.seq, record.t, len(windows) + 1)
+            if (before := asked.get(early.get(record.t, 0))) is not None and _decides(before, scenario):
+                label = decision_label(scenario, before.function, before.behavior)
+                window.decision = Decision(label, why="before the cue")
+            windows.append(window)
+        elif isinstance(record, CueRecord) and record.status == "undone" and windows:
+            windows[-1].undone = True
+        elif isinstance(record, TaskRecord) and record.id not in asked:
+            asked[record.id] = record
+            if windows and windows[-1].decision is None and _decides(record, scenario):
+                pressed = keys.get(record.id, record.t)
+                if pressed >= windows[-1].at:
+                    latency = round(pressed - windows[-1].at, 6)
+                    windows[-1].decision = Decision(decision_label(scenario, record.function, record.behavior), latency)
+    return windows
+
+
+def _decides(record: TaskRecord, scenario: Scenario | None) -> bool:
+    if actor_of(record.source) != "wizard" or record.function in NO_ANSWERS:
+        return False
+    if record.function != ACT or scenario is None:
+        return True
+    settings = scenario.settings_of(record.behavior)
+    return settings.answers and not settings.filler
+
+
+# --- who judged it ----------------------------------------------------------------------------------------------------
+
+
+def _judges(
+    shadows: list[Shadow], live: list[str], names: Mapping[str, str], session: JudgedSession, name: str
+) -> dict[str, Shadow]:
+    """By name: of several shadows of one wizard the last one that went to the end, or else the last one."""
+    found: dict[str, Shadow] = {}
+    for shadow in shadows:
+        judge = names.get(shadow.header.wizard, shadow.header.wizard)
+        if shadow.header.wizard in live:
+            judge = f"{judge} (again)"
+        if judge in found:
+            session.remarks.append(f"{judge} judged {name} more than once; what counts is the last time to the end")
+        if judge not in found or shadow.complete or not found[judge].complete:
+            found[judge] = shadow
+    for judge, shadow in found.items():
+        if not shadow.complete:
+            session.remarks.append(f"{judge} did not see {name} to its end; later cues are missing, not unanswered")
+        if shadow.header.speed != 1:
+            session.remarks.append(f"{judge} judged {name} at {shadow.header.speed:g} times its speed: no latencies")
+    return found
+
+
+def _shadow_decisions(shadow: Shadow, scenario: Scenario | None) -> dict[int, Decision]:
+    """By the `seq` of each cue that was shown to its end or answered."""
+    decisions: dict[int, Decision] = {}
+    cue: ShadowCue | None = None
+    paused = False
+    for line in shadow.lines:
+        match line:
+            case ShadowCue():
+                if cue is not None and line.cue != cue.cue:
+                    decisions.setdefault(cue.cue, Decision(NOTHING))
+                decisions.pop(line.cue, None)  # shown again: what was pressed then counts no more
+                cue, paused = line, False
+            case ShadowPause():
+                paused = True
+            case ShadowKey() if line.answers and cue is not None and line.cue == cue.cue:
+                why = "paused" if paused else "another speed" if shadow.header.speed != 1 else ""
+                latency = None if why else round(line.t - cue.t, 6)
+                label = decision_label(scenario, line.function, line.behavior)
+                decisions.setdefault(cue.cue, Decision(label, latency, why))
+            case ShadowEnd() if cue is not None:
+                decisions.setdefault(cue.cue, Decision(NOTHING))
+    return decisions
+
+
+# --- mistakes ---------------------------------------------------------------------------------------------------------
+
+
+def _marked_acts(
+    data: SessionData, scenario: Scenario | None, judges: Mapping[str, Shadow], names: Mapping[str, str]
+) -> list[MarkedAct]:
+    """The wizard's acts, and whatever else somebody marked, with the marks of everybody who marked anything."""
+    coders: dict[str, dict[int, Mark]] = {}
+    for record in data.records:
+        if isinstance(record, MistakeRecord):
+            person = _person(record.source)
+            coders.setdefault(names.get(person, person), {})[record.task] = record.mark
+    until: dict[str, float] = {}
+    for judge, shadow in judges.items():
+        marks = {line.task: line.mark for line in shadow.lines if isinstance(line, ShadowMark)}
+        if marks:
+            coders[judge] = marks
+            until[judge] = (
+                float("inf")
+                if shadow.complete
+                else max(line.t for line in shadow.lines if not isinstance(line, ShadowHeader))
+            )
+    if not coders:
+        return []
+    marked = {task for marks in coders.values() for task in marks}
+    acts = {act.task for act in data.acts if actor_of(act.source) == "wizard" and act.status != "REJECTED"}
+    deeds: dict[int, TaskRecord] = {}
+    for each in data.records:
+        if isinstance(each, TaskRecord) and (each.id in acts or each.id in marked):
+            deeds.setdefault(each.id, each)
+    return [
+        MarkedAct(
+            facts=data.facts,
+            task=task,
+            act=decision_label(scenario, deeds[task].function, deeds[task].behavior),
+            marks={
+                coder: marks.get(task, "none")
+                for coder, marks in coders.items()
+                if deeds[task].t <= until.get(coder, float("inf"))
+            },
+        )
+        for task in sorted(deeds)
+    ]

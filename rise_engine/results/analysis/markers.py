@@ -1,0 +1,173 @@
+"""Markers: what happened in a session, each moment in a few words, for programs that lay it beside an EEG or a video.
+
+    act/R_Welcome/robot     cue/marked     state/Greeting/Welcome     event/H_arrived     sync/2     stop/latched
+
+They hold names that the scenario gives and nothing that anybody said or typed, so that they may go to a network in
+clear. All of them: docs/reference/markers.md. The live stream (`rise-engine lsl`) and `--format xdf` have
+the same.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from copy import deepcopy
+from typing import Literal
+
+import msgspec
+
+from rise_engine.kernel.records import (
+    FINAL,
+    ActionRecord,
+    AnyRecord,
+    CueRecord,
+    EventRecord,
+    MistakeRecord,
+    NoteRecord,
+    OutcomeRecord,
+    RecordingRecord,
+    RobotRecord,
+    RuleRecord,
+    SessionRecord,
+    StopRecord,
+    SyncRecord,
+    TaskRecord,
+)
+from rise_engine.kernel.speech import SAY
+from rise_engine.kernel.task_view import TaskView, add_record
+from rise_engine.kernel.view import SessionView
+from rise_engine.results.analysis.acts import confirmed_at, parts_of, specs_of
+from rise_engine.results.analysis.model import SessionData, SessionFacts
+from rise_engine.results.analysis.outages import records_by_wall_clock
+from rise_engine.scenario.model import ActionSpec, Scenario
+
+OTHER = "other"
+"""In the place of a name that somebody may have typed: the scenario does not have it."""
+_MOMENTS = {
+    "PENDING": "accepted",
+    "ACTIVE": "started",
+    "SUCCEEDED": "succeeded",
+    "ABORTED": "failed",
+    "CANCELED": "canceled",
+    "REJECTED": "rejected",
+}
+_TYPED_BY = ("wizard:", "observer:")
+
+
+class MarkerWords:
+    """Words records, one after the other, in the order of the session."""
+
+    def __init__(
+        self,
+        specs: Mapping[str, ActionSpec],
+        is_known: Callable[[Literal["act", "topic"], str], bool] = lambda kind, name: True,
+        hide: Callable[[str], str] = str,
+    ) -> None:
+        """
+        :param specs: the actions of the session's robot.
+        :param is_known: whether the name of an act or a topic (without its slash) is the scenario's; another one that a
+            person gave is not told.
+        :param hide: takes out of other names what is private.
+        """
+        self._specs = specs
+        self._is_known = is_known
+        self._hide = hide
+        self._tasks: dict[int, TaskView] = {}
+        """The acts that are not over."""
+
+    def skip_to(self, view: SessionView) -> None:
+        """Begin with a session that is under way: what is in `view` is over and will not be told."""
+        self._tasks = {id: deepcopy(view.tasks[id]) for id in (*view.running, *view.waiting) if id in view.tasks}
+
+    def words(self, record: AnyRecord) -> tuple[str, ...]:
+        """The markers of a record, none for most kinds."""
+        match record:
+            case TaskRecord(function="startCommunicationRobotAct" | "say"):
+                return self._task(record)
+            case ActionRecord():
+                return self._action(record)
+            case RuleRecord(status="entered", state=str(state)):
+                return (f"state/{record.name}/{state}",)
+            case RuleRecord(status="stayed"):
+                return ()
+            case RuleRecord():
+                return (f"rule/{record.name}/{record.status}",)
+            case EventRecord():
+                return (f"event/{self._name('topic', record.topic.lstrip('/'), record.source)}",)
+            case SessionRecord() | StopRecord() | CueRecord() | RobotRecord() | OutcomeRecord():
+                return (f"{record.__struct_config__.tag}/{record.status}",)
+            case MistakeRecord():
+                return (f"mistake/{record.mark}",)
+            case SyncRecord():
+                return (f"sync/{record.number}",)
+            case RecordingRecord(status="started" | "stalled" | "stopped" | "failed"):
+                return (f"recording/{record.name}/{record.status}",)
+            case NoteRecord():
+                return ("note",)
+            case _:
+                return ()
+
+    def _task(self, record: TaskRecord) -> tuple[str, ...]:
+        known = self._tasks.get(record.id)
+        before = known.status if known is not None else ""
+        add_record(self._tasks, record)
+        if record.status in FINAL:
+            del self._tasks[record.id]
+        elif before == record.status:  # its place in the queue has changed
+            return ()
+        name = SAY if record.function == SAY else self._name("act", record.behavior, record.source)
+        return (f"act/{name}/{_MOMENTS[record.status]}",)
+
+    def _action(self, record: ActionRecord) -> tuple[str, ...]:
+        task = self._tasks.get(record.task)
+        if task is None:
+            return ()
+        before = confirmed_at(parts_of(task, self._specs))
+        add_record(self._tasks, record)
+        after = confirmed_at(parts_of(task, self._specs))
+        steps = zip(("robot", "voice"), before, after, strict=True)
+        return tuple(f"act/{record.act}/{step}" for step, was, now in steps if was is None and now is not None)
+
+    def _name(self, kind: Literal["act", "topic"], name: str, source: str) -> str:
+        if self._is_known(kind, name):
+            return name
+        return OTHER if source.startswith(_TYPED_BY) else self._hide(name)
+
+
+def live_words(scenario: Scenario, hide: Callable[[str], str]) -> MarkerWords:
+    """For a running session of `scenario`; `hide` takes private values out of a text."""
+
+    def is_known(kind: Literal["act", "topic"], name: str) -> bool:
+        return name in (scenario.acts if kind == "act" else scenario.topics)
+
+    return MarkerWords(specs_of(scenario), is_known, hide)
+
+
+def recorded_markers(data: SessionData) -> list[tuple[float, str]]:
+    """The markers of a recorded session, in order: seconds by the wall clock since it began, and words."""
+    words = MarkerWords(specs_of(data.scenario))
+    return [(at, each) for at, record in records_by_wall_clock(data) for each in words.words(record)]
+
+
+def describe_session(facts: SessionFacts) -> dict[str, str]:
+    """What a stream says about its session; what is not known is left out."""
+    found = {
+        "session": facts.session,
+        "participant": facts.participant,
+        "condition": facts.condition,
+        "factors": msgspec.json.encode(facts.factors).decode() if facts.factors else "",
+        "study": facts.study,
+        "run": str(facts.run or ""),
+        "purpose": facts.purpose,
+        "outcome": facts.outcome or "",
+        "mode": facts.mode,
+        "robot": facts.robot,
+        "scenario": facts.title,
+        "scenario_hash": facts.scenario_hash,
+        "version": facts.versions.get("rise-tui", ""),
+    }
+    return {name: value for name, value in found.items() if value}
+
+
+def source_id(study: str, session: str) -> str:
+    """What tells a session's stream from all others, also after its process was started again."""
+    return "/".join(each for each in ("rise", study, session) if each)

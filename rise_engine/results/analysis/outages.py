@@ -1,0 +1,58 @@
+"""When a session had no engine: how long its own time stood still, and which durations that lies in."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Iterator
+from datetime import datetime
+
+from rise_engine.kernel.records import AnyRecord, SessionRecord
+from rise_engine.results.analysis.model import Outage, SessionData
+
+
+class OutageCollector:
+    """Takes in the records of a session in their order."""
+
+    def __init__(self, speed: float = 1.0) -> None:
+        """`speed`: session seconds in a second of the wall clock."""
+        self._speed = speed
+        self.outages: list[Outage] = []
+        self._before: AnyRecord | None = None
+
+    def add(self, record: AnyRecord) -> None:
+        """Take in the next record."""
+        before, self._before = self._before, record
+        if before is None or not isinstance(record, SessionRecord) or record.status != "recovered":
+            return
+        # By the wall clock where the level tells it: old journals counted the time since the last record instead.
+        passed = _seconds_between(before.wall, record.wall)
+        away = record.downtime if passed is None else passed - (record.t - before.t) / self._speed
+        if away is not None and away > 0:
+            self.outages.append(Outage(at=record.t, seconds=round(away, 6)))
+
+
+def seconds_without_engine(outages: Iterable[Outage], start: float | None, end: float | None) -> float | None:
+    """How much longer the wall clock took than session time for what lasted from `start` to `end`; None: nothing."""
+    if start is None or end is None:
+        return None
+    return round(sum(each.seconds for each in outages if start < each.at <= end), 6) or None
+
+
+def records_by_wall_clock(data: SessionData) -> Iterator[tuple[float, AnyRecord]]:
+    """The records, each with the seconds by the wall clock since the session began (at speed 1)."""
+    outages, away = {each.at: each.seconds for each in data.outages}, 0.0
+    for record in data.records:
+        if isinstance(record, SessionRecord) and record.status == "recovered":
+            away += outages.get(record.t, 0.0)
+        yield record.t + away, record
+
+
+def seconds_away(outages: Iterable[Outage], at: float) -> float:
+    """Seconds without an engine until a session time."""
+    return sum((each.seconds for each in outages if each.at <= at), 0.0)
+
+
+def _seconds_between(earlier: str, later: str) -> float | None:
+    try:
+        return (datetime.fromisoformat(later) - datetime.fromisoformat(earlier)).total_seconds()
+    except (ValueError, TypeError):  # none is told, or one of them has no zone
+        return None

@@ -1,0 +1,220 @@
+"""The course of a session: in which states its rules were, and what happened at single moments."""
+
+from __future__ import annotations
+
+import re
+from collections import Counter
+from collections.abc import Iterable, Mapping
+from sys import intern
+
+from msgspec import Struct
+from msgspec.structs import replace
+
+from rise_engine.kernel.behaviors import started_rule
+from rise_engine.kernel.records import (
+    ENGINE,
+    AnyRecord,
+    CheckRecord,
+    ConditionRecord,
+    ControlRecord,
+    CountdownRecord,
+    CueRecord,
+    EventRecord,
+    FailureRecord,
+    MemoryRecord,
+    MistakeRecord,
+    NoteRecord,
+    RobotRecord,
+    RuleRecord,
+    SessionRecord,
+    StopRecord,
+    SyncRecord,
+    TaskRecord,
+)
+from rise_engine.results.analysis.causes import actor_of
+from rise_engine.results.analysis.model import Phase, PlayedAct, Point, PointKind, Repairs
+from rise_engine.scenario.template import spoken_text
+
+STEPPED_BACK = "stepped back"
+_INTERRUPTED = "interrupted by "
+_BY_WIZARD = re.compile(r"^(?!stop-all ).*\bby (wizard:[^,]*)")
+"""Not a stop of everything, which is no repair of an act."""
+
+
+class _Open(Struct):
+    """A state that a rule is in."""
+
+    state: str
+    start: float
+    trigger: str
+    source: str
+    stepped_back: bool
+
+
+class PhaseCollector:
+    """Takes in the records of a session in their order, and says in which states its rules were."""
+
+    def __init__(self) -> None:
+        self._open: dict[str, _Open] = {}
+        self._phases: list[Phase] = []
+        self._sources: dict[str, str] = {}
+        """Who has started each rule last."""
+        self._begun: set[str] = set()
+        """Rules that have started and have not entered their first state yet."""
+        self.stepped_back = 0
+
+    def add(self, record: AnyRecord) -> None:
+        """Take in the next record."""
+        if isinstance(record, TaskRecord):
+            if record.function == "startInteractionRule" and record.status == "ACTIVE":
+                self._sources[started_rule(record.behavior)] = record.source
+        elif isinstance(record, RuleRecord):
+            self._add_rule(record)
+
+    def phases(self, end: float) -> tuple[Phase, ...]:
+        """Every phase in the order of their beginnings.
+
+        :param end: when the record ends, for the states in which rules were then.
+        """
+        left = [self._phase(rule, each, end, "") for rule, each in self._open.items()]
+        return tuple(sorted((*self._phases, *left), key=lambda each: each.start))
+
+    def _add_rule(self, record: RuleRecord) -> None:
+        rule = record.name
+        if record.status == "started":
+            self._close(rule, record.t, "")
+            self._begun.add(rule)
+        elif record.status == "entered":
+            self._close(rule, record.t, "")
+            back = (record.trigger or "").startswith(STEPPED_BACK)
+            self.stepped_back += back
+            source = self._sources.get(rule, "") if rule in self._begun else ""
+            self._begun.discard(rule)
+            self._open[rule] = _Open(record.state or "", record.t, record.trigger or "", source, back)
+        elif record.status in ("ended", "stopped", "faulted"):
+            self._close(rule, record.t, record.status)
+
+    def _close(self, rule: str, t: float, ended_by: str) -> None:
+        if (found := self._open.pop(rule, None)) is not None:
+            self._phases.append(self._phase(rule, found, t, ended_by))
+
+    @staticmethod
+    def _phase(rule: str, found: _Open, end: float, ended_by: str) -> Phase:
+        return Phase(
+            rule=intern(rule),
+            state=intern(found.state),
+            start=found.start,
+            end=end,
+            trigger=intern(found.trigger),
+            source=found.source,
+            ended_by=ended_by,
+            stepped_back=found.stepped_back,
+        )
+
+
+class PointCollector:
+    """Takes in the records of a session in their order, and says what happened at single moments."""
+
+    def __init__(self) -> None:
+        self._points: list[Point] = []
+        self._marks: dict[int, int] = {}
+        """By task, where in the points its mark stands: the last one counts, and `none` takes it back."""
+        self._ending = False
+        """Whether the last stop was the engine's, which stops everything before a session ends: nobody's stop."""
+
+    def add(self, record: AnyRecord) -> None:
+        """Take in the next record."""
+        if isinstance(record, MistakeRecord):
+            if (before := self._marks.pop(record.task, None)) is not None:
+                self._points[before] = replace(self._points[before], name="")
+            if record.mark == "none":
+                return
+            self._marks[record.task] = len(self._points)
+        point = _point_of(record)
+        if isinstance(record, StopRecord):
+            if record.status == "requested":
+                self._ending = record.source == ENGINE
+            if self._ending and not record.unconfirmed:
+                return
+        if point is not None:
+            self._points.append(point)
+
+    def points(self) -> tuple[Point, ...]:
+        """All of them, without marks that were taken back or that another one has replaced. In the order of the
+        record; a mark for recordings began before it was recorded."""
+        return tuple(point for point in self._points if point.kind != "mistake" or point.name)
+
+
+def _point_of(record: AnyRecord) -> Point | None:
+    def point(kind: PointKind, name: str, value: str = "", source: str = "", task: int | None = None) -> Point:
+        # Each record that is read has texts of its own; a long session has hundreds of thousands of these few.
+        return Point(at=record.t, kind=kind, name=intern(name), value=value, source=intern(source), task=task)
+
+    match record:
+        case NoteRecord():
+            return point("note", "note", record.text, record.source)
+        case MistakeRecord():
+            return point("mistake", record.mark, record.act, record.source, record.task)
+        case StopRecord():
+            told = record.unconfirmed if record.status == "latched" else ()
+            return point("stop", record.status, f"not confirmed: {', '.join(told)}" if told else "", record.source)
+        case SyncRecord():
+            began = record.at if record.at is not None else record.t
+            return Point(at=began, kind="sync", name=str(record.number), value=record.medium, source=record.source)
+        case EventRecord():
+            return point("event", record.topic, record.taken_by or "", record.source)
+        case MemoryRecord():
+            value = "" if record.deleted else "null" if record.value is None else spoken_text(record.value)
+            return point("memory", record.key, value, record.source)
+        case ControlRecord():
+            return point("control", record.status, record.holder or "", record.by)
+        case RobotRecord():
+            return point("robot", record.status, record.detail)
+        case SessionRecord(status="recovered"):
+            return point("recovery", "recovered", record.reason)
+        case CheckRecord():
+            return point("check", record.id, record.result, record.source)
+        case RuleRecord() if record.status == "faulted":
+            return point("fault", record.name, record.reason, f"rule:{record.name}")
+        case TaskRecord() if record.status == "ABORTED" and record.function != "startInteractionRule":
+            name = record.behavior if record.function == "startCommunicationRobotAct" else record.function
+            return point("fault", name, record.reason, record.source, record.id)
+        case ConditionRecord() if record.error:
+            return point("fault", record.rule, record.error, f"rule:{record.rule}")
+        case CountdownRecord() if record.status == "failed":
+            return point("fault", record.rule, record.reason, f"rule:{record.rule}")
+        case _:
+            return None
+
+
+def count_repairs(records: Iterable[AnyRecord], acts: Iterable[PlayedAct], stepped_back: int) -> Repairs:
+    """How often something was mended while the session ran.
+
+    :param records: all of the session.
+    :param acts: its acts.
+    :param stepped_back: how often a rule was put back into an earlier state.
+    """
+    counts = Counter(
+        (type(each), each.status) for each in records if isinstance(each, FailureRecord | CueRecord | StopRecord)
+    )
+    by_task = {act.task: act for act in acts}
+    return Repairs(
+        repeated=counts[FailureRecord, "repeated"],
+        stepped_back=stepped_back,
+        cues_undone=counts[CueRecord, "undone"],
+        canceled=sum(was_stopped_by_wizard(act, by_task) for act in by_task.values()),
+        released=counts[StopRecord, "released"],
+    )
+
+
+def was_stopped_by_wizard(act: PlayedAct, acts: Mapping[int, PlayedAct]) -> bool:
+    """Whether a wizard stopped it after it had begun, or began another act in its place."""
+    if act.status != "CANCELED" or act.started_at is None:
+        return False
+    if (found := _BY_WIZARD.search(act.reason)) is not None:
+        return actor_of(found[1]) == "wizard"
+    if not act.reason.startswith(_INTERRUPTED):
+        return False
+    name, ended = act.reason.removeprefix(_INTERRUPTED), act.ended_at or act.started_at
+    before = [each for each in acts.values() if each.act == name and each.accepted_at <= ended and each.task > act.task]
+    return bool(before) and max(before, key=lambda each: each.task).actor == "wizard"

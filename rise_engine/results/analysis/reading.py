@@ -1,0 +1,244 @@
+"""Reading a session for exports and reports: what happened in it, in types, at one level.
+
+Nothing else reads a session's journal, its session.toml or its media.json for an export: so the level is applied once,
+here, and a format cannot tell more than it may.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable, Iterator, Mapping
+from datetime import datetime, timedelta
+from pathlib import Path
+
+from msgspec.structs import replace
+
+from rise_engine.base.errors import SessionError
+from rise_engine.kernel.records import (
+    AnyRecord,
+    CheckRecord,
+    CueRecord,
+    FailureRecord,
+    OutcomeRecord,
+    RecordingRecord,
+    SessionRecord,
+    StopRecord,
+    SyncRecord,
+)
+from rise_engine.results.analysis.acts import ActCollector
+from rise_engine.results.analysis.coded import read_annotations
+from rise_engine.results.analysis.judgements import Judgement, read_judgements
+from rise_engine.results.analysis.model import Outage, SessionData, SessionFacts
+from rise_engine.results.analysis.outages import OutageCollector
+from rise_engine.results.analysis.phases import PhaseCollector, PointCollector, count_repairs
+from rise_engine.results.analysis.session_records import SessionRecords
+from rise_engine.scenario.model import SIMULATED, Scenario
+from rise_engine.session.folder import is_abandoned
+from rise_engine.session.labels import RelabelledError
+from rise_engine.session.levels import ExportLevel
+from rise_engine.session.media import MediaFile, read_media
+from rise_engine.study.labels import reassignment_of
+from rise_engine.study.sessions import GIVEN_UP
+from rise_engine.study.traces import owner_of, study_of_session, wizard_names
+
+_FEW = (
+    *(CheckRecord, RecordingRecord, SyncRecord, OutcomeRecord, SessionRecord),
+    *(FailureRecord, CueRecord, StopRecord),  # what `count_repairs` counts
+)
+"""Kinds of which even a long session has few."""
+UnreadableCallback = Callable[[Path, SessionError], object]
+"""Gets a session's folder and why nothing in it can be read."""
+
+
+def read_session(
+    folder: Path,
+    *,
+    level: ExportLevel = "full",
+    private: Iterable[str] = (),
+    wizards: Mapping[str, str] | None = None,
+) -> SessionData:
+    """Everything about one session, at one level.
+
+    Of a session that runs, is torn or damaged: whatever can be read, with a sentence in `problems` for what cannot.
+
+    :param folder: the session's.
+    :param level: how much is told (`rise_engine.session.levels`).
+    :param private: further private memory keys, beside those that the session's scenario names.
+    :param wizards: what to call each wizard at the other levels, by name; None: as the session's study says.
+    :raises SessionError: nothing can be read, or, for less than everything, nobody can say what is private.
+    """
+    return _read(folder, level, private, wizards)[0]
+
+
+def read_sessions(
+    folders: Iterable[Path],
+    *,
+    level: ExportLevel = "full",
+    private: Iterable[str] = (),
+    wizards: Mapping[str, str] | None = None,
+    on_unreadable: UnreadableCallback | None = None,
+) -> Iterator[SessionData]:
+    """Several sessions, one after the other; each is read when it is asked for, and none is kept.
+
+    One person has one name in all of them, and no two sessions have the same name.
+
+    :param folders: the sessions', in the order in which they are to come.
+    :param level: as of `read_session`, like `private` and `wizards`.
+    :param on_unreadable: told of a session that cannot be read, which is then left out; None: SessionError is raised.
+    :raises RelabelledError: two files say different things of what a session is.
+    :raises SessionError: as `read_session` does.
+    """
+    private = tuple(private)
+    people: dict[Path | None, dict[str, str]] = {}
+    taken: set[str] = set()
+    for folder in folders:
+        study = study_of_session(folder)
+        known = people.setdefault(study, dict(wizard_names(study) if wizards is None else wizards))
+        try:
+            data, named = _read(folder, level, private, known)
+        except RelabelledError:  # it is not left out: what is told without it would be false, too
+            raise
+        except SessionError as error:
+            if on_unreadable is None:
+                raise
+            on_unreadable(folder, error)
+            continue
+        known.update(named)
+        name = _unused(data.facts.session, taken)
+        taken.add(name)
+        yield data if name == data.facts.session else replace(data, facts=replace(data.facts, session=name))
+
+
+def _unused(name: str, taken: set[str]) -> str:
+    names = (name if number == 1 else f"{name}-{number}" for number in range(1, len(taken) + 2))
+    return next(each for each in names if each not in taken)
+
+
+def _read(
+    folder: Path, level: ExportLevel, private: Iterable[str], wizards: Mapping[str, str] | None
+) -> tuple[SessionData, dict[str, str]]:
+    """The session, and what its people are called in it."""
+    study = study_of_session(folder)
+    source = SessionRecords(
+        folder, level=level, private=private, wizards=wizard_names(study) if wizards is None else wizards
+    )
+    problems = list(source.problems)
+    scenario: Scenario | None = None
+    try:
+        scenario = source.load_scenario()
+    except SessionError as error:
+        problems.append(f"what the robot's actions take of it is not known for certain: {error}")
+    acts, phases, points = ActCollector(scenario), PhaseCollector(), PointCollector()
+    away = OutageCollector(source.info.speed if source.info is not None else 1.0)
+    few: list[AnyRecord] = []
+    end = 0.0
+    for record in source.read():
+        acts.add(record)
+        phases.add(record)
+        points.add(record)
+        away.add(record)
+        if isinstance(record, _FEW):
+            few.append(record)
+        end = record.t
+    played = acts.acts()
+    media = _media(folder, problems) if level == "full" else ()
+    data = SessionData(
+        facts=_facts(source, few, end, away.outages, _judgement(source, study, few)),
+        level=level,
+        folder=folder,
+        records=source,
+        acts=played,
+        cues=acts.cues(played),
+        keys=acts.keys(),
+        raised=acts.raised(),
+        phases=phases.phases(end),
+        outages=tuple(away.outages),
+        points=points.points(),
+        checks=tuple({each.id: each for each in few if isinstance(each, CheckRecord)}.values()),
+        recordings=tuple({each.name: each for each in few if isinstance(each, RecordingRecord)}.values()),
+        syncs=tuple(each for each in few if isinstance(each, SyncRecord)),
+        media=media,
+        coded=read_annotations(folder, source.filter, played, away.outages, end, problems),
+        scenario=scenario,
+        repairs=count_repairs(few, played, phases.stepped_back),
+        problems=tuple(problems),
+    )
+    return data, source.filter.people
+
+
+def _facts(
+    source: SessionRecords,
+    few: Iterable[AnyRecord],
+    end: float,
+    outages: Iterable[Outage],
+    judgement: Judgement | None,
+) -> SessionFacts:
+    """What the journal says, or else, where an older one does not, session.toml."""
+    begun, info = source.begun or SessionRecord(0, 0.0, "", status="started"), source.info
+    recovered = [each for each in few if isinstance(each, SessionRecord) and each.status == "recovered"]
+    moved = reassignment_of(source.folder)
+    started = ""
+    if source.level == "full":
+        speed = info.speed if info is not None else 1.0
+        started = _moment_of_zero(begun, speed) or (info.started if info is not None else "")
+    facts = SessionFacts(
+        session=source.name,
+        participant=begun.participant or (info.participant if info is not None else ""),
+        condition=begun.condition or (info.condition if info is not None else ""),
+        factors=dict(begun.factors or (info.factors if info is not None else {})),
+        study=begun.study or (info.study if info is not None else ""),
+        study_hash=begun.study_hash or (info.study_hash if info is not None else ""),
+        slot=begun.slot if begun.slot is not None else (info.slot or None if info is not None else None),
+        run=begun.run or (info.run if info is not None else 0),
+        attempt=begun.attempt or (info.attempt if info is not None else 0),
+        purpose=begun.purpose or (info.purpose if info is not None else ""),
+        mode=source.mode,
+        outcome=judgement.status if judgement is not None else None,
+        outcome_reason=judgement.reason if judgement is not None else "",
+        title=begun.scenario or (info.title if info is not None else ""),
+        scenario_hash=begun.scenario_hash or (info.scenario_hash if info is not None else ""),
+        language=begun.language or (info.language if info is not None else ""),
+        robot=begun.robot or (info.robot if info is not None else ""),
+        driver=begun.driver or (SIMULATED if source.mode == "debug" else ""),
+        injected_faults=begun.injected_faults or (info.faults if info is not None else ()),
+        seed=begun.seed or (info.seed if info is not None else 0),
+        speed=info.speed if info is not None else 1.0,
+        started=started,
+        duration=end,
+        ended=source.contents.ended,
+        downtime=round(sum((each.seconds for each in outages), 0.0), 6),
+        recoveries=len(recovered),
+        versions=dict(begun.versions) or (dict(info.versions) if info is not None else {}),
+    )
+    return facts if moved is None else replace(facts, **moved.labels)
+
+
+def _moment_of_zero(begun: SessionRecord, speed: float) -> str:
+    """The date and time of day of session time 0, in milliseconds: the engine reads its first wall clock a little
+    later. Empty: nobody knows."""
+    try:
+        first = datetime.fromisoformat(begun.wall)
+        return (first - timedelta(seconds=begun.t / speed)).isoformat(timespec="milliseconds")
+    except (ValueError, OverflowError):
+        return ""
+
+
+def _judgement(source: SessionRecords, study: Path | None, few: Iterable[AnyRecord]) -> Judgement | None:
+    """The study's word counts before the session's own."""
+    found = read_judgements(study).of(source.folder.resolve().name, owner_of(source.folder))
+    if found is not None:
+        reason = found.reason if found.reason == GIVEN_UP else source.filter.count_typed_words(found.reason)
+        return Judgement(found.status, reason)
+    said = [each for each in few if isinstance(each, OutcomeRecord)]
+    if said:
+        return Judgement(said[-1].status, said[-1].reason)
+    if not source.contents.ended and is_abandoned(source.folder):
+        return Judgement("aborted", GIVEN_UP)
+    return None
+
+
+def _media(folder: Path, problems: list[str]) -> tuple[MediaFile, ...]:
+    try:
+        return read_media(folder)
+    except SessionError as error:
+        problems.append(str(error))
+        return ()

@@ -1,0 +1,159 @@
+"""The records of one session at one level: the only place where exports and reports get what a session's folder holds.
+
+What cannot be read is said and never made up. One record at a time is in memory.
+"""
+
+from __future__ import annotations
+
+import hashlib
+from collections.abc import Iterable, Iterator, Mapping
+from pathlib import Path
+from typing import Any
+
+import msgspec
+
+from rise_engine.base.errors import SessionError
+from rise_engine.kernel.records import AnyRecord, SessionRecord
+from rise_engine.scenario.model import Scenario
+from rise_engine.session.folder import INFO, JOURNAL, SCENARIO_COPY, SessionInfo, read_info
+from rise_engine.session.journal_reader import JournalContents, read_journal
+from rise_engine.session.levels import ExportLevel, LevelFilter
+from rise_engine.session.private_values import PrivateValues
+from rise_engine.session.replay import load_session_scenario
+from rise_engine.study.labels import refuse_relabelled
+
+_KEPT_SCENARIOS = 4
+_scenarios: dict[tuple[str, str, str, str], Scenario] = {}
+"""The latest ones that were loaded, by what their files hold and how they were loaded: the sessions of a study have one
+or two."""
+
+
+class SessionRecords:
+    """What can be read of a session's record, as a level tells it.
+
+    >>> from tempfile import TemporaryDirectory
+    >>> from rise_engine.kernel.records import NoteRecord
+    >>> from rise_engine.session.journal_format import encode_header, encode_record, with_checksum
+    >>> record = NoteRecord(seq=1, t=2.5, wall="2026-11-21T14:00:00+01:00", text="hello", source="engine")
+    >>> with TemporaryDirectory() as folder:
+    ...     lines = encode_header("example 1") + with_checksum(encode_record(record))
+    ...     _ = (Path(folder) / "journal.jsonl").write_bytes(lines)
+    ...     session = SessionRecords(Path(folder))
+    ...     [each.text for each in session.read()], len(session.problems)  # there is no session.toml
+    (['hello'], 1)
+    """
+
+    def __init__(
+        self,
+        folder: Path,
+        *,
+        level: ExportLevel = "full",
+        private: Iterable[str] = (),
+        wizards: Mapping[str, str] | None = None,
+    ) -> None:
+        """Read the session in `folder`.
+
+        :param folder: the session's.
+        :param level: how much is told (`rise_engine.session.levels`).
+        :param private: further private memory keys, beside those that the session's scenario names.
+        :param wizards: what to call each at the other levels, by name.
+        :raises RelabelledError: session.toml, or its study's log, says otherwise what it is.
+        :raises SessionError: nothing can be read, or, for less than everything, the session's scenario cannot: it says
+            which keys are private.
+        """
+        self.folder = folder
+        self.level = level
+        self.contents = read_journal(folder / JOURNAL)
+        refuse_relabelled(folder)
+        self.problems = _describe_unreadable(self.contents)
+        """What could not be read, in sentences."""
+        self.scenario: Scenario | None = None
+        """The session's, when it was needed so far."""
+        values = None if level == "full" else PrivateValues(self._scenario_or_refuse(), private)
+        self.filter = LevelFilter(level, values, wizards)
+        self.filter.note(self.contents.read_records())
+        told = (each for each in self.contents.read_records() if isinstance(each, SessionRecord))
+        self.begun: SessionRecord | None = next(told, None)
+        """Its first record, or the first word of an engine that can be read."""
+        self.info: SessionInfo | None = None
+        """What session.toml says; None: nothing that can be read."""
+        if (folder / INFO).exists():
+            try:
+                self.info = read_info(folder)
+            except SessionError as error:
+                self.problems.append(f"{error}; the mode was taken from the journal")
+        else:
+            self.problems.append(f"{folder} has no {INFO}; the mode was taken from the journal")
+        self.mode = self.begun.mode if self.begun is not None else self.info.mode if self.info is not None else ""
+        self.name = self._name()
+
+    def __iter__(self) -> Iterator[AnyRecord]:
+        """As `read`."""
+        return self.read()
+
+    def read(self) -> Iterator[AnyRecord]:
+        """Every record that can be read, in the journal's order. Raises SessionError when it cannot be read now."""
+        if self.level == "full":
+            yield from self.contents.read_records()
+            return
+        for record in self.contents.read_records():
+            values: dict[str, Any] = self.filter.apply(msgspec.to_builtins(record))
+            told: AnyRecord = msgspec.convert(values, type(record))
+            yield told
+
+    def load_scenario(self) -> Scenario:
+        """The scenario that the session ran. Raises SessionError when it cannot be loaded or was changed."""
+        if self.scenario is None:
+            self.scenario = _load_scenario(self.folder, read_info(self.folder))
+        return self.scenario
+
+    def _name(self) -> str:
+        """The folder's name; where the level cuts its date off, with what else keeps a participant's sessions apart."""
+        folder = self.folder.resolve().name
+        name, told = self.filter.session_name(folder), self.begun or self.info
+        if name == folder or told is None or not told.run:
+            return name
+        return f"{name}_run{told.run}" + (f"-attempt{told.attempt}" if told.attempt > 1 else "")
+
+    def _scenario_or_refuse(self) -> Scenario:
+        try:
+            return self.load_scenario()
+        except SessionError as error:
+            raise SessionError(
+                f"nobody can say which memory keys are private: {error}. Only --level full can be exported"
+            ) from None
+
+
+def _load_scenario(folder: Path, info: SessionInfo) -> Scenario:
+    """Loading takes a tenth of a second, and hundreds of sessions have the same."""
+    key = (_digest(folder / SCENARIO_COPY), info.scenario_hash, info.robot, info.mode)
+    found = _scenarios.pop(key, None) if key[0] else None
+    if found is None:
+        found = load_session_scenario(folder, info, [])
+    if key[0]:
+        _scenarios[key] = found
+        while len(_scenarios) > _KEPT_SCENARIOS:
+            del _scenarios[next(iter(_scenarios))]
+    return found
+
+
+def _digest(copy: Path) -> str:
+    """Of the names and bytes of all files in a folder; empty when there are none or they cannot be read."""
+    digest, files = hashlib.sha256(), 0
+    try:
+        for path in sorted(each for each in copy.rglob("*") if each.is_file()):
+            data = path.read_bytes()
+            name = str(path.relative_to(copy)).encode("utf-8", "surrogateescape")
+            digest.update(b"%b\0%d\0%b" % (name, len(data), data))
+            files += 1
+    except OSError:
+        return ""
+    return digest.hexdigest() if files else ""
+
+
+def _describe_unreadable(contents: JournalContents) -> list[str]:
+    found = [f"{JOURNAL}: line {line} cannot be read: {why}" for line, why in contents.damaged.items()]
+    found += [f"{JOURNAL}: {gap}" for gap in contents.gaps]
+    if contents.torn:
+        found.append(f"{JOURNAL} is torn at its end: the last {len(contents.torn)} bytes cannot be read")
+    return found

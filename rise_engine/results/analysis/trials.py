@@ -1,0 +1,301 @@
+"""Trials: what happened between one question of the robot and the next, as `[trials]` of scenario.toml says where each
+begins. docs/reference/exports.md defines every value, and this is made after it."""
+
+from __future__ import annotations
+
+from bisect import bisect_left, bisect_right
+from collections.abc import Iterable, Sequence
+from typing import Any, Literal, TypeAlias, TypeVar
+
+from msgspec import Struct
+
+from rise_engine.expression import EvaluationError, Expression
+from rise_engine.kernel.behaviors import describe_behavior
+from rise_engine.kernel.records import AnyRecord, FailureRecord, MemoryRecord, RuleRecord, TaskRecord
+from rise_engine.results.analysis.model import PlayedAct, SessionData, WizardKey, seconds_between
+from rise_engine.results.analysis.outages import seconds_without_engine
+from rise_engine.results.analysis.phases import was_stopped_by_wizard
+from rise_engine.scenario.model import Json
+from rise_engine.scenario.trial_settings import TrialSettings
+
+TrialEnd: TypeAlias = Literal["trial", "rule", "key", "record"]
+_CUES = frozenset({"markCue", "undoCue"})
+_AT_THE_START = frozenset({"file", "study", "condition"})
+"""Sources of values with which a session begins."""
+_Each = TypeVar("_Each")
+
+
+class PlayedTrial(Struct, frozen=True, kw_only=True):
+    """One trial."""
+
+    start: float
+    end: float
+    ended_by: TrialEnd
+    """trial: the next one began; rule: the rule ended whose state had begun it; key: its memory key is null or gone;
+    record: the record ended."""
+    values: dict[str, Json]
+    """Of the declared columns, as they were before the moment at which it ended."""
+    robot_said: str = ""
+    task: int | None = None
+    """The act that spoke first."""
+    asked_at: float | None = None
+    asked_end: float | None = None
+    cue_at: float | None = None
+    key_at: float | None = None
+    wizard_key: str = ""
+    wizard_asked: str = ""
+    robot_next_at: float | None = None
+    prompts: int = 0
+    repairs: int = 0
+    events: tuple[str, ...] = ()
+    marks: tuple[str, ...] = ()
+    failures: int = 0
+    outage_s: float | None = None
+
+    @property
+    def duration_s(self) -> float:
+        """From its beginning to its end."""
+        return round(self.end - self.start, 6)
+
+    @property
+    def participant_s(self) -> float | None:
+        """From the end of what the robot said to the cue; below 0: the cue came while it still spoke."""
+        return seconds_between(self.asked_end, self.cue_at)
+
+    @property
+    def wizard_s(self) -> float | None:
+        """From the cue to the wizard's key."""
+        return seconds_between(self.cue_at, self.key_at)
+
+    @property
+    def key_s(self) -> float | None:
+        """From the end of what the robot said to the wizard's key."""
+        return seconds_between(self.asked_end, self.key_at)
+
+    def number(self, name: str) -> float | None:
+        """A column as a number, which can be the dependent variable; None: there is none."""
+        value = self.values[name] if name in self.values else getattr(self, name, None)
+        return float(value) if isinstance(value, int | float) and not isinstance(value, bool) else None
+
+
+def trials_of(data: SessionData) -> tuple[PlayedTrial, ...]:
+    """The trials of a session, in their order; none where its scenario has no `[trials]`, or cannot be loaded.
+
+    :param data: the session, at any level: what the level does not tell is in no trial.
+    """
+    settings = data.scenario.trials if data.scenario is not None else None
+    if settings is None:
+        return ()
+    spans = _Spans(data, settings)
+    for record in data.records:
+        spans.add(record)
+    spans.close(data.facts.duration)
+    lists = _Lists(data, spans)
+    return tuple(lists.trial(*span) for span in spans.found)
+
+
+class _Spans:
+    """Takes in the records of a session in their order, and says where its trials begin and end."""
+
+    def __init__(self, data: SessionData, settings: TrialSettings) -> None:
+        assert data.scenario is not None
+        self.found: list[tuple[float, float, TrialEnd, dict[str, Json]]] = []
+        self.repeated: list[float] = []
+        """When acts were done again after they had failed."""
+        self.asked: dict[int, float] = {}
+        """By task that was marked, when it was asked for."""
+        self._marked = {point.task for point in data.points if point.kind == "mistake"}
+        self._settings = settings
+        self._memory: dict[str, Json] = {name: table.records for name, table in data.scenario.tables.items()}
+        self._before = dict(self._memory)
+        """The memory before the moment of the last record."""
+        self._changes: list[MemoryRecord] = []
+        """Those of that moment."""
+        self._t = 0.0
+        self._start: float | None = None
+        """Of the trial that goes on."""
+        self._rule = ""
+        self._key: Json = None
+
+    def add(self, record: AnyRecord) -> None:
+        """Take in the next record."""
+        if record.t > self._t:
+            self._settle()
+            self._t = record.t
+        if isinstance(record, MemoryRecord):
+            _apply(record, self._memory)
+            self._changes.append(record)
+            if self._settings.key is not None:
+                self._add_value(record, self._settings.key)
+        elif isinstance(record, RuleRecord):
+            self._add_rule(record)
+        elif isinstance(record, TaskRecord):
+            if record.id in self._marked:
+                self.asked.setdefault(record.id, record.t)
+        elif isinstance(record, FailureRecord) and record.status == "repeated":
+            self.repeated.append(record.t)
+
+    def close(self, end: float) -> None:
+        """The record ends."""
+        self._settle()
+        self._end(end, "record")
+
+    def _add_value(self, record: MemoryRecord, key: Expression) -> None:
+        value = _value_of(key, self._memory)
+        if value == self._key and type(value) is type(self._key):
+            return
+        self._key = value
+        if record.source in _AT_THE_START:
+            return
+        self._end(record.t, "key" if value is None else "trial")
+        if value is not None:
+            self._start = record.t
+
+    def _add_rule(self, record: RuleRecord) -> None:
+        if record.status == "entered" and self._settings.begins_at(record.name, record.state or ""):
+            self._end(record.t, "trial")
+            self._start, self._rule = record.t, record.name
+        elif record.status in ("ended", "stopped", "faulted") and record.name == self._rule:
+            self._end(record.t, "rule")
+
+    def _end(self, end: float, by: TrialEnd) -> None:
+        if self._start is not None:
+            values = {each.text: _value_of(each, self._before) for each in self._settings.columns}
+            self.found.append((self._start, end, by, values))
+        self._start, self._rule = None, ""
+
+    def _settle(self) -> None:
+        for change in self._changes:
+            _apply(change, self._before)
+        self._changes.clear()
+
+
+def _apply(record: MemoryRecord, memory: dict[str, Json]) -> None:
+    if record.deleted:
+        memory.pop(record.key, None)
+    else:
+        memory[record.key] = record.value
+
+
+def _value_of(expression: Expression, memory: dict[str, Json]) -> Json:
+    try:
+        return expression.value(memory)
+    except EvaluationError:  # a part that is not there, or that the level hides
+        return None
+
+
+class _Lists:
+    """What a session has, each in the order of its times."""
+
+    def __init__(self, data: SessionData, spans: _Spans) -> None:
+        assert data.scenario is not None
+        settings = data.scenario.act_settings
+        asides = {name for name, each in settings.items() if each.filler or not each.answers}
+        acts = [act for act in data.acts if not act.filler and act.act not in asides]
+        by_task = {act.task: act for act in data.acts}
+        self._data = data
+        self._acts = acts
+        self._spoken = _sorted((act.voice_at, act) for act in acts)
+        self._onsets = _sorted((act.voice_at if act.speaks else act.robot_at, act) for act in acts)
+        self._cues = _sorted((cue.at, cue) for cue in data.cues if cue.undone_at is None)
+        self._keys = _sorted((key.at, key) for key in data.keys if key.function not in _CUES)
+        self._raised = _sorted(data.raised)
+        marks = [point for point in data.points if point.kind == "mistake"]
+        self._marked_acts = _sorted((by_task[m.task].accepted_at, m.name) for m in marks if m.task in by_task)
+        self._marked_keys = _sorted((spans.asked.get(m.task or 0), m.name) for m in marks if m.task not in by_task)
+        self._faults = _sorted((point.at, point) for point in data.points if point.kind == "fault")
+        self._repairs = _sorted(
+            (at, None)
+            for at in (
+                *spans.repeated,
+                *(phase.start for phase in data.phases if phase.stepped_back),
+                *(cue.undone_at for cue in data.cues),
+                *(act.ended_at for act in data.acts if was_stopped_by_wizard(act, by_task)),
+                *(point.at for point in data.points if point.kind == "stop" and point.name == "released"),
+            )
+        )
+        keys = data.scenario.keys.values()
+        self._names = {_asked(each.function, each.task_behavior): each.label for each in keys}
+
+    def trial(self, start: float, end: float, ended_by: TrialEnd, values: dict[str, Json]) -> PlayedTrial:
+        """One trial, with what happened in it: from its start on, and before its end."""
+        until = end if ended_by != "record" else float("inf")
+        first = bisect_left(self._acts, start, key=lambda act: act.accepted_at)
+        last = bisect_left(self._acts, until, key=lambda act: act.accepted_at)
+        spoken = [(act.voice_at, act.task, act) for act in self._acts[first:last] if act.voice_at is not None]
+        asking = min(spoken)[2] if spoken else None
+        asked_at = asking.voice_at if asking is not None else None
+        asked_end = _end_of_speech(asking) if asking is not None else None
+        cue = next(iter(_within(self._cues, start if asked_at is None else asked_at, until)), None)
+        cue_at = cue.at if cue is not None else None
+        answer_from = cue_at if cue_at is not None else asked_at
+        key = self._key(answer_from, end)
+        asked = _asked(key.function, key.asked) if key is not None else ""
+        heard = cue_at if cue_at is not None else key.at if key is not None else None
+        prompts = (
+            _within(self._spoken, asked_end, heard if heard is not None else until) if asked_end is not None else ()
+        )
+        return PlayedTrial(
+            start=start,
+            end=end,
+            ended_by=ended_by,
+            values=values,
+            robot_said=asking.words if asking is not None else "",
+            task=asking.task if asking is not None else None,
+            asked_at=asked_at,
+            asked_end=asked_end,
+            cue_at=cue_at,
+            key_at=key.at if key is not None else None,
+            wizard_key=self._names.get(asked, ""),
+            wizard_asked=asked,
+            robot_next_at=self._onset_from(heard),
+            prompts=sum(act is not asking for act in prompts),
+            repairs=len(_until(self._repairs, start, end)),
+            events=tuple(_until(self._raised, start, end)),
+            marks=(*_within(self._marked_acts, start, until), *_until(self._marked_keys, start, end)),
+            failures=len(_until(self._faults, start, end)),
+            outage_s=seconds_without_engine(self._data.outages, start, end),
+        )
+
+    def _key(self, start: float | None, end: float) -> WizardKey | None:
+        """The first one from a time on that was pressed in the trial; that which ends it counts, too."""
+        if start is None:
+            return None
+        at = bisect_left(self._keys, start, key=_time)
+        return self._keys[at][1] if at < len(self._keys) and self._keys[at][0] <= end else None
+
+    def _onset_from(self, start: float | None) -> float | None:
+        if start is None:
+            return None
+        at = bisect_left(self._onsets, start, key=_time)
+        return self._onsets[at][0] if at < len(self._onsets) else None
+
+
+def _asked(function: str, behavior: str) -> str:
+    """What a task asks for, for people."""
+    return f"{function} {describe_behavior(function, behavior)}".strip()
+
+
+def _end_of_speech(act: PlayedAct) -> float | None:
+    """When its last action ended that takes the voice; None: it had not."""
+    ends = [part.ended_at for part in act.parts if "speech" in part.channels and part.accepted_at is not None]
+    return None if None in ends or not ends else max(each for each in ends if each is not None)
+
+
+def _sorted(pairs: Iterable[tuple[float | None, _Each]]) -> list[tuple[float, _Each]]:
+    """What has a time, in the order of the times."""
+    return sorted(((at, each) for at, each in pairs if at is not None), key=_time)
+
+
+def _time(pair: tuple[float, Any]) -> float:
+    return pair[0]
+
+
+def _within(pairs: Sequence[tuple[float, _Each]], start: float, end: float) -> list[_Each]:
+    """Those from `start` on and before `end`."""
+    return [each for _, each in pairs[bisect_left(pairs, start, key=_time) : bisect_left(pairs, end, key=_time)]]
+
+
+def _until(pairs: Sequence[tuple[float, _Each]], start: float, end: float) -> list[_Each]:
+    """Those after `start`, up to `end`: what ends a trial belongs to it."""
+    return [each for _, each in pairs[bisect_right(pairs, start, key=_time) : bisect_right(pairs, end, key=_time)]]

@@ -1,0 +1,244 @@
+"""Two courses of one session: as it was recorded, and as it went with another robot. What differed, in sentences.
+
+What people and programs asked for is the same in both, at the same times, however the robot was; what rules did about
+it, and what the robot did, need not be.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Iterator
+from pathlib import Path
+from statistics import median
+
+from msgspec import Struct, field
+from msgspec.structs import replace
+
+from rise_engine.kernel.inputs import (
+    ActionReport,
+    AnyInput,
+    RobotChanged,
+    SessionEnded,
+    SessionRecovered,
+    SessionStarted,
+    StopReport,
+    Submit,
+    TimerElapsed,
+)
+from rise_engine.kernel.records import ENGINE, AnyRecord, SessionRecord, TaskRecord
+from rise_engine.results.analysis.acts import ActCollector
+from rise_engine.results.analysis.model import Phase, PlayedAct
+from rise_engine.results.analysis.phases import PhaseCollector
+from rise_engine.scenario.model import Scenario
+from rise_engine.session.folder import JOURNAL
+from rise_engine.session.journal_format import InputLine
+from rise_engine.session.journal_reader import read_journal
+
+_OF_THE_ROBOT = (ActionReport, TimerElapsed, RobotChanged, StopReport, SessionRecovered)
+"""Inputs that another robot, and the time that it takes, give anew."""
+_NAMES_TASK = frozenset({"cancelTask", "moveTask", "markMistake", "goOn", "repeatAct", "stopRuleOfAct"})
+"""Functions whose behaviour begins with the number of a task."""
+NOTICEABLE = 0.1
+"""Seconds by which an act takes longer or shorter, for it to be told."""
+TaskName = tuple[str, str, str, int]
+"""Source, function, behaviour, and the how-manieth of these: a task, however tasks are numbered."""
+
+
+class RecordedSession(Struct):
+    """What of a session is done again with another robot, and how it went."""
+
+    started: SessionStarted
+    inputs: list[AnyInput]
+    """What people and programs did, in its order; `t` says when."""
+    end: float
+    """When it was ended."""
+    records: list[AnyRecord]
+    seed: int = 0
+
+
+class TaskNames:
+    """Knows the tasks of a session by what they were, not by their numbers."""
+
+    def __init__(self) -> None:
+        self._names: dict[int, TaskName] = {}
+        self._ids: dict[TaskName, int] = {}
+        self._counts: dict[tuple[str, str, str], int] = {}
+
+    def add(self, record: AnyRecord) -> None:
+        """Take in a record."""
+        if isinstance(record, TaskRecord) and record.id not in self._names:
+            what = (record.source, record.function, record.behavior)
+            self._counts[what] = self._counts.get(what, 0) + 1
+            name = (*what, self._counts[what])
+            self._names[record.id] = name
+            self._ids[name] = record.id
+
+    def translate(self, task: Submit, there: TaskNames) -> Submit:
+        """A task about another task, as it is to be asked for where that one has another number.
+
+        :param there: the tasks of the course in which it is asked for.
+        """
+        number, blank, rest = task.behavior.partition(" ")
+        if task.function not in _NAMES_TASK or not number.isdigit():
+            return task
+        name = self._names.get(int(number))
+        found = there._ids.get(name) if name is not None else None
+        return task if found is None else replace(task, behavior=f"{found}{blank}{rest}")
+
+
+class CourseComparison(Struct):
+    """What differed between two courses of a session."""
+
+    acts: int = 0
+    """How many were recorded and had ended before the session did, with both robots."""
+    same: int = 0
+    """How many ended as they had."""
+    acts_differ: list[str] = field(default_factory=list)
+    rules_differ: list[str] = field(default_factory=list)
+    rules_same: list[str] = field(default_factory=list)
+    """Rules that went the same way."""
+    longer: list[float] = field(default_factory=list)
+    """By how many seconds each act that ended as it had took longer, those under NOTICEABLE left out."""
+
+    @property
+    def identical(self) -> bool:
+        """Whether every act ended as it had, and every rule went the same way; the times may differ."""
+        return not self.acts_differ and not self.rules_differ
+
+    @property
+    def median_longer(self) -> float:
+        """Seconds; 0 where no act took another time."""
+        return round(median(self.longer), 3) if self.longer else 0.0
+
+
+def read_recorded(folder: Path, seed: int) -> RecordedSession:
+    """What of a session can be done again. Raises SessionError."""
+    contents = read_journal(folder / JOURNAL)
+    recorded = RecordedSession(SessionStarted(), [], contents.seconds, [], seed)
+    for _, _, line in contents.lines():
+        if not isinstance(line, InputLine):
+            continue
+        if isinstance(line.input, SessionStarted):
+            recorded.started = line.input
+        elif isinstance(line.input, SessionEnded):
+            recorded.end = line.input.t
+        elif not isinstance(line.input, _OF_THE_ROBOT):
+            recorded.inputs.append(line.input)
+    recorded.records = list(contents.read_records())
+    return recorded
+
+
+def compare_courses(
+    before: Iterable[AnyRecord], after: Iterable[AnyRecord], scenario: Scenario, other: Scenario
+) -> CourseComparison:
+    """What differed.
+
+    :param before: the records of the session.
+    :param after: those of the same with another robot.
+    :param scenario: the session's, with its robot.
+    :param other: the same with the other robot.
+    """
+    old_acts, old_phases = _course(before, scenario)
+    new_acts, new_phases = _course(after, other)
+    comparison = CourseComparison()
+    played = dict(_numbered(new_acts))
+    for key, act in _numbered(old_acts):
+        found = played.pop(key, None)
+        if _is_running(act) or (found is not None and _is_running(found)):
+            continue  # the session ended while it ran
+        comparison.acts += 1
+        difference = "was not played" if found is None else _difference(act, found)
+        if found is None or difference:
+            comparison.acts_differ.append(f"{_act_name(key)}, at {act.accepted_at:.1f} s: {difference}")
+            continue
+        comparison.same += 1
+        longer = _length(found) - _length(act)
+        if abs(longer) >= NOTICEABLE:
+            comparison.longer.append(round(longer, 3))
+    for key, act in played.items():
+        if _is_running(act):
+            continue
+        comparison.acts_differ.append(f"{_act_name(key)}, at {act.accepted_at:.1f} s: was not played before")
+    for rule in sorted({*old_phases, *new_phases}):
+        difference = _way_difference(old_phases.get(rule, []), new_phases.get(rule, []))
+        if difference:
+            comparison.rules_differ.append(f"{rule}: {difference}")
+        else:
+            comparison.rules_same.append(rule)
+    return comparison
+
+
+def _course(records: Iterable[AnyRecord], scenario: Scenario) -> tuple[tuple[PlayedAct, ...], dict[str, list[Phase]]]:
+    acts, phases = ActCollector(scenario), PhaseCollector()
+    end = 0.0
+    for record in records:
+        if _is_end(record):
+            break
+        acts.add(record)
+        phases.add(record)
+        end = record.t
+    by_rule: dict[str, list[Phase]] = {}
+    for phase in phases.phases(end):
+        by_rule.setdefault(phase.rule, []).append(phase)
+    return acts.acts(), by_rule
+
+
+def _is_end(record: AnyRecord) -> bool:
+    """Whether the session ends here: the engine stops the robot first. What that stops ends in no way of its own."""
+    if isinstance(record, TaskRecord):
+        return record.function == "stopAll" and record.source == ENGINE
+    return isinstance(record, SessionRecord) and record.status == "ended"
+
+
+def _is_running(act: PlayedAct) -> bool:
+    return act.ended_at is None and act.status != "REJECTED"
+
+
+def _numbered(acts: Iterable[PlayedAct]) -> Iterator[tuple[tuple[str, str, int], PlayedAct]]:
+    """Each with its act, who asked for it, and the how-manieth of these it is."""
+    counts: dict[tuple[str, str], int] = {}
+    for act in acts:
+        what = (act.act, act.source)
+        counts[what] = counts.get(what, 0) + 1
+        yield (*what, counts[what]), act
+
+
+def _act_name(key: tuple[str, str, int]) -> str:
+    act, source, number = key
+    return f"{act} of {source}" + (f" (number {number})" if number > 1 else "")
+
+
+def _difference(before: PlayedAct, after: PlayedAct) -> str:
+    if before.status != after.status:
+        return f"{after.status}, not {before.status}" + (f" ({after.reason})" if after.reason else "")
+    new = {part.action: part for part in after.parts}
+    for part in before.parts:
+        found = new.get(part.action)
+        if found is None:
+            return f"its action {part.action} ({part.type}) was not done"
+        if found.type != part.type:
+            return f"its action {part.action} was {found.type}, not {part.type}"
+        if found.status != part.status:
+            return f"its action {part.action} ({part.type}) {found.status}, not {part.status}"
+    if further := [part.action for part in after.parts if part.action not in {each.action for each in before.parts}]:
+        return f"its action {further[0]} was not done before"
+    return ""
+
+
+def _length(act: PlayedAct) -> float:
+    if act.started_at is None or act.ended_at is None:
+        return 0.0
+    return act.ended_at - act.started_at
+
+
+def _way_difference(before: list[Phase], after: list[Phase]) -> str:
+    """Where a rule first goes another way, or empty."""
+    for number in range(max(len(before), len(after))):
+        old = before[number] if number < len(before) else None
+        new = after[number] if number < len(after) else None
+        if old is None and new is not None:
+            return f"comes into {new.state} at {new.start:.1f} s, and did not before"
+        if new is None and old is not None:
+            return f"does not come into {old.state}, as it did at {old.start:.1f} s"
+        if old is not None and new is not None and old.state != new.state:
+            return f"comes into {new.state} at {new.start:.1f} s, not into {old.state} at {old.start:.1f} s"
+    return ""

@@ -1,0 +1,313 @@
+"""Making a bundle: everything of a study that others need, at one level, and a plain list of what is in it."""
+
+from __future__ import annotations
+
+import shutil
+from collections import Counter
+from collections.abc import Iterator, Sequence
+from datetime import datetime
+from pathlib import Path, PurePosixPath
+
+from msgspec import Struct, field
+from msgspec.structs import replace
+
+from rise_engine.base.errors import SessionError
+from rise_engine.base.text import pluralize
+from rise_engine.results.analysis.model import SessionData
+from rise_engine.results.analysis.reading import read_sessions
+from rise_engine.results.bundle.about import ABOUT_FILE, AboutBundle, BundleOptions, write_about
+from rise_engine.results.bundle.archive import write_zip
+from rise_engine.results.bundle.crate import METADATA, CrateContents, CrateSession, metadata_text
+from rise_engine.results.bundle.derived import FORMATS, REPORT, sessions_in_order, with_license, write_derived
+from rise_engine.results.bundle.environment import ENVIRONMENT_FILE, PROGRAM, environment_text, wheel_in, write_program
+from rise_engine.results.bundle.inputs import check_inputs
+from rise_engine.results.bundle.look_at import LookAt
+from rise_engine.results.bundle.manifest import fingerprint, manifest_text
+from rise_engine.results.bundle.study_files import copy_scenarios, log_text, participants_text, study_text, told_name
+from rise_engine.results.bundle.texts import license_text, readme_text
+from rise_engine.results.export.format import ExportError
+from rise_engine.results.export.formats import load_format
+from rise_engine.results.export.questionnaire_tables import answers_text, told_answers
+from rise_engine.results.export.writing import export_context, new_export
+from rise_engine.session.coded import coded_paths
+from rise_engine.session.disk import make_private_folder, write_private_file
+from rise_engine.session.folder import INFO, JOURNAL
+from rise_engine.session.media import MEDIA_FILE
+from rise_engine.session.scenario_copies import copy_folders
+from rise_engine.session.shadow import shadow_files
+from rise_engine.session.sharing import share_session
+from rise_engine.study.plan_file import PLAN_FILE
+from rise_engine.study.publishing import authors_of
+from rise_engine.study.state import StudyStatus, read_state
+from rise_engine.study.study_log import LOG_FILE
+from rise_engine.study.study_toml import STUDY_FILE
+from rise_engine.study.traces import MANIFEST_FILE, PARTICIPANTS_FILE, wizard_names
+
+SESSIONS = "sessions"
+UNPROVED = "unproved"
+"""Exports of the sessions that are not in the bundle themselves: nobody can make these again from it."""
+
+
+class BundleReport(Struct):
+    """What came of making a bundle, in lines for a person."""
+
+    contents: list[str] = field(default_factory=list)
+    left_out: list[str] = field(default_factory=list)
+    look_at: list[str] = field(default_factory=list)
+    """What somebody should look at before others get it."""
+    sessions: int = 0
+    """How many can be run again from it."""
+    fingerprint: str = ""
+    """The check sum of its check sums."""
+
+
+def make_bundle(
+    state: StudyStatus, folders: Sequence[Path], out: Path, options: BundleOptions, remarks: Sequence[str] = ()
+) -> BundleReport:
+    """Make the bundle of a study.
+
+    :param state: the study as it stands.
+    :param folders: its sessions, in the order in which they began.
+    :param out: a new folder, or a new file whose name ends in `.zip`.
+    :param options: how much it tells.
+    :param remarks: what of the study's sessions is not among `folders`, in sentences.
+    :raises ExportError: it cannot be made; nothing of it is there.
+    """
+    if not folders:
+        raise ExportError("there is no session to put into a bundle", *remarks)
+    study, is_folder = Path(state.study.folder).resolve(), out.suffix != ".zip"
+    people = {study: state.pseudonyms}
+    try:
+        with new_export(out, folders, "bundle", options.level, folder=is_folder, people=people) as export:
+            bundle = _Bundle(read_state(study), folders, options)  # again: now nobody changes it without our knowing
+            bundle.report.left_out += [*remarks, *export.problems]
+            here = export.here
+            root = here if out.suffix != ".zip" else here.with_name("bundle")
+            root.mkdir(0o700)
+            bundle.write(root)
+            if root != here:
+                write_zip(root, here)
+    except (ExportError, SessionError) as error:
+        raise ExportError(str(error)) from None
+    return bundle.report
+
+
+class _Bundle:
+    """One bundle that is being made."""
+
+    def __init__(self, state: StudyStatus, folders: Sequence[Path], options: BundleOptions) -> None:
+        self._state = state
+        self._study = with_license(state.study, options)
+        self._folders = list(folders)
+        self._options = options
+        self._level = options.level
+        self._people = dict(wizard_names(Path(state.study.folder)))
+        """What each wizard is called, by name."""
+        self._sessions: list[CrateSession] = []
+        self._names: dict[str, str] = {}
+        """What each session is called in the bundle, by its folder's name."""
+        self._absent: dict[str, str] = {}
+        """Why a session that the log names is not in it, by its name there."""
+        self._versions: dict[str, set[str]] = {}
+        self._look_at = LookAt(state.study, options.level)
+        self.report = BundleReport()
+
+    def write(self, root: Path) -> None:
+        """Everything, its metadata and check sums at last. Raises SessionError, ExportError, OSError."""
+        self._write_sessions(root / SESSIONS)
+        inputs = self._write_study(root)
+        about = AboutBundle(self._options, rehearsals=self._rehearsals(), absent=self._absent)
+        write_about(root, about)
+        for name, warning in write_derived(root, root, about):
+            self._look_at.add_warnings(name, [warning])
+        self._write_unproved(root)
+        license = self._study.report.get("license", "")
+        (root / "LICENSE").write_text(license_text(license, self._study), "utf-8")
+        if why := write_program(root):
+            self.report.left_out.append(f"the program, because {why}; {ENVIRONMENT_FILE} says which one it was")
+        (root / ENVIRONMENT_FILE).write_text(environment_text(self._versions), "utf-8")
+        state = read_state(root)
+        changed = check_inputs(root, state, sessions_in_order(root, state)).problems
+        self.report.look_at += [f"{each}. rise-engine reproduce will say so, too" for each in changed]
+        self.report.look_at += self._look_at.sentences(root, self._people, license)
+        self.report.contents += self._contents(root)
+        readme = readme_text(self._study, self._level, self.report.contents, self.report.left_out, wheel_in(root))
+        (root / "README.md").write_text(readme, "utf-8")
+        (root / METADATA).write_text(metadata_text(root, self._crate_contents(inputs, license)), "utf-8")
+        (root / MANIFEST_FILE).write_text(manifest_text(root), "utf-8")
+        self.report.fingerprint = fingerprint(root)
+
+    # --- sessions ---
+
+    def _read(self) -> Iterator[SessionData]:
+        return read_sessions(
+            self._folders, level=self._level, private=self._options.private, on_unreadable=self._note_unreadable
+        )
+
+    def _note_unreadable(self, folder: Path, error: SessionError) -> None:
+        sentence = f"{folder.name} cannot be read: {error}"
+        if sentence not in self.report.left_out:
+            self.report.left_out.append(sentence)
+
+    def _write_sessions(self, target: Path) -> None:
+        target.mkdir(0o700)
+        for data in self._read():
+            name = data.facts.session
+            self._names[data.folder.name] = name
+            for program, version in data.facts.versions.items():
+                self._versions.setdefault(program, set()).add(version)
+            self._look_at.add(data)
+            where = f"{SESSIONS}/{name}/"
+            try:
+                self._write_session(data, target / name)
+                self.report.sessions += 1
+            except SessionError as error:
+                self.report.left_out.append(
+                    f"session {name} itself, because {error}. What the level tells of it is in {UNPROVED}/"
+                )
+                where = ""
+                self._absent[name] = f"it could not be shared; what the level tells of it is in {UNPROVED}/"
+            self._sessions.append(CrateSession(data.facts, where))
+            if self._level != "full" and (shadows := len(shadow_files(data.folder))):
+                self.report.left_out.append(
+                    f"{pluralize(shadows, 'shadow')} of {name}: what second wizards typed is in there, and no level "
+                    "tells it; rise-engine agree tells what they decided"
+                )
+            if self._level == "full" and data.media:
+                recordings = pluralize(len(data.media), "recording")
+                self.report.left_out.append(f"{recordings} of {name}: add the files yourself, if people agreed to that")
+        if not self._sessions:
+            raise ExportError("no session could be read", *self.report.left_out)
+
+    def _write_session(self, data: SessionData, target: Path) -> None:
+        if self._level == "full":
+            _copy_session(data.folder, target)
+            return
+        shared = share_session(
+            data.folder, target, level=self._level, private=self._options.private, wizards=self._people
+        )
+        self._people.update(shared.people)
+        self._look_at.add_shared(target, shared)
+
+    # --- the study ---
+
+    def _write_study(self, root: Path) -> list[str]:
+        """Its files; those that every session was run from."""
+        study, folder = self._study, Path(self._study.folder)
+        text = (folder / STUDY_FILE).read_text("utf-8")
+        (root / STUDY_FILE).write_text(study_text(text, self._people, self._level), "utf-8")
+        there = {each.facts.participant for each in self._sessions}
+        people = [each for each in self._state.participants if each.participant in there]
+        (root / PARTICIPANTS_FILE).write_text(participants_text(study, people, self._level), "utf-8")
+        self._look_at.add_people(people)
+        others = len(self._state.participants) - len(people)
+        if others:
+            self.report.left_out.append(
+                f"{pluralize(others, 'participant')} of {PARTICIPANTS_FILE} who {'has' if others == 1 else 'have'} no "
+                "session in it"
+            )
+        self.report.left_out.append(f"the comments in {PARTICIPANTS_FILE}")
+        inputs = [STUDY_FILE]
+        standing = self._state.standing
+        if standing.complete >= standing.wanted and (folder / PLAN_FILE).is_file():
+            shutil.copyfile(folder / PLAN_FILE, root / PLAN_FILE)
+            inputs.append(PLAN_FILE)
+        elif (folder / PLAN_FILE).is_file():
+            self.report.left_out.append(
+                f"{PLAN_FILE}, because the study is not complete and it says what the next participants get"
+            )
+        warnings: list[str] = []
+        for answers in told_answers(study, self._level, (each.facts for each in self._sessions), warnings):
+            file = root / answers.settings.file
+            make_private_folder(file.parent)
+            write_private_file(file, answers_text(answers).encode())
+            inputs.append(answers.settings.file)
+        names, people_names = self._names, self._people
+        (root / LOG_FILE).write_text(log_text(self._state.log, names, people_names, self._level), "utf-8")
+        for each in self._state.sessions:
+            if each.name not in names and (self._level == "full" or each.entry.purpose == "counted"):
+                self._absent[told_name(each.name, names, self._level)] = "it was left out when the bundle was made"
+        copied, left_out = copy_scenarios(study, root)
+        self.report.left_out += left_out
+        return [*inputs, *copied]
+
+    def _rehearsals(self) -> dict[str, int]:
+        """Sessions that do not count and are left out, by their purpose."""
+        left_out = (each.entry.purpose for each in self._state.sessions if each.name not in self._names)
+        return dict(Counter(purpose for purpose in left_out if purpose != "counted"))
+
+    # --- exports ---
+
+    def _write_unproved(self, root: Path) -> None:
+        """Of sessions that cannot be shared, what the level tells of them."""
+        if not any(not each.folder for each in self._sessions):
+            return
+        absent = {each.facts.session for each in self._sessions if not each.folder}
+        (root / UNPROVED).mkdir(0o700)
+        for name in FORMATS:
+            context = export_context(self._folders, self._level)
+            context.standing, context.study = self._state.standing, self._study
+            sessions = (data for data in self._read() if data.facts.session in absent)
+            load_format(name).write(root / UNPROVED / name, sessions, context)
+
+    # --- about all of it ---
+
+    def _contents(self, root: Path) -> list[str]:
+        """What is in it, a line each."""
+        counts: Counter[str] = Counter()
+        for path in root.rglob("*"):
+            if path.is_file():
+                counts[path.relative_to(root).parts[0]] += 1
+        people = len({each.facts.participant for each in self._sessions})
+        told = {
+            SESSIONS: f"{pluralize(self.report.sessions, 'session')} of {pluralize(people, 'participant')}, which can "
+            "be run again (rise-engine reproduce)",
+            STUDY_FILE: "the design",
+            PARTICIPANTS_FILE: "pseudonyms, strata, declared columns",
+            PLAN_FILE: "who got what",
+            LOG_FILE: "what happened with the study",
+            "tables": "acts, events and sessions as tables",
+            "bids": "the same as a data set of BIDS",
+            REPORT: "the report, and the sheet of what a paper should say",
+            PROGRAM: "the program with which it was made, to be installed with pip",
+            **{PurePosixPath(each.file).parts[0]: "answers to questionnaires" for each in self._study.questionnaires},
+            UNPROVED: "tables and BIDS of sessions that are not in it",
+            ABOUT_FILE: "with which options it was made",
+            "LICENSE": "what others may do with it",
+            ENVIRONMENT_FILE: "versions of programs, and where they come from",
+        }
+        lines = []
+        for name in sorted(counts):
+            files = f" ({pluralize(counts[name], 'file')})" if (root / name).is_dir() else ""
+            lines.append(f"{name}{'/' if files else ''}: {told.get(name, 'a scenario')}{files}")
+        return lines
+
+    def _crate_contents(self, inputs: Sequence[str], license: str) -> CrateContents:
+        study = self._study
+        standing = self._state.standing
+        return CrateContents(
+            name=study.title,
+            description=f"The study {study.title!r} ({study.id}): design, scenario, records of "
+            f"{pluralize(len(self._sessions), 'session')} with a robot, exports. Level: {self._level}. "
+            f"{standing.complete} of {standing.wanted} participants are complete."
+            + (f" Ethics: {study.report['ethics']}" if study.report.get("ethics") else ""),
+            published=datetime.now().astimezone().date().isoformat(),
+            license=license,
+            authors=authors_of(study.report),
+            funding=study.report.get("funding", ""),
+            sessions=tuple(
+                replace(each, facts=replace(each.facts, started="")) if self._level != "full" else each
+                for each in self._sessions
+            ),
+            inputs=tuple(inputs),
+        )
+
+
+def _copy_session(source: Path, target: Path) -> None:
+    copies = (path for copy in copy_folders(source) for path in sorted(copy.rglob("*")))
+    files = [source / INFO, source / JOURNAL, source / MEDIA_FILE, *shadow_files(source), *coded_paths(source)]
+    for path in [*files, *copies]:
+        if path.is_file() and not path.is_symlink():
+            copy = target / path.relative_to(source)
+            make_private_folder(copy.parent)
+            shutil.copyfile(path, copy)

@@ -1,0 +1,184 @@
+"""The files of a study as a bundle has them: study.toml, participants.csv, plan.csv, study.jsonl, its scenarios."""
+
+from __future__ import annotations
+
+import csv
+import io
+import re
+import shutil
+import tomllib
+from collections.abc import Callable, Iterable, Mapping
+from pathlib import Path
+from typing import Any
+
+from rise_engine.base.json_codec import encode
+from rise_engine.results.export.bids_people import cut_age
+from rise_engine.results.export.format import ExportError
+from rise_engine.session.disk import make_private_folder
+from rise_engine.session.levels import ExportLevel, LevelFilter, without_dates
+from rise_engine.study.check_kinds import AUTOMATIC
+from rise_engine.study.model import Participant, Study
+from rise_engine.study.study_log import LogEntry
+from rise_engine.study.study_scenarios import scenario_folder
+from rise_engine.study.withdrawn import without_salts
+
+GIVEN = "1900-01-01"
+"""Stands for the date of a consent where the level tells no dates: a day on which nobody gave it."""
+_TABLE = re.compile(r"^\s*\[wizards\]")
+_NEXT_TABLE = re.compile(r"^\s*\[")
+_INLINE = re.compile(r"^\s*wizards\s*[.=]")
+_DATE = re.compile(r"^\d{4}-\d{2}-\d{2}_\d{6}_")
+
+
+def study_text(text: str, people: Mapping[str, str], level: ExportLevel) -> str:
+    """study.toml; without everything being told, without the names of its wizards.
+
+    :param text: as it stands.
+    :param people: what each is called in the bundle, by name.
+    :raises ExportError: they cannot be taken out.
+    """
+    if level == "full" or "wizards" not in tomllib.loads(text):
+        return text
+    kept: list[str] = []
+    within = False
+    for line in text.splitlines(keepends=True):
+        within = bool(_TABLE.match(line)) or (within and not _NEXT_TABLE.match(line))
+        if not within and not _INLINE.match(line):
+            kept.append(line)
+    new = "".join(kept).rstrip("\n") + "\n"
+    names = dict.fromkeys(people.values())
+    if names:
+        new += "\n[wizards]\n" + "".join(f'"{name}" = "{name}"\n' for name in names)
+    try:
+        before, after = tomllib.loads(text), tomllib.loads(new)
+    except tomllib.TOMLDecodeError:  # they are still there
+        before, after = {}, {"wizards": {}}
+    if before | {"wizards": {}} != after | {"wizards": {}} or not before:
+        raise ExportError(
+            "the names of wizards in study.toml cannot be taken out: write [wizards] as a table of its own"
+        )
+    return new
+
+
+def participants_text(study: Study, people: Iterable[Participant], level: ExportLevel) -> str:
+    """participants.csv without comments; without everything being told, without dates and ages above 89."""
+    consents = [f"consent_{name}" for name in study.consent]
+    columns = ["participant", *study.strata, *consents, "status", *study.columns]
+    text = io.StringIO()
+    rows = csv.writer(text, lineterminator="\n")
+    rows.writerow(columns)
+    for person in people:
+        given = [person.consent.get(name, "") for name in study.consent]
+        further = [person.columns.get(name, "") for name in study.columns]
+        if level != "full":  # as in BIDS
+            further = [cut_age(name, value) for name, value in zip(study.columns, further, strict=True)]
+        rows.writerow(
+            [
+                person.participant,
+                *(person.strata.get(name, "") for name in study.strata),
+                *(each if level == "full" or not each else GIVEN for each in given),
+                person.status,
+                *further,
+            ]
+        )
+    return text.getvalue()
+
+
+def log_text(log: Iterable[LogEntry], names: Mapping[str, str], people: Mapping[str, str], level: ExportLevel) -> str:
+    """study.jsonl without salts; without everything being told, without dates, names, what people typed, where exports
+    went, and sessions that do not count and are not in the bundle.
+
+    :param log: its entries.
+    :param names: what sessions are called in the bundle, by their folders' names.
+    :param people: what wizards are called.
+    :param level: how much is told.
+    """
+    entries = without_salts(list(log))
+    if level == "full":
+        return _lines((each.at, each.kind, each.fields) for each in entries)
+    count = LevelFilter(level, None).count_typed_words
+    told = []
+    not_counted = {
+        str(each.get("folder"))
+        for each in entries
+        if each.kind == "session" and each.get("purpose") != "counted" and each.get("folder") not in names
+    }
+    for each in entries:
+        about = {str(each.get("folder")), str(each.get("session"))}
+        if each.kind == "exported" or about & not_counted:
+            continue
+        fields = _told_fields(each.fields, each.kind == "checked", people, count)
+        for name in ("folder", "session"):
+            if isinstance(folder := fields.get(name), str):
+                fields[name] = told_name(folder, names, level)
+        if "started" in fields:
+            fields["started"] = ""
+        told.append(("", each.kind, fields))
+    return _lines(told)
+
+
+def told_name(folder: str, names: Mapping[str, str], level: ExportLevel) -> str:
+    """What a session is called in the log of a bundle.
+
+    :param folder: its folder's name in the study.
+    :param names: what sessions are called in the bundle, by their folders' names.
+    """
+    return folder if level == "full" else names.get(folder, _DATE.sub("", folder))
+
+
+def _lines(entries: Iterable[tuple[str, str, dict[str, Any]]]) -> str:
+    return "".join(encode({"kind": kind, "at": at, **fields}).decode() + "\n" for at, kind, fields in entries)
+
+
+def _told_fields(
+    fields: Mapping[str, Any], of_check: bool, people: Mapping[str, str], count: Callable[[str], str]
+) -> dict[str, Any]:
+    """The fields of an entry, or of a check that stands in one, without names, dates and what people typed."""
+    told: dict[str, Any] = {}
+    for name, value in fields.items():
+        if isinstance(value, list):
+            told[name] = [
+                _told_fields(each, name == "checks", people, count) if isinstance(each, dict) else each
+                for each in value
+            ]
+        elif not isinstance(value, str):
+            told[name] = value
+        elif name == "reason" or (name == "value" and not of_check):
+            told[name] = count(value)
+        elif name == "value" and fields.get("text") == AUTOMATIC["wizard"]:
+            told[name] = people.get(value, "W") if value else ""
+        elif name in ("value", "text"):
+            told[name] = without_dates(value)
+        else:
+            told[name] = _without_people(value, people)
+    return told
+
+
+def _without_people(value: str, people: Mapping[str, str]) -> str:
+    """In sources as `wizard:anna`."""
+    kind, colon, name = value.partition(":")
+    return f"{kind}:{people.get(name, 'W')}" if colon and kind in ("wizard", "observer") else value
+
+
+def copy_scenarios(study: Study, root: Path) -> tuple[list[str], list[str]]:
+    """Copy the scenarios that lie in the study's folder; the folders from the bundle on, and sentences about others."""
+    named = [study.scenario, *(level.scenario for factor in study.factors for level in factor.levels)]
+    copied, left_out = [], []
+    for name in dict.fromkeys(filter(None, named)):
+        source = Path(scenario_folder(study, name))
+        if not source.is_dir():
+            continue
+        if not source.is_relative_to(study.folder) or source == Path(study.folder):
+            left_out.append(f"the scenario in {name} lies outside of the study: each session has its own copy of it")
+            continue
+        where = source.relative_to(study.folder)
+        if (root / where).exists():
+            continue  # it lies in one that was copied
+        for path in sorted(source.rglob("*")):
+            hidden = any(part.startswith(".") for part in path.relative_to(source).parts)
+            if path.is_file() and not path.is_symlink() and not hidden:
+                target = root / where / path.relative_to(source)
+                make_private_folder(target.parent)
+                shutil.copyfile(path, target)
+        copied.append(f"{where.as_posix()}/")
+    return copied, left_out

@@ -1,0 +1,151 @@
+"""The participants of a BIDS export: what each is called, and what study and participants.csv say about them."""
+
+from __future__ import annotations
+
+import re
+
+from msgspec import Struct
+from msgspec.structs import replace
+
+from rise_engine.results.export.bids_tables import ENTITIES, Columns
+from rise_engine.results.export.table_schema import Column
+from rise_engine.study.model import Participant, Study
+
+UNNAMED = "unnamed"
+"""Who took part where the session does not say it."""
+OLDEST = 89
+"""Years: BIDS has participants who are older at this age, so that nobody is known by it."""
+_AGES = frozenset({"age", "alter", "edad"})
+"""Columns of ages, in small letters."""
+_NO_LABEL = re.compile(r"[^A-Za-z0-9]+")
+_SEXES = {"male", "m", "female", "f", "other", "o", "MALE", "M", "FEMALE", "F", "OTHER", "O", "n/a"}
+_HANDS = {"left", "l", "right", "r", "ambidextrous", "a", "n/a", "LEFT", "L", "RIGHT", "R", "AMBIDEXTROUS", "A"}
+
+
+class Person(Struct, frozen=True):
+    """A row of participants."""
+
+    label: str
+    group: str
+    said: Participant | None
+    """What participants.csv says; None: it does not know them."""
+
+
+_COLUMNS = {
+    column.name: column
+    for column in (
+        Column("participant_id", "The pseudonym of the participant, after sub-.", lambda person: f"sub-{person.label}"),
+        Column("age", f"In years; {OLDEST} stands for whoever is older, too.", unit="year"),
+        Column("group", "The condition between participants: levels joined by +.", lambda person: person.group),
+    )
+}
+
+
+def label_of(text: str) -> str:
+    """A text as BIDS has labels: letters and digits only.
+
+    >>> label_of("P-07 b")
+    'P07b'
+    """
+    return _NO_LABEL.sub("", text)
+
+
+class Labels:
+    """Gives each participant a label of their own."""
+
+    def __init__(self) -> None:
+        self._labels: dict[str, str] = {}
+
+    def label(self, participant: str) -> str:
+        """What a participant is called behind `sub-`; always the same, and nobody else's."""
+        if participant not in self._labels:
+            plain = label_of(participant) or UNNAMED
+            taken = {each.casefold() for each in self._labels.values()}
+            found = plain
+            number = 2
+            while found.casefold() in taken:  # `P-1` and `P1`; file systems without capitals would mix `p1` in, too
+                found, number = f"{plain}x{number}", number + 1
+            self._labels[participant] = found
+        return self._labels[participant]
+
+    def changed(self) -> dict[str, str]:
+        """Participants whose label is not their pseudonym, and the label."""
+        return {name: label for name, label in self._labels.items() if name != label}
+
+    def items(self) -> list[tuple[str, str]]:
+        """Every participant with their label, by label."""
+        return sorted(self._labels.items(), key=lambda item: item[1])
+
+
+def participants_table(
+    labels: Labels, groups: dict[str, str], study: Study | None, people: tuple[Participant, ...]
+) -> tuple[Columns, list[Person], list[str]]:
+    """The columns of participants.tsv, its rows, and sentences for whoever exports.
+
+    :param labels: of whoever is in the export.
+    :param groups: the between condition of each; empty where there is none.
+    :param study: the one they took part in.
+    :param people: as participants.csv has them.
+    """
+    known = {each.participant: each for each in people}
+    strata = study.strata if study is not None else {}
+    further = study.columns if study is not None else ()
+    columns = {"participant_id": _COLUMNS["participant_id"]}
+    warnings: list[str] = []
+    for name in [*strata, *(each for each in further if each not in strata)] if known else []:
+        own = [_value(known[each], name) for each, _ in labels.items() if each in known]
+        column = name if _fits(name, own) else f"{name}_as_written"
+        if column != name:
+            warnings.append(f"BIDS has its own rules for the column {name!r}, which yours does not follow: {column}")
+        described = study.descriptions.get(name, "") if study is not None else ""
+        columns[column] = _column_of(column, name, tuple(strata.get(name, ())), described)
+    if any(groups.values()):
+        columns["group"] = _COLUMNS["group"]
+    rows = [Person(label, groups.get(participant, ""), known.get(participant)) for participant, label in labels.items()]
+    return columns, rows, warnings
+
+
+def _value(person: Participant, name: str) -> str:
+    return person.strata.get(name) or person.columns.get(name, "")
+
+
+def _column_of(column: str, name: str, levels: tuple[str, ...], about: str) -> Column:
+    described = _COLUMNS.get(column, Column(name, f"{name}, as participants.csv has it."))
+    return replace(
+        described,
+        about=about or described.about,
+        value=lambda person: person.said and cut_age(name, _value(person.said, name)),
+        levels={level: level for level in levels},
+    )
+
+
+def _fits(name: str, values: list[str]) -> bool:
+    """Whether a column that BIDS defines holds what BIDS wants there."""
+    said = [each for each in values if each]
+    match name:
+        case "age":
+            return all(_number(each) is not None for each in said)
+        case "sex":
+            return all(each in _SEXES for each in said)
+        case "handedness":
+            return all(each in _HANDS for each in said)
+        case "participant_id" | "group" | "species" | "strain" | "strain_rrid" | "HED":
+            return False
+    return name not in ENTITIES
+
+
+def cut_age(column: str, value: str) -> str:
+    """A value of participants.csv as others get it: nobody is older than OLDEST.
+
+    >>> [cut_age("age", "91"), cut_age("Alter", "89.5"), cut_age("age", "34"), cut_age("stage", "91")]
+    ['89', '89', '34', '91']
+    """
+    years = _number(value) if column.casefold() in _AGES else None
+    return str(OLDEST) if years is not None and years > OLDEST else value
+
+
+def _number(text: str) -> float | None:
+    try:
+        return float(text)
+    except ValueError:
+        return None

@@ -1,0 +1,333 @@
+"""The tables of a BIDS export: which columns each has, by the name that they have there, and the rows of events.
+
+Acts and sessions have the columns of the tables (`course_tables`, `session_tables`) under names of
+BIDS. https://bids-specification.readthedocs.io/en/v1.11.1/
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterable, Iterator, Mapping
+from datetime import datetime
+from typing import Any, TypeAlias
+
+from msgspec import Struct
+from msgspec.structs import replace
+
+from rise_engine.results.analysis.model import PlayedAct, SessionData
+from rise_engine.results.analysis.outages import seconds_without_engine
+from rise_engine.results.export.course_tables import ACTS
+from rise_engine.results.export.session_tables import FACTS, SESSIONS
+from rise_engine.results.export.table_levels import MARKS
+from rise_engine.results.export.table_schema import Column, Row, TableSchema, Value, between, seconds
+from rise_engine.results.export.trial_tables import TRIALS, declared_column
+
+Columns: TypeAlias = Mapping[str, Column]
+"""By the name that each has in BIDS, in their order."""
+NOTHING = "n/a"
+"""What stands in an empty cell."""
+_OF_FILES = (
+    "subject session sample task tracksys acquisition nucleus volume ceagent staining tracer reconstruction direction "
+    "run proc modality echo flip inv mt part recording space chunk suffix scans fmap datatype extension"
+)
+ENTITIES = frozenset(_OF_FILES.split())
+"""What names of files say in BIDS. No column is called so: pybids would take its description for the entity's value."""
+_EMPTY = re.compile(r"\b[Ee]mpty\b")
+_BLANKS = re.compile(r"[\s\x00-\x1f\x7f-\x9f\u2028\u2029]+")
+_TRIAL_TYPES = {
+    "robot_act": "An act of the robot, or free speech, from the robot's confirmation of its first action to its end.",
+    "robot_action": "One action of an act, from the robot's confirmation to its end.",
+    "cue": "The participant's turn ended; it lasts until the robot began to answer, or until it was taken back.",
+    "rule_state": "A rule of the scenario was in a state.",
+    "trial": "A trial, as the scenario says where each begins. Only these rows have the columns of trials.",
+    "event": "An event that rules can react to.",
+    "memory": "A value of the scenario's memory changed.",
+    "note": "A remark for the record.",
+    "mistake": "A wizard said that something was a mistake.",
+    "stop": "The robot was stopped, or released.",
+    "sync": "A mark that recordings show.",
+    "control": "Among several consoles, who may act changed.",
+    "robot": "The link to the robot changed.",
+    "fault": "Something went wrong.",
+    "check": "Something was looked at before or after the session.",
+    "coded": "Something that people have annotated; name: its tier; value: what they annotated.",
+    "recovery": "Another engine went on with the session; outage_s says for how long it had none.",
+}
+"""What the rows of `_events.tsv` are."""
+_OF_TRIALS = (
+    "trial robot_said asked_at asked_end cue_at participant_s key_at wizard_key wizard_asked wizard_s key_s "
+    "robot_next_at prompts repairs events marks failures"
+)
+
+
+def sidecar(columns: Columns) -> dict[str, dict[str, Any]]:
+    """What the JSON file beside a table says of its columns."""
+    return {name: _described(column) for name, column in columns.items()}
+
+
+def _described(column: Column) -> dict[str, Any]:
+    levels = dict(column.levels) or ({"true": "yes", "false": "no"} if column.type == "boolean" else {})
+    found: dict[str, Any] = {"Description": _EMPTY.sub(NOTHING, column.about)}
+    return found | ({"Units": column.unit} if column.unit else {}) | ({"Levels": levels} if levels else {})
+
+
+def table_text(names: Iterable[str], rows: Iterable[Iterable[str]]) -> str:
+    """A table of BIDS: tabs between the cells, one line a row."""
+    return "".join("\t".join(row) + "\n" for row in (names, *rows))
+
+
+def cells(columns: Columns, row: Any) -> list[str]:
+    """A row, as a table of BIDS has it."""
+    return [cell(column.of(row)) for column in columns.values()]
+
+
+def cell(value: Any) -> str:
+    """A value as a cell has it: seconds to the microsecond, tabs and line ends as blanks.
+
+    >>> cell(1.50), cell(None), cell(True), cell("two\\tlines\\nof text ")
+    ('1.5', 'n/a', 'true', 'two lines of text')
+    """
+    if isinstance(value, bool):
+        return "true" if value else "false"
+    if isinstance(value, float):
+        return f"{value:.6f}".rstrip("0").rstrip(".")
+    return _BLANKS.sub(" ", "" if value is None else str(value)).strip() or NOTHING
+
+
+def _picked(table: TableSchema, names: str) -> dict[str, Column]:
+    """Columns of a table and facts: `task_id=task act` are two, of which the first has another name in BIDS."""
+    columns = {column.name: column for column in (*FACTS, *table.columns)}
+    renamed = {name: other or name for name, _, other in (each.partition("=") for each in names.split())}
+
+    def described(about: str) -> str:
+        for name, other in renamed.items():
+            about = about.replace(f"`{other}`", f"`{name}`")
+        return about
+
+    return {name: replace(columns[other], about=described(columns[other].about)) for name, other in renamed.items()}
+
+
+ACT_COLUMNS: Columns = _picked(
+    ACTS,
+    "task_id=task act actor=by actor_kind=actor via status filler before_cue cue_at key_at accepted_at started_at "
+    "robot_at voice_at ended_at wizard_s way_s queue_s robot_s voice_s response_time=response_s mark condition",
+)
+"""Of `_beh.tsv`: a row for each act, in the order in which they were asked for."""
+
+
+def _local_time(row: Row) -> str:
+    """As BIDS has it: without a zone. Empty where the level tells none."""
+    try:
+        return datetime.fromisoformat(row.data.facts.started).replace(tzinfo=None).isoformat(timespec="milliseconds")
+    except ValueError:
+        return ""
+
+
+def session_columns(factors: Iterable[Column], *, dated: bool) -> Columns:
+    """Of `_scans.tsv`: a row for each session of a participant, with the name of its table of events beside it.
+
+    :param factors: the columns of the factors.
+    :param dated: whether it is told when sessions began; an empty time is none of BIDS.
+    """
+    table = "The table of events of the session, in the participant's folder."
+    began = "When the session began, in the time of the place where it ran."
+    return {
+        "filename": Column("filename", table, lambda row: row.beside),
+        **({"acq_time": Column("acq_time", began, _local_time)} if dated else {}),
+        **_picked(SESSIONS, "rise_session=session condition"),
+        **{column.name: column for column in factors},
+        **_picked(
+            SESSIONS,
+            "rise_run=run attempt purpose mode outcome robot driver injected_faults scenario_hash "
+            "session_duration=duration_s downtime=downtime_s",
+        ),
+    }
+
+
+class _EventRow(Struct, kw_only=True, frozen=True):
+    """A row of events."""
+
+    onset: float
+    end: float | None
+    """The onset, for what happens at one moment; None: it had not ended with the record."""
+    trial_type: str
+    actor: str = ""
+    name: str = ""
+    value: str = ""
+    status: str = ""
+    task_id: int | None = None
+    response_time: float | None = None
+    channel: str = ""
+    mark: str | None = None
+
+
+def _duration(row: Row) -> float | None:
+    lasted = between(row.of.onset, row.of.end)
+    return None if lasted is None else max(0.0, lasted)
+
+
+def _outage(row: Row) -> float | None:
+    of, outages = row.of, row.data.outages
+    if of.trial_type == "recovery":
+        return next((each.seconds for each in outages if each.at == of.onset), None)
+    return seconds_without_engine(outages, of.onset, max(of.onset, of.end if of.end is not None else of.onset))
+
+
+EVENT_COLUMNS: Columns = {
+    column.name: column
+    for column in (
+        seconds(
+            "onset",
+            "Seconds since the session began, on a monotonic clock. Of robot_act and robot_action: when the robot "
+            "confirmed it; the first sound or movement comes later. An act that the robot never confirmed has the "
+            "time of its turn.",
+        ),
+        seconds(
+            "duration",
+            "Seconds; 0 for what happens at one moment, n/a for what had not ended with the record.",
+            _duration,
+        ),
+        Column("trial_type", "The kind of the row.", levels=_TRIAL_TYPES),
+        seconds(
+            "response_time",
+            "Only of a robot_act that answered a cue and was asked for after it: seconds from the cue to the "
+            "confirmation of the first action that takes the robot's voice, or of its first action where it does not "
+            "speak.",
+        ),
+        Column(
+            "actor",
+            "Who did it: wizard:NAME, rule:NAME, a program; coder:NAME of what people annotated; of a robot_act, whose "
+            "key, event or rule caused it, through any number of rules; of a robot_action: robot.",
+        ),
+        Column(
+            "name",
+            "The act, the type of the action, RULE.STATE, the event's topic, the memory key, the check, the trial.",
+        ),
+        Column("value", "What was said or written, as the export's level tells it."),
+        Column(
+            "channel",
+            "Of a robot_action: what of the robot it takes (speech, gaze, face, body, arms), joined by +.",
+        ),
+        Column(
+            "status", "How an act or an action ended; `filler` follows after a blank. Of coded: modifiers of BORIS."
+        ),
+        Column("task_id", "Number of the task in the session's record that it belongs to."),
+        Column("mark", "What a wizard said was wrong about the act.", levels=MARKS),
+        seconds(
+            "outage_s",
+            "Seconds by the wall clock within the duration, or before a recovery, for which the session had no engine. "
+            "Its time stood still: the duration does not count them.",
+            _outage,
+        ),
+        *_picked(ACTS, "condition").values(),
+    )
+}
+"""Of `_events.tsv`."""
+
+
+def trial_columns(declared: Iterable[str]) -> Columns:
+    """Further ones of `_events.tsv`, of rows that are trials.
+
+    :param declared: what the scenarios declare as columns of trials.
+    """
+    columns = _picked(TRIALS, _OF_TRIALS) | {column.name: column for column in map(declared_column, declared)}
+    return {
+        (f"trial_{name}" if name in EVENT_COLUMNS or name in ENTITIES else name): replace(
+            column, value=_of_trial(column)
+        )
+        for name, column in columns.items()
+    }
+
+
+def _of_trial(column: Column) -> Value:
+    return lambda row: None if row.beside is None else column.of(row.beside)
+
+
+def event_rows(data: SessionData) -> list[Row]:
+    """Everything of a session that has a time, by its onset."""
+    kinds = {name: number for number, name in enumerate(_TRIAL_TYPES)}
+    events: list[tuple[_EventRow, Row | None]] = [(event, None) for event in _events(data)]
+    events += [(_event_of_trial(row), row) for row in TRIALS.rows(data)]
+    events.sort(key=lambda each: (each[0].onset, kinds[each[0].trial_type]))
+    return [Row(data, number, event, trial) for number, (event, trial) in enumerate(events, 1)]
+
+
+def _event_of_trial(row: Row) -> _EventRow:
+    trial = row.of
+    return _EventRow(onset=trial.start, end=trial.end, trial_type="trial", name=str(row.number), status=trial.ended_by)
+
+
+def _events(data: SessionData) -> Iterator[_EventRow]:
+    for act in data.acts:
+        yield from _events_of_act(act)
+    for cue in data.cues:
+        end = cue.answered_at if cue.answered_at is not None else cue.undone_at
+        yield _EventRow(
+            onset=cue.at,
+            end=end,
+            trial_type="cue",
+            actor=cue.source,
+            value=cue.text,
+            status="undone" if cue.undone_at is not None else "answered" if end is not None else "",
+            task_id=cue.task,
+        )
+    for phase in data.phases:
+        yield _EventRow(
+            onset=phase.start,
+            end=phase.end,
+            trial_type="rule_state",
+            actor=f"rule:{phase.rule}",
+            name=f"{phase.rule}.{phase.state}",
+            value=phase.trigger,
+            status=phase.ended_by,
+        )
+    for each in data.coded:
+        yield _EventRow(
+            onset=each.begin,
+            end=each.end,
+            trial_type="coded",
+            actor=f"coder:{each.annotator}" if each.annotator else "",
+            name=each.tier,
+            value=each.value,
+            status=each.modifiers,
+        )
+    for point in data.points:
+        yield _EventRow(
+            onset=point.at,
+            end=point.at,
+            trial_type=point.kind,
+            actor=point.source,
+            name=point.name,
+            value=point.value,
+            task_id=point.task,
+        )
+
+
+def _events_of_act(act: PlayedAct) -> Iterator[_EventRow]:
+    begun = act.robot_at if act.robot_at is not None else act.started_at
+    onset = begun if begun is not None else act.accepted_at
+    yield _EventRow(
+        onset=onset,
+        end=act.ended_at if begun is not None else onset,
+        trial_type="robot_act",
+        response_time=act.answer_s,
+        actor=act.by,
+        name=act.act,
+        value=act.reason,
+        status=f"{act.status} filler" if act.filler else act.status,
+        task_id=act.task,
+        mark=act.mark,
+    )
+    for part in act.parts:
+        if part.accepted_at is not None:
+            yield _EventRow(
+                onset=part.accepted_at,
+                end=part.ended_at,
+                trial_type="robot_action",
+                actor="robot",
+                name=part.type,
+                value=part.text,
+                channel="+".join(part.channels),
+                status=part.status,
+                task_id=act.task,
+            )

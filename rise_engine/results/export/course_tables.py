@@ -1,0 +1,317 @@
+"""Tables about what happened in sessions: acts and their actions, cues, phases of rules, and all of it as events."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from heapq import merge
+
+from msgspec import Struct
+
+from rise_engine.results.analysis.causes import actor_of
+from rise_engine.results.analysis.model import PlayedAct, SessionData
+from rise_engine.results.analysis.outages import seconds_without_engine
+from rise_engine.results.export.session_tables import OF_SESSION, SOURCE
+from rise_engine.results.export.table_levels import (
+    ACTION_STATUS,
+    ACTORS,
+    CUE_STATES,
+    EVENT_KINDS,
+    MARKS,
+    PHASE_ENDS,
+    STATUS,
+)
+from rise_engine.results.export.table_schema import (
+    Column,
+    Reference,
+    Row,
+    TableSchema,
+    moment,
+    numbering,
+    outage_columns,
+    rows_of,
+    seconds,
+    span,
+)
+
+
+def _act_rows(data: SessionData) -> Iterator[Row]:
+    numbers = {cue.at: number for number, cue in enumerate(data.cues, 1)}
+    for number, act in enumerate(data.acts, 1):
+        yield Row(data, number, act, None if act.cue_at is None else numbers.get(act.cue_at))
+
+
+def _response_outage(row: Row) -> float | None:
+    answered = row.of.voice_at if row.of.speaks else row.of.robot_at
+    return seconds_without_engine(row.data.outages, row.of.cue_at, answered)
+
+
+ACTS = TableSchema(
+    "acts",
+    "One row is one act (or free speech) that somebody asked for, also one that was refused or never had its turn.",
+    (
+        Column(
+            "task",
+            "Its number in the session, from 1; the key together with session.",
+            type="integer",
+            required=True,
+            minimum=1,
+        ),
+        Column("act", "The act's name; say: free speech.", required=True),
+        SOURCE,
+        Column("by", "Whose doing it is: the source of what caused it, through any number of rules."),
+        Column(
+            "via",
+            "The rules between `by` and the act, the first one first, joined by ` > `.",
+            lambda row: " > ".join(row.of.via),
+        ),
+        Column("actor", "What kind of source `by` is.", levels=ACTORS),
+        Column("status", "How it ended.", levels=STATUS, required=True),
+        Column("reason", "Why it did not succeed, or what it repeats."),
+        Column("filler", "Whether it bridged the time of a cue. It is no answer then.", type="boolean", required=True),
+        Column("speaks", "Whether one of its actions takes the voice.", type="boolean", required=True),
+        Column("text", "What it says, its speech actions joined by a blank.", lambda row: row.of.words),
+        Column("mark", "What was said to be wrong about it, or the key that caused it; empty: nothing.", levels=MARKS),
+        Column(
+            "cue",
+            "The cue that it answers or bridges: its number in cues.csv; empty: none.",
+            lambda row: row.beside,
+            "integer",
+            minimum=1,
+        ),
+        moment("cue_at", "That cue was marked."),
+        Column(
+            "before_cue",
+            "Whether it was asked for before that cue came; empty: it has no cue.",
+            lambda row: None if row.of.cue_at is None else row.of.before_cue,
+            "boolean",
+        ),
+        moment("key_at", "The key was pressed that caused it, on the console's clock; empty: no key, or not known."),
+        moment("accepted_at", "The engine took it.", required=True),
+        moment("started_at", "Its turn came."),
+        moment("robot_at", "The robot confirmed its first action. It is no time of the first sound."),
+        moment("voice_at", "The robot confirmed its first action that takes the voice. The first sound comes later."),
+        moment("ended_at", "Its end."),
+        seconds("wizard_s", "Cue to key: the wizard. Empty: no cue, no key, or asked for before the cue."),
+        seconds("way_s", "Key to engine; from the cue, where no key was pressed. Empty if before_cue."),
+        seconds("queue_s", "In the queue; if before_cue, from the cue on."),
+        seconds("robot_s", "From its turn until the robot confirms."),
+        seconds("voice_s", "From the first confirmed action to the first one that takes the voice."),
+        seconds(
+            "response_s",
+            "Cue to answer: to voice_at if it speaks, else to robot_at. wizard_s, way_s, queue_s, robot_s and, if it "
+            "speaks, voice_s add up to it. Empty: it is a filler, or no answer.",
+            lambda row: None if row.of.filler else row.of.response_s,
+        ),
+        seconds("duration_s", "From started_at to ended_at.", span("started_at", "ended_at")),
+        *outage_columns("duration_s", "started_at", "ended_at"),
+        seconds("response_outage_s", "Seconds without an engine in response_s; empty: none.", _response_outage),
+    ),
+    ("session", "task"),
+    _act_rows,
+    OF_SESSION,
+)
+
+
+def _action_rows(data: SessionData) -> Iterator[Row]:
+    for act in data.acts:
+        for number, part in enumerate(act.parts, 1):
+            yield Row(data, number, part, act)
+
+
+ACTIONS = TableSchema(
+    "actions",
+    "One row is one action of an act, as the robot did it.",
+    (
+        Column(
+            "task",
+            "The act that it is part of.",
+            lambda row: row.beside.task,
+            "integer",
+            required=True,
+            minimum=1,
+        ),
+        Column("act", "That act's name.", lambda row: row.beside.act),
+        Column("action", "Its actionID within the act.", required=True),
+        Column("type", "What kind of action: Speech, LookAt, ...", required=True),
+        Column("channels", "What of the robot it takes, separated by blanks; empty: it only waits, or nobody knows."),
+        Column("text", "What it says, or its most telling parameter."),
+        Column("parameters", "All of its parameters, as JSON.", type="object"),
+        Column("status", "How it ended.", levels=ACTION_STATUS, required=True),
+        moment("started_at", "It was sent to the robot, or began to wait; empty: it never was."),
+        moment("accepted_at", "The robot confirmed it. Waiting is never confirmed."),
+        moment("ended_at", "Its end."),
+    ),
+    ("session", "task", "action"),
+    _action_rows,
+    (*OF_SESSION, Reference(("session", "task"), "acts")),
+)
+
+
+def _cue_rows(data: SessionData) -> Iterator[Row]:
+    early = {act.task for act in data.acts if act.before_cue}
+    for number, cue in enumerate(data.cues, 1):
+        yield Row(data, number, cue, cue.task in early if cue.task is not None else None)
+
+
+def _cue_state(row: Row) -> str:
+    return "undone" if row.of.undone_at is not None else "open" if row.of.task is None else "answered"
+
+
+CUES = TableSchema(
+    "cues",
+    "One row is one cue: the participant's turn ended, and somebody marked it.",
+    (
+        numbering("cue"),
+        moment("at", "It was marked.", required=True),
+        SOURCE,
+        Column("text", "What was said of it."),
+        Column("state", "What became of it.", _cue_state, levels=CUE_STATES, required=True),
+        moment("filled_at", "The robot confirmed the first filler."),
+        moment("answered_at", "The robot began to answer, with its voice if the answer speaks."),
+        moment("undone_at", "It was taken back."),
+        Column("task", "The act that answered: its number in acts.csv.", type="integer", minimum=1),
+        Column(
+            "before_cue",
+            "Whether the answer was asked for before the cue; empty: no answer.",
+            lambda row: row.beside,
+            "boolean",
+        ),
+        seconds("filled_s", "Cue to filler.", span("at", "filled_at")),
+        seconds("response_s", "Cue to answer.", span("at", "answered_at")),
+        *outage_columns("response_s", "at", "answered_at"),
+    ),
+    ("session", "cue"),
+    _cue_rows,
+    OF_SESSION,
+)
+PHASES = TableSchema(
+    "phases",
+    "One row is one stay of a rule in a state, also one of 0 s.",
+    (
+        numbering("phase"),
+        Column("rule", "Which rule.", required=True),
+        Column("state", "Which state.", required=True),
+        moment("start", "It was entered.", required=True),
+        moment("end", "It was left, or the record ended.", required=True),
+        seconds("duration_s", "How long the rule was in it.", span("start", "end")),
+        *outage_columns("duration_s", "start", "end"),
+        Column("trigger", "What led to it: an event, after 2s, a condition, start, resumed, stepped back."),
+        Column("source", "Who started the rule; only of its first state."),
+        Column("ended_by", "How the rule ended in it; empty: it went on.", levels=PHASE_ENDS),
+        Column("stepped_back", "Whether a wizard put the rule back into it.", type="boolean", required=True),
+    ),
+    ("session", "phase"),
+    rows_of("phases"),
+    OF_SESSION,
+)
+
+
+class _Event(Struct, frozen=True):
+    """Something that happened, of any kind."""
+
+    onset: float
+    kind: str
+    name: str
+    value: str
+    source: str
+    task: int | None = None
+    end: float | None = None
+    """None: it was a moment."""
+
+
+def _event_rows(data: SessionData) -> Iterator[Row]:
+    def began(act: PlayedAct) -> float:
+        return act.started_at if act.started_at is not None else act.accepted_at
+
+    def event_of(act: PlayedAct) -> _Event:
+        end = (
+            (act.ended_at if act.ended_at is not None else data.facts.duration) if act.started_at is not None else None
+        )
+        return _Event(began(act), "act", act.act, act.status, act.source, act.task, end)
+
+    events = merge(  # a long session has hundreds of thousands: one is made at a time
+        (_Event(each.start, "phase", each.rule, each.state, each.source, None, each.end) for each in data.phases),
+        (_Event(each.at, "cue", "cue", each.text, each.source, each.task) for each in data.cues),
+        (event_of(each) for each in sorted(data.acts, key=began)),
+        (
+            _Event(each.at, each.kind, each.name, each.value, each.source, each.task)
+            for each in sorted(data.points, key=lambda point: point.at)
+        ),
+        key=lambda event: event.onset,
+    )
+    gaps = {each.at: each.seconds for each in data.outages}
+    for number, each in enumerate(events, 1):
+        yield Row(data, number, each, gaps.get(each.onset) if each.kind == "recovery" else None)
+
+
+def _event_columns() -> tuple[Column, ...]:
+    outage_s, wall_s = outage_columns("duration", "onset", "end")
+    return (
+        numbering("event"),
+        moment("onset", "It began.", required=True),
+        seconds(
+            "duration",
+            "How long it lasted; 0: a moment. What the record's end cut off lasts until then.",
+            lambda row: span("onset", "end")(row) or 0.0,
+        ),
+        seconds("outage_s", outage_s.about, lambda row: row.beside if row.of.kind == "recovery" else outage_s.of(row)),
+        wall_s,
+        Column("kind", "What it is.", levels=EVENT_KINDS, required=True),
+        Column("name", "What it is about."),
+        Column("value", "What is told of it."),
+        SOURCE,
+        Column(
+            "actor",
+            "What kind of source that is.",
+            lambda row: actor_of(row.of.source) if row.of.source else None,
+            levels=ACTORS,
+        ),
+        Column(
+            "task",
+            "The act that it is or is about: its number in acts.csv; empty: none.",
+            type="integer",
+            minimum=1,
+        ),
+    )
+
+
+EVENTS = TableSchema(
+    "events",
+    "One row is something that happened: the course of a session in one table, by onset.",
+    _event_columns(),
+    ("session", "event"),
+    _event_rows,
+    OF_SESSION,
+)
+CODED = TableSchema(
+    "coded",
+    "One row is something that people have annotated of the session in ELAN or BORIS, and given back.",
+    (
+        numbering("coded"),
+        Column("tier", "Of ELAN its tier; of BORIS subject and behaviour: `participant: smiles`.", required=True),
+        Column("annotator", "Who annotated it; empty: nobody has said it."),
+        moment("begin", "It begins.", required=True),
+        moment("end", "It ends; as begin: it was a moment.", required=True),
+        seconds("duration_s", "From begin to end.", span("begin", "end")),
+        *outage_columns("duration_s", "begin", "end"),
+        Column("value", "What was annotated; of BORIS, the behaviour. Below the level full, speech is counted words."),
+        Column("modifiers", "Of BORIS, joined by |."),
+        Column("comment", "Of BORIS; below the level full, counted words."),
+        Column("file", "In which file it stands, in `coded/` of the session's folder; only at the level full."),
+        Column("speech", "Whether its tier holds what the participant said.", type="boolean", required=True),
+        seconds(
+            "robot_overlap_s",
+            "Of the participant's speech: seconds of it in which the robot spoke, too. The robot speaks from when it "
+            "confirms a speech action until that ends.",
+        ),
+        seconds(
+            "gap_s",
+            "Of the participant's speech: from the end of what the robot last began to say before begin, to begin. "
+            "Negative: the robot still spoke. Empty: the robot had said nothing, or there was no engine in between.",
+            minimum=None,
+        ),
+    ),
+    ("session", "coded"),
+    rows_of("coded"),
+    OF_SESSION,
+)

@@ -1,0 +1,131 @@
+"""Questionnaires in an export: the answers of whoever is in it, as its level tells them, and what columns mean."""
+
+from __future__ import annotations
+
+import csv
+import io
+from collections.abc import Iterable, Mapping, Sequence
+
+from msgspec import Struct
+from msgspec.structs import replace
+
+from rise_engine.results.analysis.model import SessionFacts
+from rise_engine.results.export.format import ExportError
+from rise_engine.results.export.table_schema import Column, ColumnType
+from rise_engine.session.levels import ExportLevel, LevelFilter
+from rise_engine.study.model import QuestionnaireSettings, Study
+from rise_engine.study.participants import load_participants
+from rise_engine.study.questionnaires import Answers, Questionnaire, load_questionnaire
+
+_NOT_HERE = "unknown-participant"
+"""What is found about a row that is nobody's: it is left out, and nothing else depends on it."""
+_TYPES: Mapping[str, ColumnType] = {"integer": "integer", "number": "number"}
+
+
+class ToldAnswers(Struct, frozen=True):
+    """A questionnaire, as an export tells it."""
+
+    settings: QuestionnaireSettings
+    columns: tuple[Column, ...]
+    """Its items."""
+    rows: tuple[tuple[tuple[SessionFacts, ...], Answers], ...]
+    """Each with the sessions that it is about: the one of its run, or one of each run of its participant."""
+
+    @property
+    def name(self) -> str:
+        return self.settings.name
+
+    @property
+    def about(self) -> str:
+        """What one row is."""
+        told = self.settings.about.rstrip(".")
+        of_run = "a participant after a run" if self.settings.run else "a participant"
+        return f"One row is what {of_run} answered in the questionnaire {self.name}{f' ({told})' if told else ''}."
+
+
+def told_answers(
+    study: Study | None, level: ExportLevel, sessions: Iterable[SessionFacts], warnings: list[str]
+) -> list[ToldAnswers]:
+    """The questionnaires of a study, for whoever is in an export.
+
+    :param study: the study; None: the sessions are of none, or of several.
+    :param level: how much is told.
+    :param sessions: of the export.
+    :param warnings: sentences for whoever exports are added to it.
+    :raises ExportError: a file cannot be told, because something is wrong with it.
+    """
+    if study is None or not study.questionnaires:
+        return []
+    people = load_participants(study).participants
+    known = list(sessions)
+    found = []
+    for settings in study.questionnaires:
+        read = load_questionnaire(study, settings, people)
+        _report(read, warnings)
+        if read.items:
+            found.append(_told(read, level, known, warnings))
+    return found
+
+
+def _report(read: Questionnaire, warnings: list[str]) -> None:
+    name = read.settings.name
+    if wrong := [str(each) for each in read.errors if each.code != _NOT_HERE]:
+        raise ExportError(f"the questionnaire {name} cannot be exported; nothing was written", *wrong)
+    lines = [each.location.line for each in read.errors]
+    if lines:
+        where = ", ".join(map(str, lines[:5])) + (f" and {len(lines) - 5} more" if len(lines) > 5 else "")
+        warnings.append(
+            f"{read.settings.file}, line {where}: left out, because participants.csv does not have the participant; "
+            "`rise-engine study check` says more"
+        )
+    if any(each.code == "no-questionnaire" for each in read.diagnostics):
+        warnings.append(f"the questionnaire {name} is not in it: there is no file {read.settings.file} yet")
+
+
+def _told(read: Questionnaire, level: ExportLevel, known: Sequence[SessionFacts], warnings: list[str]) -> ToldAnswers:
+    """With what people typed as the level tells it: an item of words, not of levels."""
+    settings, count = read.settings, LevelFilter(level, None).count_typed_words
+    typed = [item.name for item in read.items if item.type == "string" and not item.levels]
+    rows = []
+    for answers in read.rows:
+        theirs = [each for each in known if each.participant == answers.participant]
+        runs = dict.fromkeys(each.run for each in theirs if answers.run in (None, each.run))
+        about = [_of_run([each for each in theirs if each.run == run]) for run in runs]
+        if about:
+            told = {name: count(value) if name in typed else value for name, value in answers.values.items()}
+            rows.append((tuple(about), replace(answers, values=told)))
+    there = {(answers.participant, answers.run) for _, answers in rows}
+    wanted = {(each.participant, each.run if settings.run else None) for each in known if each.participant}
+    if missing := sorted({name for name, _ in wanted - there}):
+        what = "every run of " if settings.run else ""
+        warnings.append(f"the questionnaire {settings.name} has no row for {what}{', '.join(missing)}")
+    columns = tuple(
+        Column(
+            item.name,
+            item.about or f"The answer to {item.name}, as {settings.file} has it; empty: none.",
+            lambda answers, name=item.name: answers.values[name],  # type: ignore[misc]
+            _TYPES.get(item.type, "string"),
+            levels=item.levels,
+        )
+        for item in read.items
+    )
+    return ToldAnswers(settings, columns, tuple(rows))
+
+
+def _of_run(sessions: list[SessionFacts]) -> SessionFacts:
+    """Of several attempts the one that counts, or else the last one."""
+    complete = [each for each in sessions if each.outcome == "complete"]
+    return (complete or sessions)[-1]
+
+
+def answers_text(told: ToldAnswers) -> str:
+    """The file of a questionnaire as an export tells it: read again, it gives the same."""
+    settings = told.settings
+    text = io.StringIO()
+    rows = csv.writer(text, lineterminator="\n")
+    keys = [settings.key, *([settings.run] if settings.run else [])]
+    rows.writerow([*keys, *(column.name for column in told.columns)])
+    for _, answers in told.rows:
+        run = [str(answers.run)] if settings.run else []
+        rows.writerow([answers.participant, *run, *answers.values.values()])
+    return text.getvalue()

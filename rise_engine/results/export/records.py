@@ -1,0 +1,192 @@
+"""The records of sessions as they are, for whoever analyses them: as JSON lines or as a table.
+
+Everything that can be read is exported, also from a session that is running, torn or damaged; what could not be read is
+said, and never made up.
+"""
+
+from __future__ import annotations
+
+import csv
+import os
+from codecs import getwriter
+from collections.abc import Iterable, Mapping
+from pathlib import Path
+from typing import Any, BinaryIO, Literal, TypeAlias
+
+import msgspec
+
+from rise_engine.kernel.records import AnyRecord
+from rise_engine.results.analysis.model import SessionData, SessionFacts
+from rise_engine.results.analysis.session_records import SessionRecords
+from rise_engine.results.export.format import ExportContext, ExportFormat
+from rise_engine.results.export.table_schema import safe_cell
+from rise_engine.session.journal_format import encode_record
+from rise_engine.session.levels import ExportLevel
+
+RecordFormat: TypeAlias = Literal["jsonl", "csv"]
+
+COLUMNS = (
+    *("session", "mode", "seq", "t", "wall", "kind"),
+    *("status", "reason", "source"),  # several kinds
+    *("id", "function", "behavior", "calling_type", "position", "ref"),  # task
+    *("task", "act", "action", "type", "parameters", "sent_as"),  # action
+    *("name", "state", "previous", "trigger", "transition", "priority"),  # rule
+    *("topic", "taken_by"),  # event
+    *("rule", "expression", "values", "result", "error", "missing"),  # condition; state too
+    *("key", "value", "old", "created", "deleted"),  # memory
+    "detail",  # robot
+    *("confirmed", "unconfirmed"),  # stop
+    *("by", "holder"),  # control
+    "text",  # note
+    *("scenario", "scenario_hash", "robot", "seed", "versions"),  # session
+    *("participant", "condition"),  # session
+    "since",  # cue
+    "mark",  # mistake
+    *("cue_at", "key_at", "accepted_at", "started_at", "robot_at", "ended_at"),  # timing
+    "seconds",  # countdown, failure, kept; transition, topic and rule too
+    *("study", "study_hash", "slot", "run", "attempt", "purpose", "factors"),  # session
+    "language",  # session
+    *("path", "bytes"),  # recording
+    *("number", "medium"),  # sync
+    *("filler", "voice_at"),  # timing; source too
+    "downtime",  # session
+    *("at", "within"),  # sync
+    *("hash", "was", "changes"),  # scenario; source too
+    *("unstoppable", "held_by"),  # stop
+    "open",  # robot, session
+    *("cause", "via"),  # task
+    *("driver", "injected_faults"),  # session
+)
+"""Of the table: always all of them, in this order. New ones may only come at the end."""
+
+
+class SessionExport:
+    """The records of one session, whatever of them can be read, to be written to a file: one after the other, so that
+    a session of any length has room.
+
+    >>> from io import BytesIO
+    >>> from tempfile import TemporaryDirectory
+    >>> from rise_engine.kernel.records import NoteRecord
+    >>> from rise_engine.session.journal_format import encode_header, encode_record, with_checksum
+    >>> record = NoteRecord(seq=1, t=2.5, wall="2026-11-21T14:00:00+01:00", text="hello", source="engine")
+    >>> out = BytesIO()
+    >>> with TemporaryDirectory() as folder:
+    ...     lines = encode_header("example 1") + with_checksum(encode_record(record))
+    ...     _ = (Path(folder) / "journal.jsonl").write_bytes(lines)
+    ...     export = SessionExport(Path(folder))
+    ...     export.write("jsonl", out)
+    >>> out.getvalue()
+    b'{"kind":"note","seq":1,"t":2.5,"wall":"2026-11-21T14:00:00+01:00","text":"hello","source":"engine"}\\n'
+    >>> len(export.problems)  # there is no session.toml
+    1
+    """
+
+    def __init__(
+        self,
+        folder: Path,
+        *,
+        level: ExportLevel = "full",
+        private: Iterable[str] = (),
+        wizards: Mapping[str, str] | None = None,
+    ) -> None:
+        """Read the session in `folder`; parameters and errors as of `SessionRecords`."""
+        self._records = SessionRecords(folder, level=level, private=private, wizards=wizards)
+        self.name = self._records.name
+        """The session's, as the level tells it."""
+        self.problems = self._records.problems
+        """What could not be read, in sentences."""
+
+    def write(self, format: RecordFormat, out: BinaryIO, *, spreadsheet_safe: bool = False) -> None:
+        """Write the records to `out`, any binary file that is open for writing; it is flushed and not closed.
+
+        `format`: `jsonl`, one record in a line as the journal has it but without check sums, or `csv`, a table with
+        COLUMNS (RFC 4180, UTF-8; times in seconds). `spreadsheet_safe`: as of `ExportContext`. Raises OSError when
+        `out` does not take it.
+        """
+        records = self._records.read()
+        if format == "csv":
+            table = _Table(out, spreadsheet_safe=spreadsheet_safe)
+            table.add(records, {"session": self._records.name, "mode": self._records.mode})
+        else:
+            _write_lines(records, out)
+        out.flush()
+
+
+class _Table:
+    """A table of records."""
+
+    def __init__(self, out: BinaryIO, *, spreadsheet_safe: bool) -> None:
+        self._safe = spreadsheet_safe
+        self._rows = csv.writer(getwriter("utf-8")(out))  # as RFC 4180 has it: commas, CR LF, quotes doubled
+        self._rows.writerow(COLUMNS)
+
+    def add(self, records: Iterable[AnyRecord], facts: Mapping[str, Any]) -> None:
+        """Add a session's records. `facts`: what stands in every row."""
+        for record in records:
+            values: dict[str, Any] = msgspec.json.decode(encode_record(record))
+            values.update(facts)
+            cells = [table_cell(values.get(column)) for column in COLUMNS]
+            self._rows.writerow([safe_cell(each) for each in cells] if self._safe else cells)
+
+
+def _write_lines(records: Iterable[AnyRecord], out: BinaryIO) -> None:
+    for record in records:
+        out.write(encode_record(record) + b"\n")
+
+
+def table_cell(value: Any) -> str:
+    """A JSON value in a table: texts as they are, null (like what is not there) empty, everything else as JSON."""
+    if value is None:
+        return ""
+    return value if isinstance(value, str) else msgspec.json.encode(value).decode()
+
+
+def _facts_in_rows(facts: SessionFacts) -> dict[str, Any]:
+    """What tells the rows of several sessions apart."""
+    return {
+        "session": facts.session,
+        "mode": facts.mode,
+        "participant": facts.participant,
+        "condition": facts.condition,
+        "study": facts.study,
+        "study_hash": facts.study_hash,
+        "slot": facts.slot,
+        "run": facts.run,
+        "attempt": facts.attempt,
+        "purpose": facts.purpose,
+        "factors": facts.factors,
+    }
+
+
+def _write_csv(path: Path, sessions: Iterable[SessionData], context: ExportContext) -> None:
+    with _create(path) as out:
+        table = _Table(out, spreadsheet_safe=context.spreadsheet_safe)
+        for data in sessions:
+            table.add(data.records, _facts_in_rows(data.facts))
+
+
+def _write_jsonl(path: Path, sessions: Iterable[SessionData], context: ExportContext) -> None:
+    with _create(path) as out:
+        for data in sessions:
+            _write_lines(data.records, out)
+
+
+def _create(path: Path) -> BinaryIO:
+    return os.fdopen(os.open(path, os.O_WRONLY | os.O_CREAT | os.O_EXCL | os.O_CLOEXEC, 0o600), "wb")
+
+
+CSV = ExportFormat(
+    name="csv",
+    about="all records as one table; one row is one record",
+    shape="file",
+    suffix=".csv",
+    write=_write_csv,
+    spreadsheet_safe=True,
+)
+JSONL = ExportFormat(
+    name="jsonl",
+    about="all records as JSON lines",
+    shape="file-per-session",
+    suffix=".jsonl",
+    write=_write_jsonl,
+)

@@ -1,0 +1,296 @@
+"""Tables about whole sessions: what stands in every row of every table, sessions, checks and recordings."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Callable, Iterator
+from datetime import datetime
+from typing import Any
+
+from rise_engine.kernel.records import ENGINE
+from rise_engine.results.analysis.model import SessionData
+from rise_engine.results.analysis.statistics import Summary, share_over, summarise
+from rise_engine.results.export.table_levels import (
+    ALIGNMENTS,
+    CHECK_RESULTS,
+    MEDIA_KINDS,
+    MODES,
+    OUTCOMES,
+    PURPOSES,
+    RECORDING_STATES,
+)
+from rise_engine.results.export.table_schema import (
+    Column,
+    Reference,
+    Row,
+    TableSchema,
+    Value,
+    count,
+    moment,
+    numbering,
+    rows_of,
+    seconds,
+)
+from rise_engine.study.model import Level, Study
+
+LONG = 2.0
+"""Seconds after which an answer is counted as late to come."""
+SOURCE = Column("source", "Who asked for it, as the record has it: wizard:NAME, rule:NAME, engine.")
+OF_SESSION = (Reference(("session",), "sessions"),)
+_HASH = "^[0-9a-f]{64}$"
+
+
+def _fact(name: str) -> Value:
+    return lambda row: getattr(row.data.facts, name) or None
+
+
+def _answers(data: SessionData) -> list[float]:
+    return [each for act in data.acts if (each := act.answer_s) is not None]
+
+
+def _told(tell: Callable[[Summary], float | None]) -> Value:
+    return lambda row: tell(told) if (told := summarise(_answers(row.data))) is not None else None
+
+
+def _points(kind: str) -> Value:
+    return lambda row: sum(point.kind == kind for point in row.data.points)
+
+
+def _acts(which: Callable[[Any], bool]) -> Value:
+    return lambda row: sum(which(act) for act in row.data.acts)
+
+
+def _repairs(name: str) -> Value:
+    return lambda row: getattr(row.data.repairs, name)
+
+
+def _checks(result: str) -> Value:
+    return lambda row: sum(check.result == result for check in row.data.checks)
+
+
+def _stops(row: Row) -> int:
+    asked = [point for point in row.data.points if point.kind == "stop" and point.name == "requested"]
+    return sum(point.source != ENGINE for point in asked)
+
+
+def _started(row: Row) -> str:
+    try:
+        return datetime.fromisoformat(row.data.facts.started).isoformat(timespec="milliseconds")
+    except ValueError:
+        return ""
+
+
+FACTS = (
+    Column("session", "Which session. The key of sessions.csv.", _fact("session"), required=True),
+    Column("participant", "The participant's pseudonym; empty: nobody was named.", _fact("participant")),
+    Column(
+        "run",
+        "Which of the participant's runs, from 1; empty: the session is of no study.",
+        _fact("run"),
+        "integer",
+        minimum=1,
+    ),
+    Column("condition", "The condition: the levels of all factors, joined by +.", _fact("condition")),
+    Column("mode", "In which mode the session was run.", _fact("mode"), levels=MODES),
+    Column("purpose", "Why the session was run; empty: it is of no study.", _fact("purpose"), levels=PURPOSES),
+    Column("outcome", "How the session counts; empty: nobody has said it.", _fact("outcome"), levels=OUTCOMES),
+)
+"""Of the session; they stand in every row of every table, and the factors after them."""
+SESSIONS = TableSchema(
+    "sessions",
+    "One row is one session.",
+    (
+        Column("study", "The study's id; empty: the session is of no study."),
+        Column("study_hash", "SHA-256 of what study.toml said about sessions when the session began.", pattern=_HASH),
+        Column("slot", "The row of the study's plan; empty: it takes none.", type="integer", minimum=1),
+        Column("attempt", "The how-manieth session of this run, from 1.", _fact("attempt"), "integer", minimum=1),
+        Column("outcome_reason", "Why it is aborted or excluded, as somebody wrote it."),
+        Column("title", "The scenario's title."),
+        Column("scenario_hash", "SHA-256 of all that is in the scenario, and of the language.", pattern=_HASH),
+        Column("language", "In which everything was said, by BCP 47; empty: the scenario does not say."),
+        Column("robot", "The robot's profile."),
+        Column("driver", "What reached the robot; simulated: no robot moved, in any mode. Empty: not known."),
+        Column(
+            "injected_faults",
+            "What the simulated robot was told to do wrong, joined by ` ; `; empty: nothing.",
+            lambda row: " ; ".join(row.of.injected_faults),
+        ),
+        Column("seed", "Of everything that was picked at random.", type="integer"),
+        Column("speed", "Session seconds in a second of the wall clock.", lambda row: float(row.of.speed), "number"),
+        Column("started", "Date and time of day; only at the level full.", _started, "datetime"),
+        Column("program", "The version of rise-tui that began it.", lambda row: row.of.versions.get("rise-tui")),
+        seconds("duration_s", "Session seconds until the last record.", lambda row: row.of.duration),
+        Column("ended", "Whether it came to its end in order.", type="boolean"),
+        count("recoveries", "How often its engine had gone, and another one went on with it."),
+        seconds(
+            "downtime_s",
+            "Seconds of the wall clock without an engine; session time does not count them.",
+            lambda row: row.of.downtime,
+        ),
+        count("acts", "Acts that somebody asked for, refused ones too.", lambda row: len(row.data.acts)),
+        count(
+            "wizard_acts",
+            "Those that a wizard's key caused, through rules, too.",
+            _acts(lambda act: act.actor == "wizard"),
+        ),
+        count("rejected_acts", "Those that were refused.", _acts(lambda act: act.status == "REJECTED")),
+        count("failed_acts", "Those that failed.", _acts(lambda act: act.status == "ABORTED")),
+        count("fillers", "Acts that bridged the time of a cue; they are no answers.", _acts(lambda act: act.filler)),
+        count("cues", "How often the end of the participant's turn was marked.", lambda row: len(row.data.cues)),
+        count(
+            "cues_answered",
+            "Cues that an act answered, also one that was never heard.",
+            lambda row: sum(cue.task is not None for cue in row.data.cues),
+        ),
+        count("cues_undone", "Cues that were taken back.", _repairs("cues_undone")),
+        count(
+            "responses",
+            "Answers with a response time that were not asked for before their cue: the next three.",
+            lambda row: len(_answers(row.data)),
+        ),
+        seconds(
+            "response_median_s",
+            "Median of response_s over these answers; empty: there is none.",
+            _told(lambda told: told.median),
+        ),
+        seconds(
+            "response_iqr_s",
+            "Its interquartile range; quartiles as in R and numpy (Hyndman and Fan 7).",
+            _told(lambda told: told.iqr),
+        ),
+        count(
+            "responses_over_2s",
+            "Those of them that took longer than 2 s.",
+            lambda row: share_over(_answers(row.data), LONG).count,
+        ),
+        count(
+            "before_cue",
+            "Answers that were asked for before their cue came.",
+            _acts(lambda act: act.before_cue and not act.filler),
+        ),
+        count(
+            "wizard_keys",
+            "What wizards asked for: acts, rules, events, values, cues, speech, stops.",
+            lambda row: len(row.data.keys),
+        ),
+        count("mistakes", "Mistakes that were marked and not taken back.", _points("mistake")),
+        count("stops", "Stop-all, how often a person or a program asked for it.", _stops),
+        count("faults", "Acts, rules and expressions that failed.", _points("fault")),
+        count(
+            "repairs",
+            "How often something was mended: acts_repeated, steps_back, cues_undone, acts_stopped.",
+            _repairs("total"),
+        ),
+        count("acts_repeated", "Acts that were done again after they had failed.", _repairs("repeated")),
+        count("steps_back", "Rules that a wizard put back into an earlier state.", _repairs("stepped_back")),
+        count("acts_stopped", "Acts that a wizard stopped or interrupted after they had begun.", _repairs("canceled")),
+        count("stops_released", "Stops that were released.", _repairs("released")),
+        count("checks_skipped", "Checks that nobody made, with a reason.", _checks("skipped")),
+        count("checks_failed", "Checks that failed.", _checks("failed")),
+        count("notes", "Notes that were written down.", _points("note")),
+        count(
+            "unreadable",
+            "Things that could not be read of its record: 0 is a whole record.",
+            lambda row: len(row.data.problems),
+        ),
+    ),
+    ("session",),
+    lambda data: iter((Row(data, 1, data.facts),)),
+)
+CHECKS = TableSchema(
+    "checks",
+    "One row is something that was looked at before or after a session; the last result of each.",
+    (
+        Column("check", "Its id in study.toml; the key together with session.", lambda row: row.of.id, required=True),
+        moment("at", "It stands in the record from then on.", lambda row: row.of.t, required=True),
+        Column("text", "What was looked at."),
+        Column("result", "What came of it.", levels=CHECK_RESULTS, required=True),
+        Column("value", "What was found."),
+        Column("reason", "Why it failed, or why somebody skipped it."),
+        SOURCE,
+    ),
+    ("session", "check"),
+    rows_of("checks"),
+    OF_SESSION,
+)
+
+
+def _recording_rows(data: SessionData) -> Iterator[Row]:
+    """What each recorder said, with its files; then files of which none spoke."""
+    said = {each.name for each in data.recordings}
+    pairs: list[tuple[Any, Any]] = []
+    for each in data.recordings:
+        files = [file for file in data.media if file.name == each.name]
+        pairs += [(each, file) for file in files] or [(each, None)]
+    pairs += [(None, file) for file in data.media if file.name not in said]
+    return (Row(data, number, each, file) for number, (each, file) in enumerate(pairs, 1))
+
+
+def _file(name: str) -> Value:
+    return lambda row: getattr(row.beside, name, None)
+
+
+def _recorder(name: str) -> Value:
+    return lambda row: getattr(row.of, name, None)
+
+
+def _file_or_recorder(name: str) -> Value:
+    return lambda row: getattr(row.of if row.beside is None else row.beside, name)
+
+
+def _rate(row: Row) -> float | None:
+    return row.beside.rate if row.beside is not None and row.beside.offset is not None else None
+
+
+RECORDINGS = TableSchema(
+    "recordings",
+    "One row is one recording of a session: what its recorder said last, and where its file lies against the session.",
+    (
+        numbering("recording"),
+        Column("name", "Of its recorder; empty: the file was added later.", _file_or_recorder("name")),
+        Column(
+            "status",
+            "What its recorder said last; empty: it said nothing.",
+            _recorder("status"),
+            levels=RECORDING_STATES,
+        ),
+        Column("reason", "Why it stalled or failed.", _recorder("reason")),
+        Column("kind", "What it is; empty: not known.", _file("kind"), levels=MEDIA_KINDS),
+        Column("path", "Of its file; only at the level full.", _file_or_recorder("path")),
+        Column("bytes", "How large its file is.", _file_or_recorder("bytes"), "integer", "bytes", minimum=0),
+        seconds("duration_s", "How long it is.", _file("duration")),
+        seconds("offset_s", "Media time = offset_s + rate * session time; empty: nobody knows.", _file("offset"), None),
+        Column("rate", "Seconds of the file for one second of the session.", _rate, "number"),
+        Column("aligned_by", "How that is known.", _file("aligned_by"), levels=ALIGNMENTS),
+        seconds(
+            "within_s",
+            "By which that is wrong at most between its marks, as far as the marks' own times are known; in a short "
+            "session, rate can then be nothing but that.",
+            _file("within"),
+        ),
+    ),
+    ("session", "recording"),
+    _recording_rows,
+    OF_SESSION,
+)
+
+
+def factor_column(name: str, study: Study | None) -> Column:
+    """The column of a factor.
+
+    :param name: the factor's.
+    :param study: the design, which says its levels; None: nobody knows them.
+    """
+    factor = next((each for each in study.factors if each.name == name), None) if study is not None else None
+    return Column(
+        f"factor_{name}",
+        f"The level of the factor {name}; empty: the session has none.",
+        lambda row: row.data.facts.factors.get(name),
+        levels={level.name: _level_text(level) for level in factor.levels} if factor is not None else {},
+    )
+
+
+def _level_text(level: Level) -> str:
+    told = [level.description] if level.description else []
+    told += [f"{key} = {json.dumps(value, ensure_ascii=False)}" for key, value in level.memory.items()]
+    return "; ".join([*told, f"scenario {level.scenario}"] if level.scenario else told)

@@ -1,0 +1,266 @@
+"""What of a session somebody wants to see beside a video, as spans: what the robot did, who asked for it, cues, rules.
+
+What the robot did begins when it confirmed it, not when it was asked to; the time in the queue is apart, and so are
+fillers, which are no answers. Changes of the memory, checks and control are left to the tables.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+from rise_engine.kernel.records import ENGINE
+from rise_engine.kernel.speech import SAY
+from rise_engine.results.analysis.model import ActPart, Cue, Phase, PlayedAct, Point, SessionData
+from rise_engine.results.export.tiers import ROBOT_SPEECH, Doer, TierSpan
+from rise_engine.scenario.model import CUE_TOPICS
+
+ROBOT_TIERS = (ROBOT_SPEECH, "robot gaze", "robot face", "robot body", "robot arms")
+"""By channel, in the order in which they stand; channels that only one robot has come after them."""
+ROBOT_OTHER = ("robot other", "robot wait")
+WAIT = "Wait"
+"""The action that is a pause (core_actions.toml)."""
+ACT_TIERS = ("wizard acts", "rule acts", "program acts", "engine acts")
+FILLERS = "fillers"
+QUEUE = "queue"
+RULE = "rule "
+"""What the tier of a rule begins with."""
+REJECTED = "rejected"
+CUE = "cue"
+CUE_UNDONE = "cue taken back"
+ROBOT_LINK = "robot link"
+STOPPED = "stopped"
+MOMENTS: dict[str, tuple[str, Doer]] = {
+    "event": ("event", "session"),
+    "note": ("note", "wizard"),
+    "mistake": ("mistake", "wizard"),
+    "fault": ("fault", "session"),
+    "sync": ("sync", "session"),
+    "recovery": ("recovery", "session"),
+}
+"""The tier of each kind of point, and who does it."""
+_ENDINGS = {
+    "failed": "failed",
+    "canceled": "canceled",
+    "timed-out": "no end in time",
+    "lost": "lost",
+    "started": "not ended",
+    "accepted": "not ended",
+    "ABORTED": "aborted",
+    "CANCELED": "canceled",
+    "REJECTED": "rejected",
+    "PENDING": "not ended",
+    "ACTIVE": "not ended",
+}
+"""What stands behind a text when it did not simply succeed."""
+
+
+def spans_of(data: SessionData) -> list[TierSpan]:
+    """Everything that is annotated of a session, in the order in which the tiers stand."""
+    spans = [*_robot_spans(data), *_act_spans(data), *_cue_spans(data), *_rule_spans(data), *_moments(data)]
+    order = _tier_order(spans)
+    return sorted(spans, key=lambda span: (order[span.tier], span.start))
+
+
+def _tier_order(spans: list[TierSpan]) -> dict[str, int]:
+    channels = sorted({span.tier for span in spans if span.doer == "robot"} - {*ROBOT_TIERS, *ROBOT_OTHER})
+    rules = [span.tier for span in spans if span.tier.startswith(RULE)]
+    asked = (*ACT_TIERS, FILLERS, QUEUE, REJECTED, CUE)
+    last = (STOPPED, ROBOT_LINK, *(tier for tier, _ in MOMENTS.values()))
+    names = dict.fromkeys([*ROBOT_TIERS, *channels, *ROBOT_OTHER, *asked, *rules, *last])
+    return {name: place for place, name in enumerate(names)}
+
+
+# --- the robot --------------------------------------------------------------------------------------------------------
+
+
+def _robot_spans(data: SessionData) -> Iterator[TierSpan]:
+    for act in data.acts:
+        for part in act.parts:
+            begun = part.started_at if _is_pause(part) else part.accepted_at
+            if begun is None:
+                continue
+            for tier in _tiers_of(part):
+                yield TierSpan(
+                    tier=tier,
+                    start=begun,
+                    end=part.ended_at if part.ended_at is not None else data.facts.duration,
+                    text=_with_ending(_words_of(part, tier), part.status),
+                    code=tier,
+                    doer="robot",
+                )
+
+
+def _tiers_of(part: ActPart) -> list[str]:
+    if part.channels:
+        return [f"robot {channel}" for channel in part.channels]
+    return ["robot wait" if _is_pause(part) else "robot other"]
+
+
+def _is_pause(part: ActPart) -> bool:
+    """Whether it is a pause, which no robot confirms."""
+    return part.type == WAIT and not part.channels
+
+
+def _words_of(part: ActPart, tier: str) -> str:
+    if not part.text:
+        return part.type
+    return part.text if tier == ROBOT_SPEECH else f"{part.type}: {part.text}"
+
+
+def _with_ending(text: str, status: str) -> str:
+    ending = _ENDINGS.get(status)
+    return f"{text} ({ending})" if ending else text
+
+
+# --- acts and cues ----------------------------------------------------------------------------------------------------
+
+
+def _act_spans(data: SessionData) -> Iterator[TierSpan]:
+    duration = data.facts.duration
+    for act in data.acts:
+        name, ended = _name_of(act), act.ended_at if act.ended_at is not None else duration
+        if act.status == "REJECTED":
+            text = f"{name}: {act.reason}" if act.reason else name
+            yield _act_span(act, REJECTED, act.accepted_at, None, text)
+            continue
+        begun = act.started_at
+        if (begun if begun is not None else ended) > act.accepted_at:
+            waited = name if begun is not None else _with_ending(name, act.status)
+            yield _act_span(act, QUEUE, act.accepted_at, begun if begun is not None else ended, waited)
+        if begun is not None:
+            tier = FILLERS if act.filler else f"{act.actor} acts"
+            shown = act.robot_at if act.robot_at is not None else begun
+            yield _act_span(act, tier, shown, ended, _with_ending(name, act.status))
+
+
+def _act_span(act: PlayedAct, tier: str, start: float, end: float | None, text: str) -> TierSpan:
+    doer: Doer = "wizard" if act.actor == "wizard" else "session"
+    code = tier if tier in (QUEUE, REJECTED) else act.act
+    return TierSpan(tier=tier, start=start, end=end, text=text, code=code, doer=doer, asked_by=act.actor)
+
+
+def _name_of(act: PlayedAct) -> str:
+    if act.act != SAY:
+        return act.act
+    words = next((part.text for part in act.parts if part.text), "")
+    return f"{SAY}: {words}" if words else SAY
+
+
+def _cue_spans(data: SessionData) -> Iterator[TierSpan]:
+    for cue in data.cues:
+        end, text = _answer_of(cue)
+        said = f"{text} ({cue.text})" if cue.text else text
+        code = CUE if cue.undone_at is None else CUE_UNDONE
+        yield TierSpan(tier=CUE, start=cue.at, end=end, text=said, code=code, doer="participant")
+
+
+def _answer_of(cue: Cue) -> tuple[float | None, str]:
+    if cue.undone_at is not None:
+        return cue.undone_at, "taken back"
+    if cue.answered_at is not None:
+        return cue.answered_at, f"waits {cue.answered_at - cue.at:.2f} s"
+    return None, "no answer"
+
+
+# --- rules ------------------------------------------------------------------------------------------------------------
+
+
+def _rule_spans(data: SessionData) -> Iterator[TierSpan]:
+    """States of a rule; one in which it was for no time is told together with the next: `Start → Welcome`."""
+    passed: dict[str, list[Phase]] = {}
+    last: dict[str, TierSpan] = {}
+    for phase in data.phases:
+        run = passed.setdefault(phase.rule, [])
+        if _lasts(phase):
+            if phase.rule in last:
+                yield last.pop(phase.rule)
+            last[phase.rule] = _rule_span(phase, [*run, phase])
+            run.clear()
+        else:
+            run.append(phase)
+        if phase.ended_by:
+            if run and phase.rule in last:  # it ended in a state in which it was for no time
+                last[phase.rule] = _lengthened(last[phase.rule], run)
+            elif run:
+                last[phase.rule] = _rule_span(phase, run)
+            run.clear()
+            if phase.rule in last:
+                yield last.pop(phase.rule)
+    yield from last.values()
+    yield from (_rule_span(run[-1], run) for run in passed.values() if run)
+
+
+def _lasts(phase: Phase) -> bool:
+    return round(phase.end * 1000) > round(phase.start * 1000)
+
+
+def _rule_span(phase: Phase, run: list[Phase]) -> TierSpan:
+    return TierSpan(
+        tier=f"{RULE}{phase.rule}",
+        start=run[0].start,
+        end=phase.end,
+        text=" → ".join(_state_text(each) for each in run),
+        code=f"{phase.rule}: {phase.state}",
+        doer="session",
+    )
+
+
+def _lengthened(span: TierSpan, run: list[Phase]) -> TierSpan:
+    text = " → ".join([span.text, *(_state_text(each) for each in run)])
+    return TierSpan(tier=span.tier, start=span.start, end=span.end, text=text, code=span.code, doer=span.doer)
+
+
+def _state_text(phase: Phase) -> str:
+    said = [word for word in ("stepped back" if phase.stepped_back else "", phase.ended_by) if word and word != "ended"]
+    return f"{phase.state} ({', '.join(said)})" if said else phase.state
+
+
+# --- moments ----------------------------------------------------------------------------------------------------------
+
+
+def _moments(data: SessionData) -> Iterator[TierSpan]:
+    shown = {act.task for act in data.acts}
+    yield from _while(data, "stop", frozenset({"released"}), STOPPED, "wizard")
+    yield from _while(data, "robot", frozenset({"connected"}), ROBOT_LINK, "session")
+    for point in data.points:
+        if point.kind not in MOMENTS or _is_inner(point) or (point.kind == "fault" and point.task in shown):
+            continue
+        tier, doer = MOMENTS[point.kind]
+        code = point.name if point.kind == "event" and point.name else tier
+        yield TierSpan(tier=tier, start=point.at, end=None, text=_text_of(point), code=code, doer=doer)
+
+
+def _is_inner(point: Point) -> bool:
+    """Whether it is an event that the study raised itself: its tiers show what led to it. The cue has its own tier."""
+    inner = point.source == ENGINE or point.source.startswith("rule:")
+    return point.kind == "event" and (inner or point.name.lstrip("/") in CUE_TOPICS)
+
+
+def _while(data: SessionData, kind: str, over: frozenset[str], tier: str, doer: Doer) -> Iterator[TierSpan]:
+    """From each point of a kind until one that says that it is over, or until the next that says something else."""
+    since: Point | None = None
+    for point in (each for each in data.points if each.kind == kind):
+        if since is not None and (point.name in over or tier != STOPPED):
+            yield _lasting(since, point.at, tier, doer)
+            since = None
+        if point.name not in over and since is None:
+            since = point
+    if since is not None:
+        yield _lasting(since, data.facts.duration, tier, doer)
+
+
+def _lasting(since: Point, end: float, tier: str, doer: Doer) -> TierSpan:
+    text = STOPPED if tier == STOPPED else _text_of(since)
+    return TierSpan(tier=tier, start=since.at, end=end, text=text, code=tier, doer=doer)
+
+
+def _text_of(point: Point) -> str:
+    match point.kind:
+        case "note":
+            return point.value or point.name
+        case "event":
+            return f"{point.name} → {point.value}" if point.value else point.name
+        case "sync":
+            return f"sync {point.name} ({point.value})"
+        case _:
+            return ": ".join(each for each in (point.name, point.value) if each) or point.kind

@@ -1,0 +1,276 @@
+"""Writing an export: whole or not at all, never over anything, and noted in the study before anything is written."""
+
+from __future__ import annotations
+
+import tomllib
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from contextlib import ExitStack, contextmanager, suppress
+from itertools import compress, count
+from pathlib import Path
+
+from msgspec import Struct, field
+
+from rise_engine.base.errors import SessionError
+from rise_engine.results.analysis.model import SessionData
+from rise_engine.results.analysis.reading import read_sessions
+from rise_engine.results.analysis.session_records import SessionRecords
+from rise_engine.results.export.format import ExportContext, ExportError, ExportFormat
+from rise_engine.scenario.file_names import SCENARIO_FILE
+from rise_engine.scenario.model import Json
+from rise_engine.session.disk import error_message, tree_hash
+from rise_engine.session.folder import SCENARIO_COPY, read_info
+from rise_engine.session.levels import ExportLevel
+from rise_engine.session.unfinished_files import unfinished
+from rise_engine.study.study_log import LockedLog, LogEntry, StudyLogError
+from rise_engine.study.study_toml import load_study
+from rise_engine.study.traces import MANIFEST_FILE, owner_of, study_of_session
+from rise_engine.study.withdrawn import is_withdrawn
+
+
+class ExportReport(Struct):
+    """What came of an export."""
+
+    sessions: int = 0
+    """How many are in it."""
+    problems: list[str] = field(default_factory=list)
+    """What could not be read, in sentences."""
+    warnings: list[str] = field(default_factory=list)
+    """What else whoever exports should know, in sentences."""
+
+
+def export_sessions(
+    format: ExportFormat,
+    out: Path,
+    folders: Sequence[Path],
+    context: ExportContext,
+    *,
+    private: Iterable[str] = (),
+    several: bool = True,
+) -> ExportReport:
+    """Export sessions in one format. The study's log says so first.
+
+    :param format: which.
+    :param out: a new file, or a new folder where the format has several files.
+    :param folders: the sessions', in the order in which they are to stand.
+    :param context: as `export_context` gives it.
+    :param private: further private memory keys.
+    :param several: False: with a file for each session, `out` is the file of the only one.
+    :raises ExportError: it could not be made; nothing of it is there.
+    """
+    report = ExportReport()
+    folder = format.shape == "folder" or (format.shape == "file-per-session" and (several or not format.suffix))
+    with new_export(out, folders, format.name, context.level, folder=folder) as export:
+        here = export.here
+        report.warnings += export.problems
+        context.folder = (out if folder else out.parent).absolute()
+        sessions = _read(folders, context.level, private, report)
+        try:
+            if format.shape != "file-per-session":
+                format.write(here, sessions, context)
+            elif several:
+                _write_each(format, here, sessions, context)
+            else:
+                for data in sessions:
+                    format.write(here, [data], context)
+        except SessionError as error:
+            raise ExportError(str(error)) from None
+        for _ in sessions:
+            """A format that has not asked for all of them has not told of all."""
+        if not report.sessions:
+            raise ExportError(*report.problems, "no session could be read, so nothing was exported")
+    report.warnings += context.warnings
+    return report
+
+
+def export_context(folders: Iterable[Path], level: ExportLevel) -> ExportContext:
+    """What is the same for sessions that are exported together: their study, when all are of the same, and factors.
+
+    :param folders: the sessions'.
+    :param level: how much is told.
+    """
+    studies: dict[Path | None, None] = {}
+    columns: dict[str, None] | None = None
+    factors: dict[str, None] = {}
+    for folder in folders:
+        studies[study_of_session(folder)] = None
+        factors.update(dict.fromkeys(_factors_of(folder)))
+        declared = _trial_columns_of(folder)
+        columns = columns if declared is None else (columns or {}) | dict.fromkeys(declared)
+    where = next(iter(studies)) if len(studies) == 1 else None
+    study = load_study(where, check_scenarios=False).study if where is not None else None
+    planned = dict.fromkeys(factor.name for factor in study.factors) if study is not None else {}
+    return ExportContext(
+        level, study, factors=tuple(planned | factors), trial_columns=None if columns is None else tuple(columns)
+    )
+
+
+def _factors_of(folder: Path) -> Iterable[str]:
+    """Which factors a session knows."""
+    try:
+        return read_info(folder).factors
+    except SessionError:
+        with suppress(SessionError):  # whoever reads it is told
+            begun = SessionRecords(folder).begun
+            return begun.factors if begun is not None else ()
+        return ()
+
+
+def _trial_columns_of(folder: Path) -> list[str] | None:
+    """What the scenario of a session declares as columns of trials; None: it has no trials, or cannot be read."""
+    try:
+        said = tomllib.loads((folder / SCENARIO_COPY / SCENARIO_FILE).read_text("utf-8"))["trials"]
+        return [text for text in said.get("columns", ()) if isinstance(text, str)]
+    except (OSError, ValueError, KeyError, AttributeError, TypeError):  # whoever reads the session is told
+        return None
+
+
+class NewExport(Struct):
+    """An export that is being written."""
+
+    here: Path
+    """Where it is to be made; nothing is there yet."""
+    problems: list[str] = field(default_factory=list)
+    """Studies that could not be told of it, in sentences."""
+
+
+@contextmanager
+def new_export(
+    path: Path,
+    folders: Iterable[Path],
+    format: str,
+    level: ExportLevel,
+    *,
+    folder: bool = False,
+    people: Mapping[Path, Iterable[str]] | None = None,
+) -> Iterator[NewExport]:
+    """Something that tells of sessions: it is there whole when the statement ends without an error, or not at all.
+
+    The log of each study whose sessions are in it says so first, so that a withdrawal and a redaction know of it even
+    if it is killed. So read what goes into it within the statement. At the end the log takes the export's hash, because
+    a withdrawal erases only what was not changed since.
+
+    :param path: where it is to be.
+    :param folders: the sessions'; of those that are of no study, no log is told.
+    :param format: its name, for people.
+    :param level: how much it tells.
+    :param folder: whether it is a folder.
+    :param people: further participants whom it names, by the folder of their study.
+    :raises ExportError: something is there, it cannot be written, or a participant has withdrawn meanwhile.
+    """
+    notes = [_Note(study, theirs, path, (people or {}).get(study, ())) for study, theirs in _by_study(folders).items()]
+    for study in set(people or ()) - {note.study for note in notes}:
+        if not (study / MANIFEST_FILE).is_file():
+            notes.append(_Note(study, [], path, (people or {})[study]))
+    try:
+        with ExitStack() as until_it_is_in_place, unfinished(path) as here:
+            problems = [problem for note in notes if (problem := note.write(format, level, folder=folder))]
+            yield NewExport(here, problems)
+            digest = tree_hash(here) if any(note.is_inside for note in notes) else ""
+            for note in notes:
+                note.confirm(until_it_is_in_place, digest)
+    except FileExistsError:
+        raise ExportError(f"{path} is there already, and nothing is ever written over: name another one") from None
+    except OSError as error:
+        if isinstance(error, FileNotFoundError | NotADirectoryError) and not path.parent.is_dir():
+            raise ExportError(f"{path} cannot be made: there is no folder {path.parent}") from None
+        raise ExportError(f"{path} could not be written: {error_message(error)}") from None
+
+
+def _by_study(sessions: Iterable[Path]) -> dict[Path, list[Path]]:
+    """Sessions by the study whose log knows of exports."""
+    found: dict[Path, list[Path]] = {}
+    for session in sessions:
+        study = study_of_session(session)
+        if study is not None and not (study / MANIFEST_FILE).is_file():  # a bundle stays as its check sums have it
+            found.setdefault(study, []).append(session)
+    return found
+
+
+class _Note:
+    """What the log of one study says of an export."""
+
+    def __init__(self, study: Path, sessions: Sequence[Path], path: Path, people: Iterable[str]) -> None:
+        path = path.resolve()
+        self.study = study
+        self.is_inside = path.is_relative_to(study.resolve())
+        """Whether it is to be in the study's folder, from where a withdrawal erases it."""
+        self._sessions = sessions
+        self._path = str(path.relative_to(study.resolve()) if self.is_inside else path)
+        self._out = path
+        self._people = list(dict.fromkeys([*filter(None, map(owner_of, sessions)), *people]))
+        self._noted: LogEntry | None = None
+
+    def write(self, format: str, level: ExportLevel, *, folder: bool) -> str:
+        """Before anything else is written; why it cannot be, or empty. Raises ExportError: somebody has withdrawn."""
+        fields = {"path": self._path, "format": format, "level": level, **self._who()}
+        try:
+            with LockedLog(self.study) as log:
+                self._refuse_gone(log)
+                self._noted = log.append("exported", **fields, **({"folder": True} if folder else {}))
+        except StudyLogError as error:
+            return f"the study does not know of {self._out}, so a withdrawal will not erase it: {error}"
+        return ""
+
+    def confirm(self, stack: ExitStack, digest: str) -> None:
+        """Keep the log locked until the export is in place. Raises ExportError: somebody has withdrawn."""
+        log = LockedLog(self.study)
+        try:
+            stack.enter_context(log)
+        except StudyLogError:  # `write` has said so
+            self._refuse_gone(None)
+            return
+        self._refuse_gone(log)
+        if self._noted is not None and self.is_inside:
+            with suppress(StudyLogError):  # then a withdrawal says that nobody knows its hash
+                log.append("written", path=self._path, sha256=digest, **self._who())
+
+    def _who(self) -> dict[str, Json]:
+        return {"sessions": [session.resolve().name for session in self._sessions], "participants": [*self._people]}
+
+    def _refuse_gone(self, log: LockedLog | None) -> None:
+        """A withdrawal takes the sessions, and what the log says of them, out of the study while it has it locked."""
+        gone = [each.name for each in self._sessions if not each.is_dir()]
+        entries = log.entries() if log is not None else []
+        gone += [each for each in self._people if is_withdrawn(each, entries)]
+        if not gone and self._noted is not None and log is not None:
+            at, path = self._noted.at, self._path
+            noted = (each.kind == "exported" and each.at == at and each.get("path") == path for each in entries)
+            place = next(compress(count(1), noted), None)
+            if place is None:
+                gone.append(self._out.name)
+            else:
+                self._refuse_redacted(entries[place:])
+        if gone:
+            raise ExportError(
+                f"{', '.join(gone)}: gone while this was made, because the participant has withdrawn or somebody has "
+                "moved it. Nothing of it was kept: make it again"
+            )
+
+    def _refuse_redacted(self, since: Sequence[LogEntry]) -> None:
+        names = {session.resolve().name for session in self._sessions}
+        redacted = [name for each in since if each.kind == "redacted" and (name := each.get("session")) in names]
+        if redacted:
+            raise ExportError(
+                f"{', '.join(dict.fromkeys(redacted))}: words were taken out of it while this was made. Nothing of it "
+                "was kept: make it again"
+            )
+
+
+def _read(
+    folders: Sequence[Path], level: ExportLevel, private: Iterable[str], report: ExportReport
+) -> Iterator[SessionData]:
+    """The sessions one after the other; what cannot be read goes to the report."""
+
+    def note_unreadable(folder: Path, error: SessionError) -> None:
+        report.problems.append(f"{folder.name} is not in it: {error}")
+
+    for data in read_sessions(folders, level=level, private=private, on_unreadable=note_unreadable):
+        report.sessions += 1
+        report.problems += [f"{data.folder.name}: {problem}" for problem in data.problems]
+        yield data
+
+
+def _write_each(format: ExportFormat, folder: Path, sessions: Iterable[SessionData], context: ExportContext) -> None:
+    folder.mkdir(0o700)
+    for data in sessions:
+        format.write(folder / f"{data.facts.session}{format.suffix}", [data], context)

@@ -1,0 +1,195 @@
+"""What a session's report tells, counted from its data: acts, rules, mistakes, faults. No words, no drawings."""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Iterable
+
+from msgspec import Struct
+
+from rise_engine.kernel.records import (
+    ENGINE,
+    ActionStatus,
+    ControlRecord,
+    FailureRecord,
+    Mark,
+    RobotRecord,
+    RuleRecord,
+    StopRecord,
+)
+from rise_engine.results.analysis.model import ActorKind, Phase, PlayedAct, SessionData
+from rise_engine.results.analysis.statistics import Share, Summary, summarise
+from rise_engine.results.report.latency import LatencyFacts, LatencyPart, answers, latencies
+
+MARKS: tuple[Mark, ...] = ("wrong", "late", "early", "double")
+FREE_SPEECH = "say"
+_NOT_DONE: tuple[ActionStatus, ...] = ("failed", "timed-out", "lost")
+
+
+class ActFacts(Struct, frozen=True):
+    """Every time that one act was asked for."""
+
+    name: str
+    begun: int
+    """How often its turn came."""
+    by: dict[ActorKind, int]
+    """How often each kind of actor caused it."""
+    statuses: dict[str, int]
+    """How the begun ones ended."""
+    length: Summary | None
+    """Seconds from its turn to its end, of those that succeeded."""
+    response: Summary | None
+    """Seconds from a cue, of those that answered one."""
+    marks: dict[str, int]
+    """What wizards said was wrong about them."""
+    fillers: int = 0
+
+
+class StateFacts(Struct, frozen=True):
+    """How often and how long a rule was in a state."""
+
+    rule: str
+    state: str
+    visits: int
+    seconds: float
+    """All of them together."""
+    each: Summary | None
+    stepped_back: int = 0
+
+
+class MistakeFacts(Struct, frozen=True):
+    """What went wrong, as wizards marked it and as the record itself shows it."""
+
+    marks: dict[str, int]
+    """All marks, by what was said to be wrong."""
+    marked: Share
+    """Keys of wizards that were marked, or whose acts were."""
+    rejected: int
+    """Acts that were asked for and could not be."""
+    canceled: int
+    """Acts that were broken off."""
+    actions_failed: dict[str, int]
+    """Actions by how they failed: failed, timed-out, lost."""
+    aborted: int
+    """Acts that ended so."""
+    failures: int
+    """Failed acts that somebody had to decide about."""
+    rules_faulted: int
+    stops: int
+    robot_lost: int
+    """How often the robot was lost or answered only in part."""
+    control_changes: int
+
+
+class SessionFigures(Struct, frozen=True):
+    """Everything that is counted of one session."""
+
+    latency: LatencyFacts
+    by_source: tuple[LatencyPart, ...]
+    """Responses of each who acted, most first."""
+    acts: tuple[ActFacts, ...]
+    states: tuple[StateFacts, ...]
+    mistakes: MistakeFacts
+    actors: dict[ActorKind, int]
+    """Acts whose turn came, by who caused them."""
+    cues: int
+    """That were not taken back."""
+    answered: int
+    before_cue: int
+    """Answers that were asked for before their cue: no latency counts them."""
+    said_freely: Share
+    """Of what the robot said, how much a wizard typed."""
+
+
+def session_figures(data: SessionData) -> SessionFigures:
+    """Count it all.
+
+    :param data: one session, at any level: nothing here depends on what texts say.
+    """
+    begun = [act for act in data.acts if act.started_at is not None]
+    actors = Counter(act.actor for act in begun)
+    cues = [cue for cue in data.cues if cue.undone_at is None]
+    spoken = [act for act in begun if act.speaks]
+    return SessionFigures(
+        latency=latencies(data.acts, data.cues),
+        by_source=_by_source(data.acts),
+        acts=tuple(_act_facts(data.acts)),
+        states=tuple(_state_facts(data.phases)),
+        mistakes=_mistakes(data, begun),
+        actors=dict(actors.most_common()),
+        cues=len(cues),
+        answered=sum(cue.answered_at is not None for cue in cues),
+        before_cue=sum(act.before_cue and not act.filler and act.response_s is not None for act in data.acts),
+        said_freely=Share(sum(act.act == FREE_SPEECH for act in spoken), len(spoken)),
+    )
+
+
+def _by_source(acts: Iterable[PlayedAct]) -> tuple[LatencyPart, ...]:
+    found: dict[str, list[float]] = {}
+    for act in answers(acts):
+        if act.response_s is not None:
+            found.setdefault(act.by, []).append(act.response_s)
+    named = sorted(found, key=lambda source: (-len(found[source]), source))
+    return tuple(LatencyPart(source, "cue to answer", tuple(found[source])) for source in named)
+
+
+def _act_facts(acts: Iterable[PlayedAct]) -> Iterable[ActFacts]:
+    by_name: dict[str, list[PlayedAct]] = {}
+    for act in acts:
+        by_name.setdefault(act.act, []).append(act)
+    for name in sorted(by_name, key=lambda each: (-len(by_name[each]), each)):
+        asked = by_name[name]
+        begun = [act for act in asked if act.started_at is not None]
+        lengths = [
+            round(act.ended_at - act.started_at, 6)
+            for act in begun
+            if act.started_at is not None and act.ended_at is not None and act.status == "SUCCEEDED"
+        ]
+        yield ActFacts(
+            name=name,
+            begun=len(begun),
+            by=dict(Counter(act.actor for act in asked).most_common()),
+            statuses=dict(Counter(act.status for act in asked).most_common()),
+            length=summarise(lengths),
+            response=summarise([act.response_s for act in answers(asked) if act.response_s is not None]),
+            marks=dict(Counter(act.mark for act in asked if act.mark is not None)),
+            fillers=sum(act.filler for act in begun),
+        )
+
+
+def _state_facts(phases: Iterable[Phase]) -> Iterable[StateFacts]:
+    found: dict[tuple[str, str], list[Phase]] = {}
+    for phase in phases:
+        found.setdefault((phase.rule, phase.state), []).append(phase)
+    rules = list(dict.fromkeys(rule for rule, _ in found))
+    for (rule, state), visits in sorted(found.items(), key=lambda each: rules.index(each[0][0])):
+        lengths = [round(phase.end - phase.start, 6) for phase in visits]
+        back = sum(phase.stepped_back for phase in visits)
+        yield StateFacts(rule, state, len(visits), round(sum(lengths), 6), summarise(lengths), back)
+
+
+_OF_MISTAKES = (ControlRecord, FailureRecord, RobotRecord, RuleRecord, StopRecord)
+
+
+def _mistakes(data: SessionData, begun: list[PlayedAct]) -> MistakeFacts:
+    marks = Counter(point.name for point in data.points if point.kind == "mistake")
+    actions = Counter(part.status for act in data.acts for part in act.parts)
+    told = [record for record in data.records if isinstance(record, _OF_MISTAKES)]  # read once, and few
+    control = [record for record in told if isinstance(record, ControlRecord) and record.status != "asked"]
+    return MistakeFacts(
+        marks={mark: marks[mark] for mark in MARKS if marks[mark]},
+        marked=Share(sum(key.mark is not None for key in data.keys), len(data.keys)),
+        rejected=sum(act.status == "REJECTED" for act in data.acts),
+        canceled=sum(act.status == "CANCELED" for act in begun),
+        actions_failed={name: actions[name] for name in _NOT_DONE if actions[name]},
+        aborted=sum(act.status == "ABORTED" for act in begun),
+        failures=sum(isinstance(record, FailureRecord) and record.status == "asked" for record in told),
+        rules_faulted=sum(isinstance(record, RuleRecord) and record.status == "faulted" for record in told),
+        # The engine stops everything when a session ends: that is no stop of anybody.
+        stops=sum(
+            isinstance(record, StopRecord) and record.status == "requested" and record.source != ENGINE
+            for record in told
+        ),
+        robot_lost=sum(isinstance(record, RobotRecord) and record.status != "connected" for record in told),
+        control_changes=max(0, len(control) - 1),
+    )

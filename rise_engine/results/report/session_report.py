@@ -1,0 +1,425 @@
+"""The report of one session, as a document: what ran, how it went, how long people waited, what went wrong."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Sequence
+from pathlib import PurePath
+
+from rise_engine import __version__
+from rise_engine.base.text import pluralize
+from rise_engine.results.analysis.model import PlayedAct, SessionData, SessionFacts
+from rise_engine.results.report.course import course_figure
+from rise_engine.results.report.document import (
+    Block,
+    Document,
+    Facts,
+    Paragraph,
+    ReportTable,
+    Section,
+    clock_text,
+    length_text,
+    number_text,
+    seconds_text,
+    share_text,
+)
+from rise_engine.results.report.latency_section import latency_section
+from rise_engine.results.report.session_facts import MARKS, SessionFigures, session_figures
+from rise_engine.results.report.wording import (
+    ACTOR_NAMES,
+    actor_shares,
+    interval_text,
+    marks_text,
+    moment_text,
+    per_hundred,
+    source_name,
+)
+from rise_engine.session.levels import ExportLevel
+from rise_engine.session.media import MediaFile
+
+LEVEL_WORDS = {
+    "full": "full: everything, as it was recorded. Only for those who ran the study",
+    "shared": "shared: for other researchers; no dates, no notes, no names",
+    "public": "public: for everybody; no dates, no notes, no names, no free speech",
+}
+
+
+def session_report(data: SessionData, replay: str = "") -> Document:
+    """What is told of a session.
+
+    :param data: the session, at the level of the report.
+    :param replay: whether it replays identically, in a sentence; empty: nobody has looked.
+    """
+    facts, figures = data.facts, session_figures(data)
+    sections = (
+        Section("Checks", tuple(_checks(data))),
+        Section("Course", tuple(_course(data))),
+        latency_section(figures.latency, figures.by_source),
+        Section("Acts", tuple(_acts(figures))),
+        Section("Rules", tuple(_rules(data, figures))),
+        Section("Mistakes, faults and repairs", tuple(_mistakes(data, figures))),
+        Section("Notes", tuple(_notes(data))),
+        Section("Recordings", tuple(_recordings(data))),
+        Section("In order", tuple(_in_order(data))),
+    )
+    return Document(
+        title=report_title(facts),
+        kind="Session report",
+        banner=_banner(facts),
+        summary=_summary(facts, figures),
+        facts=tuple(_head(data, replay)),
+        sections=tuple(section for section in sections if section.blocks),
+        colophon=colophon(facts.session, data.level),
+    )
+
+
+def report_title(facts: SessionFacts) -> str:
+    """`P07, run 2, yes+loud`; of a session of no study the scenario's title."""
+    run = f"run {facts.run}" if facts.run else ""
+    named = ", ".join(filter(None, (facts.participant, run, facts.condition)))
+    return named or facts.title or facts.session
+
+
+def colophon(what: str, level: str) -> str:
+    """What stands at the end of every report."""
+    return (
+        f"Made by rise-tui {__version__} from the record of {what}, at the level {level}. Quartiles and percentiles "
+        "are of definition 7 of Hyndman and Fan (1996), as R and numpy give them; intervals of shares are Wilson's, "
+        "95\u00a0%. This file fetches nothing and runs no script."
+    )
+
+
+def problem_paragraphs(problems: Sequence[str], level: ExportLevel) -> Iterable[Paragraph]:
+    """What could not be read. The sentences name files, and with them dates and folders, so only the level full has
+    them."""
+    if level == "full":
+        yield from (Paragraph(problem, "warning") for problem in problems)
+    elif problems:
+        told = f"{pluralize(len(problems), 'thing')} could not be read and"
+        yield Paragraph(f"{told} {'is' if len(problems) == 1 else 'are'} missing here.", "warning")
+
+
+def _banner(facts: SessionFacts) -> str:
+    told = []
+    if facts.mode == "debug":
+        told.append("DEBUG: the robot was simulated. This is no data of a participant.")
+    elif facts.is_simulated:
+        told.append("SIMULATED: the mode was real, but no robot moved. This is no data of a participant.")
+    elif facts.purpose in ("pilot", "training"):
+        told.append(f"{facts.purpose.upper()}: this session does not count.")
+    if not facts.ended:
+        told.append("The record has no end: the session runs, or its engine went away.")
+    return " ".join(told)
+
+
+def _summary(facts: SessionFacts, figures: SessionFigures) -> str:
+    sentences = [f"{length_text(facts.duration).capitalize()}, in which {pluralize(_begun(figures), 'act')} began."]
+    summary = figures.latency.response.summary
+    if summary is not None:
+        sentences.append(
+            f"{figures.answered} of {pluralize(figures.cues, 'cue')} {'was' if figures.answered == 1 else 'were'} "
+            f"answered, half of {_timed_answers(figures)} within {seconds_text(summary.median)} "
+            f"(middle half {number_text(summary.lower)}\u2013{seconds_text(summary.upper)})."
+        )
+    elif figures.cues:
+        sentences.append(f"None of {pluralize(figures.cues, 'cue')} was answered.")
+    mistakes = figures.mistakes
+    if marks := sum(mistakes.marks.values()):
+        sentences.append(f"{pluralize(marks, 'mistake')} {'was' if marks == 1 else 'were'} marked.")
+    if mistakes.stops:
+        times = "once" if mistakes.stops == 1 else f"{mistakes.stops} times"
+        sentences.append(f"Everything was stopped {times}.")
+    return " ".join(sentences)
+
+
+def _timed_answers(figures: SessionFigures) -> str:
+    """The answers that the median is of."""
+    return (
+        f"the {len(figures.latency.response.values)} that were asked for after their cue"
+        if figures.before_cue
+        else "them"
+    )
+
+
+def _begun(figures: SessionFigures) -> int:
+    return sum(figures.actors.values())
+
+
+def _head(data: SessionData, replay: str) -> Iterable[tuple[str, str]]:
+    facts = data.facts
+    versions = ", ".join(f"{name} {version}" for name, version in facts.versions.items())
+    outcome = facts.outcome or ("not said" if facts.purpose == "counted" else "")
+    reason = f": {facts.outcome_reason}" if facts.outcome_reason else ""
+    attempt = f", attempt {facts.attempt}" if facts.attempt > 1 else ""
+    downtime = f", recovered {pluralize(facts.recoveries, 'time')} after {length_text(facts.downtime)} in all"
+    rows = [
+        ("Participant", facts.participant),
+        ("Condition", facts.condition),
+        ("Factors", ", ".join(f"{name} {level}" for name, level in facts.factors.items())),
+        ("Study", facts.study),
+        ("Slot and run", f"slot {facts.slot}, run {facts.run}{attempt}" if facts.slot else ""),
+        ("Outcome", f"{outcome}{reason}" if outcome else ""),
+        ("Purpose", facts.purpose),
+        ("Mode", f"{facts.mode}, simulated robot" if facts.is_simulated else facts.mode),
+        ("Injected faults", "; ".join(facts.injected_faults)),
+        ("Robot", facts.robot),
+        ("Scenario", facts.title),
+        ("Begun", moment_text(facts.started)),
+        ("Length", length_text(facts.duration) + (downtime if facts.recoveries else "")),
+        ("Speed", f"{facts.speed:g} times real time" if facts.speed != 1.0 else ""),
+        ("Wizards", ", ".join(_wizards(data.acts))),
+        ("Replay", replay),
+        ("Seed", str(facts.seed)),
+        ("Versions", versions),
+        ("Scenario, SHA-256", facts.scenario_hash[:16]),
+        ("Study, SHA-256", facts.study_hash[:16]),
+        ("Session", facts.session),
+        ("Level", LEVEL_WORDS[data.level]),
+    ]
+    return ((name, value) for name, value in rows if value)
+
+
+def _wizards(acts: Iterable[PlayedAct]) -> list[str]:
+    return list(dict.fromkeys(source_name(act.by) for act in acts if act.actor == "wizard"))
+
+
+# --- checks ---------------------------------------------------------------------------------------------------------
+
+
+def _checks(data: SessionData) -> Iterable[Block]:
+    skipped = [check.id for check in data.checks if check.result == "skipped"]
+    failed = [check.id for check in data.checks if check.result == "failed"]
+    if skipped or failed:
+        told = [f"Skipped: {', '.join(skipped)}."] * bool(skipped) + [f"Failed: {', '.join(failed)}."] * bool(failed)
+        yield Paragraph(" ".join(told), "warning")
+    yield from problem_paragraphs(data.problems, data.level)
+    if data.checks:
+        yield ReportTable(
+            caption="What was looked at before and after the session",
+            head=("check", "result", "what was looked at", "found", "reason", "by"),
+            rows=tuple(
+                (check.id, check.result, check.text, check.value, check.reason, source_name(check.source))
+                for check in data.checks
+            ),
+            marked=frozenset(at for at, check in enumerate(data.checks) if check.result != "passed"),
+        )
+    else:
+        yield Paragraph("No checks are on record for this session.")
+
+
+# --- course, acts, rules ---------------------------------------------------------------------------------------------
+
+
+def _course(data: SessionData) -> Iterable[Block]:
+    figure = course_figure(data)
+    yield figure if figure is not None else Paragraph("Nothing happened in it.")
+
+
+def _acts(figures: SessionFigures) -> Iterable[Block]:
+    if not figures.acts:
+        yield Paragraph("No act was asked for.")
+        return
+    shares = actor_shares(figures.actors)
+    if shares:
+        spoken = figures.said_freely
+        freely = f" Of what the robot said, {share_text(spoken.count, spoken.n)} was typed freely." if spoken.n else ""
+        yield Paragraph(f"Whose doing the acts were that began: {', '.join(shares)}.{freely}")
+    rows = []
+    for act in figures.acts:
+        ended = ", ".join(f"{number} {status}" for status, number in act.statuses.items() if status != "SUCCEEDED")
+        caused = ", ".join(f"{ACTOR_NAMES[actor]} {number}" for actor, number in act.by.items())
+        fillers = f", {act.fillers} as filler" if act.fillers else ""
+        rows.append(
+            (
+                act.name,
+                str(act.begun),
+                caused + fillers,
+                number_text(act.length.median) if act.length else "",
+                number_text(act.response.median) if act.response else "",
+                str(act.response.n) if act.response else "",
+                marks_text(act.marks),
+                ended,
+            )
+        )
+    yield ReportTable(
+        caption="Acts, most frequent first. Times in seconds, medians; the response is that of acts that answered a "
+        "cue",
+        head=("act", "begun", "caused by", "length", "response", "n", "marked", "not succeeded"),
+        rows=tuple(rows),
+        numbers=frozenset({1, 3, 4, 5}),
+    )
+
+
+def _rules(data: SessionData, figures: SessionFigures) -> Iterable[Block]:
+    if not figures.states:
+        yield Paragraph("No rule ran.")
+        return
+    whole = data.facts.duration or 1.0
+    rows, before = [], ""
+    for state in figures.states:
+        back = f"{state.stepped_back} by stepping back" if state.stepped_back else ""
+        rows.append(
+            (
+                state.rule if state.rule != before else "",
+                state.state,
+                str(state.visits),
+                length_text(state.seconds),
+                f"{100 * state.seconds / whole:.0f}",
+                number_text(state.each.median, 1) if state.each else "",
+                back,
+            )
+        )
+        before = state.rule
+    yield ReportTable(
+        caption="Phases: how often each rule was in a state, for how long in all, what part of the session that is, "
+        "and the median of one visit in seconds",
+        head=("rule", "state", "visits", "in all", "%", "median", "note"),
+        rows=tuple(rows),
+        numbers=frozenset({2, 3, 4, 5}),
+    )
+
+
+# --- what went wrong ------------------------------------------------------------------------------------------------
+
+
+def _mistakes(data: SessionData, figures: SessionFigures) -> Iterable[Block]:
+    found, repairs = figures.mistakes, data.repairs
+    marks = ", ".join(f"{number} {mark}" for mark, number in found.marks.items()) or "none"
+    actions = ", ".join(f"{number} {status}" for status, number in found.actions_failed.items()) or "none"
+    yield Facts(
+        (
+            ("Keys of wizards marked as mistakes", share_text(found.marked.count, found.marked.n)),
+            (
+                "Per 100 keys of wizards, 95\u00a0% interval",
+                f"{per_hundred(found.marked)} {interval_text(found.marked)}".strip(),
+            ),
+            (f"Marks ({', '.join(MARKS)})", marks),
+            ("Acts that were refused", str(found.rejected)),
+            ("Acts that were broken off", str(found.canceled)),
+            ("Acts that failed", str(found.aborted)),
+            ("Actions of the robot that failed", actions),
+            ("Rules ended by a fault", str(found.rules_faulted)),
+            ("Stops", str(found.stops)),
+            ("Robot lost or partly lost", str(found.robot_lost)),
+            ("Control changed hands", str(found.control_changes)),
+            ("Repairs", _repairs(data)),
+        )
+    )
+    moments = [
+        point
+        for point in data.points
+        if point.kind in ("mistake", "fault", "stop", "robot") and point.name != "connected"
+    ]
+    if moments:
+        yield ReportTable(
+            caption="When",
+            head=("at", "what", "about", "told", "by"),
+            rows=tuple(
+                (clock_text(each.at), each.kind, each.name, each.value, source_name(each.source)) for each in moments
+            ),
+            numbers=frozenset({0}),
+        )
+    if repairs.total and found.failures:
+        yield Paragraph(f"{pluralize(found.failures, 'failed act')} waited for somebody to decide.", "note")
+
+
+def _repairs(data: SessionData) -> str:
+    repairs = data.repairs
+    told = (
+        (repairs.repeated, "repeated"),
+        (repairs.stepped_back, "stepped back"),
+        (repairs.cues_undone, "cues taken back"),
+        (repairs.canceled, "acts stopped by a wizard"),
+    )
+    return ", ".join(f"{number} {what}" for number, what in told if number) or "none"
+
+
+def _notes(data: SessionData) -> Iterable[Block]:
+    notes = [point for point in data.points if point.kind == "note"]
+    if notes:
+        yield ReportTable(
+            caption=f"{pluralize(len(notes), 'note')}, as the level tells them",
+            head=("at", "note", "by"),
+            rows=tuple((clock_text(each.at), each.value, source_name(each.source)) for each in notes),
+            numbers=frozenset({0}),
+        )
+
+
+# --- recordings -----------------------------------------------------------------------------------------------------
+
+
+def _recordings(data: SessionData) -> Iterable[Block]:
+    if data.recordings:
+        yield ReportTable(
+            caption="Recorders, as they stood last",
+            head=("recorder", "status", "file", "MB", "reason"),
+            rows=tuple(
+                (each.name, each.status, each.path, _megabytes(each.bytes), each.reason) for each in data.recordings
+            ),
+            numbers=frozenset({3}),
+            marked=frozenset(at for at, each in enumerate(data.recordings) if each.status in ("stalled", "failed")),
+        )
+    if data.media:
+        yield ReportTable(
+            caption="Files, and where they lie against the session's clock: media time = offset + rate \u00d7 session "
+            "time",
+            head=("file", "kind", "length", "offset in s", "drift in ppm", "aligned by", "marks found"),
+            rows=tuple(
+                (
+                    PurePath(each.path).name,
+                    each.kind,
+                    length_text(each.duration) if each.duration is not None else "",
+                    number_text(each.offset, 3),
+                    _drift_text(each),
+                    each.aligned_by or "not aligned",
+                    ", ".join(str(mark.number) for mark in each.marks),
+                )
+                for each in data.media
+            ),
+            numbers=frozenset({2, 3, 4}),
+            marked=frozenset(at for at, each in enumerate(data.media) if not each.aligned_by),
+        )
+    if data.syncs:
+        marks = ", ".join(f"{each.number} at {seconds_text(each.t)} ({each.medium})" for each in data.syncs)
+        yield Paragraph(f"Marks for recordings: {marks}.")
+    if not data.recordings and not data.media and not data.syncs:
+        yield Paragraph("No recordings are on record.")
+
+
+def _drift_text(file: MediaFile) -> str:
+    if file.offset is None or len(file.marks) < 2:
+        return ""
+    within = file.drift_within_ppm
+    told = number_text(file.drift_ppm, 1)
+    return told if within is None else f"{told} \u00b1 {number_text(within, 0)}"
+
+
+def _megabytes(size: int | None) -> str:
+    return "" if size is None else number_text(size / 1e6, 1)
+
+
+# --- everything in order --------------------------------------------------------------------------------------------
+
+
+def _in_order(data: SessionData) -> Iterable[Block]:
+    """For who cannot see the course, and to look things up."""
+    rows: list[tuple[float, tuple[str, ...]]] = []
+    for act in data.acts:
+        texts = "; ".join(part.text for part in act.parts if part.text)
+        waits = number_text(act.response_s) if not act.filler else ""
+        when = act.started_at if act.started_at is not None else act.accepted_at
+        rows.append((when, (act.act, source_name(act.source), act.status, waits, texts)))
+    for cue in data.cues:
+        undone = "taken back" if cue.undone_at is not None else "" if cue.answered_at is not None else "not answered"
+        rows.append((cue.at, ("cue", source_name(cue.source), undone, "", cue.text)))
+    for phase in data.phases:
+        rows.append((phase.start, (f"{phase.rule}: {phase.state}", source_name(phase.source), "", "", phase.trigger)))
+    rows.sort(key=lambda each: each[0])
+    if rows:
+        yield ReportTable(
+            caption=f"Everything in its order: {len(rows)} acts, cues and phases",
+            head=("at", "what", "by", "status", "response", "told"),
+            rows=tuple((clock_text(at), *row) for at, row in rows),
+            numbers=frozenset({0, 4}),
+            folded=True,
+            page_only=True,
+        )

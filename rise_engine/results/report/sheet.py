@@ -1,0 +1,316 @@
+"""The reporting sheet of a study: what a paper should say of a study with a wizard.
+
+Its items are paraphrased from the guidelines in Riek 2012 (doi 10.5898/JHRI.1.1.Riek); compare them with the paper's
+own table before you say that you follow it. What the record knows is filled in; what only people can say stands in
+`[report]` of study.toml, and what is missing there is listed as still to say.
+"""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Iterable, Mapping, Sequence
+
+from msgspec import Struct
+
+from rise_engine.base.text import clean, pluralize
+from rise_engine.results.analysis.statistics import summarise
+from rise_engine.results.report.document import length_text, number_text, share_text
+from rise_engine.results.report.study_facts import SessionRow, StudyFigures, WizardCourse
+from rise_engine.results.report.wording import actor_shares, interval_text, marks_text, per_hundred, source_name
+from rise_engine.study.model import Study, StudyStanding
+from rise_engine.study.report_table import REPORT_ITEMS
+from rise_engine.study.withdrawn import Withdrawn
+
+ORIGIN = (
+    "Items paraphrased from the reporting guidelines in Riek 2012, Journal of Human-Robot Interaction 1(1), "
+    "119\u2013136, doi 10.5898/JHRI.1.1.Riek: compare them with the paper's own table. What the record knows is "
+    "filled in; the rest stands in [report] of study.toml."
+)
+STILL_TO_SAY = "still to say"
+NOBODY = Withdrawn()
+
+
+class SheetItem(Struct, frozen=True):
+    """One item of the sheet."""
+
+    part: str
+    """Robot, Participants, Wizard, General."""
+    title: str
+    known: tuple[str, ...] = ()
+    """What the record says, in sentences."""
+    asked: tuple[str, ...] = ()
+    """The names of what people are asked, in `[report]`."""
+    said: tuple[str, ...] = ()
+    """What they have said, in the same order; empty where they have not."""
+
+    @property
+    def missing(self) -> tuple[str, ...]:
+        """What nobody has said yet."""
+        return tuple(name for name, text in zip(self.asked, self.said, strict=True) if not text)
+
+
+def reporting_sheet(
+    study: Study,
+    standing: StudyStanding,
+    figures: StudyFigures,
+    withdrawn: Withdrawn = NOBODY,
+    left_out: Mapping[str, int] | None = None,
+) -> list[SheetItem]:
+    """The whole sheet.
+
+    :param study: the checked design, with what people have said.
+    :param standing: how it stands.
+    :param figures: of its sessions.
+    :param withdrawn: how many have withdrawn.
+    :param left_out: sessions that do not count and are not in these figures, by their purpose.
+    """
+    wizards, left_out = figures.wizards(), left_out or {}
+
+    def item(part: str, title: str, known: Iterable[str] = (), *asked: str) -> SheetItem:
+        return SheetItem(
+            part, title, tuple(filter(None, known)), asked, tuple(study.report.get(each, "") for each in asked)
+        )
+
+    return [
+        item("Robot", "How many and which", [_robots(figures), _injected(figures)], "robot_make"),
+        item("Robot", "What it did by itself", _autonomy(figures), "autonomy"),
+        item("Robot", "What it could do", _abilities(figures)),
+        item("Robot", "What was expected of it", (), "robot_hypotheses"),
+        item("Participants", "How many", _how_many(standing, withdrawn)),
+        item("Participants", "Who they were", _strata(study, standing), "demographics"),
+        item("Participants", "How they were found and thanked", (), "recruitment", "compensation"),
+        item("Participants", "What they were told", _debriefed(study, figures), "instructions"),
+        item("Participants", "What was expected of them", (), "hypotheses", "preregistration"),
+        item("Participants", "What they expected", (), "expectations"),
+        item("Participants", "Whether they believed in the robot", (), "convincing"),
+        item("Wizard", "How many", _wizards(wizards), "wizard_role"),
+        item("Wizard", "Who they were", (), "wizard_demographics"),
+        item("Wizard", "What they knew", _knew(study), "wizard_knew"),
+        item("Wizard", "What they could do", _production(figures), "wizard_rules"),
+        item("Wizard", "What they perceived", (), "wizard_perceived"),
+        item("Wizard", "Their errors", _errors(figures), "wizard_errors"),
+        item("Wizard", "Their training", _training(wizards, left_out), "wizard_training"),
+        item("General", "Where", (), "place"),
+        item("General", "The environment and its control", _checks(study, figures), "environment"),
+        item("General", "The scenario", _scenario(figures), "story"),
+        item("General", "Whether it was made in several steps", _steps(figures, left_out), "iterations"),
+        item("General", "What the wizard means for the conclusions", (), "limits"),
+    ]
+
+
+def begun_text(standing: StudyStanding, withdrawn: Withdrawn) -> str:
+    """How many began a session, those who have withdrawn since included."""
+    people = [each for each in standing.participants if each.state != "withdrawn"]
+    begun = sum(bool(each.sessions) for each in people) + withdrawn.begun
+    verb = "has" if withdrawn.begun == 1 else "have"
+    return f"{begun} ({withdrawn.begun} of them {verb} withdrawn since)" if withdrawn.begun else str(begun)
+
+
+def left_out_text(left_out: Mapping[str, int]) -> str:
+    """How many sessions that do not count are left out.
+
+    >>> left_out_text({"pilot": 2, "training": 1})
+    '2 pilot sessions, 1 training session'
+    """
+    return ", ".join(pluralize(count, f"{purpose} session") for purpose, count in left_out.items())
+
+
+def still_to_say(sheet: Iterable[SheetItem]) -> list[str]:
+    """The names in `[report]` of everything that nobody has said yet."""
+    return [name for item in sheet for name in item.missing]
+
+
+def question_of(name: str) -> str:
+    """What an item of `[report]` asks."""
+    return next(item.question for item in REPORT_ITEMS if item.name == name)
+
+
+def sheet_markdown(study: Study, sheet: Sequence[SheetItem]) -> str:
+    """The sheet as Markdown, to be taken into a paper's appendix.
+
+    :param study: whose it is.
+    :param sheet: of `reporting_sheet`.
+    """
+    lines = [f"# {_plain(study.title)}: reporting sheet", "", _plain(ORIGIN), ""]
+    missing = still_to_say(sheet)
+    if missing:
+        lines += [f"**{pluralize(len(missing), 'item')} still to say**, in `[report]` of study.toml:", ""]
+        lines += [f"- `{name}`: {question_of(name)}" for name in missing]
+        lines.append("")
+    part = ""
+    for item in sheet:
+        if item.part != part:
+            part = item.part
+            lines += [f"## {part}", ""]
+        lines += [f"### {item.title}", ""]
+        lines += [_plain(sentence) for sentence in item.known]
+        for name, text in zip(item.asked, item.said, strict=True):
+            lines.append(_plain(text) if text else f"*{STILL_TO_SAY}*: {question_of(name)} (`{name}`)")
+        lines.append("")
+    return "\n".join(lines)
+
+
+def _plain(text: str) -> str:
+    """A text that Markdown takes as it is."""
+    flat = " ".join(clean(text, keep="\n\t").split()).replace("&", "&amp;").replace("<", "&lt;")
+    for sign in "\\`*_>[]#|":
+        flat = flat.replace(sign, f"\\{sign}")
+    return flat
+
+
+# --- what the record knows ------------------------------------------------------------------------------------------
+
+
+def _robots(figures: StudyFigures) -> str:
+    robots = Counter(
+        f"{row.facts.robot or 'unnamed'}{' (simulated: no robot moved)' if row.facts.is_simulated else ''}"
+        for row in figures.complete
+    )
+    return ", ".join(f"{robot} in {pluralize(number, 'session')}" for robot, number in robots.items())
+
+
+def _injected(figures: StudyFigures) -> str:
+    """What simulated robots were told to do wrong."""
+    found = [row.facts.injected_faults for row in figures.complete if row.facts.injected_faults]
+    faults = dict.fromkeys(fault for faults in found for fault in faults)
+    return f"Faults were injected in {pluralize(len(found), 'session')}: {', '.join(faults)}." if found else ""
+
+
+def _autonomy(figures: StudyFigures) -> list[str]:
+    shares = actor_shares(figures.actors)
+    return [f"Acts that began: {', '.join(shares)}."] if shares else []
+
+
+def _abilities(figures: StudyFigures) -> list[str]:
+    acts = dict.fromkeys(act for row in figures.complete for act in row.acts_used)
+    channels = dict.fromkeys(channel for row in figures.complete for channel in row.channels)
+    known = [f"{pluralize(len(acts), 'act')} used: {', '.join(acts)}."] if acts else []
+    return [*known, f"Channels used: {', '.join(channels)}."] if channels else known
+
+
+def _how_many(standing: StudyStanding, withdrawn: Withdrawn) -> list[str]:
+    states = Counter(each.state for each in standing.participants)
+    told = (
+        f"{len(standing.participants)} listed now, {begun_text(standing, withdrawn)} began, {standing.complete} of "
+        f"{standing.wanted} wanted complete"
+    )
+    told += f", {states['excluded']} excluded, {max(withdrawn.count, states['withdrawn'])} withdrawn."
+    cells = [
+        f"{' '.join((*cell.strata.values(), cell.condition))}".strip() + f": {cell.complete} complete"
+        for cell in standing.cells
+        if cell.condition or cell.strata
+    ]
+    return [told, f"Cells: {'; '.join(cells)}."] if cells else [told]
+
+
+def _strata(study: Study, standing: StudyStanding) -> list[str]:
+    complete = [each for each in standing.participants if each.state == "complete"]
+    known = []
+    for column in study.strata:
+        counts = Counter(each.strata.get(column, "") for each in complete)
+        known.append(
+            f"{column}, of those who are complete: {', '.join(f'{value} {n}' for value, n in counts.items())}."
+        )
+    return known if complete else []
+
+
+def _debriefed(study: Study, figures: StudyFigures) -> list[str]:
+    share = figures.debriefed(study.checks)
+    if share is None:
+        return ["No check asks whether participants were debriefed."]
+    return [f"Debriefed after {share_text(share.count, share.n)} complete sessions."]
+
+
+def _wizards(wizards: Iterable[WizardCourse]) -> list[str]:
+    told = [f"{source_name(each.wizard)} in {pluralize(len(each.sessions), 'session')}" for each in wizards]
+    return [f"{pluralize(len(told), 'wizard')}: {', '.join(told)}."] if told else []
+
+
+def _knew(study: Study) -> list[str]:
+    hidden = "were hidden until a session began" if study.assignment.hidden else "could be seen before a session began"
+    labelled = any(level.label for factor in study.factors for level in factor.levels)
+    return [f"Conditions {hidden}{', and were shown by labels' if labelled else ''}."] if study.factors else []
+
+
+def _production(figures: StudyFigures) -> list[str]:
+    spoken = figures.said_freely
+    known = [f"Typed freely, of what the robot said: {share_text(spoken.count, spoken.n)}."] if spoken.n else []
+    fillers = sum(act.fillers for row in figures.complete for act in row.figures.acts)
+    summary = figures.latency.response.summary
+    known += [f"{pluralize(fillers, 'filler')} bridged a wait."] if fillers else []
+    if summary is not None:
+        known.append(
+            f"Participants waited {number_text(summary.median)} s for an answer (median of {summary.n}; middle half "
+            f"{number_text(summary.lower)} to {number_text(summary.upper)} s)."
+        )
+    return known
+
+
+def _errors(figures: StudyFigures) -> list[str]:
+    marked, rows = figures.marked, figures.complete
+    if not marked.n:
+        return []
+    refused = sum(row.figures.mistakes.rejected for row in rows)
+    stops = sum(row.figures.mistakes.stops for row in rows)
+    kinds = f" ({marks_text(figures.marks)})" if figures.marks else ""
+    return [
+        f"Marked by wizards as mistakes: {share_text(marked.count, marked.n)} of their keys{kinds}; per 100 keys "
+        f"{per_hundred(marked)} {interval_text(marked)}.",
+        f"Found in the record: {pluralize(refused, 'act')} refused, {pluralize(stops, 'stop')}.",
+    ]
+
+
+def _training(wizards: Iterable[WizardCourse], left_out: Mapping[str, int]) -> list[str]:
+    known = []
+    if left_out:
+        known.append(f"Not in this bundle, so not counted here: {left_out_text(left_out)}.")
+    for each in wizards:
+        rows = each.rehearsals
+        name = source_name(each.wizard)
+        if not rows:
+            if not left_out:
+                known.append(f"{name}: no session on record before the first that counted.")
+            continue
+        seconds = sum(row.facts.duration for row in rows)
+        told = f"{name}: {pluralize(len(rows), 'session')} before the first that counted, {length_text(seconds)} in all"
+        first, last = (_how_they_did(each, row) for row in (rows[0], rows[-1]))
+        known.append(f"{told}; {first}." if len(rows) == 1 else f"{told}; first {first}; last {last}.")
+    return known
+
+
+def _how_they_did(course: WizardCourse, row: SessionRow) -> str:
+    """How a wizard did in one session: from cue to key, and mistakes."""
+    part = course.part_in(row)
+    summary = summarise(part.reactions)
+    waited = f"cue to key {number_text(summary.median)} s (median of {summary.n})" if summary else "no cue answered"
+    return f"{waited}, {pluralize(part.marked, 'mistake')} in {pluralize(part.keys, 'key')}"
+
+
+def _checks(study: Study, figures: StudyFigures) -> list[str]:
+    counts = figures.checks(check.id for check in study.checks)
+    told = [
+        f"{each.id} passed {each.passed}, skipped {each.skipped}, failed {each.failed}, no record {each.missing}"
+        for each in counts
+    ]
+    return [f"Checks in {pluralize(len(figures.complete), 'complete session')}: {'; '.join(told)}."] if told else []
+
+
+def _scenario(figures: StudyFigures) -> list[str]:
+    titles = dict.fromkeys(row.facts.title for row in figures.complete)
+    lengths = sorted(row.facts.duration for row in figures.complete)
+    if not lengths:
+        return []
+    return [
+        f"{', '.join(titles)}; sessions lasted from {length_text(lengths[0])} to {length_text(lengths[-1])}. "
+        f"SHA-256 of the scenarios: {', '.join(each[:16] for each in figures.scenario_hashes())}."
+    ]
+
+
+def _steps(figures: StudyFigures, left_out: Mapping[str, int]) -> list[str]:
+    pilots = sum(row.facts.purpose == "pilot" for row in figures.rows) + left_out.get("pilot", 0)
+    versions = figures.scenario_versions()
+    if not versions:
+        return []
+    return [
+        f"{pluralize(pilots, 'pilot session')}; complete sessions ran {pluralize(versions, 'version')} of the scenario."
+    ]

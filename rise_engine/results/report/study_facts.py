@@ -1,0 +1,261 @@
+"""What a study's report tells, counted from its sessions. One of them at a time is in memory; a row of each is kept."""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Iterable, Mapping, Sequence
+
+from msgspec import Struct
+
+from rise_engine.results.analysis.model import ActorKind, SessionData, SessionFacts
+from rise_engine.results.analysis.statistics import Share, Summary, summarise
+from rise_engine.results.analysis.trials import trials_of
+from rise_engine.results.report.bands import BANDS
+from rise_engine.results.report.latency import LatencyFacts, LatencyPart
+from rise_engine.results.report.session_facts import SessionFigures, session_figures
+from rise_engine.study.checked import asks_debriefing, check_text
+from rise_engine.study.model import StudyCheck
+
+
+class WizardPart(Struct, frozen=True):
+    """What one wizard did in one session."""
+
+    wizard: str
+    """As the record has it: `wizard:anna`."""
+    keys: int
+    """What they asked for."""
+    marked: int
+    """That were marked as mistakes, or whose acts were."""
+    reactions: tuple[float, ...]
+    """Seconds from cue to key, of answers, through rules, too."""
+
+
+class SessionRow(Struct, frozen=True):
+    """What is kept of one session."""
+
+    facts: SessionFacts
+    figures: SessionFigures
+    wizards: tuple[WizardPart, ...]
+    checks: dict[str, str]
+    """Their results, by id."""
+    acts_used: tuple[str, ...]
+    channels: tuple[str, ...]
+    """Of the robot, that it took."""
+    problems: tuple[str, ...]
+    measure: str = ""
+    """The dependent variable of its trials; empty: its scenario does not say what a trial is."""
+    trials: tuple[float | None, ...] = ()
+    """What it is in each trial."""
+    interrupted: frozenset[int] = frozenset()
+    """The numbers of the trials in which there was no engine for a while."""
+
+    @property
+    def is_complete(self) -> bool:
+        """Whether it counts and is complete."""
+        return self.facts.purpose == "counted" and self.facts.outcome == "complete"
+
+    @property
+    def responses(self) -> tuple[float, ...]:
+        return self.figures.latency.response.values
+
+
+class CheckCounts(Struct, frozen=True):
+    """What came of one check over the complete sessions."""
+
+    id: str
+    passed: int
+    failed: int
+    skipped: int
+    missing: int
+    """Sessions that have no record of it."""
+
+
+class WizardCourse(Struct, frozen=True):
+    """One wizard over the sessions in which they acted."""
+
+    wizard: str
+    sessions: tuple[SessionRow, ...]
+    """Complete ones, in their order."""
+    rehearsals: tuple[SessionRow, ...]
+    """Sessions that did not count, before the first of these."""
+
+    def part_in(self, row: SessionRow) -> WizardPart:
+        """What they did in one of their sessions."""
+        return next(part for part in row.wizards if part.wizard == self.wizard)
+
+    @property
+    def marked(self) -> Share:
+        """Of their keys in complete sessions, those that were marked as mistakes."""
+        parts = [self.part_in(row) for row in self.sessions]
+        return Share(sum(part.marked for part in parts), sum(part.keys for part in parts))
+
+    @property
+    def reactions(self) -> Summary | None:
+        """Seconds from cue to key, over all complete sessions."""
+        return summarise(value for row in self.sessions for value in self.part_in(row).reactions)
+
+
+class StudyFigures(Struct, frozen=True):
+    """Everything that is counted of a study's sessions."""
+
+    rows: tuple[SessionRow, ...]
+    """All that could be read, in the order in which they began."""
+
+    @property
+    def complete(self) -> tuple[SessionRow, ...]:
+        return tuple(row for row in self.rows if row.is_complete)
+
+    @property
+    def rehearsals(self) -> tuple[SessionRow, ...]:
+        return tuple(row for row in self.rows if row.facts.purpose != "counted")
+
+    @property
+    def latency(self) -> LatencyFacts:
+        """Of all complete sessions together."""
+        return pool([row.figures.latency for row in self.complete])
+
+    @property
+    def actors(self) -> dict[ActorKind, int]:
+        """Acts that began in complete sessions, by who caused them."""
+        counts: Counter[ActorKind] = Counter()
+        for row in self.complete:
+            counts.update(row.figures.actors)
+        return dict(counts.most_common())
+
+    @property
+    def marked(self) -> Share:
+        """Keys of wizards in complete sessions that were marked as mistakes."""
+        found = [row.figures.mistakes.marked for row in self.complete]
+        return Share(sum(each.count for each in found), sum(each.n for each in found))
+
+    @property
+    def marks(self) -> dict[str, int]:
+        """Marks in complete sessions."""
+        counts: Counter[str] = Counter()
+        for row in self.complete:
+            counts.update(row.figures.mistakes.marks)
+        return dict(counts)
+
+    @property
+    def said_freely(self) -> Share:
+        found = [row.figures.said_freely for row in self.complete]
+        return Share(sum(each.count for each in found), sum(each.n for each in found))
+
+    def conditions(self) -> dict[str, tuple[SessionRow, ...]]:
+        """Complete sessions by condition, in the order of the names."""
+        names = sorted({row.facts.condition for row in self.complete})
+        return {name: tuple(row for row in self.complete if row.facts.condition == name) for name in names}
+
+    def wizards(self) -> tuple[WizardCourse, ...]:
+        """Everybody who acted as a wizard in a complete session, most sessions first."""
+        courses = []
+        for name in dict.fromkeys(part.wizard for row in self.complete for part in row.wizards):
+            sessions = tuple(row for row in self.complete if any(part.wizard == name for part in row.wizards))
+            first = self.rows.index(sessions[0])
+            before = tuple(
+                row
+                for row in self.rows[:first]
+                if row.facts.purpose != "counted" and any(part.wizard == name for part in row.wizards)
+            )
+            courses.append(WizardCourse(name, sessions, before))
+        return tuple(sorted(courses, key=lambda each: (-len(each.sessions), each.wizard)))
+
+    def checks(self, expected: Iterable[str] = ()) -> tuple[CheckCounts, ...]:
+        """What came of each check in the complete sessions.
+
+        :param expected: ids of the study's checks, in their order; others follow.
+        """
+        rows = self.complete
+        ids = dict.fromkeys([*expected, *(name for row in rows for name in row.checks)])
+        counts = []
+        for name in ids:
+            found = Counter(row.checks.get(name, "missing") for row in rows)
+            counts.append(CheckCounts(name, found["passed"], found["failed"], found["skipped"], found["missing"]))
+        return tuple(counts)
+
+    def debriefed(self, checks: Iterable[StudyCheck] = ()) -> Share | None:
+        """Complete sessions after which the participant was debriefed; None: no check asks for it.
+
+        :param checks: those of the study.
+        """
+        rows = self.complete
+        ids = {check.id for check in checks if asks_debriefing(check.id, check_text(check))}
+        ids |= {name for row in rows for name in row.checks if asks_debriefing(name)}
+        passed = sum(any(row.checks.get(name) == "passed" for name in ids) for row in rows)
+        return Share(passed, len(rows)) if ids else None
+
+    def scenario_hashes(self) -> list[str]:
+        """Of the scenarios that complete sessions ran, in their order."""
+        return list(dict.fromkeys(row.facts.scenario_hash for row in self.complete))
+
+    def scenario_versions(self) -> int:
+        """How many versions of the scenarios complete sessions ran; one in several languages counts once."""
+        by_language: dict[str, set[str]] = {}
+        for row in self.complete:
+            by_language.setdefault(row.facts.language, set()).add(row.facts.scenario_hash)
+        return max(map(len, by_language.values()), default=0)
+
+
+def session_row(data: SessionData, checked: Mapping[str, str] | None = None) -> SessionRow:
+    """What is kept of a session.
+
+    :param data: the session, at the report's level.
+    :param checked: what the study's log says of checks after it: results by id.
+    """
+    settings = data.scenario.trials if data.scenario is not None else None
+    trials = trials_of(data)
+    parts = []
+    for name in dict.fromkeys(key.source for key in data.keys):
+        keys = [key for key in data.keys if key.source == name]
+        reactions = [act.wizard_s for act in data.acts if act.by == name and act.answer_s is not None]
+        marked = sum(key.mark is not None for key in keys)
+        parts.append(WizardPart(name, len(keys), marked, tuple(each for each in reactions if each is not None)))
+    channels = dict.fromkeys(channel for act in data.acts for part in act.parts for channel in part.channels)
+    return SessionRow(
+        facts=data.facts,
+        figures=session_figures(data),
+        wizards=tuple(parts),
+        checks={**{check.id: check.result for check in data.checks}, **(checked or {})},
+        acts_used=tuple(dict.fromkeys(act.act for act in data.acts if act.started_at is not None)),
+        channels=tuple(channels),
+        problems=data.problems,
+        measure=settings.measure if settings is not None else "",
+        trials=tuple(trial.number(settings.measure) for trial in trials) if settings is not None else (),
+        interrupted=frozenset(number for number, trial in enumerate(trials, 1) if trial.outage_s is not None),
+    )
+
+
+def study_figures(
+    sessions: Iterable[SessionData], checked: Mapping[str, Mapping[str, str]] | None = None
+) -> StudyFigures:
+    """Count a study.
+
+    :param sessions: its sessions in the order in which they began, rehearsals, too; each is let go after it was read.
+    :param checked: what the study's log says of checks after sessions, by their folders' names.
+    """
+    checked = checked or {}
+    return StudyFigures(tuple(session_row(data, checked.get(data.folder.name)) for data in sessions))
+
+
+def pool(found: Sequence[LatencyFacts]) -> LatencyFacts:
+    """The latencies of several sessions as if they were of one."""
+    names = dict.fromkeys((part.name, part.about) for facts in found for part in facts.parts)
+    return LatencyFacts(
+        parts=tuple(
+            LatencyPart(
+                name,
+                about,
+                tuple(v for facts in found for part in facts.parts if part.name == name for v in part.values),
+            )
+            for name, about in names
+        ),
+        response=_join("response", "cue to answer", [facts.response for facts in found]),
+        to_filler=_join("filler", "cue to filler", [facts.to_filler for facts in found]),
+        after_filler=_join("with a filler", "cue to answer", [facts.after_filler for facts in found]),
+        without_filler=_join("without", "cue to answer", [facts.without_filler for facts in found]),
+        in_bands=tuple(sum(facts.in_bands[at] for facts in found) for at in range(len(BANDS))),
+    )
+
+
+def _join(name: str, about: str, parts: Iterable[LatencyPart]) -> LatencyPart:
+    return LatencyPart(name, about, tuple(value for part in parts for value in part.values))

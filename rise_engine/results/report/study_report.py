@@ -1,0 +1,485 @@
+"""The report of a study, as a document: plan against reality, conditions, wizards, checks, the reporting sheet."""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Iterable, Sequence
+
+from msgspec import Struct
+from msgspec.structs import replace
+
+from rise_engine.base.text import pluralize
+from rise_engine.results.analysis.statistics import Summary, summarise
+from rise_engine.results.report.charts import CourseOfSessions, DotRow, dot_plot, drift_figure
+from rise_engine.results.report.document import (
+    Block,
+    Document,
+    Facts,
+    Paragraph,
+    ReportTable,
+    Section,
+    clock_text,
+    length_text,
+    number_text,
+    seconds_text,
+    share_text,
+)
+from rise_engine.results.report.latency_section import latency_section
+from rise_engine.results.report.session_report import LEVEL_WORDS, colophon, problem_paragraphs
+from rise_engine.results.report.sheet import (
+    ORIGIN,
+    STILL_TO_SAY,
+    SheetItem,
+    begun_text,
+    left_out_text,
+    question_of,
+    reporting_sheet,
+    still_to_say,
+)
+from rise_engine.results.report.study_facts import SessionRow, StudyFigures, WizardCourse
+from rise_engine.results.report.trials_section import TrialRow, trial_rows, trials_section, trials_summary
+from rise_engine.results.report.wording import interval_text, marks_text, per_hundred, source_name
+from rise_engine.session.levels import ExportLevel, count_words
+from rise_engine.study.design import factors_of
+from rise_engine.study.model import Study, StudyStanding
+from rise_engine.study.withdrawn import Withdrawn
+
+NO_CONDITION = "no condition"
+HIDDEN = (
+    "This study hides its conditions and is not complete: whoever sees how the cells are filled, or what came of them, "
+    "can guess what comes next. They are left out here; rise-engine report --conditions shows them."
+)
+
+
+class StudyReportInput(Struct, frozen=True):
+    """All that a study's report is made of."""
+
+    study: Study
+    standing: StudyStanding
+    figures: StudyFigures
+    level: ExportLevel = "full"
+    shows_conditions: bool = True
+    """Whether conditions are told; a study that hides them and is not complete should not."""
+    withdrawn: Withdrawn = Withdrawn()
+    problems: tuple[str, ...] = ()
+    """What could not be read, in sentences."""
+    left_out: dict[str, int] = {}
+    """Sessions that do not count and are not in the bundle of which this is the report, by their purpose."""
+
+    @property
+    def trials(self) -> list[TrialRow]:
+        """By condition, where that may be shown; else of all together."""
+        if self.shows_conditions:
+            return trial_rows(self.figures.conditions().items())
+        return trial_rows([("", self.figures.complete)])
+
+    @property
+    def sheet(self) -> list[SheetItem]:
+        """Its reporting sheet."""
+        if self.shows_conditions:
+            return reporting_sheet(self.study, self.standing, self.figures, self.withdrawn, self.left_out)
+        without_cells = replace(self.standing, cells=())
+        return reporting_sheet(self.study, without_cells, self.figures, self.withdrawn, self.left_out)
+
+
+def study_report(given: StudyReportInput) -> Document:
+    """What is told of a study.
+
+    :param given: its design, how it stands, and what was counted of its sessions.
+    """
+    study, figures = given.study, given.figures
+    sections = (
+        trials_section(given.trials, declared=not figures.rows or any(row.measure for row in figures.rows)),
+        Section("Plan and participants", tuple(_plan(given))),
+        Section("Conditions", tuple(_conditions(given))),
+        latency_section(figures.latency, ()),
+        Section("Wizards", tuple(_wizards(given))),
+        Section("Checks", tuple(_checks(given))),
+        Section("Sessions", tuple(_sessions(given))),
+        Section("Reporting sheet", tuple(_sheet(given))),
+    )
+    return Document(
+        title=study.title,
+        kind="Study report",
+        banner=_banner(given),
+        summary=_summary(given),
+        facts=tuple(_head(given)),
+        sections=tuple(section for section in sections if section.blocks),
+        colophon=colophon(f"the study {study.id}", given.level),
+    )
+
+
+def _summary(given: StudyReportInput) -> str:
+    standing, figures = given.standing, given.figures
+    told = f"{standing.complete} of {standing.wanted} participants are complete"
+    sessions = len(figures.complete)
+    told += f", in {pluralize(sessions, 'complete session')}." if sessions else "."
+    medians = [summary.median for row in figures.complete if (summary := summarise(row.responses)) is not None]
+    over = summarise(medians)
+    if over is not None:
+        told += (
+            f" In half of them, half of the answers came within {seconds_text(over.median)} "
+            f"(middle half of the sessions {number_text(over.lower)}\u2013{seconds_text(over.upper)})."
+        )
+    told = f"{trials_summary(given.trials)} {told}".lstrip()
+    if missing := len(still_to_say(given.sheet)):
+        told += f" {pluralize(missing, 'item')} of the reporting sheet {'is' if missing == 1 else 'are'} still to say."
+    return told
+
+
+def _banner(given: StudyReportInput) -> str:
+    if given.study.mode == "debug":
+        return "DEBUG: study.toml says that the robot is simulated. No session counts."
+    simulated = sum(row.facts.is_simulated for row in given.figures.complete)
+    if not simulated:
+        return ""
+    return f"SIMULATED: the robot was simulated in {pluralize(simulated, 'complete session')}. No robot moved there."
+
+
+def _assignment(study: Study) -> str:
+    """How cells, and orders, are assigned, as far as the study has factors between or within participants."""
+    named = {"between": study.assignment.between, "within": f"orders {study.assignment.within}"}
+    return ", ".join(words for kind, words in named.items() if factors_of(study, kind))
+
+
+def _head(given: StudyReportInput) -> Iterable[tuple[str, str]]:
+    study = given.study
+    factors = "; ".join(
+        f"{factor.name} ({factor.kind}): {', '.join(level.name for level in factor.levels)}" for factor in study.factors
+    )
+    versions = {f"{name} {value}" for row in given.figures.rows for name, value in row.facts.versions.items()}
+    rows = [
+        ("Study", study.id),
+        ("Wanted", pluralize(study.n, "complete participant")),
+        ("Factors", factors),
+        ("Assignment", _assignment(study)),
+        ("Strata", ", ".join(study.assignment.strata)),
+        ("Conditions hidden", "yes" if study.assignment.hidden else "no"),
+        ("Mode", study.mode),
+        (
+            "Robot driver",
+            ", ".join(dict.fromkeys(row.facts.driver for row in given.figures.complete if row.facts.driver)),
+        ),
+        ("Seed", str(study.seed)),
+        ("Versions", ", ".join(sorted(versions))),
+        ("study.toml, SHA-256", study.hash[:16]),
+        ("Level", LEVEL_WORDS[given.level]),
+    ]
+    return ((name, value) for name, value in rows if value)
+
+
+# --- plan and participants ------------------------------------------------------------------------------------------
+
+
+def _plan(given: StudyReportInput) -> Iterable[Block]:
+    yield from problem_paragraphs(given.problems, given.level)
+    standing = given.standing
+    yield Facts(tuple(_flow(standing, given.withdrawn)))
+    if given.left_out:
+        yield Paragraph(f"Not in this bundle: {left_out_text(given.left_out)}.", "note")
+    if out := tuple(_out(standing, given.level)):
+        yield ReportTable(
+            caption="Who is excluded, which sessions were broken off, and why",
+            head=("participant", "what", "reason"),
+            rows=out,
+        )
+    if not given.shows_conditions:
+        yield Paragraph(HIDDEN, "note")
+    elif standing.cells:
+        yield _cells(standing)
+
+
+def _flow(standing: StudyStanding, withdrawn: Withdrawn) -> Iterable[tuple[str, str]]:
+    """How many came how far."""
+    people = standing.participants
+    states = Counter(each.state for each in people)
+    yield "Listed in participants.csv", str(len(people))
+    yield "Without consent so far", str(states["no-consent"])
+    yield "Began a session", begun_text(standing, withdrawn)
+    yield "Complete", f"{standing.complete} of {standing.wanted} wanted"
+    yield (
+        "Between runs, running, or to judge",
+        str(states["to-go-on"] + states["running"] + states["unfinished"] + states["to-judge"]),
+    )
+    yield "Broken off, may come again", str(states["aborted"])
+    yield "Excluded", str(states["excluded"])
+    yield "Withdrawn", str(max(withdrawn.count, states["withdrawn"]))
+    counts = Counter(entry.purpose for entry in standing.rehearsals)
+    yield "Rehearsals", ", ".join(f"{number} {purpose}" for purpose, number in counts.items()) or "none"
+
+
+def _out(standing: StudyStanding, level: ExportLevel) -> Iterable[tuple[str, str, str]]:
+    """Who is excluded, and every session that was broken off, also one that was run again since."""
+    for each in standing.participants:
+        if each.state == "withdrawn":
+            continue  # what a backup has brought back of them
+        if each.state == "excluded":
+            yield each.participant, "excluded", _reason(each.why, level)
+        for session in each.sessions:
+            if session.outcome == "aborted":
+                what = f"run {session.run}, attempt {session.attempt} aborted"
+                yield each.participant, what, _reason(session.reason, level)
+
+
+def _reason(why: str, level: ExportLevel) -> str:
+    """Reasons that people typed are told at the level full only; what the log of a bundle has counted already is not
+    counted again."""
+    return why if level == "full" or not why else count_words("free text", why)
+
+
+def _cells(standing: StudyStanding) -> ReportTable:
+    strata = list(dict.fromkeys(column for cell in standing.cells for column in cell.strata))
+    return ReportTable(
+        caption="The plan against what happened: participants in each cell of the between factors",
+        head=(*strata, "cell", "complete", "open", "planned"),
+        rows=tuple(
+            (
+                *(cell.strata.get(column, "") for column in strata),
+                cell.condition or NO_CONDITION,
+                str(cell.complete),
+                str(cell.open),
+                str(cell.planned) if cell.planned else "",
+            )
+            for cell in standing.cells
+        ),
+        numbers=frozenset(range(len(strata) + 1, len(strata) + 4)),
+        note="Planned: rows of the plan, if all participants came from that stratum; empty where cells are drawn.",
+    )
+
+
+# --- conditions -----------------------------------------------------------------------------------------------------
+
+
+def _conditions(given: StudyReportInput) -> Iterable[Block]:
+    found = given.figures.conditions()
+    if not given.shows_conditions or not found or list(found) == [""]:
+        return
+    rows = [
+        DotRow(
+            name or NO_CONDITION,
+            tuple(summary.median for row in sessions if (summary := summarise(row.responses)) is not None),
+            tuple(_dot_words(row) for row in sessions if row.responses),
+            note=_count_words(sessions),
+        )
+        for name, sessions in found.items()
+    ]
+    yield dot_plot(
+        "Response by condition",
+        rows,
+        "Each dot is the median response of one complete session. The line is the median of these, the bar their "
+        "middle half. Shades are the reference bands of the section Latency.",
+    )
+    table = []
+    for name, sessions in found.items():
+        over = summarise([s.median for row in sessions if (s := summarise(row.responses)) is not None])
+        marked = sum(row.figures.mistakes.marked.count for row in sessions)
+        keys = sum(row.figures.mistakes.marked.n for row in sessions)
+        table.append(
+            (
+                name or NO_CONDITION,
+                str(len(sessions)),
+                str(len({row.facts.participant for row in sessions})),
+                str(sum(len(row.responses) for row in sessions)),
+                *_summary_cells(over),
+                _median_length(sessions),
+                share_text(marked, keys),
+            )
+        )
+    yield ReportTable(
+        caption="Complete sessions by condition: medians of the sessions' median responses in seconds",
+        head=("condition", "sessions", "people", "answers", "median", "middle half", "length", "keys marked"),
+        rows=tuple(table),
+        numbers=frozenset({1, 2, 3, 4, 5, 6}),
+        note="Sessions of one participant are not independent of one another: this describes, and tests nothing.",
+    )
+
+
+def _dot_words(row: SessionRow) -> str:
+    summary = summarise(row.responses)
+    middle = seconds_text(summary.median) if summary is not None else ""
+    return f"{row.facts.participant}, run {row.facts.run}: median {middle} of {pluralize(len(row.responses), 'answer')}"
+
+
+def _count_words(sessions: Sequence[SessionRow]) -> str:
+    answered = sum(len(row.responses) for row in sessions)
+    return f"{pluralize(len(sessions), 'session')}, {pluralize(answered, 'answer')}"
+
+
+def _summary_cells(summary: Summary | None) -> tuple[str, str]:
+    if summary is None:
+        return "", ""
+    return number_text(summary.median), f"{number_text(summary.lower)}\u2013{number_text(summary.upper)}"
+
+
+def _median_length(sessions: Sequence[SessionRow]) -> str:
+    summary = summarise(row.facts.duration for row in sessions)
+    return clock_text(summary.median) if summary is not None else ""
+
+
+# --- wizards --------------------------------------------------------------------------------------------------------
+
+
+def _wizards(given: StudyReportInput) -> Iterable[Block]:
+    courses = given.figures.wizards()
+    if not courses:
+        yield Paragraph("No wizard acted in a complete session.")
+        return
+    if any(course.reactions is not None for course in courses):
+        yield drift_figure(
+            "From cue to key, session by session",
+            [_course(course) for course in courses],
+            "From cue to key in each wizard's complete sessions, in their order: the median of a session, and its "
+            "middle half. A line that climbs or falls may be a wizard who changes, or conditions that do.",
+        )
+    yield ReportTable(
+        caption="Wizards in complete sessions. From cue to key in seconds; marks as mistakes per 100 keys with their "
+        "95\u00a0% interval; rehearsals are sessions of theirs before the first that counted",
+        head=("wizard", "sessions", "keys", "cue to key", "middle half", "first, last", "per 100", "rehearsals"),
+        rows=tuple(_wizard_row(course, "left out" if given.left_out else "none") for course in courses),
+        numbers=frozenset({1, 2, 3, 4}),
+    )
+
+
+def _course(course: WizardCourse) -> CourseOfSessions:
+    summaries = tuple(summarise(course.part_in(row).reactions) for row in course.sessions)
+    hovers = tuple(
+        f"{row.facts.participant}, run {row.facts.run}: {seconds_text(each.median) if each else 'no answer'}"
+        for row, each in zip(course.sessions, summaries, strict=True)
+    )
+    return CourseOfSessions(source_name(course.wizard), summaries, hovers)
+
+
+def _wizard_row(course: WizardCourse, without: str) -> tuple[str, ...]:
+    medians = [
+        number_text(summary.median)
+        for row in course.sessions
+        if (summary := summarise(course.part_in(row).reactions)) is not None
+    ]
+    marked = course.marked
+    seconds = sum(row.facts.duration for row in course.rehearsals)
+    before = f"{len(course.rehearsals)}, {length_text(seconds)}" if course.rehearsals else without
+    return (
+        source_name(course.wizard),
+        str(len(course.sessions)),
+        str(marked.n),
+        *_summary_cells(course.reactions),
+        f"{medians[0]}, {medians[-1]}" if len(medians) > 1 else "",
+        f"{per_hundred(marked)} {interval_text(marked)}".strip(),
+        before,
+    )
+
+
+# --- checks, sessions -----------------------------------------------------------------------------------------------
+
+
+def _checks(given: StudyReportInput) -> Iterable[Block]:
+    named = [check.id for check in given.study.checks]
+    counts = given.figures.checks(named)
+    debriefed = given.figures.debriefed(given.study.checks)
+    if debriefed is not None:
+        yield Paragraph(f"Debriefed after {share_text(debriefed.count, debriefed.n)} complete sessions.")
+    if counts:
+        yield ReportTable(
+            caption=f"What came of each check in {pluralize(len(given.figures.complete), 'complete session')}",
+            head=("check", "passed", "skipped", "failed", "no record"),
+            rows=tuple(
+                (each.id, str(each.passed), str(each.skipped), str(each.failed), str(each.missing)) for each in counts
+            ),
+            numbers=frozenset({1, 2, 3, 4}),
+            marked=frozenset(at for at, each in enumerate(counts) if each.skipped or each.failed),
+            note="No record: it was good from before, or the session is older than the check.",
+        )
+    else:
+        yield Paragraph("The study has no checks.")
+
+
+def _sessions(given: StudyReportInput) -> Iterable[Block]:
+    rows = given.figures.rows
+    if not rows:
+        yield Paragraph("No session has been recorded.")
+        return
+    versions = given.figures.scenario_versions()
+    if versions > 1:
+        yield Paragraph(f"Complete sessions ran {versions} different versions of the scenario.", "warning")
+    table = []
+    for row in rows:
+        facts, found = row.facts, row.figures
+        summary = summarise(row.responses)
+        skipped = [name for name, result in row.checks.items() if result == "skipped"]
+        outcome = facts.outcome or ("" if facts.purpose != "counted" else "not said")
+        table.append(
+            (
+                facts.participant,
+                f"{facts.run}{f', attempt {facts.attempt}' if facts.attempt > 1 else ''}" if facts.run else "",
+                facts.condition if given.shows_conditions else "",
+                outcome if facts.purpose == "counted" else facts.purpose,
+                clock_text(facts.duration),
+                str(found.cues),
+                number_text(summary.median) if summary is not None else "",
+                marks_text(found.mistakes.marks),
+                str(found.mistakes.stops or ""),
+                _went_wrong(row),
+                ", ".join(skipped),
+            )
+        )
+    yield ReportTable(
+        caption="Every session, in the order in which they began; the response is the session's median, in seconds",
+        head=(
+            "who",
+            "run",
+            "condition",
+            "outcome",
+            "length",
+            "cues",
+            "response",
+            "marked",
+            "stops",
+            "went wrong",
+            "skipped",
+        ),
+        rows=tuple(table),
+        numbers=frozenset({4, 5, 6, 8}),
+        marked=frozenset(at for at, row in enumerate(rows) if row.facts.outcome in ("aborted", "excluded")),
+    )
+
+
+def _went_wrong(row: SessionRow) -> str:
+    """What no wizard marked: the record shows it."""
+    facts, found = row.facts, row.figures.mistakes
+    told = [
+        f"{pluralize(found.aborted, 'act')} failed" if found.aborted else "",
+        f"{pluralize(found.rules_faulted, 'rule')} faulted" if found.rules_faulted else "",
+        f"robot lost {pluralize(found.robot_lost, 'time')}" if found.robot_lost else "",
+        f"recovered {pluralize(facts.recoveries, 'time')}, {seconds_text(facts.downtime)} without engine"
+        if facts.recoveries
+        else "",
+        f"faults injected: {'; '.join(facts.injected_faults)}" if facts.injected_faults else "",
+    ]
+    return ", ".join(filter(None, told))
+
+
+# --- the reporting sheet --------------------------------------------------------------------------------------------
+
+
+def _sheet(given: StudyReportInput) -> Iterable[Block]:
+    sheet = given.sheet
+    yield Paragraph(ORIGIN, "note")
+    missing = still_to_say(sheet)
+    if missing:
+        yield Paragraph(
+            f"{pluralize(len(missing), 'item')} still to say, in [report] of study.toml: {', '.join(missing)}.",
+            "warning",
+        )
+    for part in dict.fromkeys(item.part for item in sheet):
+        yield ReportTable(
+            caption=part,
+            head=("item", "from the record", "said by people"),
+            rows=tuple(
+                (item.title, " ".join(item.known), " ".join(_said(item))) for item in sheet if item.part == part
+            ),
+        )
+
+
+def _said(item: SheetItem) -> Iterable[str]:
+    for name, text in zip(item.asked, item.said, strict=True):
+        yield text if text else f"({STILL_TO_SAY}: {question_of(name)})"

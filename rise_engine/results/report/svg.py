@@ -1,0 +1,67 @@
+"""Drawings in SVG, which stand in a page as they are: no address, no script, no file beside them.
+
+Colours and fonts come from the page's style sheet by class, so that a drawing follows light, dark and print.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+
+from rise_engine.results.report.markup import element, escape
+
+
+class Drawing:
+    """One drawing; marks are added in the order in which they lie over one another."""
+
+    def __init__(self, width: float, height: float, title: str, description: str = "", *, name: str) -> None:
+        """
+        :param width: in units, which are pixels on a screen as wide as the drawing.
+        :param height: in the same.
+        :param title: what it is, for whoever cannot see it.
+        :param description: what it shows, in a sentence or some.
+        :param name: of its kind, for the style sheet.
+        """
+        self.width, self.height, self.title, self.description, self.name = width, height, title, description, name
+        self._marks: list[str] = []
+
+    def box(self, x: float, y: float, width: float, height: float, kind: str, hover: str = "") -> None:
+        """A filled rectangle; `hover` is shown by a browser when somebody points at it."""
+        self._add("rect", hover, x=x, y=y, width=max(0.0, width), height=max(0.0, height), class_=kind)
+
+    def line(self, x1: float, y1: float, x2: float, y2: float, kind: str, hover: str = "") -> None:
+        self._add("line", hover, x1=x1, y1=y1, x2=x2, y2=y2, class_=kind)
+
+    def dot(self, x: float, y: float, radius: float, kind: str, hover: str = "") -> None:
+        self._add("circle", hover, cx=x, cy=y, r=radius, class_=kind)
+
+    def path(self, points: Iterable[tuple[float, float]], kind: str) -> None:
+        """A line through points."""
+        steps = " ".join(f"{'L' if at else 'M'}{_number(x)} {_number(y)}" for at, (x, y) in enumerate(points))
+        self._add("path", "", d=steps, class_=kind)
+
+    def text(self, x: float, y: float, text: str, kind: str = "", anchor: str = "start") -> None:
+        """A text whose base line begins (`start`), ends (`end`) or has its middle (`middle`) there."""
+        self._marks.append(element("text", escape(text), x=_number(x), y=_number(y), class_=kind, text_anchor=anchor))
+
+    def whole(self) -> str:
+        """The `<svg>` element."""
+        head = f"<title>{escape(self.title)}</title>"
+        head += f"<desc>{escape(self.description)}</desc>" if self.description else ""
+        return element(
+            "svg",
+            head + "\n" + "\n".join(self._marks) + "\n",
+            viewBox=f"0 0 {_number(self.width)} {_number(self.height)}",
+            role="img",
+            aria_label=self.title,
+            class_=self.name,
+        )
+
+    def _add(self, tag: str, hover: str, **attributes: str | float) -> None:
+        inner = f"<title>{escape(hover)}</title>" if hover else ""
+        given = {name: value if isinstance(value, str) else _number(value) for name, value in attributes.items()}
+        self._marks.append(element(tag, inner, **given))
+
+
+def _number(value: float) -> str:
+    """A place in a drawing: to a hundredth of a unit."""
+    return f"{value:.2f}".rstrip("0").rstrip(".")

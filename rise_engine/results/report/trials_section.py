@@ -1,0 +1,208 @@
+"""The trials of a study: its dependent variable by condition, each trial a dot."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Sequence
+
+from msgspec import Struct
+
+from rise_engine.base.text import clean, pluralize
+from rise_engine.results.analysis.statistics import median, median_interval, summarise
+from rise_engine.results.report.charts import WIDTH
+from rise_engine.results.report.document import Block, Figure, Paragraph, ReportTable, Section, number_text
+from rise_engine.results.report.study_facts import SessionRow
+from rise_engine.results.report.svg import Drawing
+
+UNDECLARED = (
+    "No scenario of this study says what a trial is. Write [trials] in scenario.toml, with the state of a rule that "
+    'begins one: state = "Ask". In sessions from then on, the dependent variable is shown here by condition, and '
+    "trials.csv has a row for each trial."
+)
+_INTERVAL = "95 % interval of the median by order statistics (at least 95 %, exact; none of fewer than 6 trials)"
+
+
+class TrialRow(Struct, frozen=True):
+    """The trials of one condition."""
+
+    name: str
+    measure: str
+    values: tuple[float, ...]
+    hovers: tuple[str, ...]
+    """Whose each is."""
+    trials: int
+    """All, also those without a value."""
+    people: int
+    interrupted: tuple[str, ...] = ()
+    """Those in which there was no engine for a while."""
+
+    @property
+    def interval(self) -> tuple[float, float] | None:
+        """Of the median."""
+        return median_interval(self.values)
+
+
+def trial_rows(conditions: Iterable[tuple[str, Sequence[SessionRow]]]) -> list[TrialRow]:
+    """A row for each measure and condition; none where no session has a trial.
+
+    :param conditions: names, and the complete sessions of each.
+    """
+    found = []
+    by_name = [(name, [row for row in sessions if row.measure]) for name, sessions in conditions]
+    for measure in dict.fromkeys(row.measure for _, sessions in by_name for row in sessions):
+        for name, sessions in by_name:
+            theirs = [row for row in sessions if row.measure == measure]
+            pairs = [
+                (value, f"{row.facts.participant or row.facts.session}, trial {number}: {number_text(value)}")
+                for row in theirs
+                for number, value in enumerate(row.trials, 1)
+                if value is not None
+            ]
+            if trials := sum(len(row.trials) for row in theirs):
+                people = len({row.facts.participant for row in theirs})
+                values, hovers = tuple(value for value, _ in pairs), tuple(hover for _, hover in pairs)
+                interrupted = tuple(
+                    f"{row.facts.participant or row.facts.session}, trial {number}"
+                    for row in theirs
+                    for number in sorted(row.interrupted)
+                )
+                found.append(TrialRow(name, measure, values, hovers, trials, people, interrupted))
+    return found
+
+
+def trials_section(rows: Sequence[TrialRow], *, declared: bool) -> Section:
+    """The section.
+
+    :param rows: of `trial_rows`.
+    :param declared: whether any scenario says what a trial is.
+    """
+    if not rows:
+        said = "No complete session has a trial yet." if declared else UNDECLARED
+        return Section("Trials", (Paragraph(said, "note"),))
+    blocks: list[Block] = []
+    for measure in dict.fromkeys(row.measure for row in rows):
+        theirs = [row for row in rows if row.measure == measure]
+        if any(row.values for row in theirs):
+            blocks.append(_figure(measure, theirs))
+        blocks.append(_table(measure, theirs))
+    return Section("Trials", tuple(blocks))
+
+
+def trials_summary(rows: Sequence[TrialRow]) -> str:
+    """The first sentence of the report: the dependent variable by condition; empty where there is none."""
+    told = [
+        f"{number_text(median(row.values))}{_unit(row.measure)}{f' in {row.name}' if row.name else ''} "
+        f"(n {len(row.values)}{_interval_words(row)})"
+        for row in rows
+        if row.values and row.measure == rows[0].measure
+    ]
+    return f"Median {rows[0].measure} of trials: {', '.join(told)}." if told else ""
+
+
+def _unit(measure: str) -> str:
+    return " s" if measure.endswith("_s") else ""
+
+
+def _interval_words(row: TrialRow) -> str:
+    if row.interval is None:
+        return ""
+    low, high = row.interval
+    return f", 95 % {number_text(low)}\u2013{number_text(high)}"
+
+
+def _table(measure: str, rows: Sequence[TrialRow]) -> ReportTable:
+    table = []
+    for row in rows:
+        summary = summarise(row.values)
+        table.append(
+            (
+                row.name,
+                str(row.people),
+                str(row.trials),
+                str(len(row.values)),
+                number_text(summary.median) if summary is not None else "",
+                f"{number_text(row.interval[0])}\u2013{number_text(row.interval[1])}" if row.interval else "",
+                f"{number_text(summary.lower)}\u2013{number_text(summary.upper)}" if summary is not None else "",
+            )
+        )
+    interrupted = "; ".join(each for row in rows for each in row.interrupted)
+    outage = f" The engine was away for a while in {interrupted}: `outage_s` in trials.csv." if interrupted else ""
+    return ReportTable(
+        caption=f"Trials of complete sessions by condition: {measure}{' in seconds' if _unit(measure) else ''}",
+        head=("condition", "people", "trials", "measured", "median", "95 % interval", "middle half"),
+        rows=tuple(table),
+        numbers=frozenset({1, 2, 3, 4, 5, 6}),
+        note=f"{_INTERVAL}. It takes the trials as independent, which those of one participant are not: this "
+        f"describes, and tests nothing.{outage}",
+    )
+
+
+def _scale(rows: Sequence[TrialRow]) -> tuple[float, float]:
+    values = [value for row in rows for value in row.values]
+    low, high = min(0.0, *values), max(0.0, *values)
+    return low, high if high > low else low + 1.0
+
+
+def _figure(measure: str, rows: Sequence[TrialRow]) -> Figure:
+    line, label, right = 40.0, 190.0, 170.0
+    title = f"{measure} by condition"
+    described = "; ".join(f"{row.name or 'all'}: {_words(row)}" for row in rows)
+    drawing = Drawing(WIDTH, len(rows) * line + 44, title, described, name="dots")
+    low, high = _scale(rows)
+    room, top = WIDTH - label - right, 18.0
+    unit = room / (high - low)
+    for at, row in enumerate(rows):
+        middle = top + at * line + line / 2
+        drawing.line(label, middle, label + room, middle, "base")
+        drawing.text(label - 10, middle + 4, clean(row.name or "all"), "lane", "end")
+        drawing.text(label + room + 10, middle + 4, _words(row), "chart-note")
+        if row.interval is not None:
+            left, wide = (row.interval[0] - low) * unit, (row.interval[1] - row.interval[0]) * unit
+            drawing.box(label + left, middle - 8, max(1.0, wide), 16, "half", f"95 % interval{_interval_words(row)}")
+        for number, (value, hover) in enumerate(zip(row.values, row.hovers, strict=True)):
+            drawing.dot(label + (value - low) * unit, middle + (number % 5 - 2) * 3.0, 2.6, "dot", hover)
+        if (found := median(row.values)) is not None:
+            x = label + (found - low) * unit
+            drawing.line(x, middle - 14, x, middle + 14, "median", f"median {number_text(found)}{_unit(measure)}")
+    bottom = top + len(rows) * line
+    drawing.line(label, bottom, label + room, bottom, "axis-line")
+    for part in range(5):
+        value = low + (high - low) * part / 4
+        drawing.text(label + room * part / 4, bottom + 14, f"{number_text(value)}{_unit(measure)}", "axis", "middle")
+    return Figure(
+        caption=f"Each dot is one trial of a complete session. The line is their median, the bar the {_INTERVAL}.",
+        svg=(drawing.whole(),),
+        text=lambda width: _lines(measure, rows, width),
+    )
+
+
+def _words(row: TrialRow) -> str:
+    found = median(row.values)
+    return f"{pluralize(row.trials, 'trial')}, median {number_text(found)}" if found is not None else "nothing measured"
+
+
+def _lines(measure: str, rows: Sequence[TrialRow], width: int) -> list[str]:
+    """The same in characters."""
+    label = min(24, max(len(clean(row.name or "all")) for row in rows) + 2)
+    room = max(20, width - label - 12)
+    low, high = _scale(rows)
+
+    def cell(value: float) -> int:
+        return min(room - 1, int((value - low) / (high - low) * room))
+
+    lines = []
+    for row in rows:
+        cells = ["\u00b7"] * room
+        if row.interval is not None:
+            for at in range(cell(row.interval[0]), cell(row.interval[1]) + 1):
+                cells[at] = "\u2500"
+        for value in row.values:
+            cells[cell(value)] = "\u25cf"
+        found = median(row.values)
+        if found is not None:
+            cells[cell(found)] = "\u2503"
+        told = f"{number_text(found)}{_unit(measure)}" if found is not None else "none"
+        lines.append(clean(row.name or "all")[: label - 1].ljust(label) + "".join(cells) + f" {told}")
+    ends = number_text(low), f"{number_text(high)}{_unit(measure)}"
+    lines.append(" " * label + ends[0] + ends[1].rjust(room - len(ends[0])))
+    lines.append(f"\u25cf a trial's {measure}   \u2503 the median   \u2500 its 95 % interval by order statistics")
+    return lines

@@ -1,0 +1,31 @@
+"""Sessions that run but not in this runtime folder: with another RISE_RUNTIME or XDG_RUNTIME_DIR, or another computer.
+
+Their folders know them: the journal is locked, and beside it stands where the session is reached.
+"""
+
+from __future__ import annotations
+
+from rise_engine.run.protocol.messages import SessionSummary
+from rise_engine.run.protocol.registry import ask_all_summaries, ask_summary, socket_path
+from rise_engine.session.folder import running_sessions
+from rise_engine.session.lock import running_message
+
+
+def all_running_sessions() -> dict[str, SessionSummary | None]:
+    """Every session that runs on this computer and what it says about itself: those of this runtime folder by their
+    names, the others by the paths of their sockets. Raises RegistryError. Blocks up to a second for each."""
+    summaries = ask_all_summaries()
+    ours = {str(socket_path(name).absolute()) for name in summaries}
+    for holder in running_sessions().values():
+        if holder is not None and holder.is_this_computer and holder.socket and holder.socket not in ours:
+            summaries[holder.socket] = ask_summary(holder.socket)
+    return summaries
+
+
+def sessions_on_other_computers() -> list[str]:
+    """What runs there, in sentences."""
+    return [
+        running_message(folder, holder)
+        for folder, holder in running_sessions().items()
+        if holder is not None and not holder.is_this_computer
+    ]

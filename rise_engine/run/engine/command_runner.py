@@ -1,0 +1,155 @@
+"""Carrying out what the kernel asks for: timers on the session's clock, actions on the robot.
+
+An adapter's exception ends here. It becomes a report like any other, so that the record says what went wrong.
+"""
+
+from __future__ import annotations
+
+import logging
+from collections.abc import Callable, Iterable
+from functools import partial
+from typing import Any
+from uuid import NAMESPACE_OID, uuid4, uuid5
+
+from msgspec.structs import replace
+
+from rise_engine.kernel.commands import (
+    CancelAction,
+    CancelOpenGoals,
+    CancelTimer,
+    Command,
+    ReleaseOpenGoals,
+    SetTimer,
+    StartAction,
+    StopRobot,
+)
+from rise_engine.kernel.inputs import ActionReport, AnyInput, Note, RobotChanged, StopReport, TimerElapsed
+from rise_engine.ports.robot import Robot, RobotWithOpenGoals, Timer
+from rise_engine.run.engine.clock import SessionClock
+from rise_engine.scenario.model import Scenario
+from rise_engine.scenario.robot_wording import RobotWording
+
+_LOG = logging.getLogger(__name__)
+
+
+class CommandRunner:
+    """One session's timers and robot."""
+
+    def __init__(
+        self,
+        robot: Robot,
+        scenario: Scenario,
+        clock: SessionClock,
+        post: Callable[[AnyInput], None],
+        session_id: str = "",
+    ) -> None:
+        """
+        :param robot: not connected yet.
+        :param scenario: says what the record calls the robot, and in which words it is given what it says.
+        :param clock: the session's.
+        :param post: takes what the robot reports, and every timer that has elapsed.
+        :param session_id: what goals have their UUIDs from, the same for every engine of the session; empty: no other
+            engine will ever go on with it.
+        """
+        self._robot = robot
+        self._robot_name = scenario.robot.name
+        self._wording = RobotWording(scenario)
+        self._clock = clock
+        self._post = post
+        self._timers: dict[int, Timer] = {}
+        self._goal_namespace = uuid5(NAMESPACE_OID, session_id) if session_id else uuid4()
+
+    def change_wording(self, scenario: Scenario) -> None:
+        """From now on the robot is given the words as this scenario has them said."""
+        self._wording = RobotWording(scenario)
+
+    @property
+    def has_timers(self) -> bool:
+        """Whether any timer is set."""
+        return bool(self._timers)
+
+    @property
+    def robot_seen(self) -> float | None:
+        """Session time of the robot's last sign of life; None when its driver does not know, or has failed."""
+        try:
+            return self._robot.last_seen()
+        except Exception:  # an adapter of others, perhaps older than this question
+            return None
+
+    def connect(self, unfinished: Iterable[StartAction] = ()) -> None:
+        """Begin to reach the robot. `unfinished`: what an engine before this one may have left it doing."""
+        goals = [self._with_id(goal) for goal in unfinished]
+        robot = self._robot
+        if goals and isinstance(robot, RobotWithOpenGoals):
+            self._call_robot("take over what it may be doing", lambda: robot.adopt(goals))
+        if failure := self._call_robot("connect", lambda: self._robot.connect(self._post)):
+            self._post(RobotChanged(status="lost", detail=failure))
+
+    def set_timer(self, timer: int, at: float) -> None:
+        """Post a `TimerElapsed` for this timer at the session time `at`."""
+        self._timers[timer] = self._clock.call_at(at, partial(self._on_timer_elapsed, timer))
+
+    def _on_timer_elapsed(self, timer: int) -> None:
+        self._timers.pop(timer, None)
+        self._post(TimerElapsed(timer=timer))
+
+    def run(self, command: Command) -> None:
+        """Carry out one command. Never raises."""
+        match command:
+            case SetTimer(timer=timer, at=at):
+                self.set_timer(timer, at)
+            case CancelTimer(timer=timer):
+                handle = self._timers.pop(timer, None)
+                if handle is not None:
+                    handle.cancel()
+            case StartAction():
+                parameters = self._wording.parameters_for_robot(command.type, command.parameters)
+                goal = self._with_id(command, parameters)
+                if failure := self._call_robot(f"start {command.action}", lambda: self._robot.start(goal)):
+                    self._post(ActionReport(action=command.action, status="failed", reason=failure))
+            case CancelAction(action=action):
+                if failure := self._call_robot(f"cancel {action}", lambda: self._robot.cancel(action)):
+                    # It goes on running until it ends or its time is over.
+                    self._post(Note(text=f"{action} could not be cancelled: {failure}"))
+            case CancelOpenGoals() | ReleaseOpenGoals():
+                self._settle_open_goals(command)
+            case StopRobot():
+                if failure := self.stop_robot():
+                    self._post(StopReport(unconfirmed=(self._robot_name,)))
+                    self._post(Note(text=f"the robot could not be asked to stop: {failure}"))
+
+    def _settle_open_goals(self, command: CancelOpenGoals | ReleaseOpenGoals) -> None:
+        robot = self._robot
+        assert isinstance(robot, RobotWithOpenGoals)  # no other one reports any
+        settle = robot.cancel_open_goals if isinstance(command, CancelOpenGoals) else robot.release_open_goals
+        if failure := self._call_robot("settle open goals", lambda: settle(command.part)):
+            self._post(Note(text=f"nothing has come of it: {failure}"))
+
+    def _with_id(self, goal: StartAction, parameters: dict[str, Any] | None = None) -> StartAction:
+        uuid = uuid5(self._goal_namespace, goal.action)
+        return replace(goal, goal=uuid.hex, parameters=goal.parameters if parameters is None else parameters)
+
+    def stop_robot(self) -> str:
+        """Ask the robot to stop; gives a sentence when its adapter fails, otherwise an empty text."""
+        return self._call_robot("stop the robot", lambda: self._robot.stop_all())
+
+    def release(self) -> None:
+        """Cancel all timers and let go of the robot."""
+        for timer in self._timers.values():
+            timer.cancel()
+        self._timers.clear()
+        self._call_robot("close", lambda: self._robot.close())
+
+    def _call_robot(self, what: str, call: Callable[[], None]) -> str:
+        """Call the robot's adapter; gives a sentence when it fails or cannot do that, otherwise an empty text."""
+        try:
+            call()
+        except Exception as error:  # code of others
+            _LOG.exception("the robot adapter failed to %s", what)
+            return f"the robot adapter failed ({error_text(error)})"
+        return ""
+
+
+def error_text(error: Exception) -> str:
+    """An exception for the record: its kind, and what it says if it says anything."""
+    return f"{type(error).__name__}: {error}" if str(error) else type(error).__name__

@@ -1,0 +1,542 @@
+"""The engine: the kernel with a clock, a robot, a journal and sinks for its records (architecture, "The engine").
+
+One step: input -> time -> kernel -> journal -> records to the sinks -> commands carried out. It is synchronous and
+belongs to one thread; real time comes from a `RealClock` on an asyncio loop, virtual time from somebody who advances a
+`VirtualClock`.
+
+With a journal, whatever a step sends out waits until the step is on the disk: no console shows, no robot begins and
+nobody is answered what could still be lost. The loop does not wait meanwhile. Only what makes the robot safe (cancels,
+stop-all) never waits for a disk. While the disk takes nothing, the session is paused: from outside only stop-all is
+taken, and what the robot and the timers say is kept, with its time, until it can be recorded.
+"""
+
+from __future__ import annotations
+
+import logging
+import platform
+from collections import deque
+from collections.abc import Callable, Iterable
+from typing import TypeAlias
+
+from msgspec import Struct
+from msgspec.structs import replace
+
+from rise_engine import __version__
+from rise_engine.kernel import Kernel
+from rise_engine.kernel.commands import CancelAction, Command, StartAction, StopRobot
+from rise_engine.kernel.inputs import (
+    ActionReport,
+    AnyInput,
+    EstopReport,
+    Note,
+    RobotChanged,
+    ScenarioChanged,
+    SessionEnded,
+    SessionRecovered,
+    SessionStarted,
+    StopReport,
+    Submit,
+)
+from rise_engine.kernel.records import AnyRecord, OpenGoal, TaskRecord
+from rise_engine.ports.robot import Robot
+from rise_engine.run.engine.clock import SessionClock, seconds_between_labels
+from rise_engine.run.engine.command_runner import CommandRunner, error_text
+from rise_engine.run.engine.drivers import driver_name_for
+from rise_engine.run.protocol.client import JournalStatus, Reply
+from rise_engine.scenario.model import Scenario
+from rise_engine.session.journal import Journal
+from rise_engine.session.journal_format import encode_input, encode_record, join_step
+from rise_engine.session.recovery import RecoveredSession
+
+_LOG = logging.getLogger(__name__)
+
+LAG_SHOWN_FROM = 0.5
+"""Seconds that the disk may lag before the clients are told."""
+
+END_SECONDS = 6.0
+"""Seconds of session time that the robot gets to end everything before the session ends without it."""
+
+Sink = Callable[[AnyRecord], None]
+"""Gets every record, in order, on the engine's thread. It must not block; one that raises is dropped."""
+
+ReplyCallback: TypeAlias = Callable[[Reply], None]
+"""Gets what became of an input, once."""
+
+
+def _ignore_reply(reply: Reply) -> None:
+    """Nobody waits for this answer."""
+
+
+class _UnrecordedStep(Struct):
+    """What a step sends out once it is on the disk."""
+
+    position: int
+    records: list[AnyRecord]
+    starts: list[StartAction]
+    on_reply: ReplyCallback
+    reply: Reply
+
+
+class Engine:
+    """One session. All methods belong to the engine's thread.
+
+    `start` or `resume`, then any number of `accept` (from outside) and `post` (from robots, timers, sinks), then `end`:
+
+    >>> from rise_engine.run.engine.clock import VirtualClock
+    >>> from rise_engine.run.engine.drivers import make_robot
+    >>> from rise_engine.scenario.loader import load
+    >>> scenario = load("scenarios/greeting").scenario
+    >>> clock, records = VirtualClock(), []
+    >>> robot = make_robot(scenario.robot, "debug", clock, seed=1)
+    >>> engine = Engine(scenario, robot, clock, seed=1, participant="P07", sinks=[records.append])
+    >>> engine.start()
+    >>> engine.accept(Submit(function="startCommunicationRobotAct", behavior="R_Smile"), print)
+    Reply(accepted=True, reason='', task=1)
+    >>> while not engine.idle and clock.advance():
+    ...     pass
+    >>> engine.end("done")
+    >>> engine.ended, [record.status for record in records if isinstance(record, TaskRecord)]
+    (True, ['PENDING', 'ACTIVE', 'SUCCEEDED'])
+    """
+
+    def __init__(
+        self,
+        scenario: Scenario,
+        robot: Robot,
+        clock: SessionClock,
+        seed: int,
+        *,
+        participant: str = "",
+        condition: str = "",
+        started: SessionStarted | None = None,
+        sinks: Iterable[Sink] = (),
+        journal: Journal | None = None,
+        recovered: RecoveredSession | None = None,
+        session_id: str = "",
+    ) -> None:
+        """Nothing happens before `start` or `resume`.
+
+        :param scenario: what is run, as `rise_engine.scenario.loader.load` gives it.
+        :param robot: the adapter; the engine connects and closes it.
+        :param clock: a `RealClock` on the loop that this engine belongs to, or a `VirtualClock`.
+        :param seed: for everything that is picked at random: the same seed and inputs give the same records.
+        :param participant: who takes part, for the record.
+        :param condition: the session's condition, for the record.
+        :param started: the session's first input, instead of `participant` and `condition`, for a session of a study;
+            `versions` and `driver` are put in here.
+        :param sinks: get every record from the first one on.
+        :param journal: makes steps durable before anything of them goes out; without it nothing is kept.
+        :param recovered: the unfinished session that is gone on with, by `resume` instead of `start`.
+        :param session_id: tells it from all others; the same for every engine of the session.
+        """
+        self.scenario = scenario
+        self.clock = clock
+        self.seed = seed
+        first = started or SessionStarted(participant=participant, condition=condition)
+        self._session_started = replace(
+            first, versions=versions(), driver=driver_name_for(scenario.robot, scenario.mode)
+        )
+        self.ended = False
+        """True when the session is over; nothing is accepted any more."""
+        self.open_goals: tuple[OpenGoal, ...] = ()
+        """What the robot may still have been doing when the session ended."""
+        self.failure: Exception | None = None
+        """Why it is over, when that was an error of the engine itself."""
+        self.inputs = recovered.inputs if recovered is not None else 0
+        """How many inputs were handled."""
+        self.after_inputs: Callable[[], object] | None = None
+        """Called after inputs were handled, outside any step: the moment to look whether the session is idle."""
+        self.journal_status = JournalStatus()
+        """How the record of the session stands."""
+        self.on_journal_status: Callable[[JournalStatus], object] | None = None
+        """Called when that has changed."""
+        self._timers_left = recovered.timers if recovered is not None else {}
+        self._wall_before = recovered.last_wall if recovered is not None else ""
+        self._t_before = recovered.last_t if recovered is not None else 0.0
+        self._commands = CommandRunner(robot, scenario, clock, self.post, session_id)
+        self._kernel = recovered.kernel if recovered is not None else Kernel(scenario, seed)
+        self._journal = journal
+        self._unrecorded_steps: deque[_UnrecordedStep] = deque()
+        self._sinks: list[Sink] = list(sinks)
+        self._end_callbacks: list[Callable[[], None]] = []
+        self._queue: deque[tuple[AnyInput, ReplyCallback]] = deque()
+        self._stepping = False
+        self._t = self._kernel.core.t
+        self._seq = self._kernel.seq
+        self._end_reason: str | None = None
+        self._last_record_made = False
+        self._unrecorded_stops: list[str] = []
+        """What has come of stops that were asked for while nothing could be recorded."""
+
+    # --- a session's life ---------------------------------------------------------------------------------------
+
+    def start(self) -> None:
+        """Begin: the session's first record, then the robot. Called once, unless `resume` is.
+
+        :raises Exception: what the kernel raised, after the engine has ended by it (`failure`).
+        """
+        self.accept(self._session_started)
+        self._commands.connect()
+
+    def resume(self) -> None:
+        """Go on with a session whose engine has gone: timers with the time that they had left, then the robot.
+
+        Called once, instead of `start`, on an engine that was made with a `recovered` session; raises as `start` does.
+        """
+        for timer, at in sorted(self._timers_left.items(), key=lambda item: (item[1], item[0])):
+            self._commands.set_timer(timer, at)
+        self._stepping = True  # the robot is there before anything goes out to it, and its report follows the record
+        try:
+            self._commands.connect(self._kernel.unfinished_goals())
+        finally:
+            self._stepping = False
+        now = self.clock.now()
+        away = seconds_between_labels(self._wall_before, self.clock.wall_label(now))
+        # The last record is not the last sign of life: the engine before has noted how late it was after that.
+        lived_on = (now - self._t_before) / self.clock.speed
+        downtime = None if away is None else round(max(0.0, away - lived_on), 3)
+        self.accept(SessionRecovered(versions=versions(), reason="its engine had gone", downtime=downtime))
+
+    def stop_before_end(self) -> None:
+        """Stop the robot and every rule at once, if anything runs or waits: the session will end soon, and what comes
+        until then is to find it still. Never called within a step."""
+        if self._last_record_made or self._end_reason is not None:
+            return
+        if self._kernel.is_busy or self._kernel.rules.standing() or self._commands.has_timers:
+            self.accept(Submit(function="stopAll", source="engine"))
+
+    def end(self, reason: str = "", *, stop: bool | None = None) -> None:
+        """Begin to end the session: stop the robot, then the last record. Nothing happens when it is ending already.
+
+        `ended` is true when that has happened: at once, or when the robot has ended everything that it was given, but
+        after END_SECONDS at the latest.
+
+        :param reason: why, for the record.
+        :param stop: whether the robot is stopped first; None: when anything runs.
+        """
+        if self._last_record_made or self._end_reason is not None:
+            return
+        self._end_reason = reason
+        self.clock.call_at(self.clock.now() + END_SECONDS, self.end_now)
+        if self._is_robot_busy if stop is None else stop:
+            self.post(Submit(function="stopAll", source="engine"))
+        self._end_if_idle()
+
+    def end_now(self, reason: str = "") -> None:
+        """End the session without waiting for the robot any longer. What still runs is recorded as lost, and what the
+        robot may still be doing is in the last record.
+
+        :param reason: why, for the record; what was said to `end` before counts more.
+        """
+        self.end(reason)
+        if self._kernel.is_busy:
+            why = "no answer before the session ended"
+            name, core = self.scenario.robot.name, self._kernel.core
+            running = self._kernel.scheduler.runner.running_goals()
+            left = tuple(OpenGoal(f"{name}/{goal.type}", goal.action, goal.type, why) for goal in running)
+            self.post(RobotChanged(status="lost", detail=why, open=(*core.open_goals, *left)))
+        if not self._last_record_made and not self.paused:  # the kernel may have become idle by that
+            self._record_end()
+
+    def abandon(self) -> None:
+        """End here and now, whatever is not recorded, if it has not ended: the robot is asked to stop.
+
+        For what `end_now` could not bring to an end, because the disk does not take the last records.
+        """
+        if not self.ended:
+            self._commands.stop_robot()
+            self._last_record_made = True
+            self._commands.release()
+            self._close()
+
+    @property
+    def kernel(self) -> Kernel:
+        """What the session is, for who looks into one that is played. It changes by inputs only, and by nobody else."""
+        return self._kernel
+
+    @property
+    def holding_goals(self) -> tuple[OpenGoal, ...]:
+        """What the robot may still be doing of actions that have ended, and can be asked to stop."""
+        return self._kernel.holding_goals
+
+    @property
+    def robot_seen(self) -> float | None:
+        """Session time of the robot's last sign of life; None when its driver does not know, or has failed."""
+        return self._commands.robot_seen
+
+    @property
+    def idle(self) -> bool:
+        """True when nothing will happen by itself: nothing runs and no timer is set. Waiting rules do not count."""
+        return not (self._kernel.is_busy or self._commands.has_timers or self._queue or self._unrecorded_steps)
+
+    @property
+    def paused(self) -> bool:
+        """True while nothing can be recorded."""
+        return self._journal is not None and bool(self._journal.error)
+
+    def subscribe(self, sink: Sink) -> None:
+        """Let somebody have every record from now on.
+
+        :param sink: gets one record at a time, in order, on this thread, as those given to `__init__` do.
+        """
+        self._sinks.append(sink)
+
+    def on_ended(self, callback: Callable[[], None]) -> None:
+        """Learn that the session is over.
+
+        :param callback: called once, without arguments; at once when the session has ended already.
+        """
+        if self.ended:
+            callback()
+        else:
+            self._end_callbacks.append(callback)
+
+    # --- inputs -------------------------------------------------------------------------------------------------
+
+    def accept(self, input: AnyInput, answer: ReplyCallback = _ignore_reply) -> None:
+        """Take one input from outside.
+
+        :param input: what happened; its time is put on here.
+        :param answer: gets what became of it, once it is recorded and the sinks have had it: called once, perhaps
+            before this returns. An input that cannot be taken is answered too: the session has ended, or is paused.
+        :raises RuntimeError: inside a step. Robots and sinks `post`.
+        """
+        if self._stepping:
+            raise RuntimeError("accept() was called inside a step; use post()")
+        if self._last_record_made:
+            answer(Reply(False, "the session has ended"))
+        elif self.paused:
+            self._accept_while_paused(input, answer)
+        else:
+            self._step(self._with_time(input), answer)
+            self._process_queue()
+
+    def why_not_take_over(self, scenario: Scenario) -> list[str]:
+        """Why the session cannot go on with another scenario now: sentences, none if it can."""
+        if self._last_record_made or self._end_reason is not None:
+            return ["the session is ending"]
+        return self._kernel.why_not_take_over(scenario)
+
+    def take_over(self, scenario: Scenario, copy: str, source: str, answer: ReplyCallback = _ignore_reply) -> bool:
+        """Go on with another scenario; whether it does. Never within a step.
+
+        :param scenario: checked, read for the session's robot and mode.
+        :param copy: the folder of its files, in the session's, where they lie durably.
+        :param source: who asked for it.
+        :param answer: as for `accept`.
+        """
+        if problems := self.why_not_take_over(scenario):
+            answer(Reply(False, "; ".join(problems)))
+            return False
+        self._kernel.offered = scenario
+        self.accept(ScenarioChanged(hash=scenario.hash, was=self.scenario.hash, copy=copy, source=source), answer)
+        if self._kernel.scenario is not scenario:  # nothing can be recorded now, and the answer has said so
+            self._kernel.offered = None
+            return False
+        self.scenario = scenario
+        self._commands.change_wording(scenario)
+        return True
+
+    def post(self, input: AnyInput) -> None:
+        """Take one input after the step that is being made, if any, so that steps never nest. Nobody is answered.
+
+        :param input: what happened; its time is put on here. After the session's end it is dropped.
+        """
+        if self._last_record_made:
+            return
+        self._queue.append((self._with_time(input), _ignore_reply))
+        if self._unrecorded_stops and isinstance(input, StopReport):
+            self._unrecorded_stops.append(_stop_sentence(input))
+            self._update_journal_status()
+        if self.paused and isinstance(input, EstopReport) and input.pressed:
+            self._stop_unrecorded(input.source)
+        if not self._stepping:
+            self._process_queue()
+
+    def _accept_while_paused(self, input: AnyInput, answer: ReplyCallback) -> None:
+        assert self._journal is not None
+        if not (isinstance(input, Submit) and input.function == "stopAll"):
+            answer(Reply(False, f"nothing can be recorded, so the session is paused: {self._journal.error}"))
+            return
+        self._queue.append((self._with_time(input), answer))
+        self._stop_unrecorded(input.source)
+
+    def _stop_unrecorded(self, source: str) -> None:
+        """Nothing can be recorded, and the robot stops all the same."""
+        self._unrecorded_stops.append(f"stop was sent to the robot by {source}")
+        self._carry_out_before_recording(StopRobot())
+        self._update_journal_status()
+
+    def _process_queue(self) -> None:
+        while self._queue and not self._last_record_made and not self.paused:
+            self._step(*self._queue.popleft())
+        self._end_if_idle()
+        if self.after_inputs is not None:
+            self.after_inputs()
+
+    def _with_time(self, input: AnyInput) -> AnyInput:
+        return replace(input, t=max(self._t, round(self.clock.now(), 6)))
+
+    def _step(self, input: AnyInput, answer: ReplyCallback) -> None:
+        """The one place where anything happens."""
+        self._stepping = True
+        try:
+            if input.t < self._t:
+                input = replace(input, t=self._t)
+            line = b""
+            if self._journal is not None:
+                try:
+                    line = encode_input(self.inputs + 1, input)
+                except UnicodeEncodeError:
+                    answer(Reply(False, "it holds characters that are no text (half of a pair)"))
+                    return
+            self._t = input.t
+            self.inputs += 1
+            try:
+                records, commands = self._kernel.handle(input)
+            except Exception as error:  # whatever it is, the robot must not go on
+                self._fail(error)
+                raise
+            wall = self.clock.wall_label(self._t)  # all records of a step are of one moment
+            for record in records:
+                record.wall = wall
+            reply = _reply_for(input, records)
+            if self._journal is None:
+                self._publish(records)
+                for command in commands:
+                    self._commands.run(command)
+                answer(reply)
+            else:
+                position = self._journal.append(join_step(line, map(encode_record, records)))
+                starts = [command for command in commands if isinstance(command, StartAction)]
+                # Before the safe commands: a cancel may concern an action that has not gone out yet.
+                self._unrecorded_steps.append(_UnrecordedStep(position, records, starts, answer, reply))
+                for command in commands:
+                    if not isinstance(command, StartAction):
+                        self._carry_out_before_recording(command)
+        finally:
+            self._stepping = False
+
+    # --- outputs ------------------------------------------------------------------------------------------------
+
+    def flush_durable(self) -> None:
+        """Send out what has become durable: records to the sinks, actions to the robot, answers to who asked.
+
+        The journal's `changed` calls for this, and somebody twice a second or so, so that a lag shows.
+        """
+        journal = self._journal
+        if journal is None:
+            return
+        outgoing, durable = self._unrecorded_steps, journal.durable
+        if outgoing and outgoing[0].position <= durable:
+            self._stepping = True  # what sinks and robots post meanwhile comes after
+            try:
+                while outgoing and outgoing[0].position <= durable:
+                    step = outgoing.popleft()
+                    self._publish(step.records)
+                    for start in step.starts:
+                        self._commands.run(start)
+                    step.on_reply(step.reply)
+            finally:
+                self._stepping = False
+        self._update_journal_status()
+        if self._last_record_made:
+            if not outgoing and not self.ended:
+                self._close()
+        elif not self.paused:
+            self._process_queue()
+
+    def _update_journal_status(self) -> None:
+        journal = self._journal
+        assert journal is not None
+        error = journal.error
+        if error and self._unrecorded_stops:
+            error += "; " + ", ".join(self._unrecorded_stops)
+        elif not error and self.journal_status.trouble:
+            self._unrecorded_stops.clear()
+            self.post(Note(text=f"recording was interrupted and goes on now: {self.journal_status.trouble}"))
+        lag = round(journal.lag, 1) if journal.lag > LAG_SHOWN_FROM else 0.0
+        now = JournalStatus(self._seq, lag, error)
+        before, self.journal_status = self.journal_status, now
+        if (before.behind, before.trouble) != (now.behind, now.trouble) and self.on_journal_status is not None:
+            self.on_journal_status(now)
+
+    def _publish(self, records: list[AnyRecord]) -> None:
+        for record in records:
+            self._seq = record.seq
+            for sink in tuple(self._sinks):
+                try:
+                    sink(record)
+                except Exception as error:  # code of others
+                    _LOG.exception("an output failed and gets no more records")
+                    self._sinks.remove(sink)
+                    self.post(Note(text=f"an output failed and gets no more records: {error_text(error)}"))
+
+    def _carry_out_before_recording(self, command: Command) -> None:
+        """Carry out at once what needs no record first. An action that is cancelled before it went out never does."""
+        if isinstance(command, CancelAction):
+            for step in self._unrecorded_steps:
+                for start in step.starts:
+                    if start.action == command.action:
+                        step.starts.remove(start)
+                        self.post(ActionReport(action=start.action, status="canceled", reason="it had not begun yet"))
+                        return
+        self._commands.run(command)
+
+    # --- the end ------------------------------------------------------------------------------------------------
+
+    @property
+    def _is_robot_busy(self) -> bool:
+        """Whether an act runs or waits, a stop is not answered, or the robot may still be doing what has ended here."""
+        return self._kernel.is_busy or bool(self._kernel.holding_goals)
+
+    def _end_if_idle(self) -> None:
+        waits = self._stepping or self._queue or self._is_robot_busy or self.paused
+        if self._end_reason is not None and not self._last_record_made and not waits:
+            self._record_end()
+
+    def _record_end(self) -> None:
+        self._reject_waiting()
+        self._step(self._with_time(SessionEnded(reason=self._end_reason or "")), _ignore_reply)
+        self._last_record_made = True
+        self.open_goals = self._kernel.core.open_goals
+        self._commands.release()
+        if not self._unrecorded_steps:
+            self._close()
+
+    def _fail(self, error: Exception) -> None:
+        """The kernel itself failed: leave the robot still, and say why."""
+        _LOG.error("the engine failed", exc_info=error)
+        self.failure = error
+        self.abandon()
+
+    def _close(self) -> None:
+        self.ended = True
+        for step in self._unrecorded_steps:
+            step.on_reply(Reply(False, "the session has ended"))
+        self._unrecorded_steps.clear()
+        self._reject_waiting()
+        callbacks, self._end_callbacks = self._end_callbacks, []
+        for callback in callbacks:
+            callback()
+
+    def _reject_waiting(self) -> None:
+        while self._queue:
+            self._queue.popleft()[1](Reply(False, "the session has ended"))
+
+
+def _reply_for(input: AnyInput, records: list[AnyRecord]) -> Reply:
+    if not isinstance(input, Submit):
+        return Reply(True)
+    task = next(record for record in records if isinstance(record, TaskRecord))
+    return Reply(task.status != "REJECTED", task.reason, task.id)
+
+
+def _stop_sentence(report: StopReport) -> str:
+    confirmed = f"confirmed by {', '.join(report.confirmed)}" if report.confirmed else "confirmed by nobody"
+    return confirmed + (f", NOT by {', '.join(report.unconfirmed)}" if report.unconfirmed else "")
+
+
+def versions() -> dict[str, str]:
+    """What made a session's records: this program and its Python."""
+    return {"rise-tui": __version__, "python": platform.python_version()}

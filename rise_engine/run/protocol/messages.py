@@ -1,0 +1,313 @@
+"""What crosses a session's socket: one JSON object per line, version 1 (docs/reference/link.md).
+
+A client attaches, gets the session's state in pieces (`hello`, `tasks`, `ready`), and from then on every record and the
+answers to what it sends. Fields that a reader does not know are ignored; whatever changes a meaning raises `VERSION`.
+"""
+
+from __future__ import annotations
+
+from collections import deque
+from collections.abc import Iterable
+from functools import cache
+from typing import Annotated, Any, TypeAlias
+
+import msgspec
+from msgspec import Meta, Struct, field
+
+from rise_engine.base.json_codec import encode
+from rise_engine.kernel.history import MemoryLog
+from rise_engine.kernel.records import (
+    AnyRecord,
+    CheckRecord,
+    EventRecord,
+    OutcomeRecord,
+    RecordingRecord,
+    RobotRecord,
+    SessionRecord,
+    SyncRecord,
+)
+from rise_engine.kernel.task_view import TaskView
+from rise_engine.kernel.view import (
+    ActView,
+    CueView,
+    KeptView,
+    MemoryView,
+    RaisedView,
+    RemarkView,
+    RuleView,
+    SessionView,
+    StopView,
+)
+from rise_engine.run.protocol.client import ClientInput, ControlVerb, Heartbeat, JournalStatus, Role
+
+VERSION = 1
+MAX_LINE_BYTES = 1_048_576
+"""Bytes of a client's line. One that is longer is no mistake of a person: its connection ends."""
+MAX_MESSAGE_BYTES = 65_536
+"""Bytes of a `send`; a longer one is answered with a rejection. Its texts are repeated in records to every client."""
+
+Number: TypeAlias = Annotated[int, Meta(ge=0, le=2**53)]
+
+
+# --- from a client --------------------------------------------------------------------------------------------------
+
+
+class AttachMessage(Struct, tag_field="type", tag="attach", frozen=True):
+    """The first line, unless it is `about`."""
+
+    version: int
+    name: str
+    role: Role = "wizard"
+    scenario: bool = False
+    """Whether the scenario is wanted with the state."""
+    resync: bool = False
+    """Whether this client, when it lies too far behind, is sent the state anew instead of being cut off."""
+
+
+class AskSummaryMessage(Struct, tag_field="type", tag="about", frozen=True):
+    """Instead of attaching: what session is this? It is answered, and the connection ends."""
+
+
+class SendMessage(Struct, tag_field="type", tag="send", frozen=True):
+    id: Number
+    """The client's own number; the `reply` carries it."""
+    message: ClientInput
+
+
+class ControlMessage(Struct, tag_field="type", tag="control", frozen=True):
+    id: Number
+    verb: ControlVerb
+
+
+class EndMessage(Struct, tag_field="type", tag="end", frozen=True):
+    """Stop the robot and end the session."""
+
+    id: Number
+    reason: str = ""
+
+
+class TakeOverMessage(Struct, tag_field="type", tag="take_over", frozen=True):
+    """Go on with the scenario's files as they are now (semantics.md 12.5). Who is attached then attaches anew."""
+
+    id: Number
+
+
+ClientMessage: TypeAlias = (
+    AttachMessage | AskSummaryMessage | SendMessage | ControlMessage | EndMessage | TakeOverMessage
+)
+
+
+# --- to a client ----------------------------------------------------------------------------------------------------
+
+
+class ViewWithoutTasks(Struct, frozen=True):
+    """A `SessionView` without its tasks, which follow in pieces."""
+
+    seq: int
+    t: float
+    session: SessionRecord | None
+    ended: bool
+    end_reason: str
+    control: str | None
+    asked: str | None
+    robot: RobotRecord | None
+    stop: StopView
+    cue: CueView | None
+    acts: dict[str, ActView]
+    rules: dict[str, RuleView]
+    memory: dict[str, MemoryView]
+    running: list[int]
+    waiting: list[int]
+    unhandled: list[EventRecord]
+    failed: list[int] = field(default_factory=list)
+    questions: list[int] = field(default_factory=list)
+    repeats: dict[int, float | None] = field(default_factory=dict)
+    kept: dict[int, KeptView] = field(default_factory=dict)
+    memory_log: MemoryLog = field(default_factory=MemoryLog)
+    wizard: str = ""
+    remarks: list[RemarkView] = []
+    forgotten: int = 0
+    checks: dict[str, CheckRecord] = field(default_factory=dict)
+    outcome: OutcomeRecord | None = None
+    recordings: dict[str, RecordingRecord] = field(default_factory=dict)
+    sync: SyncRecord | None = None
+    raised: dict[int, RaisedView] = field(default_factory=dict)
+
+
+class HelloMessage(Struct, tag_field="type", tag="hello", frozen=True):
+    version: int
+    you: str
+    role: Role
+    mode: str
+    robot: str
+    seed: int
+    scenario_hash: str
+    folder: str
+    """The session's folder, absolute, which has a copy of the scenario that the session runs."""
+    replay: bool
+    journaling: JournalStatus
+    t: float
+    """The session's time at this moment."""
+    speed: float
+    """Session seconds in a second."""
+    state: ViewWithoutTasks
+    tasks: int = 0
+    """How many tasks the state has. A second `hello` on a connection is a new state after records that were left out:
+    of its tasks only those follow that are not over, or have changed meanwhile."""
+    origin: float | None = None
+    """This computer's monotonic clock at session time 0, in seconds: at `t` it shows `origin + t / speed`. Of a session
+    that was recovered it holds from there on. Null: the session's time is virtual."""
+
+
+class ScenarioMessage(Struct, tag_field="type", tag="scenario", frozen=True):
+    """What the session runs, for one who wanted it; it comes before `ready`, or not at all."""
+
+    scenario: msgspec.Raw
+    """As `rise_engine.scenario.serialization` writes and reads it."""
+
+
+class TasksMessage(Struct, tag_field="type", tag="tasks", frozen=True):
+    """Some of the view's tasks: first those that are not over, then the others by their ids."""
+
+    tasks: list[TaskView]
+
+
+class ReadyMessage(Struct, tag_field="type", tag="ready", frozen=True):
+    """The state is complete; from here on everything comes as it happens."""
+
+
+class RecordsMessage(Struct, tag_field="type", tag="records", frozen=True):
+    records: list[AnyRecord]
+
+
+class JournalStatusMessage(Struct, tag_field="type", tag="journaling", frozen=True):
+    journaling: JournalStatus
+
+
+class HeartbeatMessage(Struct, tag_field="type", tag="pulse", frozen=True):
+    """About once a second: signs of life. No record."""
+
+    pulse: Heartbeat
+
+
+class ReplyMessage(Struct, tag_field="type", tag="reply", frozen=True):
+    """To `send`, `control` and `end`. An accepted `send` is on the disk, and its records have come before."""
+
+    id: int
+    accepted: bool
+    reason: str = ""
+    task: int | None = None
+
+
+class RefusedMessage(Struct, tag_field="type", tag="refused", frozen=True):
+    """The connection ends; the session goes on."""
+
+    reason: str
+
+
+class EndedMessage(Struct, tag_field="type", tag="ended", frozen=True):
+    """The session is over. The last line."""
+
+    reason: str
+    failed: bool = False
+    """The engine itself failed."""
+
+
+class SessionSummary(Struct, tag_field="type", tag="about", frozen=True, kw_only=True):
+    """A session in a few words, for lists of sessions."""
+
+    version: int
+    title: str
+    mode: str
+    robot: str
+    seed: int
+    scenario_folder: str
+    scenario_hash: str
+    folder: str
+    """The session's folder."""
+    t: float
+    """Its time in seconds."""
+    seq: int
+    """Records so far."""
+    busy: bool
+    """An act runs or waits."""
+    stopped: bool
+    """Everything is stopped until the stop is released."""
+    control: str | None
+    clients: list[str]
+    """Who is attached."""
+    participant: str = ""
+    """Who takes part, as the record names them."""
+    condition: str = ""
+    wizard: str = ""
+    """The name of the wizard who held control last, also when their console has gone."""
+    replay: bool = False
+    trouble: str = ""
+    """Why nothing can be recorded; while this is set, the session is paused."""
+    pid: int = 0
+    program: str = ""
+    lag: float = 0.0
+    """Seconds by which the engine's loop was late at most, within the last five seconds."""
+    lag_max: float = 0.0
+    """The same since the session began."""
+    versions: dict[str, str] = field(default_factory=dict)
+
+
+ServerMessage: TypeAlias = (
+    HelloMessage
+    | ScenarioMessage
+    | TasksMessage
+    | ReadyMessage
+    | RecordsMessage
+    | JournalStatusMessage
+    | HeartbeatMessage
+    | ReplyMessage
+    | RefusedMessage
+    | EndedMessage
+    | SessionSummary
+)
+
+
+@cache
+def _decoder(kind: Any) -> msgspec.json.Decoder[Any]:
+    """Made when it is first used: it takes a few milliseconds, and each side reads only what the other one writes."""
+    return msgspec.json.Decoder(kind)
+
+
+def encode_line(message: ClientMessage | ServerMessage) -> bytes:
+    """A message with its line end. Half characters, as a broken file name has them, are written as `\\udcff`."""
+    return encode(message) + b"\n"
+
+
+def decode_client_message(data: bytes) -> ClientMessage:
+    """Raises ValueError with a sentence."""
+    try:
+        return _decoder(ClientMessage).decode(data)  # type: ignore[no-any-return]
+    except (ValueError, RecursionError, OverflowError) as error:
+        raise ValueError(f"this line is no message of the protocol: {error}") from None
+
+
+def decode_server_message(data: bytes) -> ServerMessage:
+    """Raises ValueError with a sentence."""
+    try:
+        return _decoder(ServerMessage).decode(data)  # type: ignore[no-any-return]
+    except (ValueError, RecursionError, OverflowError) as error:
+        raise ValueError(f"the engine sent something that this version does not know: {error}") from None
+
+
+def without_tasks(view: SessionView) -> ViewWithoutTasks:
+    values: dict[str, Any] = {name: getattr(view, name) for name in ViewWithoutTasks.__struct_fields__}
+    return ViewWithoutTasks(**{**values, "unhandled": list(view.unhandled), "remarks": list(view.remarks)})
+
+
+def with_tasks(state: ViewWithoutTasks, tasks: Iterable[TaskView]) -> SessionView:
+    """What `without_tasks` was made from. The last task of an act is again the same object as among the tasks."""
+    view = SessionView(tasks={task.id: task for task in sorted(tasks, key=lambda task: task.id)})
+    for name in ViewWithoutTasks.__struct_fields__:
+        setattr(view, name, getattr(state, name))
+    view.unhandled = deque(state.unhandled, SessionView().unhandled.maxlen)
+    view.remarks = deque(state.remarks, SessionView().remarks.maxlen)
+    for act in view.acts.values():
+        if act.last is not None:
+            act.last = view.tasks.get(act.last.id, act.last)
+    return view

@@ -1,0 +1,218 @@
+"""Where sessions are reached: a folder of the user's own, with a socket and a lock for each running session.
+
+    $RISE_RUNTIME, or $XDG_RUNTIME_DIR/rise-tui, or /tmp/rise-tui-<uid>      0700
+        lablinking-3f09ac.sock                                              0600
+        lablinking-3f09ac.lock      held by the engine's process as long as it lives
+
+A lock is the operating system's (flock): it goes with the process, however that ends. So a session runs exactly when
+its lock is held, and a socket without one is left over from an engine that was killed.
+"""
+
+from __future__ import annotations
+
+import fcntl
+import os
+import re
+import socket
+import stat
+import sys
+import time
+import unicodedata
+from contextlib import suppress
+from pathlib import Path
+from zlib import crc32
+
+from rise_engine.base.errors import RiseError
+from rise_engine.run.protocol.messages import AskSummaryMessage, SessionSummary, decode_server_message, encode_line
+
+SUMMARY_SECONDS = 1.0
+MAX_PATH_BYTES = 103 if sys.platform == "darwin" else 107
+"""Bytes that the path of a Unix socket may have."""
+
+
+class RegistryError(RiseError):
+    """The folder or the name under which a session is reached cannot be used; the text says why, for a person."""
+
+
+def runtime_folder() -> Path:
+    """The folder of this user's sockets, made when it is not there. Raises RegistryError when it is not safe."""
+    ours, runtime = os.environ.get("RISE_RUNTIME"), os.environ.get("XDG_RUNTIME_DIR")
+    if ours:
+        folder = Path(ours).expanduser()
+    elif runtime:
+        folder = Path(runtime) / "rise-tui"
+    else:
+        folder = Path(f"/tmp/rise-tui-{os.getuid()}")
+    try:
+        folder.mkdir(0o700, parents=True)
+    except FileExistsError:
+        pass
+    except OSError as error:
+        raise RegistryError(f"the folder {folder} for sessions' sockets cannot be made: {error.strerror}") from None
+    found = os.lstat(folder)
+    if stat.S_ISLNK(found.st_mode):
+        raise RegistryError(f"{folder} is a link, so somebody else could have put it there; remove it")
+    if not stat.S_ISDIR(found.st_mode):
+        raise RegistryError(f"{folder} is no folder; remove it")
+    if found.st_uid != os.getuid():
+        raise RegistryError(f"{folder} belongs to another user; name a folder of your own in RISE_RUNTIME")
+    if stat.S_IMODE(found.st_mode) & 0o077:
+        raise RegistryError(f"{folder} is open to other users, who could then run your session; do: chmod 700 {folder}")
+    return folder
+
+
+def session_name(folder: str | os.PathLike[str]) -> str:
+    """The name of a scenario folder's session: the folder's own name, and six digits of its whole path."""
+    real = os.path.realpath(folder)
+    plain = unicodedata.normalize("NFKD", os.path.basename(real)).encode("ascii", "ignore").decode()  # noqa: PTH119
+    slug = re.sub(r"[^a-z0-9]+", "-", plain.lower()).strip("-")[:32].strip("-") or "scenario"
+    return f"{slug}-{crc32(os.fsencode(real)) >> 8:06x}"
+
+
+def socket_path(name: str) -> Path:
+    """The socket of a session: by its name in the runtime folder, or by its whole path in any other folder.
+
+    Raises RegistryError.
+    """
+    return Path(name) if name.startswith("/") else _socket_in_runtime_folder(name)
+
+
+def _socket_in_runtime_folder(name: str) -> Path:
+    if not re.fullmatch(r"[A-Za-z0-9][A-Za-z0-9._-]{0,63}", name):
+        raise RegistryError(f"{name!r} cannot be the name of a session: letters, digits, `-`, `_` and `.` can")
+    path = runtime_folder() / f"{name}.sock"
+    length = len(os.fsencode(path))
+    if length > MAX_PATH_BYTES:
+        raise RegistryError(
+            f"the path {path} has {length} bytes, and a socket's may have {MAX_PATH_BYTES}; "
+            "name a folder with a shorter path in RISE_RUNTIME"
+        )
+    return path
+
+
+def lock_path(socket: Path) -> Path:
+    """The lock that stands beside a session's socket."""
+    return socket.with_suffix(".lock")
+
+
+class SessionLock:
+    """A session's name, held until `close` or the end of this process."""
+
+    def __init__(self, name: str, path: Path, descriptor: int) -> None:
+        self.name = name
+        self.socket = path
+        """Where to listen. Nothing is there yet."""
+        self._descriptor = descriptor
+
+    def close(self) -> None:
+        """Remove the socket and release the name."""
+        if self._descriptor < 0:
+            return
+        # In this order: while the lock is held, nobody else makes these files.
+        for path in (self.socket, lock_path(self.socket)):
+            with suppress(OSError):
+                path.unlink()
+        os.close(self._descriptor)
+        self._descriptor = -1
+
+
+def acquire_lock(name: str) -> SessionLock | None:
+    """Take a session's name for this process; None when a running session has it. Raises RegistryError."""
+    path = _socket_in_runtime_folder(name)
+    for _ in range(20):  # somebody who looks whether it runs holds the lock for a moment
+        try:
+            descriptor = _lock_file(lock_path(path))
+        except OSError as error:
+            raise RegistryError(f"{lock_path(path)} cannot be locked: {error.strerror or error}") from None
+        if descriptor is not None:
+            with suppress(FileNotFoundError):
+                path.unlink()  # of an engine that was killed
+            os.ftruncate(descriptor, 0)
+            os.write(descriptor, b"%d\n" % os.getpid())
+            return SessionLock(name, path, descriptor)
+        time.sleep(0.01)
+    return None
+
+
+def _lock_file(path: Path) -> int | None:
+    while True:
+        descriptor = os.open(path, os.O_RDWR | os.O_CREAT | os.O_NOFOLLOW | os.O_CLOEXEC, 0o600)
+        try:
+            fcntl.flock(descriptor, fcntl.LOCK_EX | fcntl.LOCK_NB)
+            if os.path.samestat(os.fstat(descriptor), path.stat()):
+                return descriptor
+        except BlockingIOError:
+            os.close(descriptor)
+            return None
+        except FileNotFoundError:
+            pass
+        except BaseException:
+            os.close(descriptor)
+            raise
+        os.close(descriptor)  # its file was removed by the one who held it before: lock the one that is there now
+
+
+def is_locked(lock: Path) -> bool:
+    """Whether a process holds a lock. Does not wait."""
+    try:
+        descriptor = os.open(lock, os.O_RDONLY | os.O_NOFOLLOW | os.O_CLOEXEC)
+    except OSError:
+        return False
+    try:
+        fcntl.flock(descriptor, fcntl.LOCK_SH | fcntl.LOCK_NB)
+    except BlockingIOError:
+        return True
+    except OSError:
+        return False
+    finally:
+        os.close(descriptor)
+    return False
+
+
+def running_names() -> list[str]:
+    """The names of this user's running sessions. Raises RegistryError."""
+    folder = runtime_folder()
+    return sorted(path.stem for path in folder.glob("*.lock") if is_locked(path))
+
+
+def find_running(name: str) -> str:
+    """The running session that is meant by `name`: its whole name, what stands before the six digits, or the path of
+    its socket, whatever runtime folder that is in.
+
+    Raises RegistryError when there is none, or more than one.
+    """
+    if "/" in name:
+        path = os.path.abspath(name)  # noqa: PTH100  # links stay
+        if is_locked(lock_path(Path(path))):
+            return path
+        raise RegistryError(f"no session runs at {name}")
+    running = running_names()
+    matches = [each for each in running if each == name] or [
+        each for each in running if each.rpartition("-")[0] == name
+    ]
+    if len(matches) == 1:
+        return matches[0]
+    if matches:
+        raise RegistryError(f"{name} could be {' or '.join(matches)}; say which")
+    others = f"; there are: {', '.join(running)}" if running else "; no session is running"
+    raise RegistryError(f"no session {name} is running{others}")
+
+
+def ask_summary(name: str) -> SessionSummary | None:
+    """What a session says about itself; None when it says nothing within a second. Raises RegistryError. Blocks."""
+    path = socket_path(name)
+    try:
+        with socket.socket(socket.AF_UNIX, socket.SOCK_STREAM) as connection:
+            connection.settimeout(SUMMARY_SECONDS)
+            connection.connect(str(path))
+            connection.sendall(encode_line(AskSummaryMessage()))
+            with connection.makefile("rb") as answer:
+                message = decode_server_message(answer.readline())
+    except (OSError, ValueError):
+        return None
+    return message if isinstance(message, SessionSummary) else None
+
+
+def ask_all_summaries() -> dict[str, SessionSummary | None]:
+    """Every running session and what it says about itself. Raises RegistryError. Blocks up to a second for each."""
+    return {name: ask_summary(name) for name in running_names()}

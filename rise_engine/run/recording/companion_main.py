@@ -1,0 +1,84 @@
+"""A companion's process (`companion`): it reads its request, works until its leash ends or the
+session is over, and goes."""
+
+from __future__ import annotations
+
+import asyncio
+import os
+import signal
+import sys
+from contextlib import suppress
+
+import msgspec
+
+from rise_engine.base.errors import RiseError
+from rise_engine.ports.outlet import OutletPlan
+from rise_engine.run.protocol.client import EngineGone
+from rise_engine.run.recording.companion import OUTLET_NAME, SIGN_SECONDS, CompanionRequest, decode_request
+from rise_engine.run.recording.outlets import find_outlet
+from rise_engine.run.recording.supervisor import supervise
+
+
+def main() -> None:
+    """The companion's whole life."""
+    signs = os.dup(1)
+    os.dup2(2, 1)  # what libraries print is no sign of life
+    try:
+        asyncio.run(_work(signs))
+    except (RiseError, msgspec.MsgspecError) as error:
+        print(" ".join(str(error).split()), file=sys.stderr, flush=True)
+        os._exit(1)
+    except Exception as error:
+        sys.excepthook(type(error), error, error.__traceback__)
+        sys.stderr.flush()
+        os._exit(1)
+    os._exit(0)  # threads of a library that do not end are nobody's concern any more
+
+
+async def _work(signs: int) -> None:
+    loop = asyncio.get_running_loop()
+    for number in (signal.SIGINT, signal.SIGHUP):  # keys of a terminal, or its loss: the engine says when to finish
+        loop.add_signal_handler(number, lambda: None)
+    leash = asyncio.StreamReader()
+    await loop.connect_read_pipe(lambda: asyncio.StreamReaderProtocol(leash), sys.stdin.buffer)
+    signing = asyncio.create_task(_give_signs(signs))
+    line = await leash.readline()
+    if not line:
+        return
+    finish = asyncio.Event()
+    loop.add_signal_handler(signal.SIGTERM, finish.set)
+    holding = asyncio.create_task(_hold_leash(leash, finish))
+    try:
+        await _run(decode_request(line), finish)
+    except EngineGone:
+        pass  # the session is over
+    finally:
+        holding.cancel()
+        signing.cancel()
+
+
+async def _run(request: CompanionRequest, finish: asyncio.Event) -> None:
+    if request.kind == "recorders":
+        await supervise(request, finish)
+        return
+    markers = request.settings.markers
+    assert markers is not None
+    plan = OutletPlan(request.socket, request.session, request.task, markers.scope, markers.payload)
+    await find_outlet(OUTLET_NAME)(plan, finish)
+
+
+async def _hold_leash(leash: asyncio.StreamReader, finish: asyncio.Event) -> None:
+    while await leash.read(4096):
+        pass
+    finish.set()
+
+
+async def _give_signs(signs: int) -> None:
+    with suppress(OSError):  # the engine has gone; the leash says so, too
+        while True:
+            os.write(signs, b"\n")
+            await asyncio.sleep(SIGN_SECONDS)
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,258 @@
+"""Follows a running session and hands its markers to a stream, each with the exact time at which it happened: never
+when it was sent.
+
+It is an observer of the session. Markers wait for the first consumer, so that who starts a recorder a little late loses
+nothing; the session waits for nobody. The payload `short` is what happened, in names of the scenario
+(`rise_engine.results.analysis.markers`); `json` is whole records, as the export level `shared` tells them.
+"""
+
+from __future__ import annotations
+
+import asyncio
+import logging
+from collections import deque
+from collections.abc import Callable, Iterable
+from pathlib import Path
+from typing import Any, Protocol, TypeAlias
+
+import msgspec
+from msgspec import Struct
+
+from rise_engine.base.errors import AdapterError, SessionError
+from rise_engine.base.json_codec import encode
+from rise_engine.base.text import pluralize
+from rise_engine.kernel.records import AnyRecord
+from rise_engine.ports.outlet import OutletPlan
+from rise_engine.results.analysis.markers import describe_session, live_words, source_id
+from rise_engine.results.analysis.model import SessionFacts
+from rise_engine.run.client import LinkLost, Session, connect
+from rise_engine.session.folder import JOURNAL
+from rise_engine.session.journal_format import encode_record
+from rise_engine.session.journal_reader import read_journal
+from rise_engine.session.levels import LevelFilter
+from rise_engine.session.private_values import PrivateValues
+from rise_engine.study.traces import study_of_session, wizard_names
+
+_LOG = logging.getLogger(__name__)
+
+CLIENT_NAME = "lsl"
+MAX_WAITING = 30_000
+"""Markers that wait for a consumer; of more, the oldest are given up. The library itself keeps 36,000."""
+LOOK_SECONDS = 0.1
+"""Between two looks whether somebody receives, while markers wait."""
+GRACE_SECONDS = 0.3
+"""For which records are still taken after somebody has said that it is enough."""
+LINGER_SECONDS = 5.0
+"""For which consumers get to fetch the last markers, unless they go before: nobody tells when they have them."""
+HASTY_LINGER_SECONDS = 1.5
+"""The same, when somebody waits for this to end."""
+
+
+class MarkerStream(Struct, frozen=True, kw_only=True):
+    """What a stream says about itself."""
+
+    name: str
+    type: str
+    source_id: str
+    """By which receivers find it again after its process was started anew."""
+    description: dict[str, str]
+    """Of its session, by element name."""
+
+
+class MarkerOutlet(Protocol):
+    """One stream. No method blocks."""
+
+    def send(self, text: str, at: float) -> None:
+        """Send one marker. `at`: when it happened, on this computer's monotonic clock (`time.monotonic()`), in seconds;
+        that may be long ago."""
+
+    def has_consumers(self) -> bool:
+        """Whether anybody receives it now."""
+        ...
+
+    def close(self) -> None:
+        """Take the stream away. What consumers have not fetched by now may be lost."""
+
+
+OpenStream: TypeAlias = Callable[[MarkerStream], MarkerOutlet]
+"""Raises AdapterError."""
+
+
+class MarkerFeed:
+    """Sends the markers of one session."""
+
+    def __init__(self, plan: OutletPlan, open_stream: OpenStream) -> None:
+        """
+        :param plan: which session, and what is told of it.
+        :param open_stream: makes the outlet, once.
+        """
+        self._plan, self._open_stream = plan, open_stream
+        self._outlet: MarkerOutlet | None = None
+        self._waiting: deque[tuple[str, float]] = deque()
+        self._lost = 0
+        self._arrived = asyncio.Event()
+        self.seq = 0
+        """Of the last record that was taken in."""
+        self.sent = 0
+        """Markers that consumers were given."""
+
+    async def run(self, finish: asyncio.Event) -> None:
+        """Send until the session ends, or `finish` is set; then let consumers fetch the last ones.
+
+        Raises EngineGone when there is no such session, or its engine went without an end, and AdapterError.
+        """
+        stopping = asyncio.create_task(finish.wait())
+        following = asyncio.create_task(self._follow())
+        sending = asyncio.create_task(self._send_waiting())
+        tasks: tuple[asyncio.Task[Any], ...] = (stopping, following, sending)
+        try:
+            await asyncio.wait(tasks, return_when=asyncio.FIRST_COMPLETED)
+            if finish.is_set():  # what was on record by then is perhaps still on its way
+                await asyncio.wait((following,), timeout=GRACE_SECONDS)
+            for task in (following, sending):
+                if task.done():
+                    task.result()
+        finally:
+            for task in tasks:
+                task.cancel()
+            await asyncio.gather(*tasks, return_exceptions=True)
+            await self._finish(HASTY_LINGER_SECONDS if finish.is_set() else LINGER_SECONDS)
+
+    async def _follow(self) -> None:
+        while True:
+            try:
+                async with connect(self._plan.socket, CLIENT_NAME, role="observer") as session:
+                    records = session.records()
+                    if self.seq and (missed := session.view.seq - self.seq) > 0:
+                        _LOG.warning(f"the connection was cut; {pluralize(missed, 'record')} of it gave no marker")
+                    word = await self._make_words(session)
+                    self._open(session)
+                    origin, speed = session.attach_reply.origin or 0.0, session.attach_reply.speed
+                    async for record in records:
+                        self.seq = record.seq
+                        for text in word(record):
+                            self._add(text, origin + record.t / speed)
+                return
+            except LinkLost:  # the engine goes on
+                await asyncio.sleep(LOOK_SECONDS)
+
+    def _open(self, session: Session) -> None:
+        """Make the stream. Raises AdapterError."""
+        if self._outlet is not None:
+            return
+        reply = session.attach_reply
+        if reply.origin is None:
+            raise AdapterError("this session's time is not that of the clock, so its markers have no times for others")
+        facts = session_facts(session)
+        stream = MarkerStream(
+            name="rise",
+            type="Markers",
+            source_id=source_id(facts.study, facts.session),
+            description={
+                **describe_session(facts),
+                "format": self._plan.payload,
+                "session_start": f"{reply.origin:.6f}",
+                "speed": f"{reply.speed:g}",
+            },
+        )
+        self._outlet = self._open_stream(stream)
+        where = {"machine": "this computer", "link": "the network segment", "site": "the whole network"}[
+            self._plan.scope
+        ]
+        _LOG.info(
+            f"sending markers of {facts.session} to LSL: stream rise, source {stream.source_id}, seen on {where}, "
+            f"from {max(session.now(), 0.0):.1f} s of the session on"
+        )
+        if session.view.t > 0 and session.view.tasks:
+            _LOG.warning("what happened before is not sent; `rise-engine export --format xdf` has all of it afterwards")
+        if self._plan.payload == "json":
+            _LOG.warning("whole records go out in clear text: all that is said, but for private keys, notes and names")
+
+    async def _make_words(self, session: Session) -> Callable[[AnyRecord], Iterable[str]]:
+        """What makes markers of records. Raises AdapterError when nobody can say what must not go out."""
+        private = PrivateValues(session.scenario)
+        folder = Path(session.attach_reply.folder) if session.attach_reply.folder else None
+        study = study_of_session(folder) if folder is not None else None
+        tells = LevelFilter("shared", private, wizard_names(study))
+        words = live_words(session.scenario, lambda name: str(private.hide_value(name)))
+        words.skip_to(session.view)  # before anything is awaited: the view goes on, and those records are still to come
+        if session.view.seq and (self._plan.payload == "json" or private.keys):  # what was private is so now, too
+            tells.note(await asyncio.to_thread(_records_before, folder))
+        if self._plan.payload == "json":
+
+            def word_whole(record: AnyRecord) -> Iterable[str]:
+                tells.note([record])
+                values: dict[str, Any] = msgspec.json.decode(encode_record(record))
+                return (encode(tells.apply(values)).decode(),)
+
+            return word_whole
+
+        def word_short(record: AnyRecord) -> Iterable[str]:
+            private.note(record)
+            return words.words(record)
+
+        return word_short
+
+    def _add(self, text: str, at: float) -> None:
+        if len(self._waiting) >= MAX_WAITING:
+            self._waiting.popleft()
+            self._lost += 1
+        self._waiting.append((text, at))
+        self._arrived.set()
+
+    async def _send_waiting(self) -> None:
+        while True:
+            await self._arrived.wait()
+            if self._send_now():
+                self._arrived.clear()
+            else:
+                await asyncio.sleep(LOOK_SECONDS)
+
+    def _send_now(self) -> bool:
+        """Send what waits, if somebody receives it; whether nothing waits any more."""
+        if self._outlet is not None and self._waiting and self._outlet.has_consumers():
+            while self._waiting:
+                self._outlet.send(*self._waiting.popleft())
+                self.sent += 1
+        return not self._waiting
+
+    async def _finish(self, seconds: float) -> None:
+        if self._outlet is None:
+            return
+        self._send_now()
+        for _ in range(round(seconds / LOOK_SECONDS)):
+            if self.sent and self._outlet.has_consumers():
+                await asyncio.sleep(LOOK_SECONDS)
+        if unsent := len(self._waiting) + self._lost:
+            _LOG.warning(f"{pluralize(unsent, 'marker')} went to nobody: no program received the stream")
+        self._outlet.close()
+        self._outlet = None
+
+
+def session_facts(session: Session) -> SessionFacts:
+    """What a stream says of a running session. Its name is told whole: today's date is no secret to who listens now."""
+    reply, about = session.attach_reply, session.view.session
+    return SessionFacts(
+        session=Path(reply.folder).name if reply.folder else "",
+        participant=about.participant if about is not None else "",
+        condition=about.condition if about is not None else "",
+        factors=about.factors if about is not None else {},
+        study=about.study if about is not None else "",
+        run=about.run if about is not None else 0,
+        purpose=about.purpose if about is not None else "",
+        mode=reply.mode,
+        title=session.scenario.title,
+        scenario_hash=session.scenario.hash,
+        robot=reply.robot,
+        versions=about.versions if about is not None else {},
+    )
+
+
+def _records_before(folder: Path | None) -> list[AnyRecord]:
+    """What the session has recorded so far. Raises AdapterError."""
+    if folder is None:
+        return []
+    try:
+        return list(read_journal(folder / JOURNAL).read_records())
+    except SessionError as error:
+        raise AdapterError(f"nobody can say what is private in this session: {error}") from None

@@ -1,0 +1,211 @@
+"""One recorder of a running session: prepared, started, watched and stopped, whatever it does."""
+
+from __future__ import annotations
+
+import asyncio
+from collections.abc import Callable, Coroutine
+from contextlib import suppress
+from pathlib import Path
+from typing import Any
+
+from msgspec import Struct
+
+from rise_engine.kernel.records import RecordingStatus
+from rise_engine.ports.recorder import (
+    CALL_SECONDS,
+    MediaKind,
+    Recorder,
+    RecorderError,
+    RecorderStatus,
+    RecordingPlan,
+)
+from rise_engine.run.recording.calls import call_within
+from rise_engine.run.recording.watch import GrowthWatch
+from rise_engine.study.model import RecorderSettings
+from rise_engine.study.recorder_drivers import open_recorder
+
+LOOK_SECONDS = 1.0
+"""Between two looks at a recorder."""
+CLOSE_SECONDS = 1.0
+"""To let go of a recorder that has stopped."""
+RETRY_SECONDS = 5.0
+"""Between two tries to start one that cannot record."""
+
+
+class RecordingState(Struct, frozen=True):
+    """How a recording stands, as the record says it."""
+
+    status: RecordingStatus
+    path: str = ""
+    bytes: int | None = None
+    reason: str = ""
+
+
+class RecordedFile(Struct, frozen=True):
+    """Something that was recorded."""
+
+    name: str
+    kind: MediaKind
+    path: str
+    started_at: float
+    """When its recorder was started, as the caller's clock has it."""
+    bytes: int | None = None
+    """How large it was when that was known last; None: never."""
+
+
+class SupervisedRecorder:
+    """One recorder. `run` is its whole life; what it says is a `RecordingState` whenever that has changed."""
+
+    def __init__(
+        self,
+        settings: RecorderSettings,
+        plan: RecordingPlan,
+        say: Callable[[str, RecordingState], object],
+        now: Callable[[], float],
+        *,
+        look_seconds: float = LOOK_SECONDS,
+        retry_seconds: float = RETRY_SECONDS,
+    ) -> None:
+        """
+        :param settings: which recorder, with its options.
+        :param plan: what is recorded.
+        :param say: gets the name and how it stands, whenever that has changed.
+        :param now: the session's time.
+        """
+        self.name = settings.name
+        self.settings, self.plan, self.say, self.now = settings, plan, say, now
+        self.look_seconds, self.retry_seconds = look_seconds, retry_seconds
+        self.files: list[RecordedFile] = []
+        """What it has recorded, once it is stopped."""
+        self.settled = asyncio.Event()
+        """Set when its file has begun to grow, or something is wrong for the first time."""
+        self._state: RecordingState | None = None
+        self._path = ""
+
+    @property
+    def records(self) -> bool:
+        """Whether it records, as far as anybody can know."""
+        return self._state is not None and self._state.status in ("started", "running", "stalled")
+
+    async def run(self, finish: asyncio.Event) -> None:
+        """Record until `finish`; then it stops within CALL_SECONDS and CLOSE_SECONDS. Never raises."""
+        while not finish.is_set():
+            recorder = await self._begin(finish)
+            if recorder is None:
+                self.settled.set()
+            else:
+                ended = await self._watch(recorder, finish)
+                await self._stop(recorder, ended)
+            if finish.is_set():
+                return
+            await _wait(finish, self.retry_seconds)
+
+    async def _begin(self, finish: asyncio.Event) -> Recorder | None:
+        """The recorder, which records; None: it does not, and has said why."""
+        try:
+            recorder = open_recorder(self.settings.driver, self.name, self.settings.options)
+        except RecorderError as error:
+            self._fail(error)
+            return None
+        self._kind, self._path, self._started_at = recorder.kind, "", self.now()
+        self._bytes: int | None = None
+        asked_to_start = False
+        try:
+            await call_within(CALL_SECONDS, recorder.prepare(self.plan), "what it is", finish)
+            asked_to_start = True
+            self._started_at = self.now()
+            self._path = await call_within(CALL_SECONDS, recorder.start(), "to start", finish)
+        except RecorderError as error:
+            if not finish.is_set():
+                self._fail(error)
+            if asked_to_start:  # it may have begun, and nobody is to be recorded unawares
+                await _quietly(CALL_SECONDS, recorder.stop(), "to stop")
+            await _quietly(CLOSE_SECONDS, recorder.close(), "to let go")
+            return None
+        self._set(RecordingState("started", self._path))
+        return recorder
+
+    async def _watch(self, recorder: Recorder, finish: asyncio.Event) -> str:
+        """Until it is to finish, or has ended by itself: then why."""
+        loop = asyncio.get_running_loop()
+        stalled_after = self.settings.stalled_after or recorder.stalled_after
+        watch = GrowthWatch(stalled_after, loop.time())
+        while not await _wait(finish, self.look_seconds):
+            try:
+                status = await call_within(CALL_SECONDS, recorder.status(), "how it stands", finish)
+            except RecorderError as error:
+                if finish.is_set():
+                    break
+                if error.ended:
+                    return str(error)
+                self._fail(error)
+                continue
+            self._path = status.path or self._path
+            self._bytes = status.bytes or self._bytes  # OBS says 0 once it has stopped
+            if not status.recording:
+                self._set(RecordingState("failed", self._path, status.bytes, "it does not record any more"))
+            elif not watch.look(status, loop.time()):
+                why = f"it has not grown for {watch.still_for(loop.time()):.0f} s"
+                self._set(RecordingState("stalled", self._path, status.bytes, why))
+            elif watch.has_grown:
+                self._set(RecordingState("running", self._path, status.bytes, _drops_text(status)))
+        return ""
+
+    async def _stop(self, recorder: Recorder, ended: str) -> None:
+        problem = ended
+        try:
+            path = await call_within(CALL_SECONDS, recorder.stop(), "to stop")
+            self._path = path or self._path
+        except RecorderError as error:
+            problem = problem or str(error)
+        size = await asyncio.to_thread(recording_size, self._path) or self._bytes
+        self._set(RecordingState("failed" if problem else "stopped", self._path, size, problem))
+        if self._path:
+            self.files.append(RecordedFile(self.name, self._kind, self._path, self._started_at, size))
+        await _quietly(CLOSE_SECONDS, recorder.close(), "to let go")
+
+    def _fail(self, error: RecorderError) -> None:
+        self._set(RecordingState("failed", self._path, None, " ".join(str(error).split())))
+
+    def _set(self, state: RecordingState) -> None:
+        """Say it, if it is news: the size alone is none, nor are more of the frames that it has lost."""
+        before = self._state
+        if state.status != "started":
+            self.settled.set()
+        is_same = before is not None and (before.status, before.path) == (state.status, state.path)
+        if is_same and before is not None and (state.status in ("running", "stalled") or before.reason == state.reason):
+            return
+        self._state = state
+        self.say(self.name, state)
+
+
+def recording_size(path: str) -> int | None:
+    """Bytes of a file, or of all files in a folder (blocking); None: it is not on this computer."""
+    place = Path(path).expanduser()
+    try:
+        if not path:
+            return None
+        if place.is_dir():
+            return sum(each.stat().st_size for each in place.rglob("*") if each.is_file())
+        return place.stat().st_size
+    except OSError:
+        return None
+
+
+def _drops_text(status: RecorderStatus) -> str:
+    return f"{status.drops} lost so far" if status.drops else ""
+
+
+async def _quietly(seconds: float, call: Coroutine[Any, Any, object], what: str) -> None:
+    with suppress(RecorderError):
+        await call_within(seconds, call, what)
+
+
+async def _wait(event: asyncio.Event, seconds: float) -> bool:
+    """Whether the event has come within so many seconds."""
+    try:
+        async with asyncio.timeout(seconds):
+            await event.wait()
+    except TimeoutError:
+        return False
+    return True

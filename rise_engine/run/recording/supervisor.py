@@ -1,0 +1,187 @@
+"""What works the recorders of a running session: it starts, watches and stops each by itself, and gives the marks.
+
+It runs in a companion process (`companion`). Nothing that a recorder does (no answer, a refusal,
+standing still, dying) concerns another one, or the session, which only gets records.
+"""
+
+from __future__ import annotations
+
+import asyncio
+from collections.abc import Awaitable, Callable
+from datetime import datetime
+from pathlib import Path
+from typing import TypeAlias
+
+from msgspec.structs import replace
+
+from rise_engine.base.errors import RiseError
+from rise_engine.ports.recorder import RecorderError, RecordingPlan
+from rise_engine.run.client import EngineGone, Session
+from rise_engine.run.protocol.client import Rejected
+from rise_engine.run.recording.calls import call_within
+from rise_engine.run.recording.companion import CompanionRequest
+from rise_engine.run.recording.marks import GivenMark, give_mark
+from rise_engine.run.recording.one_recorder import RecordedFile, RecordingState, SupervisedRecorder, recording_size
+from rise_engine.run.recording.reporting import SessionReports
+from rise_engine.session.disk import make_private_folder
+from rise_engine.session.folder import without_home
+from rise_engine.session.media import MediaFile, register_media
+from rise_engine.study.model import SyncSettings
+
+OWN_FOLDER = "recordings"
+"""In the session's folder."""
+START_MARK_SECONDS, END_MARK_SECONDS = 8.0, 3.0
+"""How long a mark may take."""
+TAIL_SECONDS = {"sound": 2.5, "flash": 1.0}
+"""For which everything still records after the last mark that was given, so that it is in the file: ffmpeg's sound
+input from PulseAudio holds two seconds back (measured: a film's sound ended 1.9 s before its picture), and a flash is
+still to be drawn."""
+START_SECONDS = 10.0
+"""For which the first mark waits until everything records."""
+
+GiveMark: TypeAlias = Callable[[Session, int, SyncSettings], Awaitable[GivenMark]]
+
+
+async def supervise(request: CompanionRequest, finish: asyncio.Event, mark: GiveMark = give_mark) -> None:
+    """Record a session until it ends or is to end; then everything is stopped within 13 s.
+
+    :param request: what records it.
+    :param finish: set when everything is to be stopped.
+    :param mark: gives a mark (`rise_engine.run.recording.marks`).
+    :raises RiseError: nothing can be recorded at all; a sentence.
+    """
+    plan = _make_plan(request)
+    reports = SessionReports(request.socket, "recorders")
+    attending = asyncio.create_task(reports.run())
+    settings = request.settings
+    folder = Path(request.folder)
+
+    def say(name: str, state: RecordingState) -> None:
+        reports.recording(name, replace(state, path=path_in_record(state.path, folder)))
+
+    def session_time() -> float:
+        return reports.session.now() if reports.session is not None else 0.0
+
+    recorders = [SupervisedRecorder(each, plan, say, session_time) for each in settings.recorders]
+    stop = asyncio.Event()
+    working: list[asyncio.Task[None]] = []
+    try:
+        if await _first(reports.attached, reports.over, finish) is reports.attached:
+            working = [asyncio.create_task(each.run(stop)) for each in recorders]
+            if settings.sync is not None and settings.sync.start:
+                await _mark_start(reports, settings.sync, recorders, finish, mark)
+            await _first(finish, reports.over)
+            if settings.sync is not None and settings.sync.end:
+                given = await _mark(reports, settings.sync, END_MARK_SECONDS, mark)
+                if given and any(each.records for each in recorders):
+                    await asyncio.sleep(TAIL_SECONDS[settings.sync.medium])
+        stop.set()
+        if working:
+            await asyncio.wait(working)
+        await reports.flush()
+        await asyncio.to_thread(_register, [file for each in recorders for file in each.files], folder)
+    finally:
+        attending.cancel()
+
+
+def _make_plan(request: CompanionRequest) -> RecordingPlan:
+    """Raises RecorderError when there is no place for files."""
+    named = request.settings.folder
+    folder = Path(named) / request.session if named else Path(request.folder) / OWN_FOLDER
+    try:
+        if named and not Path(named).is_dir():
+            raise RecorderError(f"the folder for recordings is not there: {named}")
+        if request.settings.recorders:
+            make_private_folder(folder)
+    except OSError as error:
+        raise RecorderError(f"the folder {folder} for recordings cannot be made: {error.strerror or error}") from None
+    return RecordingPlan(request.session, folder, request.participant, request.task, request.run)
+
+
+def path_in_record(path: str, folder: Path) -> str:
+    """A path as the record has it: within the session's folder relative to that, and without the login of its owner.
+
+    :param path: of a recording; empty: not known.
+    :param folder: the session's.
+    """
+    if not path:
+        return ""
+    if Path(path).is_relative_to(folder):
+        return str(Path(path).relative_to(folder))
+    return without_home(path)
+
+
+async def _mark_start(
+    reports: SessionReports,
+    sync: SyncSettings,
+    recorders: list[SupervisedRecorder],
+    finish: asyncio.Event,
+    mark: GiveMark,
+) -> None:
+    """The first mark, once everything records that can."""
+    settled = [asyncio.create_task(each.settled.wait()) for each in recorders]
+    ending = asyncio.create_task(_first(finish, reports.over))
+    try:
+        if settled:
+            everything = asyncio.ensure_future(asyncio.wait(settled, timeout=START_SECONDS))
+            await asyncio.wait({everything, ending}, return_when=asyncio.FIRST_COMPLETED)
+            everything.cancel()
+        if not ending.done():
+            marking = asyncio.create_task(_mark(reports, sync, START_MARK_SECONDS, mark))
+            await asyncio.wait({marking, ending}, return_when=asyncio.FIRST_COMPLETED)
+            marking.cancel()
+    finally:
+        for task in (*settled, ending):
+            task.cancel()
+
+
+async def _mark(reports: SessionReports, sync: SyncSettings, seconds: float, mark: GiveMark) -> bool:
+    """One mark, or a remark why there is none; whether it was given."""
+    session = reports.session
+    if session is None:
+        return False
+    number = (session.view.sync.number if session.view.sync is not None else 0) + 1
+    try:
+        return await call_within(seconds, _give(mark, session, number, sync), f"for mark {number}")
+    except RecorderError as error:
+        reports.note(f"mark {number} was not given: {error}")
+        return False
+
+
+async def _give(mark: GiveMark, session: Session, number: int, sync: SyncSettings) -> bool:
+    try:
+        return not (await mark(session, number, sync)).problem
+    except (EngineGone, Rejected) as error:
+        raise RecorderError(f"the session did not take it: {error}") from None
+    except RiseError as error:
+        raise RecorderError(str(error)) from None
+
+
+def _register(files: list[RecordedFile], folder: Path) -> None:
+    """Put what was recorded into the session's media.json (blocking)."""
+    for file in files:
+        path = Path(file.path).expanduser()
+        inside = path.is_relative_to(folder)
+        register_media(
+            folder,
+            MediaFile(
+                path=str(path.relative_to(folder) if inside else path),
+                kind=file.kind,
+                name=file.name,
+                bytes=recording_size(file.path) or file.bytes,
+                offset=-round(file.started_at, 3),
+                aligned_by="start",
+                added=datetime.now().astimezone().isoformat(timespec="seconds"),
+            ),
+        )
+
+
+async def _first(*events: asyncio.Event) -> asyncio.Event:
+    """The event that is set first; of several, the first."""
+    tasks = [asyncio.create_task(each.wait()) for each in events]
+    try:
+        await asyncio.wait(tasks, return_when=asyncio.FIRST_COMPLETED)
+    finally:
+        for task in tasks:
+            task.cancel()
+    return next(each for each in events if each.is_set())

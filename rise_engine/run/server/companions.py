@@ -1,0 +1,272 @@
+"""The processes that belong to a running session and are none of its business: what works its recorders, and its outlet
+(`rise_engine.run.recording.companion`).
+
+Each is a child with the session's socket. Whatever one does (it cannot start, dies, hangs, does not finish) becomes a
+`recording` record, `failed` and why, and nothing more: nothing here raises, blocks, or takes longer than it says.
+"""
+
+from __future__ import annotations
+
+import asyncio
+import logging
+import os
+import signal
+from asyncio.subprocess import PIPE, Process
+from collections.abc import Callable, Sequence
+from contextlib import suppress
+from typing import Literal, NamedTuple
+
+from rise_engine.base.text import clean
+from rise_engine.kernel.inputs import RecordingReport
+from rise_engine.kernel.records import RecordingStatus
+from rise_engine.run.recording.companion import CompanionRequest, encode_request
+
+_LOG = logging.getLogger(__name__)
+
+FINISH_SECONDS = 13.0
+"""That what works the recorders gets to finish, when the session is to end: the last mark, and stopping them."""
+OUTLET_SECONDS = 3.0
+"""That an outlet gets when the session is over, to pass on what came until the last."""
+GRACE_SECONDS = 1.0
+"""Between being asked to go (SIGTERM) and being ended (SIGKILL)."""
+LEFT_SECONDS = 3.0
+"""That what a companion has left running gets to complete its file."""
+AGAIN_SECONDS = 5.0
+"""Before one that ended too early is started again, which goes on in a new file."""
+AGAIN = 3
+"""How often that is done: what ends again and again would only fill the disk."""
+SILENT_SECONDS = 30.0
+"""Without a sign of life after which a companion counts as hung."""
+_KEPT = 2_000
+"""Bytes of what a companion says, of which the last line becomes the reason."""
+_OVER: frozenset[RecordingStatus] = frozenset({"stopped", "failed"})
+
+
+class Companions:
+    """All companions of one session. Its methods belong to the engine's loop."""
+
+    def __init__(
+        self,
+        requests: Sequence[CompanionRequest],
+        report: Callable[[RecordingReport], object],
+        status_of: Callable[[str], RecordingStatus | None],
+        *,
+        finish_seconds: float = FINISH_SECONDS,
+        silent_seconds: float = SILENT_SECONDS,
+        again: int = AGAIN,
+        again_seconds: float = AGAIN_SECONDS,
+    ) -> None:
+        """Nothing is started yet.
+
+        :param requests: what each is to do.
+        :param report: takes a `recording` report, at any moment; after the session's end it drops it.
+        :param status_of: how a recording of that name stands, by the last record; None: there is none.
+        :param finish_seconds: that they get to finish.
+        :param silent_seconds: without a sign of life after which one counts as hung.
+        :param again: how often one that ended too early is started again.
+        :param again_seconds: before that.
+        """
+        self._companions: list[_Companion] = []
+        for request in requests:
+            limit = finish_seconds if request.kind == "recorders" else min(finish_seconds, OUTLET_SECONDS)
+            lives = _Lives(again, again_seconds)
+            self._companions.append(_Companion(request, report, status_of, limit, silent_seconds, lives))
+        self._tasks: list[asyncio.Task[None]] = []
+
+    def start(self) -> None:
+        """Start them; they come up by themselves."""
+        loop = asyncio.get_running_loop()
+        self._tasks = [loop.create_task(each.run()) for each in self._companions]
+
+    @property
+    def recording(self) -> bool:
+        """Whether there is any for which a session has to wait before it ends: recorders, never outlets."""
+        return any(not task.done() for each, task in self._pairs() if each.request.kind == "recorders")
+
+    def hurry(self) -> None:
+        """Do not wait for them any longer: each is ended, with what it was to complete."""
+        for each in self._companions:
+            each.finish()
+            each.hurrying.set()
+
+    async def finish_recorders(self) -> None:
+        """Before the session ends: let the recorders finish and go. Returns after `finish_seconds`, and after
+        GRACE_SECONDS twice and LEFT_SECONDS for what has to be ended, at most."""
+        await self._finish([(each, task) for each, task in self._pairs() if each.request.kind == "recorders"])
+
+    async def finish(self) -> None:
+        """When the session is over, whose end outlets have seen, so that they pass it on: let all that is left finish
+        and go, with the same limits (an outlet's is OUTLET_SECONDS)."""
+        await self._finish(self._pairs())
+
+    def _pairs(self) -> list[tuple[_Companion, asyncio.Task[None]]]:
+        return list(zip(self._companions, self._tasks, strict=False))
+
+    @staticmethod
+    async def _finish(chosen: list[tuple[_Companion, asyncio.Task[None]]]) -> None:
+        for each, _ in chosen:
+            each.finish()
+        if chosen:
+            await asyncio.wait([task for _, task in chosen])
+
+
+class _Lives(NamedTuple):
+    again: int
+    seconds: float
+
+
+class _Companion:
+    """One of them, from its start to its end."""
+
+    def __init__(
+        self,
+        request: CompanionRequest,
+        report: Callable[[RecordingReport], object],
+        status_of: Callable[[str], RecordingStatus | None],
+        finish_seconds: float,
+        silent_seconds: float,
+        lives: _Lives,
+    ) -> None:
+        self.request = request
+        self.report = report
+        self.status_of = status_of
+        self.finish_seconds, self.silent_seconds = finish_seconds, silent_seconds
+        self.lives = lives
+        self.finishing, self.hurrying = asyncio.Event(), asyncio.Event()
+        self._said = b""
+        """The end of what it wrote to standard error."""
+        self._reading: asyncio.Task[None]
+
+    def finish(self) -> None:
+        self.finishing.set()
+
+    async def run(self) -> None:
+        """Its whole life, or its lives. Never raises: the session never learns more than the record says."""
+        for _ in range(1 + self.lives.again):
+            if self.finishing.is_set():
+                return
+            self._said = b""
+            await self._run_once()
+            with suppress(TimeoutError):
+                await asyncio.wait_for(self.finishing.wait(), self.lives.seconds)
+
+    async def _run_once(self) -> None:
+        try:
+            process = await asyncio.create_subprocess_exec(
+                *self.request.arguments, stdin=PIPE, stdout=PIPE, stderr=PIPE, start_new_session=True
+            )
+        except (OSError, ValueError) as error:
+            self._fail(f"its process cannot be started: {error}")
+            return
+        self._reading = asyncio.create_task(self._read_errors(process))
+        try:
+            await self._attend(process)
+        except Exception as error:
+            _LOG.exception("a companion cannot be attended to")
+            self._fail(f"its process cannot be attended to: {error}")
+        finally:
+            await _end_group(process.pid)
+            self._reading.cancel()
+            process._transport.close()  # type: ignore[attr-defined]  # its children may hold the pipes open
+
+    async def _attend(self, process: Process) -> None:
+        """Until it has gone."""
+        assert process.stdin is not None
+        with suppress(OSError):
+            process.stdin.write(encode_request(self.request))
+            await process.stdin.drain()
+        following = asyncio.create_task(self._follow_signs(process))
+        finishing = asyncio.create_task(self.finishing.wait())
+        hurrying = asyncio.create_task(self.hurrying.wait())
+        try:
+            await asyncio.wait({following, finishing}, return_when=asyncio.FIRST_COMPLETED)
+            if not following.done():
+                process.stdin.close()
+                limit = self.finish_seconds
+                await asyncio.wait({following, hurrying}, timeout=limit, return_when=asyncio.FIRST_COMPLETED)
+            if following.done() and following.result() == "gone":
+                await self._report_exit(process)
+                return
+            if following.done():
+                what = f"gave no sign of life for {self.silent_seconds:g} s"
+            else:
+                what = "was not waited for" if hurrying.done() else f"did not finish within {self.finish_seconds:g} s"
+            self._fail(f"its process {what}, and was ended")
+            await _end(process)
+        finally:
+            for task in (following, finishing, hurrying):
+                task.cancel()
+
+    async def _follow_signs(self, process: Process) -> Literal["gone", "silent"]:
+        """Returns when it has gone, with which its output ends (unless a child of it holds that open), or has given no
+        sign of life for too long. Counted are looks: that this process, or the computer, stood still is no silence."""
+        assert process.stdout is not None
+        step = min(GRACE_SECONDS, self.silent_seconds)
+        silent = 0.0
+        while silent <= self.silent_seconds:
+            try:
+                async with asyncio.timeout(step):
+                    if not await process.stdout.read(4096):
+                        return "gone"
+                silent = 0.0
+            except TimeoutError:
+                if process.returncode is not None:
+                    return "gone"
+                silent += step
+        return "silent"
+
+    async def _report_exit(self, process: Process) -> None:
+        """What it left open has failed; what it has reported as over needs no other word."""
+        status = await _exit_status(process)
+        if status == 0 and self.finishing.is_set():
+            return  # it was to go, and went
+        await asyncio.wait({self._reading}, timeout=GRACE_SECONDS)
+        lines = [clean(line).strip() for line in self._said.decode("utf-8", "replace").splitlines()]
+        reason = next((line for line in reversed(lines) if line), "")
+        if status is not None and status < 0:
+            with suppress(ValueError):
+                reason = f"{signal.Signals(-status).name} ended its process"
+        if status == 0:
+            reason = "its process ended before the session"
+        self._fail(reason or f"its process ended with exit status {status}")
+
+    def _fail(self, reason: str) -> None:
+        for name in self.request.recordings:
+            if self.status_of(name) not in _OVER:
+                self.report(RecordingReport(name=name, status="failed", reason=reason))
+
+    async def _read_errors(self, process: Process) -> None:
+        assert process.stderr is not None
+        while chunk := await process.stderr.read(_KEPT):
+            self._said = (self._said + chunk)[-_KEPT:]
+            _LOG.warning("%s: %s", self.request.kind, chunk.decode("utf-8", "replace").rstrip())
+
+
+async def _end(process: Process) -> None:
+    """Asked first, then by force; two seconds at most."""
+    for ask in (process.terminate, process.kill):
+        with suppress(ProcessLookupError):
+            ask()
+        if await _exit_status(process) is not None:
+            return
+
+
+async def _exit_status(process: Process) -> int | None:
+    """The exit status, as soon as it has one; None after GRACE_SECONDS. `Process.wait` would also wait for whoever else
+    holds its pipes open, on some versions of Python."""
+    for _ in range(round(GRACE_SECONDS / 0.02)):
+        if process.returncode is not None:
+            break
+        await asyncio.sleep(0.02)
+    return process.returncode
+
+
+async def _end_group(group: int) -> None:
+    """What a companion that died has left running (a camera's program) is asked to end, as by Ctrl-C, so that it
+    completes its file; and ended, so that it records nobody any longer."""
+    with suppress(ProcessLookupError, PermissionError):
+        os.killpg(group, signal.SIGINT)
+        for _ in range(round(LEFT_SECONDS / 0.05)):
+            await asyncio.sleep(0.05)
+            os.killpg(group, 0)  # raises when nobody is left
+        os.killpg(group, signal.SIGKILL)

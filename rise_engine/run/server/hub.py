@@ -1,0 +1,346 @@
+"""The clients of a session: who is attached, who of them holds control, and what each may do. No sockets in here.
+
+One client at most holds control: the wizard who may act. Everybody else watches, adds notes, and can stop everything.
+What changes about control goes through the engine like any other input, so that it is in the record.
+
+Two names: a client's own name is unique (`wizard:anna#2` is Anna's second console), because control belongs to one
+console; the `source` of what it submits is the person (`wizard:anna`), because the record asks who did it.
+"""
+
+from __future__ import annotations
+
+import logging
+import os
+from collections.abc import Callable
+from unicodedata import normalize
+
+from msgspec import Struct
+from msgspec.structs import replace
+
+from rise_engine.kernel.inputs import ControlChanged, ControlStatus, Note, OutcomeReport, Submit
+from rise_engine.kernel.records import ActionRecord, AnyRecord, TaskRecord
+from rise_engine.kernel.task_view import TaskView
+from rise_engine.kernel.view import SessionView
+from rise_engine.run.engine.engine import Engine, ReplyCallback, versions
+from rise_engine.run.protocol.client import ClientInput, ControlVerb, Rejected, Reply, Role, Update
+from rise_engine.run.protocol.messages import VERSION, SessionSummary
+from rise_engine.run.server.client_names import find_lookalike, name_problem
+
+_LOG = logging.getLogger(__name__)
+
+ALLOWED_WITHOUT_CONTROL = frozenset({"stopAll", "cancelOpenGoals", "markMistake"})
+"""What everybody who is attached may ask for: it starts nothing. So may notes be added."""
+
+
+class AttachedClient(Struct, frozen=True, eq=False):
+    """A console or a program that is attached."""
+
+    name: str
+    """Unique among those attached: `wizard:anna#2`."""
+    source: str
+    """What the record names for what it submits: `wizard:anna`."""
+    role: Role
+    """What it may do."""
+
+
+class SessionHub:
+    """The clients of one engine. All methods belong to the engine's thread, and none may be called inside a step."""
+
+    def __init__(
+        self,
+        engine: Engine,
+        folder: str = "",
+        *,
+        view: SessionView | None = None,
+        end: Callable[[str], object] | None = None,
+    ) -> None:
+        """Make it before the engine starts, so that it misses no record.
+
+        :param engine: whose session it is.
+        :param folder: the session's; empty when nothing is kept.
+        :param view: the state of a session that goes on, before the first new record.
+        :param end: what ends the session, for the reason given, when a client asks for it; without it, the engine does.
+        """
+        self.engine = engine
+        self.folder = folder
+        self.clients: dict[str, AttachedClient] = {}
+        self._names_seen: dict[str, None] = {}
+        """Of all who have attached so far."""
+        self._end_session = end or engine.end
+        self.take_over: Callable[[str, ReplyCallback], object] | None = None
+        """Begins to take over changed files of the scenario, for this source; None: this session cannot."""
+        self.view = SessionView() if view is None else view
+        """The present state, for looking only."""
+        self._all_tasks: list[TaskView] | None = None
+        self._changing_tasks = {id for id, task in self.view.tasks.items() if _can_change(task)}
+        self._listeners: list[Callable[[Update], object]] = []
+        self._holder: AttachedClient | None = None
+        self._requester: AttachedClient | None = None
+        self._inputs_before = engine.inputs
+        self._first_record_came = False
+        self.ending = False
+        """Whether the session is about to end: nobody starts anything any more."""
+        engine.subscribe(self._apply_record)
+        engine.on_journal_status = self._notify_listeners
+
+    def changing_tasks(self) -> list[TaskView]:
+        """The view's tasks that can still change, which are to be looked at now; no other one ever does."""
+        tasks = self.view.tasks
+        return [tasks[id] for id in sorted(self._changing_tasks) if id in tasks]
+
+    def all_tasks(self) -> list[TaskView]:
+        """The view's tasks. Made once for all who ask before there is another task: a copy of the whole view would be
+        ten times as dear."""
+        if self._all_tasks is None:
+            self._all_tasks = list(self.view.tasks.values())
+        return self._all_tasks
+
+    def subscribe(self, listener: Callable[[Update], object]) -> None:
+        """Let `listener` have every record, and every change of how recording stands. It may be called in a step."""
+        self._listeners.append(listener)
+
+    # --- attaching and detaching --------------------------------------------------------------------------------
+
+    def attach(self, name: str, role: Role, source: str | None = None) -> AttachedClient:
+        """Admit a client. A wizard who attaches while nobody holds control gets it.
+
+        :param name: who it is; a second one of the same name gets a number.
+        :param role: what it may do.
+        :param source: what the record names instead of `role:name`, for one who speaks for others (`ros:domain_task`).
+        :raises Rejected: the name cannot be one, or looks like another's; or the session has ended.
+        """
+        name = normalize("NFC", name)
+        before = [self.view.wizard] if self.view.wizard else []  # of a session that goes on
+        problem = name_problem(name)
+        if not problem and (other := find_lookalike(name, [*self._names_seen, *before])):
+            problem = f"{name!r} looks like {other!r}, who is in this session's record: take another name"
+        if self.engine.ended:
+            problem = "the session has ended"
+        if problem:
+            raise Rejected(problem)
+        if source is None:
+            source = f"{role}:{name}"
+        unique = source
+        number = 1
+        while unique in self.clients:
+            number += 1
+            unique = f"{source}#{number}"
+        client = self.clients[unique] = AttachedClient(unique, source, role)
+        self._names_seen[name] = None
+        if role == "wizard" and self._holder is None and self._has_begun:
+            self._set_control("taken", client, client)
+        return client
+
+    def detach(self, client: AttachedClient) -> None:
+        """A client has gone. Control that it held goes to who asked for it, or to nobody."""
+        if self.clients.get(client.name) is not client:
+            return
+        del self.clients[client.name]
+        if client is self._holder:
+            next_holder = self._requester
+            self._set_control("released" if next_holder is None else "given", client, next_holder)
+        elif client is self._requester:
+            self._set_control("released", client, self._holder)
+
+    def summary(self) -> SessionSummary:
+        """The session in a few words, but for what only its server knows."""
+        engine, scenario, view = self.engine, self.engine.scenario, self.view
+        return SessionSummary(
+            version=VERSION,
+            title=scenario.title,
+            mode=scenario.mode,
+            robot=scenario.robot.name,
+            seed=engine.seed,
+            scenario_folder=scenario.folder,
+            scenario_hash=scenario.hash,
+            folder=self.folder,
+            t=round(max(engine.clock.now(), 0.0), 3),
+            seq=view.seq,
+            busy=bool(view.running or view.waiting),
+            stopped=view.stop.latched,
+            control=view.control,
+            clients=list(self.clients),
+            participant=view.session.participant if view.session is not None else "",
+            condition=view.session.condition if view.session is not None else "",
+            wizard=view.wizard,
+            trouble=engine.journal_status.trouble,
+            pid=os.getpid(),
+            versions=versions(),
+        )
+
+    # --- what clients do ----------------------------------------------------------------------------------------
+
+    def submit(self, client: AttachedClient, message: ClientInput, answer: ReplyCallback) -> None:
+        """Pass an input on, in the client's name; `answer` is called once."""
+        problem = self._why_not_submit(client, message)
+        if problem:
+            answer(Reply(False, problem))
+        else:
+            self.engine.accept(replace(message, source=client.source, t=0.0), answer)
+
+    def change_control(self, client: AttachedClient, verb: ControlVerb, answer: ReplyCallback) -> None:
+        """Take control, ask for it, give it away or release it; `answer` is called once."""
+        problem = "" if self._has_begun else "the session has not begun yet"
+        if not problem and client.role == "observer":
+            problem = "an observer never has control; attach as a wizard to have it"
+        if not problem and client.role == "node":
+            problem = "a program needs no control: it may submit at any time"
+        if problem:
+            answer(Reply(False, problem))
+            return
+        holder, requester = self._holder, self._requester
+        match verb:
+            case "take" | "ask" if holder is client:
+                answer(Reply(True, "you hold control already"))
+            case "ask" if requester is client:
+                answer(Reply(True, "you have asked already"))
+            case "ask" if holder is not None:
+                self._set_control("asked", client, holder, answer)
+            case "take" | "ask":
+                self._set_control("taken", client, client, answer)
+            case "give" | "release" if holder is not client and not (verb == "release" and requester is client):
+                answer(Reply(False, f"you do not hold control: {self._holder_sentence()}"))
+            case "give" if requester is None:
+                answer(Reply(False, "nobody has asked for control; release it, and anybody can take it"))
+            case "give":
+                self._set_control("given", client, requester, answer)
+            case "release":  # also of one who asked and does not want it any more
+                self._set_control("released", client, None if holder is client else holder, answer)
+
+    def end_session(self, client: AttachedClient, reason: str, answer: ReplyCallback) -> None:
+        """End the session; the answer says that it begins to end."""
+        problem = self._why_not_judge(client, "end the session")
+        if problem:
+            answer(Reply(False, problem))
+        else:
+            answer(Reply(True))
+            self._end_session(reason or f"ended by {client.source}")
+
+    def take_over_scenario(self, client: AttachedClient, answer: ReplyCallback) -> None:
+        """Go on with the scenario's files as they are now; `answer` is called once, when it is done or refused."""
+        problem = "" if self._has_begun else "the session has not begun yet"
+        problem = problem or self._why_not_judge(client, "take over changed files")
+        if self.ending or self.engine.ended:
+            problem = "the session is ending"
+        elif self.take_over is None:
+            problem = "this session is not kept in a folder, so it takes nothing over"
+        if problem or self.take_over is None:
+            answer(Reply(False, problem))
+        else:
+            self.take_over(client.source, answer)
+
+    def _why_not_submit(self, client: AttachedClient, message: ClientInput) -> str:
+        if not self._has_begun:
+            return "the session has not begun yet"
+        if isinstance(message, OutcomeReport):
+            return self._why_not_judge(client, "say how the session counts")
+        if not isinstance(message, Submit):
+            reports = client.role != "observer" or isinstance(message, Note)
+            return "" if reports else "an observer reports nothing; attach as a wizard or a program"
+        if message.function in ALLOWED_WITHOUT_CONTROL:
+            return ""
+        if self.ending:
+            return "the session is ending"
+        if client.role == "node":
+            return self._why_not_release(client) if message.function in ("releaseStop", "releaseOpenGoals") else ""
+        if client is self._holder:
+            return ""
+        if client.role == "observer":
+            return "an observer only watches, adds notes and can stop everything; attach as a wizard to do more"
+        return f"you do not hold control: {self._holder_sentence()}"
+
+    def _why_not_judge(self, client: AttachedClient, what: str) -> str:
+        """The session as a whole is for who holds control, for programs, and for any wizard while nobody does."""
+        if client.role == "observer":
+            return f"an observer cannot {what}"
+        if client.role == "wizard" and self._holder not in (None, client):
+            return f"only who holds control can {what}: {self._holder_sentence()}"
+        return ""
+
+    def _why_not_release(self, client: AttachedClient) -> str:
+        """A stop, or a part that is held, is not released by whatever program happens to run: by a person, or by one
+        that the study names."""
+        named = self.engine.scenario.may_release
+        program = client.source.partition(":")[2]
+        if program in named:
+            return ""
+        others = f"or {', '.join(named)}" if named else "or a program that scenario.toml names: [control] may_release"
+        return f"{program} may not release what is stopped: only who holds control may, {others}"
+
+    def _holder_sentence(self) -> str:
+        holder = self._holder
+        return f"{holder.name} does; ask for it, or take it" if holder is not None else "nobody does; take it"
+
+    # --- control ------------------------------------------------------------------------------------------------
+
+    @property
+    def _has_begun(self) -> bool:
+        """The engine has taken its first input; none of ours may come before."""
+        return self.engine.inputs != self._inputs_before
+
+    def _set_control(
+        self,
+        status: ControlStatus,
+        by: AttachedClient,
+        holder: AttachedClient | None,
+        answer: ReplyCallback | None = None,
+    ) -> None:
+        """Set who holds control: `holder`, because of what `by` did. It counts at once, before it is recorded.
+
+        With `answer` it is a request, and undone when it is rejected. Without, it is a fact (somebody has gone), and
+        recorded later if it cannot be now.
+        """
+        before = self._holder, self._requester
+        after = self._holder, self._requester = holder, by if status == "asked" else None
+        fact = ControlChanged(status=status, by=by.name, holder=holder.name if holder is not None else None)
+        if answer is None:
+            self.engine.post(fact)
+            return
+        answer_request = answer
+
+        def undo_if_rejected(reply: Reply) -> None:
+            if not reply.accepted and (self._holder, self._requester) == after:
+                self._holder, self._requester = before
+            answer_request(reply)
+
+        self.engine.accept(fact, undo_if_rejected)
+
+    def _assign_control_at_start(self) -> None:
+        """With the first record: a wizard who attached before it gets control; who held it before a crash does not."""
+        self._first_record_came = True
+        if self._holder is not None:
+            return
+        wizard = next((client for client in self.clients.values() if client.role == "wizard"), None)
+        if wizard is not None:
+            self._set_control("taken", wizard, wizard)
+        elif self.view.control is not None:
+            self.engine.post(ControlChanged(status="released", by=self.view.control, holder=None))
+
+    # --- from the engine ----------------------------------------------------------------------------------------
+
+    def _apply_record(self, record: AnyRecord) -> None:
+        view = self.view
+        if isinstance(record, TaskRecord) and record.id not in view.tasks:
+            self._all_tasks = None
+        view.apply(record)
+        if isinstance(record, TaskRecord | ActionRecord):
+            id = record.id if isinstance(record, TaskRecord) else record.task
+            task = view.tasks.get(id)
+            if task is not None and _can_change(task):
+                self._changing_tasks.add(id)
+            else:
+                self._changing_tasks.discard(id)
+        self._notify_listeners(record)
+        if not self._first_record_came:
+            self._assign_control_at_start()
+
+    def _notify_listeners(self, update: Update) -> None:
+        for listener in self._listeners:
+            try:
+                listener(update)
+            except Exception:  # or the engine would drop the whole hub
+                _LOG.exception("a listener failed")
+
+
+def _can_change(task: TaskView) -> bool:
+    return task.ended is None or any(action.ended is None for action in task.actions.values())

@@ -1,0 +1,273 @@
+"""`rise-engine serve`: one session in a process of its own, which no console can take down.
+
+`SessionPreparation` gives what is run. The process runs its engine and listens on the session's socket until it has
+ended. SIGTERM and SIGINT stop the robot and end the session in order; SIGHUP, which a lost terminal sends, is ignored.
+"""
+
+from __future__ import annotations
+
+import asyncio
+import logging
+import os
+import signal
+import socket
+from contextlib import suppress
+from functools import partial
+
+from rise_engine.base import exit_status
+from rise_engine.base.json_codec import encode
+from rise_engine.kernel.inputs import Note, Submit
+from rise_engine.kernel.records import RecordingStatus, describe_open_goals
+from rise_engine.ports.bridge import Bridge
+from rise_engine.ports.robot import Robot
+from rise_engine.run.engine.clock import RealClock
+from rise_engine.run.engine.drivers import simulated_robot_warning
+from rise_engine.run.engine.engine import END_SECONDS, Engine, versions
+from rise_engine.run.protocol.session_options import SessionOptions
+from rise_engine.run.protocol.session_start import start_remarks
+from rise_engine.run.server.companions import Companions
+from rise_engine.run.server.find_marks import find_marks_later
+from rise_engine.run.server.hub import SessionHub
+from rise_engine.run.server.preparation import ServeRefused, SessionPreparation
+from rise_engine.run.server.server import SessionServer
+from rise_engine.run.server.spawn import EngineStarted, ReportStartup, StartOutcome, StartupProgress
+from rise_engine.run.server.take_over import ScenarioTakeover
+from rise_engine.session.journal import Journal
+from rise_engine.session.journal_format import encode_header
+
+RECORD_SECONDS = 5.0
+"""Real seconds that the disk gets to take the last records."""
+LEFTOVER_SECONDS = 5.0
+"""Seconds after a recovery in which a wizard can take control and decide about what the robot is still doing."""
+POLL_SECONDS = 0.5
+"""Between two looks at the journal, so that a lag shows."""
+
+
+def serve(options: SessionOptions, report: ReportStartup) -> int:
+    """Serve a session until it ends.
+
+    :param options: what to run.
+    :param report: gets the progress, and at last that the session is served, or why not.
+    :return: the exit status.
+    """
+    preparation: SessionPreparation | None = None
+    try:
+        preparation = SessionPreparation(options, report)
+        return asyncio.run(_SessionProcess(preparation, report).run())
+    except ServeRefused as refusal:
+        report(refusal.report)
+        return refusal.report.code
+    finally:
+        if preparation is not None:
+            preparation.close()
+
+
+class _SessionProcess:
+    """The running session."""
+
+    def __init__(self, prepared: SessionPreparation, report: ReportStartup) -> None:
+        self.prepared = prepared
+        self.report = report
+        self.ending = False
+        self.unrecorded = False
+
+    async def run(self) -> int:
+        # A driver that is not installed, or an option that it does not take, is found before a session is made.
+        bridge = await self.prepared.connect()
+        try:
+            return await self._serve(bridge)
+        finally:
+            if bridge is not None:
+                await bridge.close()
+
+    async def _serve(self, bridge: Bridge[SessionHub] | None) -> int:
+        prepared, recovered = self.prepared, self.prepared.recovered
+        self.loop = asyncio.get_running_loop()
+        clock = RealClock(self.loop, prepared.speed, recovered.t if recovered is not None else 0.0)
+        robot = prepared.make_robot(clock, bridge)
+        journal = prepared.open_journal(self._flush_soon, clock.now)
+        engine = self.engine = self._make_engine(robot, clock, journal)
+        view = recovered.view if recovered is not None else None
+        hub = self.hub = SessionHub(engine, str(prepared.folder), view=view, end=self.end)
+        recording = prepared.decide_recording()
+        self.companions = Companions(prepared.companions(recording.settings), engine.post, self._recording_status)
+        server = SessionServer(hub, prepared.name_lock.socket)
+        hub.take_over = ScenarioTakeover(engine, prepared.folder, prepared.options.paths, server.scenario_changed).begin
+        if bridge is not None:
+            bridge.join(hub)
+        ended = asyncio.Event()
+        engine.on_ended(ended.set)
+        self._handle_signals()
+        try:
+            await server.start()
+        except OSError as error:
+            raise ServeRefused(exit_status.FAILED, f"the session's socket cannot be made: {error}") from None
+        journal.lock.write_holder(str(prepared.name_lock.socket.absolute()))
+        polling = self.loop.create_task(self._poll_journal(engine))
+        self._start_engine(engine)
+        if bridge is not None:
+            engine.post(Note(text=f"the session is on {bridge.about}"))
+        if recording.remark:
+            engine.post(Note(text=recording.remark))
+        if not self.ending:
+            self.companions.start()
+        self._report_ready()
+        try:
+            await ended.wait()
+        finally:
+            polling.cancel()
+            _notify_systemd("STOPPING=1")
+            await server.close()
+            await self.companions.finish()  # outlets; and recorders, of a session that failed
+            recorded = await asyncio.to_thread(journal.close, RECORD_SECONDS)
+            if prepared.study is not None:
+                await asyncio.to_thread(prepared.study.note_ended)
+                await asyncio.to_thread(find_marks_later, prepared.folder, hub.view)
+        if engine.failure is not None:
+            return exit_status.FAILED
+        if not recorded or self.unrecorded:
+            return exit_status.NOT_WRITTEN
+        if engine.open_goals:
+            logging.getLogger(__name__).error("the session has ended; %s", describe_open_goals(engine.open_goals))
+            return exit_status.STILL_RUNNING
+        return exit_status.OK
+
+    def _flush_soon(self) -> None:
+        """On the journal's thread: it has got on."""
+        with suppress(RuntimeError):  # the loop is closed
+            self.loop.call_soon_threadsafe(lambda: self.engine.flush_durable())  # perhaps it is just being made
+
+    def _make_engine(self, robot: Robot, clock: RealClock, journal: Journal) -> Engine:
+        prepared, recovered = self.prepared, self.prepared.recovered
+        if recovered is None:
+            journal.append(encode_header(f"rise-tui {versions()['rise-tui']}"))
+        elif recovered.unwritten_lines:
+            journal.append(recovered.unwritten_lines)
+        return Engine(
+            prepared.scenario,
+            robot,
+            clock,
+            prepared.seed,
+            started=prepared.started,
+            journal=journal,
+            recovered=recovered,
+            session_id=prepared.session_id,
+        )
+
+    def _handle_signals(self) -> None:
+        for number in (signal.SIGTERM, signal.SIGINT):
+            self.loop.add_signal_handler(number, self._end_by_signal, f"ended by {number.name}")
+        self.loop.add_signal_handler(signal.SIGHUP, lambda: None)
+
+    def _report_ready(self) -> None:
+        prepared, recovered = self.prepared, self.prepared.recovered
+        lines = recovered.report if recovered is not None else []
+        self.report(EngineStarted(prepared.name, str(prepared.folder), lines, recovered is not None))
+        _notify_systemd("READY=1")
+
+    def _start_engine(self, engine: Engine) -> None:
+        recovered = self.prepared.recovered
+        if recovered is not None:
+            engine.resume()
+            if self.prepared.study is not None:
+                for report in self.prepared.study.unrecorded_checks(self.prepared.folder, recovered.view):
+                    engine.post(report)
+            for sentence in recovered.report:
+                engine.post(Note(text=sentence))
+            if engine.scenario.robot.options.get("leftovers") != "keep":
+                self.loop.call_later(LEFTOVER_SECONDS, self._cancel_leftovers)
+            return
+        engine.start()
+        for report in self.prepared.options.checks:
+            engine.post(report)
+        warning = simulated_robot_warning(engine.scenario.robot, engine.scenario.mode)
+        for sentence in (*filter(None, [warning]), *start_remarks(engine.scenario, self.prepared.started)):
+            engine.post(Note(text=sentence))
+        for submit in self.prepared.options.first_tasks:
+            engine.post(submit)
+        self._schedule(engine)
+
+    def _cancel_leftovers(self) -> None:
+        """Nobody has taken control of a recovered session: what the engine before it left running is stopped."""
+        if self.hub.view.control is None and self.engine.holding_goals:
+            self.engine.post(Submit(function="cancelOpenGoals", source="engine"))
+
+    def _schedule(self, engine: Engine) -> None:
+        """What a rehearsal does by itself later. Those of one moment share a timer: a loop keeps no order of timers."""
+        due: dict[float, list[Submit]] = {}
+        for timed in self.prepared.options.script:
+            due.setdefault(timed.at, []).append(timed.task)
+
+        def submit(tasks: list[Submit]) -> None:
+            for task in tasks:
+                engine.post(task)
+
+        for at, tasks in due.items():
+            engine.clock.call_at(at, partial(submit, tasks))
+
+    def _recording_status(self, name: str) -> RecordingStatus | None:
+        record = self.hub.view.recordings.get(name)
+        return record.status if record is not None else None
+
+    def _end_by_signal(self, reason: str) -> None:
+        if self.ending:  # the second one: whoever asks twice means now
+            self.companions.hurry()
+        self.end(reason)
+
+    def end(self, reason: str) -> None:
+        """Stop the robot, let the recorders finish, end the session; and do not wait for ever for any of it."""
+        if self.ending:
+            return
+        self.ending = True
+        if self.companions.recording:
+            self.hub.ending = True
+            self.engine.stop_before_end()
+            self._finishing = self.loop.create_task(self._end_after_companions(reason))
+        else:
+            self._end_engine(reason)
+
+    async def _end_after_companions(self, reason: str) -> None:
+        try:
+            await self.companions.finish_recorders()
+        finally:
+            self._end_engine(reason)
+
+    def _end_engine(self, reason: str) -> None:
+        self.engine.end(reason)
+        self.loop.call_later(END_SECONDS + RECORD_SECONDS, self._abandon)
+
+    def _abandon(self) -> None:
+        if not self.engine.ended:
+            self.unrecorded = True
+            logging.getLogger(__name__).error("the disk did not take the last records: %s", self.engine.journal_status)
+            self.engine.abandon()
+
+    async def _poll_journal(self, engine: Engine) -> None:
+        while True:
+            await asyncio.sleep(POLL_SECONDS)
+            engine.flush_durable()
+
+
+def report_to_pipe(descriptor: int) -> ReportStartup:
+    """Reports that are written to a pipe, at whose other end waits who started this process.
+
+    :param descriptor: the pipe's; it is closed after the last report.
+    """
+
+    def write(message: StartupProgress | StartOutcome) -> None:
+        with suppress(OSError):  # nobody waits any more; the session goes on
+            os.write(descriptor, encode(message) + b"\n")
+        if not isinstance(message, StartupProgress):
+            os.close(descriptor)
+
+    return write
+
+
+def _notify_systemd(state: str) -> None:
+    """For a unit of Type=notify (sd_notify(3))."""
+    address = os.environ.get("NOTIFY_SOCKET")
+    if not address:
+        return
+    with suppress(OSError), socket.socket(socket.AF_UNIX, socket.SOCK_DGRAM) as notify:
+        notify.connect("\0" + address[1:] if address.startswith("@") else address)
+        notify.send(state.encode())

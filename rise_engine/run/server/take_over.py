@@ -1,0 +1,94 @@
+"""Taking over the changed files of a scenario into the session that runs it (semantics.md 12.5)."""
+
+from __future__ import annotations
+
+import asyncio
+from collections.abc import Callable
+from pathlib import Path
+
+from rise_engine.base.errors import SessionError
+from rise_engine.run.engine.engine import Engine, ReplyCallback
+from rise_engine.run.protocol.client import Reply
+from rise_engine.scenario.loader import LoadResult, load
+from rise_engine.scenario.model import Scenario
+from rise_engine.session.folder import read_info, spoken_as
+from rise_engine.session.scenario_copies import remove_copy, write_copy
+
+MOST_ERRORS = 3
+"""Errors of the changed files that an answer has; `rise-engine check` says them all."""
+
+
+class ScenarioTakeover:
+    """Reads the files, keeps them in the session's folder, and lets the engine go on with them."""
+
+    def __init__(self, engine: Engine, folder: Path, paths: dict[str, str], taken_over: Callable[[], object]) -> None:
+        """
+        :param engine: of the session.
+        :param folder: the session's.
+        :param paths: where acts, rules and memory lie, where the session was begun with others than the scenario's.
+        :param taken_over: called when it has been done.
+        """
+        self._engine = engine
+        self._folder = folder
+        self._paths = paths
+        self._taken_over = taken_over
+        self._under_way: asyncio.Task[None] | None = None
+
+    def begin(self, source: str, answer: ReplyCallback) -> None:
+        """Begin to take over; the loop does not wait for the disk.
+
+        :param source: who asks for it.
+        :param answer: called once: that it is done, or why it is not.
+        """
+        if self._under_way is not None:
+            answer(Reply(False, "changed files are being taken over already"))
+            return
+        self._under_way = asyncio.get_running_loop().create_task(self._take_over(source, answer))
+
+    async def _take_over(self, source: str, answer: ReplyCallback) -> None:
+        try:
+            await self._read_and_take_over(source, answer)
+        except Exception as error:  # whatever it is, somebody waits for the answer, and the session goes on as it was
+            answer(Reply(False, f"the changed files could not be taken over ({error})"))
+            raise
+        finally:
+            self._under_way = None
+
+    def _load(self, before: Scenario) -> LoadResult:
+        spoken = spoken_as(read_info(self._folder))
+        return load(before.folder, robot=before.robot.name, mode=before.mode, paths=self._paths, **spoken)
+
+    def _then_tell(self, answer: ReplyCallback) -> ReplyCallback:
+        """Answer, and only then, when it is recorded, let others know."""
+
+        def answer_and_tell(reply: Reply) -> None:
+            answer(reply)
+            if reply.accepted:
+                self._taken_over()
+
+        return answer_and_tell
+
+    async def _read_and_take_over(self, source: str, answer: ReplyCallback) -> None:
+        engine, before = self._engine, self._engine.scenario
+        loaded = await asyncio.to_thread(self._load, before)
+        scenario = loaded.scenario
+        if scenario is None:
+            answer(Reply(False, _errors_text(loaded)))
+        elif scenario.hash == before.hash:
+            answer(Reply(False, "the files are those that the session runs: nothing has changed"))
+        elif problems := engine.why_not_take_over(scenario):  # before anything is written
+            answer(Reply(False, "; ".join(problems)))
+        else:
+            try:
+                copy = await asyncio.to_thread(write_copy, self._folder, loaded.files)
+            except SessionError as error:
+                answer(Reply(False, str(error)))
+                return
+            if not engine.take_over(scenario, copy.name, source, self._then_tell(answer)):
+                await asyncio.to_thread(remove_copy, copy)
+
+
+def _errors_text(loaded: LoadResult) -> str:
+    errors = loaded.errors
+    more = f", and {len(errors) - MOST_ERRORS} more" if len(errors) > MOST_ERRORS else ""
+    return f"the changed files have errors: {'; '.join(map(str, errors[:MOST_ERRORS]))}{more}"

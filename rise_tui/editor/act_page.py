@@ -1,0 +1,255 @@
+"""An act: its actions as they begin, and the form of the one under the cursor; at 120 columns its lines in the file."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import ClassVar
+
+from textual import on
+from textual.app import ComposeResult
+from textual.widget import Widget
+
+from rise_engine.author.edit.edits import AddAction, AddVariant, RemoveAction, RemoveVariant, SetWaits
+from rise_engine.author.edit.outline import WrittenAct, WrittenAction
+from rise_tui.editor.form_page import FormPage
+from rise_tui.editor.model.act_form import act_choices, action_fields, new_action_parameters, wait_choices
+from rise_tui.editor.model.act_rows import action_rows, action_type, scale_line, what_text
+from rise_tui.editor.model.act_times import act_seconds
+from rise_tui.editor.model.draft import FilePlace
+from rise_tui.editor.model.file_lines import file_lines
+from rise_tui.editor.model.study_rows import keys_by_name, used_lines, wrong_files
+from rise_tui.editor.page import EditFrame
+from rise_tui.rendering.text import StyledLine, align_at_both_ends, crop, format_seconds
+from rise_tui.widgets.row_list import RowList, RowView
+from rise_tui.widgets.static_lines import StaticLines
+
+TALL = 34
+"""Rows from which there is room for the lines of the file."""
+FILE_LINES, USED_LINES = 7, 4
+
+
+class ActPage(FormPage):
+    """One act."""
+
+    KIND: ClassVar[str] = "act"
+    DEFAULT_CSS = """
+    ActPage #head, ActPage #parting { background: $rise-bar; }
+    ActPage #actions { height: auto; max-height: 45%; min-height: 3; }
+    ActPage #file { height: 13; display: none; }
+    ActPage.-tall #file { display: block; }
+    """
+
+    def __init__(self, frame: EditFrame, name: str = "") -> None:
+        """`name`: the act's; behind a zero character, the action on which the cursor begins."""
+        act, _, action = name.partition("\0")
+        super().__init__(frame, act)
+        self.head, self.scale = StaticLines(id="head"), StaticLines(id="scale")
+        self.actions = RowList(id="actions")
+        self.parting, self.file = StaticLines(id="parting"), StaticLines(id="file")
+        self._goes_to = action
+        """The action on which the cursor is to be put when it is there."""
+
+    def compose(self) -> ComposeResult:
+        yield self.head
+        yield self.scale
+        yield self.actions
+        yield self.parting
+        yield self.form
+        yield self.file
+
+    @property
+    def first_focus(self) -> Widget | None:
+        return self.actions
+
+    @property
+    def act(self) -> WrittenAct | None:
+        return self.draft.outline.act(self.shown_name)
+
+    @property
+    def action(self) -> WrittenAction | None:
+        """The one under the cursor."""
+        act, id = self.act, self.actions.current_id
+        return next((each for each in act.actions if each.id == id), None) if act is not None else None
+
+    @property
+    def still_there(self) -> bool:
+        return self.act is not None
+
+    @property
+    def place(self) -> FilePlace | None:
+        act, action = self.act, self.action
+        if act is None:
+            return None
+        shown = action or act
+        return FilePlace(act.file, shown.line, shown.last_line)
+
+    @property
+    def hints(self) -> Mapping[str, str]:
+        if self.form.rows.has_focus:
+            return {"edit.open": "change", "edit.remove": "clear", "edit.other": "actions"}
+        words = {"edit.open": "change", "edit.add": "add", "edit.remove": "remove"}
+        return {**words, "edit.waits": "waits", "edit.wording": "wording"}
+
+    # --- what is shown ----------------------------------------------------------------------------------------------
+
+    def draw(self) -> None:
+        act = self.act
+        if act is None:
+            return
+        self.set_class(self.app.size.height >= TALL, "-tall")
+        width = max(40, self.size.width)
+        lines = frozenset(wrong_files(self.draft).get(act.file, ()))
+        wrong = frozenset(action.line for action in act.actions if any(map(action.has_line, lines)))
+        self.scale.show(scale_line(act, self.draft.checked, width - 1))
+        self.actions.show(action_rows(act, self.draft.checked, width - 1, wrong_lines=wrong))
+        if self._goes_to:
+            self.actions.select(self._goes_to)
+            self._goes_to = ""
+        self._draw_head(act, width)
+        self._draw_action()
+
+    def _draw_head(self, act: WrittenAct, width: int) -> None:
+        notes = []
+        if keys := keys_by_name(self.draft).get(("act", act.name)):
+            notes.append(f"key{'s' if len(keys) > 1 else ''} {' '.join(key.label for key in keys)}")
+        scenario = self.draft.checked.scenario
+        if scenario is not None and act.name in scenario.acts:
+            settings = scenario.settings_of(act.name)
+            notes += [*(["hold"] if settings.hold else []), *(["filler"] if settings.filler else [])]
+        notes += [f"from the template {act.template}"] if act.template else [act.reason] if act.reason else []
+        left: StyledLine = ((f" {act.name}", "strong"), (f"  {' · '.join(notes)}", "muted"))
+        seconds = format_seconds(act_seconds(act, self.draft.checked))
+        right: StyledLine = ((f"{act.file}:{act.line}  ~{seconds} s ", "muted"),)
+        self.head.show(align_at_both_ends(left, right, width))
+
+    @on(RowView.CursorMoved)
+    def _draw_action(self) -> None:
+        act, action = self.act, self.action
+        width = max(40, self.size.width)
+        if act is None or action is None:
+            self.parting.show(((" no action yet: a adds one", "muted"),))
+            self.form.show([])
+            return
+        name = "wordings, one by chance" if action.is_variants else action_type(action)
+        self.parting.show(
+            crop(((f" {action.id}  {name}", "accent"), (f"  {action.reason}" if action.reason else "", "wait")), width)
+        )
+        self.form.show(action_fields(act, action, self.draft.checked))
+        self._draw_file(act, width)
+
+    def _draw_file(self, act: WrittenAct, width: int) -> None:
+        if self.place is None or not self.has_class("-tall"):
+            return
+        lines = file_lines(self.draft, self.place, width, FILE_LINES)
+        head: StyledLine = ((f" THE FILE  {act.file}", "accent"),)
+        used = used_lines(self.draft, "act", act.name, width)[: USED_LINES + 1]
+        self.file.show(head, *(crop(line, width) for line in lines), *(crop(line, width) for line in used))
+
+    # --- what keys do -----------------------------------------------------------------------------------------------
+
+    def carry_out(self, action: str) -> bool:
+        if action == "edit.other":
+            self.set_form_focus(on_form=not self.form.rows.has_focus)
+            return True
+        if self.form.rows.has_focus and action in ("edit.open", "edit.remove") and (why := self._why_fixed()):
+            self.frame.say(why, "wait")
+            return True
+        if self.form.rows.has_focus and self.carry_out_in_form(action):
+            return True
+        calls = {
+            "edit.open": lambda: self.set_form_focus(on_form=True),
+            "edit.add": self._ask_for_action,
+            "edit.remove": self._remove,
+            "edit.waits": self._ask_for_waits,
+            "edit.wording": self._add_wording,
+        }
+        if action not in calls:
+            return False
+        if (act := self.act) is not None and act.reason and action != "edit.open":
+            self.frame.say(f"{act.name}: {act.reason}", "wait")
+        else:
+            calls[action]()
+        return True
+
+    def leave(self) -> bool:
+        if self.form.rows.has_focus:
+            self.set_form_focus(on_form=False)
+            return True
+        return False
+
+    def _why_fixed(self) -> str:
+        """Why the field under the cursor cannot be changed here, and where it can; empty: it can."""
+        act, action, field = self.act, self.action, self.form.current
+        if act is None or action is None or field is None:
+            return ""
+        why = field.reason or (action.reason if field.kind == "fixed" else "")
+        return f"{field.label} cannot be changed here: {why}; e opens the file at this line" if why else ""
+
+    def set_form_focus(self, *, on_form: bool) -> None:
+        """To the form, or to the actions."""
+        if on_form and self.action is not None:
+            if self.form.current is None or self.form.current.id == "type":  # what is changed is what is in it
+                self.form.rows.move_cursor(min(1, self.form.rows.count - 1), by_wizard=False)
+            self.form.say("")  # below the form stands what is to be known of this field
+            self.screen.set_focus(self.form.rows)
+        else:
+            self.screen.set_focus(self.actions)
+        self.frame.draw_bars()
+
+    def _ask_for_action(self) -> None:
+        current = self.action
+
+        def take(type: str) -> None:
+            spec = self.draft.checked.robot.actions.get(type)
+            values = new_action_parameters(spec) if spec is not None else {}
+            wait_for = (current.id,) if current is not None and current.id else ()
+            before = {each.id for each in self.act.actions} if self.act is not None else set()
+            edit = AddAction(self.shown_name, type, values, wait_for, after=current.id if current is not None else "")
+            self.frame.make(edit, then=lambda: self._go_to_new(before))
+
+        where = f"It begins after {current.id}; w changes that." if current is not None else ""
+        self.frame.choose(f"Which action?  {where}", act_choices(self.draft.checked), take)
+
+    def _go_to_new(self, before: set[str]) -> None:
+        act = self.act
+        new = next((each.id for each in act.actions if each.id not in before), "") if act is not None else ""
+        if new:
+            self.actions.select(new)
+            self._draw_action()
+            self.set_form_focus(on_form=True)
+            self.form.rows.move_cursor(min(1, self.form.rows.count - 1), by_wizard=False)
+            self.form.open_current(select=True)
+
+    def _remove(self) -> None:
+        if self.action is not None:
+            self.frame.make(RemoveAction(self.shown_name, self.action.id))
+
+    def _ask_for_waits(self) -> None:
+        act, action = self.act, self.action
+        if act is None or action is None:
+            return
+        title = f"{action.id} {action_type(action)} begins when these have ended"
+        self.frame.choose_many(
+            title, wait_choices(act, action), action.wait_for,
+            lambda ids: self.frame.make(SetWaits(act.name, action.id, ids)),
+        )  # fmt: skip
+
+    def _add_wording(self) -> None:
+        action = self.action
+        if action is None or not action.calls or "message" not in action.calls[0].parameters:
+            self.frame.say("only what is said has wordings", "wait")
+            return
+
+        def take(text: str) -> None:
+            others = {name: value.text for name, value in action.calls[0].parameters.items() if name != "message"}
+            self.frame.make(AddVariant(self.shown_name, action.id, {"message": text, **others}))
+
+        self.frame.ask_text("Another wording", "", take, hint=f"Beside: {what_text(action)}"[:64])
+
+    def remove_field(self) -> bool:
+        """In the form of wordings, the wording under the cursor goes."""
+        action, field = self.action, self.form.current
+        if action is None or field is None or not action.is_variants or not field.id.endswith("/message"):
+            return False
+        self.frame.make(RemoveVariant(self.shown_name, action.id, int(field.id.partition("/")[0])))
+        return True

@@ -1,0 +1,99 @@
+"""The lines around every page of the editor."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+
+from rise_tui.actions import BY_ID
+from rise_tui.editor.model.draft import StudyDraft
+from rise_tui.editor.model.explored import ExploredStudy, explored_line
+from rise_tui.editor.model.top_line import finding_line, top_line
+from rise_tui.key_labels import first_key_label
+from rise_tui.rendering.text import StyledLine, StyledSpan, TextRole, crop, line_width
+from rise_tui.widgets.bars import KeyHints
+from rise_tui.widgets.static_lines import StaticLines
+
+COMMON_HINTS = {
+    "edit.undo": "undo",
+    "edit.save": "save",
+    "filter": "find",
+    "palette": "command",
+    "help": "help",
+    "edit.leave": "back",
+}
+
+
+class EditTopLine(StaticLines):
+    """Which study, EDIT, what is wrong, what is not saved."""
+
+    DEFAULT_CSS = """
+    EditTopLine { background: $rise-bar; }
+    """
+
+    def draw(self, draft: StudyDraft, busy: str) -> None:
+        self.show(top_line(draft, self.size.width, busy=busy))
+
+
+class FindingLine(StaticLines):
+    """The first thing that is wrong."""
+
+    def draw(self, draft: StudyDraft, file: str, explored: ExploredStudy, about: tuple[str, str, str]) -> None:
+        """`file`: that is shown; `about`: kind and name of the page, and the state under the cursor.
+
+        What exploring has found about these comes after what is wrong in the file, and before warnings elsewhere.
+        """
+        found = explored.about(*about)
+        is_first = bool(draft.checked.errors) or any(each.location.file == file for each in draft.findings)
+        told = explored_line(explored, draft, found)
+        line = finding_line(draft, file) if is_first or not found else told
+        line = line or told
+        number = len(draft.checked.diagnostics) + len(explored.findings)
+        if number < 2 and line_width(line) <= self.size.width:
+            self.show(line)
+            return
+        key = first_key_label(BY_ID["edit.findings"])
+        tail: StyledLine = ((f"  {key}", "key"), (f" all {number} " if number > 1 else " all of it ", "plain"))
+        self.show((*crop(line, self.size.width - line_width(tail)), *tail))
+
+
+class BannerLine(StaticLines):
+    """What is to be known all the time: that a session runs. Takes no row without it."""
+
+    DEFAULT_CSS = """
+    BannerLine { display: none; }
+    BannerLine.-shown { display: block; }
+    """
+
+    def draw(self, sentence: str) -> None:
+        self.set_class(bool(sentence), "-shown")
+        self.show(crop(((f" {sentence}", "accent"),), self.size.width))
+
+
+class EditHints(KeyHints):
+    """The keys of the page, then those of the frame."""
+
+    def draw(  # type: ignore[override]
+        self, own: Mapping[str, str], bound: Sequence[tuple[str, str]], *, stops: bool
+    ) -> None:
+        """`own`: actions of the page with their words; `bound`: keys that it binds itself."""
+        shown = {**({"stop": "STOP"} if stops else {}), **own}
+        common = {id: word for id, word in COMMON_HINTS.items() if id not in shown}
+        keys: list[tuple[list[StyledSpan], str]] = [
+            ([(f" {key}", "key"), (f" {word} ", "plain")], "") for key, word in bound
+        ]
+        self.show_pieces([*_pieces(shown), *keys, *_pieces(common)])
+
+    def draw_typing(self) -> None:  # type: ignore[override]
+        """While a field is open."""
+        words = {"enter": "done", "tab": "next field", "esc": "as it was"}
+        pieces: list[tuple[list[StyledSpan], str]] = []
+        pieces += [([(f" {key}", "key"), (f" {word} ", "plain")], "") for key, word in words.items()]
+        self.show_pieces(pieces)
+
+
+def _pieces(words: Mapping[str, str]) -> list[tuple[list[StyledSpan], str]]:
+    pieces: list[tuple[list[StyledSpan], str]] = []
+    for id, word in words.items():
+        role: TextRole = "fault" if id == "stop" else "key"
+        pieces.append(([(f" {first_key_label(BY_ID[id])}", role), (f" {word} ", "plain")], id))
+    return pieces

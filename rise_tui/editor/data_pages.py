@@ -1,0 +1,262 @@
+"""Memory, keys and settings: one form each, in which rows are added, renamed and taken away."""
+
+from __future__ import annotations
+
+from abc import abstractmethod
+from collections.abc import Mapping, Sequence
+from functools import partial
+from typing import ClassVar
+
+from textual.app import ComposeResult
+from textual.widget import Widget
+
+from rise_engine.author.edit.edits import RemoveStartValue, Rename, RenameSetting, SetSetting, SetStartValue
+from rise_engine.author.edit.plan import EditRefused
+from rise_tui.editor.form_page import FormPage
+from rise_tui.editor.model.data_fields import (
+    SCENARIO_FILE,
+    Addition,
+    additions,
+    key_choices,
+    key_fields,
+    memory_fields,
+    new_key_edits,
+    setting_fields,
+)
+from rise_tui.editor.model.draft import FilePlace, count, is_study_alone
+from rise_tui.editor.model.fields import EditField
+from rise_tui.editor.page import EditFrame
+from rise_tui.rendering.text import StyledLine, crop
+from rise_tui.widgets.static_lines import StaticLines
+
+
+class DataPage(FormPage):
+    """A form that fills the page."""
+
+    DEFAULT_CSS = """
+    DataPage #head { background: $rise-bar; }
+    """
+    TITLE: ClassVar[str]
+    EMPTY: ClassVar[str]
+    """What is said, and how the first one is made, where there is nothing."""
+
+    def __init__(self, frame: EditFrame, name: str = "") -> None:
+        super().__init__(frame, name)
+        self.head = StaticLines(id="head")
+        self._wanted = ""
+
+    def compose(self) -> ComposeResult:
+        yield self.head
+        yield self.form
+
+    @property
+    def first_focus(self) -> Widget | None:
+        return self.form.rows
+
+    def count_text(self, fields: Sequence[EditField]) -> str:
+        """How many there are."""
+        return count(len(fields), "value")
+
+    @abstractmethod
+    def make_fields(self) -> Sequence[EditField]:
+        """All fields, from the draft."""
+
+    def draw(self) -> None:
+        fields = self.make_fields()
+        note = self.EMPTY if not fields else self.count_text(fields) if not self._wanted else f"find {self._wanted}"
+        head: StyledLine = ((f" {self.TITLE}", "strong"), (f"  {note}", "muted"))
+        self.head.show(crop(head, max(20, self.size.width)))
+        wanted = self._wanted.casefold()
+        self.form.show([each for each in fields if wanted in f"{each.label} {each.text} {each.note}".casefold()])
+        if self.form.rows.cursor < 0:
+            self.form.rows.move_cursor(0, by_wizard=False)
+
+    def filter(self, text: str) -> None:
+        self._wanted = text
+        self.draw()
+
+    def leave(self) -> bool:
+        had, self._wanted = bool(self._wanted), ""
+        if had:
+            self.draw()
+        return had
+
+    def carry_out(self, action: str) -> bool:
+        calls = {"edit.add": self.add, "edit.rename": self.rename, "edit.wording": self.relabel}
+        if action in calls and action in self.hints:
+            calls[action]()
+            return True
+        return self.carry_out_in_form(action)
+
+    def add(self) -> None:
+        """A new row."""
+
+    def rename(self) -> None:
+        """The row under the cursor under another name."""
+
+    def relabel(self) -> None:
+        """What the row under the cursor is called on the console."""
+
+    def go_to(self, id: str) -> None:
+        """Put the cursor on a field."""
+        self.form.rows.select(id)
+        self.frame.draw_bars()
+
+
+class MemoryPage(DataPage):
+    """Start values."""
+
+    KIND: ClassVar[str] = "memory"
+    TITLE, EMPTY = "MEMORY", "no start values yet: a adds a key"
+
+    def count_text(self, fields: Sequence[EditField]) -> str:
+        return f"{count(len(fields), 'key')} with a start value"
+
+    @property
+    def hints(self) -> Mapping[str, str]:
+        return {"edit.open": "change", "edit.add": "add", "edit.rename": "rename", "edit.remove": "remove"}
+
+    def make_fields(self) -> Sequence[EditField]:
+        return memory_fields(self.draft)
+
+    @property
+    def place(self) -> FilePlace | None:
+        field = self.form.current
+        where = self.draft.checked.draft.memory_key_locations.get(field.id) if field is not None else None
+        return FilePlace(where.file, where.line, where.line) if where is not None else FilePlace("memory.json", 1, 1)
+
+    def add(self) -> None:
+        def take(key: str) -> None:
+            if key in self.draft.checked.draft.memory:
+                self.frame.say(f"there is a key {key} already", "wait")
+                self.go_to(key)
+                return
+            self.frame.make(SetStartValue(key, ""), then=lambda: self._type_value(key))
+
+        self.frame.ask_text("A new key", "", take, hint="Its name, as conditions and texts call it: score, side.")
+
+    def _type_value(self, key: str) -> None:
+        self.go_to(key)
+        self.form.open_current()
+
+    def rename(self) -> None:
+        if (field := self.form.current) is not None:
+            number = sum(not use.defines for use in self.draft.uses.of("key", field.id))
+            self.frame.ask_text(
+                f"Rename the key {field.id}", field.id,
+                lambda new: self.frame.make(*([Rename("key", field.id, new)] if new != field.id else [])),
+                hint=f"Also in the {count(number, 'place')} that name it.",
+            )  # fmt: skip
+
+    def remove_field(self) -> bool:
+        if (field := self.form.current) is not None:
+            self.frame.make(RemoveStartValue(field.id))
+        return True
+
+
+class KeysPage(DataPage):
+    """The keys of the keyboard."""
+
+    KIND: ClassVar[str] = "keys"
+    TITLE, EMPTY = "KEYS", "no keys yet: a adds one"
+
+    def count_text(self, fields: Sequence[EditField]) -> str:
+        return count(len(fields), "key")
+
+    @property
+    def hints(self) -> Mapping[str, str]:
+        words = {"edit.open": "change", "edit.add": "add", "edit.rename": "key"}
+        return {**words, "edit.wording": "label", "edit.remove": "remove"}
+
+    def make_fields(self) -> Sequence[EditField]:
+        return key_fields(self.draft)
+
+    @property
+    def place(self) -> FilePlace | None:
+        field, scenario = self.form.current, self.draft.checked.scenario
+        for key in scenario.keys.values() if scenario is not None else ():
+            if field is not None and key.label == field.label:
+                return FilePlace(key.location.file, key.location.line, key.location.line)
+        return FilePlace(SCENARIO_FILE, 1, 1)
+
+    def add(self) -> None:
+        def take(key: str) -> None:
+            def chosen(value: str) -> None:
+                try:
+                    edits = new_key_edits(key, value)
+                except EditRefused as refused:
+                    self.frame.say(str(refused), "wait")
+                else:
+                    self.frame.make(*edits, then=lambda: self.go_to(key))
+
+            taken = next((each for each in key_fields(self.draft) if each.id == key), None)
+            if taken is not None:
+                self.frame.say(f"the key {key} is taken: {taken.text}; enter changes what it does", "wait")
+                self.go_to(key)
+            else:
+                title = f"What does {key} do? A name, or: set score = 1"
+                self.frame.choose(title, key_choices(self.draft), chosen, new="as it is typed")
+
+        self.frame.ask_text("A new key", "", take, hint="A letter, a digit or a sign: p, 7, .")
+
+    def rename(self) -> None:
+        if (field := self.form.current) is not None:
+            self.frame.ask_text(
+                f"Another key instead of {field.id}", field.id,
+                lambda new: self.frame.make(*([RenameSetting(("keys", field.id), new)] if new != field.id else [])),
+                hint="A letter, a digit or a sign.",
+            )  # fmt: skip
+
+    def relabel(self) -> None:
+        if (field := self.form.current) is not None:
+            now = field.note.partition("”")[0].lstrip("“") if field.note.startswith("“") else ""
+            self.frame.ask_text(
+                f"Label of {field.id}", now,
+                lambda label: self.frame.make(SetSetting(("keys", field.id, "label"), label)),
+                hint="One or two words, as the wizard's screen shows them.",
+            )  # fmt: skip
+
+
+class SettingsPage(DataPage):
+    """What scenario.toml and study.toml say."""
+
+    KIND: ClassVar[str] = "settings"
+    TITLE, EMPTY = "SETTINGS", "scenario.toml cannot be read: e opens it"
+
+    @property
+    def hints(self) -> Mapping[str, str]:
+        add = "check, factor" if is_study_alone(self.draft) else "of an act"
+        return {"edit.open": "change", "edit.add": add, "edit.remove": "clear"}
+
+    def make_fields(self) -> Sequence[EditField]:
+        return setting_fields(self.draft)
+
+    def add(self) -> None:
+        """How an act is treated; of a study, a check, a factor, a level, or what a level changes."""
+        found = {each.choice.value: each for each in additions(self.draft)}
+
+        def take(chosen: str) -> None:
+            addition = found[chosen]
+            if addition.title:
+                self.frame.ask_text(addition.title, "", partial(self._add, addition), hint=addition.hint)
+            else:
+                self._add(addition, "")
+
+        if found:
+            self.frame.choose("What is added?", [each.choice for each in found.values()], take)
+        else:
+            self.frame.say("there is no act yet whose treatment could be set", "wait")
+
+    def _add(self, addition: Addition, typed: str) -> None:
+        try:
+            edit, id = addition.make(typed)
+        except EditRefused as refused:
+            self.frame.say(str(refused), "wait")
+        else:
+            self.frame.make(edit, then=lambda: self.go_to(id))
+
+    @property
+    def place(self) -> FilePlace | None:
+        field = self.form.current
+        file = field.id.partition("\0")[0] if field is not None and "\0" in field.id else SCENARIO_FILE
+        return FilePlace(file, 1, 1)

@@ -1,0 +1,74 @@
+"""Exploring beside the editor: in a process of its own, of the files as they are saved, when they have been."""
+
+from __future__ import annotations
+
+import asyncio
+import contextlib
+import os
+import sys
+from collections.abc import Awaitable, Callable
+from datetime import datetime
+from typing import TypeAlias
+
+from msgspec.structs import replace
+
+from rise_tui.editor.model.draft import StudyDraft
+from rise_tui.editor.model.explored import ExploredStudy, read_explored
+
+QUIET_SECONDS = 3.0
+"""How long after the study was opened or saved it begins: who has just saved may well go on at once."""
+_NICENESS = 10
+"""The process gets what the editor, and a session elsewhere, leave."""
+
+Explorer: TypeAlias = Callable[[str], Awaitable[ExploredStudy | None]]
+"""Explores the study in a folder; None: it could not be."""
+
+
+async def explore_saved(folder: str, *, after: float = QUIET_SECONDS) -> ExploredStudy | None:
+    """What `rise-engine check --deep` finds in a folder, some seconds from now.
+
+    The process is ended when nobody waits for it any more. None: the study has errors, or the process has failed.
+    """
+    await asyncio.sleep(after)
+    at = f"{datetime.now():%H:%M}"
+    arguments = [sys.executable, "-m", "rise_engine", "check", folder, "--deep", "--json"]
+    quiet = asyncio.subprocess.DEVNULL
+    process = await asyncio.create_subprocess_exec(
+        *arguments, stdin=quiet, stdout=asyncio.subprocess.PIPE, stderr=quiet
+    )
+    try:
+        with contextlib.suppress(OSError):
+            os.setpriority(os.PRIO_PROCESS, process.pid, _NICENESS)
+        printed, _ = await process.communicate()
+    finally:
+        if process.returncode is None:
+            with contextlib.suppress(ProcessLookupError):
+                process.kill()
+            await process.wait()
+    return read_explored(printed, at)
+
+
+class ExploringBeside:
+    """What exploring has found in the study that is open, asked for anew when it has been saved."""
+
+    def __init__(self, explorer: Explorer | None) -> None:
+        """`explorer`: None: nobody explores."""
+        self._explorer = explorer
+        self.found = ExploredStudy()
+
+    def ask(self, draft: StudyDraft) -> bool:
+        """Whether what is saved is to be explored: not with errors, as far as they are known here."""
+        has_errors = bool(draft.checked.errors) and not draft.changed_files
+        is_asked = self._explorer is not None and not has_errors
+        self.found = replace(self.found, is_asked_again=is_asked, has_failed=False)
+        return is_asked
+
+    async def explore(self, draft: StudyDraft) -> None:
+        """Explore the files as they are saved now."""
+        if self._explorer is None:
+            return
+        found = await self._explorer(draft.folder)
+        if found is not None:
+            self.found = replace(found, files=draft.saved)
+        else:
+            self.found = replace(self.found, is_asked_again=False, has_failed=True)

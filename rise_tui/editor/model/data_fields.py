@@ -1,0 +1,329 @@
+"""Memory, keys and settings as fields of a form."""
+
+from __future__ import annotations
+
+import json
+import tomllib
+from collections.abc import Callable, Iterator, Mapping
+from functools import partial
+from pathlib import Path
+from typing import Any, NamedTuple
+
+from rise_engine.author.edit.edits import AnyEdit, SetSetting, SetStartValue
+from rise_engine.author.edit.outline import WrittenAct
+from rise_engine.author.edit.plan import EditRefused
+from rise_engine.scenario.model import Json
+from rise_engine.scenario.robot_profiles import robot_names
+from rise_tui.editor.model.act_rows import said_text
+from rise_tui.editor.model.draft import StudyDraft, count, is_study_alone
+from rise_tui.editor.model.fields import EditField, FieldChoice, no_edits
+from rise_tui.rendering.text import format_value, json_type_name, parse_typed_value
+
+SCENARIO_FILE, STUDY_FILE = "scenario.toml", "study.toml"
+KEY_KINDS = ("act", "rule", "event", "set")
+"""What a key of the keyboard can do, as [keys] calls it."""
+USUAL_SETTINGS: tuple[tuple[str, str, tuple[str, ...]], ...] = (
+    ("title", "what the study is called", ()),
+    ("robot", "the name of a profile", ()),
+    ("mode", "debug: a simulated robot", ("debug", "real")),
+    ("language", "of what is said: en, de, …", ()),
+    ("on_failure", "when an act fails", ("go_on", "ask", "repeat:1", "repeat:2")),
+)
+"""Settings that are offered although they are not given: name, what it is, what can be chosen."""
+ACT_SETTINGS: tuple[tuple[str, Json, str], ...] = (
+    ("calling_type", "None", "runs beside other acts and gives way to them"),
+    ("filler", True, "something small to bridge a pause: offered with the key ,"),
+    ("hold", True, "its key has to be pressed twice, so that no slip starts it"),
+    ("on_failure", "repeat:1", "a failure: it is started once more"),
+    ("on_failure", "ask", "a failure: the console asks what to do"),
+)
+"""What can be set for one act: setting, value, what that means."""
+
+
+def memory_fields(draft: StudyDraft) -> list[EditField]:
+    """Each key with its start value, its type, and how often it is named."""
+    return [
+        EditField(key, key, "text", "" if value == "" else format_value(value), edits=partial(_start_value, key),
+                  note=f"{json_type_name(value)}; {_used(draft, key)}")
+        for key, value in draft.checked.draft.memory.items()
+    ]  # fmt: skip
+
+
+def _used(draft: StudyDraft, key: str) -> str:
+    number = sum(not use.defines for use in draft.uses.of("key", key))
+    return f"named in {count(number, 'place')}" if number else "nobody names it"
+
+
+def _start_value(key: str, text: str | None) -> tuple[AnyEdit, ...]:
+    value, _, remark = parse_typed_value(text or "")
+    if remark:
+        raise EditRefused(remark)
+    return (SetStartValue(key, value),)
+
+
+# --- keys -------------------------------------------------------------------------------------------------------------
+
+
+def toml_values(draft: StudyDraft, file: str) -> dict[str, Any]:
+    """What a TOML file says; nothing while it cannot be read."""
+    try:
+        return tomllib.loads(draft.files.get(file, b"").decode("utf-8-sig"))
+    except (tomllib.TOMLDecodeError, UnicodeDecodeError):
+        return {}
+
+
+def key_choices(draft: StudyDraft) -> list[FieldChoice]:
+    """All that a key can start or raise, each as `KIND NAME`."""
+    outline = draft.outline
+    found = [FieldChoice(f"act {act.name}", f"act {act.name}", said_text(act)) for act in outline.acts]
+    found += [FieldChoice(f"rule {rule.name}", f"rule {rule.name}", count(len(rule.states), "state"))
+              for rule in outline.rules]  # fmt: skip
+    waits = {way.form.event.lstrip("/") for rule in outline.rules for state in rule.states
+             for way in state.transitions if way.form.event}  # fmt: skip
+    ends = {f"{name}_end" for name in (*(act.name for act in outline.acts), *(rule.name for rule in outline.rules))}
+    found += [
+        FieldChoice(f"event /{event}", f"event /{event}", "a rule waits for it") for event in sorted(waits - ends)
+    ]
+    return found
+
+
+def key_fields(draft: StudyDraft) -> list[EditField]:
+    """Each key of the keyboard with what it does and its label."""
+    keys, choices = toml_values(draft, SCENARIO_FILE).get("keys", {}), key_choices(draft)
+    fields = []
+    for key, binding in keys.items() if isinstance(keys, dict) else ():
+        entry: Mapping[str, Any] = binding if isinstance(binding, dict) else {}
+        kind = next((each for each in KEY_KINDS if each in entry), "")
+        text = f"{kind} {entry[kind]}" if kind else ""
+        more = {name: value for name, value in entry.items() if name not in (kind, "label")}
+        label = entry.get("label", "")
+        note = f"“{label}”" if label else ""
+        note += "".join(f"  {name} = {json.dumps(value, ensure_ascii=False)}" for name, value in more.items())
+        fields.append(
+            EditField(key, key, "choice", text, choices=choices, required=False, is_free=True, note=note,
+                      reason="" if kind else "it is written in a way that has no form: e",
+                      edits=partial(_key_edits, key, entry))
+        )  # fmt: skip
+    return fields
+
+
+def new_key_edits(key: str, text: str) -> tuple[AnyEdit, ...]:
+    """A key of the keyboard that does nothing yet does this: `act R_Hello`, `set score = 1`.
+
+    :raises EditRefused: it is nothing that a key can do.
+    """
+    return _key_edits(key, {}, text)
+
+
+def _key_edits(key: str, entry: Mapping[str, Any], text: str | None) -> tuple[AnyEdit, ...]:
+    """The key does something else; a label was for what it did before."""
+    if text is None:
+        return (SetSetting(("keys", key), None),)
+    kind, _, name = text.partition(" ")
+    if kind not in KEY_KINDS or not name.strip():
+        raise EditRefused(f"a key is for an act, a rule, an event, or set: “act NAME”, “set score = 1”; not “{text}”")
+    before = next((each for each in KEY_KINDS if each in entry), "")
+    if kind == before:
+        return (SetSetting(("keys", key, kind), name.strip()),)
+    return (SetSetting(("keys", key), {kind: name.strip()}),)
+
+
+# --- settings ---------------------------------------------------------------------------------------------------------
+
+
+def setting_fields(draft: StudyDraft) -> list[EditField]:
+    """What scenario.toml, and study.toml where there is one, say besides the keys."""
+    if is_study_alone(draft):
+        return list(_leaves(STUDY_FILE, toml_values(draft, STUDY_FILE)))
+    values = toml_values(draft, SCENARIO_FILE)
+    fields = []
+    for name, help, options in USUAL_SETTINGS:
+        value = values.get(name)
+        names = robot_names(Path(draft.folder)) if name == "robot" else options
+        choices = tuple(FieldChoice(each, each) for each in names)
+        fields.append(
+            EditField(name, name, "choice" if choices else "text", None if value is None else _shown(value),
+                      note=help, choices=choices, is_free=name in ("robot", "on_failure"),
+                      edits=partial(_setting, SCENARIO_FILE, (name,), str))
+        )  # fmt: skip
+    fields += [_private_field(values.get("private")), *_keep_fields(values.get("keys"))]
+    usual = {*(name for name, _, _ in USUAL_SETTINGS), "keys", "private"}
+    fields += _leaves(SCENARIO_FILE, {name: value for name, value in values.items() if name not in usual})
+    if STUDY_FILE in draft.files:
+        fields += _leaves(STUDY_FILE, toml_values(draft, STUDY_FILE))
+    for path, data in draft.above.items():
+        fields += _shown_only(path, data)
+    return fields
+
+
+def _private_field(given: Any) -> EditField:
+    """The memory keys that are about a person, with commas between."""
+
+    def edits(text: str | None) -> tuple[AnyEdit, ...]:
+        keys = [each.strip() for each in (text or "").split(",") if each.strip()]
+        return (SetSetting(("private",), keys or None),)
+
+    shown = ", ".join(map(str, given)) if isinstance(given, list) else None
+    return EditField("private", "private", "text", shown, note="memory keys about a person: name, age", edits=edits)
+
+
+def _keep_fields(keys: Any) -> Iterator[EditField]:
+    """How long the event of each key is kept until a rule waits for it."""
+    for key, entry in keys.items() if isinstance(keys, dict) else ():
+        if isinstance(entry, dict) and "event" in entry:
+            keep = entry.get("keep")
+            yield EditField(
+                f"keep\0{key}", f"keep of {key}", "text", None if keep is None else _shown(keep),
+                note=f"how long {entry['event']} waits for a rule: 3s", edits=partial(_keep, key),
+            )  # fmt: skip
+
+
+def _keep(key: str, text: str | None) -> tuple[AnyEdit, ...]:
+    return (SetSetting(("keys", key, "keep"), text or None),)
+
+
+def _shown_only(path: str, data: bytes) -> Iterator[EditField]:
+    """What the study.toml of a folder above says: it belongs to the whole study, and a plan may be made from it."""
+    yield EditField(path, "study", shown=path, note="of which this scenario is a part; e opens it")
+    try:
+        values = tomllib.loads(data.decode("utf-8-sig"))
+    except (ValueError, RecursionError):
+        yield EditField(f"{path}\0", "study", shown="it cannot be read", note="rise-engine study check says why")
+        return
+    for field in _leaves(path, values):
+        yield field._replace(kind="fixed", edits=no_edits, note=f"{field.label}; study.toml above")
+
+
+class Addition(NamedTuple):
+    """An entry that can be added to the settings."""
+
+    choice: FieldChoice
+    make: Callable[[str], tuple[SetSetting, str]]
+    """The edit, from what was typed, and the id of the field that shows it then."""
+    title: str = ""
+    """What the question for it is called; empty: nothing has to be typed."""
+    hint: str = ""
+
+
+def additions(draft: StudyDraft) -> list[Addition]:
+    """All that can be added to scenario.toml, and to study.toml where there is one."""
+    found = [
+        Addition(FieldChoice(f"{each.name} {setting} {value}", f"{each.name}  {setting} = {_shown(value)}", help),
+                 partial(_add, SCENARIO_FILE, ("act", each.name, setting), value))
+        for each, setting, value, help in _missing_act_settings(draft)
+    ]  # fmt: skip
+    return found + (list(_study_additions(toml_values(draft, STUDY_FILE))) if STUDY_FILE in draft.files else [])
+
+
+def _add(file: str, path: tuple[str, ...], value: Json, _typed: str = "") -> tuple[SetSetting, str]:
+    return SetSetting(path, value, file=file), "\0".join((file, *path))
+
+
+def _missing_act_settings(draft: StudyDraft) -> Iterator[tuple[WrittenAct, str, Json, str]]:
+    """What can be set for single acts and is not so yet."""
+    given = _table(toml_values(draft, SCENARIO_FILE).get("act"))
+    for act in draft.outline.acts:
+        for setting, value, help in ACT_SETTINGS:
+            if _table(given.get(act.name)).get(setting) != value:
+                yield act, setting, value, help
+
+
+def _study_additions(values: Mapping[str, Any]) -> Iterator[Addition]:
+    """Of a study: a check, a factor, and for each factor a level and what a level changes."""
+
+    def add_check(typed: str) -> tuple[SetSetting, str]:
+        given = values.get("check")
+        number = len(given) if isinstance(given, list) else 0
+        value: Json = {"id": f"check{number + 1}", "ask": typed, "when": "before"}
+        edit = (
+            SetSetting(("check", str(number)), value, file=STUDY_FILE)
+            if number
+            else SetSetting(("check",), [value], file=STUDY_FILE)
+        )
+        return edit, f"{STUDY_FILE}\0check\0{number}\0id"
+
+    def add_factor(typed: str) -> tuple[SetSetting, str]:
+        name, _, listed = typed.partition(":")
+        levels = [each.strip() for each in listed.split(",") if each.strip()]
+        if not name.strip() or len(set(levels)) < 2:
+            raise EditRefused(f"A factor has a name and at least two levels: “noise: quiet, loud”; not “{typed}”")
+        value: Json = {"kind": "between", "levels": {each: {} for each in levels}}
+        edit, id = _add(STUDY_FILE, ("factors", name.strip()), value)
+        return edit, f"{id}\0kind"
+
+    def add_level(factor: str, typed: str) -> tuple[SetSetting, str]:
+        if typed in _table(_table(factors.get(factor)).get("levels")):
+            raise EditRefused(f"{factor} has a level “{typed}” already")
+        return _add(STUDY_FILE, ("factors", factor, "levels", typed), {})
+
+    def add_value(factor: str, level: str, typed: str) -> tuple[SetSetting, str]:
+        key, equals, text = (each.strip() for each in typed.partition("="))
+        value, _, problem = parse_typed_value(text)
+        if not key or not equals or problem:
+            raise EditRefused(problem or f"Write a memory key and its value: “distraction = true”; not “{typed}”")
+        return _add(STUDY_FILE, ("factors", factor, "levels", level, "memory", key), value)
+
+    yield Addition(FieldChoice("check", "a check", "somebody confirms it before a session"), add_check, "A new check",
+                   "What somebody confirms before a session: The door is closed")  # fmt: skip
+    yield Addition(FieldChoice("factor", "a factor", "what differs between sessions"), add_factor, "A new factor",
+                   "Its name and its levels: noise: quiet, loud")  # fmt: skip
+    factors = _table(values.get("factors"))
+    for factor, table in factors.items():
+        levels = _table(_table(table).get("levels"))
+        yield Addition(FieldChoice(f"level {factor}", f"a level of {factor}", "beside " + ", ".join(levels)),
+                       partial(add_level, factor), f"A new level of {factor}", "Its name: loud")  # fmt: skip
+        for level in levels:
+            yield Addition(
+                FieldChoice(f"value {factor} {level}", f"a start value of {factor} = {level}", "in its sessions only"),
+                partial(add_value, factor, level), f"A start value of {factor} = {level}",
+                "A memory key and its value: distraction = true")  # fmt: skip
+
+
+def _table(value: Any) -> Mapping[str, Any]:
+    return value if isinstance(value, dict) else {}
+
+
+def _leaves(file: str, values: Mapping[str, Any], path: tuple[str, ...] = ()) -> Iterator[EditField]:
+    for name, value in values.items():
+        at = (*path, name)
+        if isinstance(value, dict) and value:
+            yield from _leaves(file, value, at)
+        elif isinstance(value, list) and value and all(isinstance(each, dict) for each in value):
+            for number, each in enumerate(value):
+                yield from _leaves(file, each, (*at, str(number)))
+        elif _is_plain(value):
+            yield EditField(
+                f"{file}\0" + "\0".join(at), ".".join(at), "text", _shown(value),
+                note=f"{'.'.join(at)}, {json_type_name(value)}; {file}" if path else f"{json_type_name(value)}; {file}",
+                edits=partial(_setting, file, at, str if isinstance(value, str) else type(value)),
+            )  # fmt: skip
+        else:
+            label = ".".join(at)
+            shown, note = ("nothing", f"{label}; a adds a start value") if value == {} else ("…", "e opens the file")
+            yield EditField("\0".join((file, *at)), label, "fixed", shown=shown, note=note)
+
+
+def _is_plain(value: Any) -> bool:
+    if isinstance(value, list):
+        return all(isinstance(each, str | int | float | bool) for each in value)
+    return isinstance(value, str | int | float | bool)
+
+
+def _shown(value: Any) -> str:
+    return value if isinstance(value, str) else format_value(value)
+
+
+def _setting(file: str, path: tuple[str, ...], kind: type, text: str | None) -> tuple[AnyEdit, ...]:
+    """A text stays a text, whatever it looks like; anything else stays what it is."""
+    if text is None or kind is str:
+        return (SetSetting(path, text, file=file),)
+    value, name, _ = parse_typed_value(text)
+    both = isinstance(value, int | float) and not isinstance(value, bool) and kind in (int, float)
+    if not both and not isinstance(value, kind):
+        wanted = json_type_name(kind())
+        article = "an" if wanted[0] in "aeiou" else "a"
+        raise EditRefused(f"{'.'.join(path)} is {article} {wanted}; “{text}” is {name}")
+    return (SetSetting(path, value, file=file),)
+
+
+# --- tables -----------------------------------------------------------------------------------------------------------

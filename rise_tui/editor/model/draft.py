@@ -1,0 +1,108 @@
+"""A study as the editor shows it at one moment."""
+
+from __future__ import annotations
+
+import tomllib
+from collections.abc import Sequence
+from functools import lru_cache
+from typing import NamedTuple
+
+from msgspec import Struct
+
+from rise_engine.author.edit.outline import Outline
+from rise_engine.author.edit.plan import Files
+from rise_engine.author.edit.workspace import Change, Workspace
+from rise_engine.scenario.diagnostics import Diagnostic
+from rise_engine.scenario.file_names import SCENARIO_FILE, STUDY_FILE
+from rise_engine.scenario.loader import LoadResult
+from rise_engine.scenario.uses import Uses
+
+
+@lru_cache(maxsize=4)
+def written_title(data: bytes) -> str:
+    """The title in a scenario.toml: also while there is an error elsewhere. Empty: it has none, or cannot be read."""
+    try:
+        title = tomllib.loads(data.decode("utf-8-sig")).get("title")
+    except (ValueError, RecursionError):
+        return ""
+    return title if isinstance(title, str) else ""
+
+
+class StudyDraft(Struct, frozen=True):
+    """The files with all changes, what they say, and what is wrong with them; all of the same moment."""
+
+    folder: str
+    files: Files
+    saved: Files
+    outline: Outline
+    checked: LoadResult
+    uses: Uses
+    changes: Sequence[Change]
+    above: Files = {}
+    """The study.toml of a folder above, by its path: shown, and not changed here."""
+
+    @property
+    def title(self) -> str:
+        """What the study is called."""
+        scenario = self.checked.scenario
+        title = scenario.title if scenario is not None else written_title(self.files.get(SCENARIO_FILE, b""))
+        if is_study_alone(self):
+            title = written_title(self.files[STUDY_FILE])
+        return title or self.folder.rstrip("/").rpartition("/")[2]
+
+    @property
+    def findings(self) -> list[Diagnostic]:
+        """All of them, errors first."""
+        return sorted(self.checked.diagnostics, key=lambda each: each.severity != "error")
+
+    @property
+    def changed_files(self) -> list[str]:
+        """Names of files that differ from what is saved."""
+        names = {*self.files, *self.saved}
+        return sorted(name for name in names if self.files.get(name) != self.saved.get(name))
+
+
+def is_study_alone(draft: StudyDraft) -> bool:
+    """Whether the files are those of a study of participants whose scenarios are edited apart."""
+    return STUDY_FILE in draft.files and SCENARIO_FILE not in draft.files
+
+
+def first_new_finding(draft: StudyDraft, checked: LoadResult, *, but: Sequence[str] = ()) -> Diagnostic | None:
+    """What would be wrong with a study that is not wrong now: an error before a warning. None: nothing.
+
+    :param checked: as the study would be. :param but: codes of findings that are not meant.
+    """
+    known = {(each.code, each.message) for each in draft.checked.diagnostics}
+    new = [each for each in checked.diagnostics if (each.code, each.message) not in known and each.code not in but]
+    return next((each for each in new if each.severity == "error"), new[0] if new else None)
+
+
+class FilePlace(NamedTuple):
+    """A stretch of lines of a file, from 1."""
+
+    file: str
+    line: int
+    end: int
+
+
+def draft_of(workspace: Workspace) -> StudyDraft:
+    """What a workspace holds now. Blocks as it does."""
+    return StudyDraft(
+        str(workspace.folder),
+        workspace.files,
+        workspace.saved,
+        workspace.outline,
+        workspace.checked,
+        workspace.uses,
+        tuple(workspace.changes),
+        workspace.above,
+    )
+
+
+def count(number: int, thing: str, things: str = "") -> str:
+    """A number and what is counted.
+
+    >>> count(1, "change"), count(2, "change"), count(3, "way", "ways out")
+    ('1 change', '2 changes', '3 ways out')
+    """
+    return f"{number} {thing if number == 1 else things or thing + 's'}"

@@ -1,0 +1,178 @@
+"""What exploring has found in the study, as the editor shows it. Pure."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping, Sequence
+
+import msgspec
+from msgspec import Struct
+
+from rise_engine.base.text import clean, pluralize
+from rise_engine.scenario.diagnostics import Diagnostic
+from rise_engine.scenario.model import SourceLocation
+from rise_engine.syntax.xml_layout import line_start
+from rise_tui.editor.model.draft import StudyDraft
+from rise_tui.editor.model.study_rows import find_at
+from rise_tui.rendering.text import ListRow, StyledLine, TextRole, wrap
+
+
+class ExploredPlace(Struct, frozen=True):
+    """A finding of exploring (`rise-engine check --deep --json`)."""
+
+    level: str
+    text: str
+    file: str = ""
+    line: int = 0
+    column: int = 1
+    rule: str = ""
+    state: str = ""
+    act: str = ""
+    key: str = ""
+    way: tuple[str, ...] = ()
+    """How a session comes there, a sentence for each step."""
+
+    @property
+    def mark(self) -> str:
+        return "✗" if self.level == "problem" else "▲"
+
+    @property
+    def role(self) -> TextRole:
+        return "fault" if self.level == "problem" else "wait"
+
+
+class ExploredStudy(Struct, frozen=True):
+    """What came of exploring the files as they were saved."""
+
+    findings: tuple[ExploredPlace, ...] = ()
+    """Without remarks."""
+    situations: int = 0
+    complete: bool = True
+    at: str = ""
+    """When it was begun: `14:05`; empty: nothing was explored yet."""
+    files: Mapping[str, bytes] = {}
+    """As they were saved then."""
+    is_asked_again: bool = False
+    """Whether it is being explored anew."""
+    has_failed: bool = False
+    """Whether it could not be explored the last time."""
+
+    def is_of(self, draft: StudyDraft) -> bool:
+        """Whether it is about what stands on the screen."""
+        return self.files == draft.files
+
+    def word(self, draft: StudyDraft) -> str:
+        """The word before a finding, which says from where it comes, and of when it is if that is not now."""
+        return f"{'exploring again' if self.is_asked_again else 'explored'}{self._when(draft)}"
+
+    def _when(self, draft: StudyDraft) -> str:
+        return "" if self.is_of(draft) else f" (as saved at {self.at})"
+
+    def about(self, kind: str, name: str, state: str = "") -> list[ExploredPlace]:
+        """What is to be told on a page: of a rule that about the state under the cursor first, then about all of it."""
+        match kind:
+            case "rule":
+                own = [finding for finding in self.findings if finding.rule == name]
+                return sorted(own, key=lambda finding: (finding.state != state, finding.state != ""))
+            case "act":
+                return [finding for finding in self.findings if finding.act == name]
+            case "keys":
+                return [finding for finding in self.findings if finding.key]
+            case _:
+                return []
+
+    def seen(self, draft: StudyDraft) -> str:
+        """How much was looked at, and of when that is; empty: nothing was."""
+        if not self.at:
+            return ""
+        number = f"{self.situations:,} {'situation' if self.situations == 1 else 'situations'}"
+        return f"explored {number}{'' if self.complete else ', not all'}{self._when(draft)}"
+
+    def sentence(self, draft: StudyDraft) -> str:
+        """What came of it; empty: nothing was explored."""
+        if self.has_failed:
+            return "what is saved could not be explored: `rise-engine explore` says why"
+        again = "; exploring again" if self.is_asked_again else ""
+        return f"{self.seen(draft)}: {self._found}{again}" if self.at else ""
+
+    @property
+    def _found(self) -> str:
+        problems = sum(finding.level == "problem" for finding in self.findings)
+        warnings = len(self.findings) - problems
+        found = [pluralize(problems, "problem")] if problems else []
+        found += [pluralize(warnings, "warning")] if warnings else []
+        return " and ".join(found) or "nothing found that is wrong"
+
+
+def read_explored(document: bytes, at: str) -> ExploredStudy | None:
+    """What the program has printed; None: the study has errors, or for another reason nothing was explored."""
+    try:
+        explored = msgspec.json.decode(document)["explored"]
+        findings = msgspec.convert(explored["findings"], tuple[ExploredPlace, ...])
+        shown = tuple(finding for finding in findings if finding.level != "remark")
+        return ExploredStudy(shown, explored["situations"], explored["complete"], at)
+    except (msgspec.DecodeError, msgspec.ValidationError, KeyError):
+        return None
+
+
+def explored_line(explored: ExploredStudy, draft: StudyDraft, findings: Sequence[ExploredPlace]) -> StyledLine:
+    """The first of these findings; without one what came of exploring in all, which is quiet if that is nothing."""
+    if findings:
+        first = findings[0]
+        return ((f" {first.mark} {explored.word(draft)}: ", first.role), (clean(first.text), first.role))
+    sentence = explored.sentence(draft)
+    if not sentence:
+        return ()
+    return ((f" {sentence}", "wait" if explored.findings else "muted"),)
+
+
+def explored_rows(finding: ExploredPlace, width: int) -> list[ListRow]:
+    """All of a finding: its sentence, and how a session comes to that, step by step."""
+    rows = [ListRow("", ((f" {line}", finding.role),), selectable=False) for line in wrap(finding.text, width - 2)]
+    rows.append(ListRow("", (), selectable=False))
+    rows.append(ListRow("", ((" HOW A SESSION COMES TO THAT", "accent"),), selectable=False))
+    for number, step in enumerate(finding.way, 1):
+        for at, line in enumerate(wrap(step, max(20, width - 6))):
+            head = f" {number:>2}. " if at == 0 else "     "
+            rows.append(ListRow("", ((head, "muted"), (line, "plain")), selectable=False))
+    return rows
+
+
+def find_explored(draft: StudyDraft, finding: ExploredPlace) -> tuple[str, str] | None:
+    """Which page shows what a finding is about: its kind and name. By names, since lines move with each change."""
+    outline = draft.outline
+    if finding.rule and (finding.state or not finding.act):
+        return ("rule", f"{finding.rule}\0{finding.state}") if outline.rule(finding.rule) is not None else None
+    if finding.act:
+        return ("act", finding.act) if outline.act(finding.act) is not None else None
+    if finding.key:
+        return "keys", ""
+    return find_at(draft, finding.file, finding.line) if finding.file else None
+
+
+def findings_in_rules(explored: ExploredStudy, draft: StudyDraft) -> list[Diagnostic]:
+    """What was found in rules, as if the check had found it at the place where that stands now."""
+    return [
+        Diagnostic(
+            "error" if finding.level == "problem" else "warning",
+            "explored",
+            f"{explored.word(draft)}: {finding.text}",
+            place,
+        )
+        for finding in explored.findings
+        for place in _places(finding, draft, is_of=explored.is_of(draft))
+    ]
+
+
+def _places(finding: ExploredPlace, draft: StudyDraft, *, is_of: bool) -> Iterator[SourceLocation]:
+    """Where a finding is about a state or a way: nowhere, or once."""
+    rule = draft.outline.rule(finding.rule) if finding.rule else None
+    if rule is None or not finding.state:
+        return
+    if is_of and finding.file == rule.file:
+        yield SourceLocation(finding.file, finding.line, finding.column)
+        return
+    for state in rule.states:
+        if state.id == finding.state:
+            start = state.node.start
+            yield SourceLocation(rule.file, state.line, start - line_start(state.node.tree.text, start) + 1)
+            return

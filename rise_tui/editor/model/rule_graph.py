@@ -1,0 +1,152 @@
+"""A rule's drawn graph with a cursor over its states and ways. Pure.
+
+The drawing is the console's; here it is made of what is written, right or wrong, and every way can be chosen.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import NamedTuple
+
+from rise_engine.author.drawing.state_graph import GraphLayout, GraphRow, edge_path, lay_out_graph
+from rise_engine.author.edit.outline import WrittenRule, WrittenTransition
+from rise_engine.expression import Expression
+from rise_engine.expression.nodes import Literal as LiteralNode
+from rise_engine.scenario.diagnostics import Severity
+from rise_engine.scenario.durations import parse_time
+from rise_engine.scenario.model import Delay, Rule, State, Transition, normal_topic
+from rise_engine.syntax.xml_writing import one_line
+from rise_tui.model.state_drawing import GraphPosition, draw_state_graph
+from rise_tui.rendering.text import ListRow, StyledLine, StyledSpan, TextRole, crop
+
+MARGIN = 2
+"""Cells left of the drawing, for the mark of a finding."""
+SEVERITY_MARKS: dict[Severity, StyledSpan] = {"error": ("✗ ", "fault"), "warning": ("▲ ", "wait")}
+
+
+class GraphSpot(NamedTuple):
+    """Where the cursor is: on a state, or on one of its ways out."""
+
+    state: str
+    way: int = -1
+    """The way's number; -1: the state."""
+
+    @property
+    def id(self) -> str:
+        return f"way:{self.way}:{self.state}" if self.way >= 0 else f"state:{self.state}"
+
+
+def parse_spot(id: str) -> GraphSpot | None:
+    """The place that a row's id names."""
+    kind, _, rest = id.partition(":")
+    if kind == "state":
+        return GraphSpot(rest)
+    if kind == "way":
+        number, _, state = rest.partition(":")
+        return GraphSpot(state, int(number))
+    return None
+
+
+def drawn_rule(rule: WrittenRule) -> Rule:
+    """A rule as its drawing needs it: what is wrong in it is drawn as it is written."""
+    states: dict[str, State] = {}
+    for state in rule.states:
+        states.setdefault(state.id, State(state.id, transitions=tuple(map(_drawn_transition, state.transitions))))
+    return Rule(rule.name, rule.initial, states)
+
+
+def lay_out_rule(rule: WrittenRule, width: int) -> GraphLayout | None:
+    """The layout in so many cells; None for a rule without states."""
+    drawn = drawn_rule(rule)
+    return lay_out_graph(drawn, max(20, width - MARGIN)) if drawn.states else None
+
+
+def draw_rule(layout: GraphLayout, spot: GraphSpot | None, marks: Mapping[GraphSpot, Severity]) -> list[ListRow]:
+    """The rows, each with its place as id; a row that has a state and its way is called by the one that is chosen.
+
+    :param spot: where the cursor is: its way's rail is shown to the arrow.
+    :param marks: places with findings.
+    """
+    chosen = layout.edges.get((spot.state, spot.way)) if spot is not None else None
+    path = set(edge_path(layout, chosen)) if chosen is not None else set[tuple[int, int]]()
+    rows = []
+    for index, (row, drawn) in enumerate(zip(layout.rows, draw_state_graph(layout, GraphPosition()), strict=True)):
+        here = row_spots(row)
+        shown = spot if spot in here else here[0]
+        line = _recolour(drawn.line, {column for at, column in path if at == index})
+        if spot in here and len(here) > 1:
+            line = _emphasize(line, way=shown.way >= 0)
+        found = [marks[each] for each in here if each in marks]
+        mark: StyledSpan = SEVERITY_MARKS["error" if "error" in found else "warning"] if found else ("  ", "plain")
+        rows.append(ListRow(shown.id, crop((mark, *line), layout.width + MARGIN)))
+    return rows
+
+
+def row_spots(row: GraphRow) -> tuple[GraphSpot, ...]:
+    """The places of a row: a state, a way, or a state and its way down."""
+    if row.edge is None:
+        return (GraphSpot(row.state),)
+    way = GraphSpot(row.edge.source, row.edge.number)
+    return (GraphSpot(row.state), way) if row.is_state else (way,)
+
+
+def beside(layout: GraphLayout, spot: GraphSpot, step: int) -> GraphSpot:
+    """The place at the right (1) or left (-1) of one in its row; itself where there is none."""
+    for row in layout.rows:
+        here = row_spots(row)
+        if spot in here:
+            return here[min(max(here.index(spot) + step, 0), len(here) - 1)]
+    return spot
+
+
+def valid_spot(layout: GraphLayout, rule: WrittenRule, spot: GraphSpot | None) -> GraphSpot:
+    """The place, or the nearest that is still there."""
+    if spot is not None and spot.state in layout.row_of:
+        if spot.way < 0 or (spot.state, spot.way) in layout.edges:
+            return spot
+        return GraphSpot(spot.state)
+    return GraphSpot(rule.initial if rule.initial in layout.row_of else rule.states[0].id)
+
+
+def _drawn_transition(way: WrittenTransition) -> Transition:
+    form = way.form
+    return Transition(
+        event=normal_topic(form.event) if form.event is not None else None,
+        condition=_as_expression(form.condition),
+        after=Delay(form.after.strip(), parse_time(form.after)) if form.after is not None else None,
+        target=form.target.strip() if form.target is not None else None,
+        ended=form.ended.strip() if form.ended is not None else None,
+        outcomes=tuple(each for each in ("succeeded", "failed", "stopped") if each in form.outcomes),
+        held=_as_expression(form.held),
+    )
+
+
+def _as_expression(text: str | None) -> Expression | None:
+    """A condition for its label alone: it need not be one that can be read."""
+    return None if text is None else Expression(one_line(text), LiteralNode(True), frozenset(), frozenset())
+
+
+def _recolour(line: StyledLine, columns: set[int]) -> StyledLine:
+    """The line with these cells of its rails in the cursor's role."""
+    if not columns:
+        return line
+    spans: list[StyledSpan] = []
+    at = 0
+    for text, role in line:
+        if at > max(columns):
+            spans.append((text, role))
+        else:
+            spans += [(character, "accent" if at + i in columns else role) for i, character in enumerate(text)]
+        at += len(text)
+    return tuple(spans)
+
+
+def _emphasize(line: StyledLine, *, way: bool) -> StyledLine:
+    """A row with a state and its way: the one that is chosen is bright, the other is not."""
+    at = next((index for index, (text, _) in enumerate(line) if text == " ↓ "), len(line))
+    muted: TextRole = "muted"
+    if way:
+        return (*((text, muted) for text, _ in line[:at]), *((text, "accent") for text, _ in line[at:]))
+    name = next((index for index, (text, role) in enumerate(line[:at]) if role == "plain" and text.strip()), at)
+    kept = [(text, "accent" if index == name else role) for index, (text, role) in enumerate(line[:at])]
+    return (*kept, *((text, muted) for text, _ in line[at:]))

@@ -1,0 +1,329 @@
+"""A state of a rule as one list: what it does when it is entered, its ways out, what it does when it is left. Pure.
+
+Blocks are an indented list with a line for each condition. Each row knows what it stands for, so that a key can add,
+change, move or remove it.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from typing import Literal, NamedTuple, TypeAlias
+
+from rise_engine.author.edit.edits import (
+    AddBranch,
+    AddStatement,
+    AnyEdit,
+    CallForm,
+    MoveStatement,
+    MoveTransition,
+    RemoveStatement,
+    RemoveTransition,
+    StatementAddress,
+    StatementForm,
+    StatementPlace,
+)
+from rise_engine.author.edit.outline import (
+    Outline,
+    WrittenState,
+    WrittenStatement,
+    WrittenTransition,
+    WrittenUse,
+)
+from rise_engine.author.edit.rule_words import (
+    ONE_OF,
+    branch_words,
+    call_words,
+    trigger_words,
+)
+from rise_engine.syntax.xml_writing import one_line
+
+PartKind: TypeAlias = Literal["heading", "call", "if", "branch", "choice", "way", "other", "empty", "parameter"]
+MOST_LEVELS = 4
+"""Blocks within each other that the list shows; what is deeper is changed in the file."""
+
+
+class PartRow(NamedTuple):
+    """One row of the list."""
+
+    kind: PartKind
+    text: str
+    depth: int = 0
+    at: StatementAddress | None = None
+    """Of a statement or a branch; of a heading, a way or an empty place, where one more in it would stand."""
+    way: int = -1
+    """The number of the way out that the row is, or belongs to."""
+    siblings: int = 0
+    """How many stand beside it."""
+    reason: str = ""
+    """Why a form cannot change it."""
+    guard: str = ""
+    """Of a way: what must hold besides. Of an arm: its condition. Of a parameter: what is to be known of it."""
+    target: str | None = None
+    """Of a way: where it leads. Of a parameter: its name."""
+    in_arm: bool = False
+    """Of a function: it stands in an arm of an `if`."""
+    line: int = 0
+    """In the file; 0: it has none of its own."""
+
+    @property
+    def id(self) -> str:
+        """The same for the same thing as long as nothing before it is added or removed."""
+        named = self.kind not in ("heading", "way") and self.at is not None
+        path = ".".join(map(str, self.at.path)) if named and self.at is not None else ""
+        place = self.at.place if self.at is not None else ""
+        return f"{self.kind}:{place}:{self.way}:{path or (self.target if self.kind == 'parameter' else '')}"
+
+
+def state_parts(rule: str, state: WrittenState, use: WrittenUse | None = None) -> list[PartRow]:
+    """The list of a state.
+
+    :param use: the `<use>` that it comes from.
+    """
+    rows = [*_parameters(use)] if use is not None else []
+    rows += [*_block(rule, state, "onEntry", state.on_entry, "WHEN IT IS ENTERED")]
+    rows.append(PartRow("heading", "WAYS OUT" if state.transitions else "WAYS OUT   none: here the rule ends", way=-1))
+    for number, way in enumerate(state.transitions):
+        rows += _way(rule, state, number, way)
+    rows += _block(rule, state, "onExit", state.on_exit, "WHEN IT IS LEFT")
+    return rows
+
+
+def use_of(outline: Outline, state: WrittenState) -> WrittenUse | None:
+    """The `<use>` that a state comes from."""
+    if not state.template:
+        return None
+    place = state.file, state.node.start
+    return next((use for use in outline.uses if (use.file, use.node.start) == place), None)
+
+
+def add_statement(row: PartRow, statement: StatementForm, *, behind: bool = False) -> AddStatement | None:
+    """A new statement for the place of the cursor: behind a function, last in a block, first in an arm.
+
+    :param behind: behind the whole block in which the cursor stands, instead.
+    :returns: None where no function can stand.
+    """
+    at = row.at
+    if at is None or row.reason or row.kind == "other":
+        return None
+    if row.kind in ("heading", "way", "empty"):
+        if behind and row.kind == "empty":  # behind the `if`: without the number of the arm and that in it
+            at = _behind(_with_path(at, at.path[:-2]))
+        return AddStatement(at, statement)
+    if row.kind == "call":
+        if not behind or len(at.path) == 1:
+            return AddStatement(_behind(at), statement)
+        return AddStatement(_behind(_with_path(at, at.path[: -2 if row.in_arm else -1])), statement)
+    if behind:
+        return AddStatement(_behind(_with_path(at, at.path[:-1]) if row.kind == "branch" else at), statement)
+    inside = (*at.path, 0, 0) if row.kind == "if" else (*at.path, 0)
+    return AddStatement(_with_path(at, inside), statement)
+
+
+def add_branch(row: PartRow, parts: Sequence[PartRow], condition: str | None) -> AddBranch | None:
+    """Another arm of the `if` in which the cursor stands: a condition before its `else`, or that (None)."""
+    head = _head_of(row, parts)
+    if head is None or head.at is None:
+        return None
+    arms = [each for each in parts if each.kind == "branch" and each.at is not None and _is_arm(each.at, head.at)]
+    has_else = bool(arms) and arms[-1].text.startswith("otherwise") and not arms[-1].guard
+    if condition is None and has_else:
+        return None
+    number = 1 + len(arms) - (1 if has_else else 0)
+    return AddBranch(_with_path(head.at, (*head.at.path, number)), condition)
+
+
+def id_of_call(at: StatementAddress) -> str:
+    """The row of the function at an address."""
+    return PartRow("call", "", at=at, way=at.transition if at.place == "transition" else -1).id
+
+
+def removal(row: PartRow, state: WrittenState, rule: str) -> AnyEdit | None:
+    """What takes away the row and all that is in it; None: nothing can be taken away here."""
+    if row.kind == "way":
+        return RemoveTransition(rule, state.id, row.way, state.transitions[row.way].form)
+    if row.kind in ("call", "if", "branch", "choice", "other") and row.at is not None and not row.reason:
+        return RemoveStatement(row.at)
+    return None
+
+
+def movement(row: PartRow, state: WrittenState, rule: str, step: int) -> AnyEdit | None:
+    """What moves the row among those it stands with; None: it stands at the end, or has no order."""
+    if row.reason:
+        return None
+    if row.kind == "way":
+        to = row.way + step
+        own = len([way for way in state.transitions if not way.shared_by])
+        if not 0 <= to < own or state.transitions[row.way].shared_by:
+            return None
+        return MoveTransition(rule, state.id, row.way, state.transitions[row.way].form, to)
+    if row.kind in ("call", "if", "choice", "other") and row.at is not None:
+        to = row.at.path[-1] + step
+        return MoveStatement(row.at, to) if 0 <= to < row.siblings else None
+    return None
+
+
+def statement_at(state: WrittenState, address: StatementAddress) -> WrittenStatement | None:
+    """The statement at an address; None for a branch, and for what is not there."""
+    block = block_of(state, address)
+    path = list(address.path)
+    while path:
+        number = path.pop(0)
+        if not 0 <= number < len(block):
+            return None
+        statement = block[number]
+        if not path:
+            return statement
+        if statement.branches:
+            arm = path.pop(0)
+            if not path or not 0 <= arm < len(statement.branches):
+                return None
+            block = statement.branches[arm].statements
+        else:
+            block = statement.choices
+    return None
+
+
+def block_of(state: WrittenState, address: StatementAddress) -> tuple[WrittenStatement, ...]:
+    """The outermost statements of the place that an address names."""
+    if address.place == "onEntry":
+        return state.on_entry
+    if address.place == "onExit":
+        return state.on_exit
+    ways = state.transitions
+    return ways[address.transition].statements if 0 <= address.transition < len(ways) else ()
+
+
+def _parameters(use: WrittenUse) -> Iterator[PartRow]:
+    """What is given to a template, by which its states differ."""
+    yield PartRow(
+        "heading", f"FROM THE TEMPLATE {use.template}", reason="a template's name stands in the file", line=use.line
+    )
+    for name in dict.fromkeys((*use.parameters, *use.values)):
+        value, default = use.values.get(name), use.parameters.get(name)
+        text = f"{name} = {value.text}" if value is not None else f"{name} = {default or '–'}"
+        known = name in use.parameters or not use.parameters
+        note = "" if value is not None else "as the template says" if default is not None else "must be given"
+        reason = (value.reason if value is not None else "") if known else "the template has no such parameter"
+        yield PartRow("parameter", text, 1, reason=reason, guard=note, target=name, line=use.line)
+
+
+def _block(
+    rule: str, state: WrittenState, place: StatementPlace, statements: tuple[WrittenStatement, ...], title: str
+) -> Iterator[PartRow]:
+    last = StatementAddress(rule, state.id, place, path=(len(statements),))
+    yield PartRow("heading", title if statements else f"{title}   –", at=last, reason=state.reason)
+    yield from _statements(statements, StatementAddress(rule, state.id, place), 1, -1, state.reason)
+
+
+def _way(rule: str, state: WrittenState, number: int, way: WrittenTransition) -> Iterator[PartRow]:
+    reason, form = way.reason, way.form
+    has_trigger = form.event is not None or form.ended is not None or form.after is not None
+    guard = one_line(form.condition) if form.condition is not None and has_trigger else ""
+    place = StatementAddress(rule, state.id, "transition", number, (len(way.statements),))
+    yield PartRow(
+        "way",
+        f"{number + 1} {trigger_words(form)}",
+        at=place,
+        way=number,
+        siblings=len(state.transitions),
+        reason=reason,
+        guard=guard,
+        target=form.target.strip() if form.target is not None else None,
+        line=way.line,
+    )
+    yield from _statements(way.statements, StatementAddress(rule, state.id, "transition", number), 2, number, reason)
+
+
+def _statements(
+    statements: tuple[WrittenStatement, ...],
+    block: StatementAddress,
+    depth: int,
+    way: int,
+    reason: str,
+    *,
+    in_arm: bool = False,
+) -> Iterator[PartRow]:
+    """The rows of a block."""
+    for number, statement in enumerate(statements):
+        at = _with_path(block, (*block.path, number))
+        why = reason or statement.reason
+        row = PartRow("other", "", depth, at, way, len(statements), why, in_arm=in_arm, line=statement.line)
+        if statement.call is not None:
+            yield row._replace(kind="call", text=call_words(statement.call))
+        elif statement.branches:
+            yield from _branches(statement, row)
+        elif statement.template:
+            yield row._replace(text=f"the template {statement.template} brings")
+            yield from _statements(statement.brings, at, depth + 1, way, why)
+        elif statement.choices or not statement.reason:
+            yield row._replace(kind="choice", text=ONE_OF)
+            if depth <= MOST_LEVELS:
+                yield from _statements(statement.choices, at, depth + 1, way, why)
+            else:
+                yield _too_deep(row)
+        else:
+            yield row._replace(text=statement.reason)
+
+
+def _branches(statement: WrittenStatement, row: PartRow) -> Iterator[PartRow]:
+    """The arms of an `if`, each with what is in it."""
+    assert row.at is not None
+    for number, branch in enumerate(statement.branches):
+        at = _with_path(row.at, (*row.at.path, number))
+        reason = row.reason or branch.reason
+        text = branch_words(branch, first=number == 0)
+        if number == 0:
+            yield row._replace(kind="if", text=text, guard=branch.condition or "")
+        else:
+            yield row._replace(
+                kind="branch", text=text, at=at, guard=branch.condition or "", reason=reason, line=branch.line
+            )
+        if row.depth > MOST_LEVELS:
+            yield _too_deep(row)
+        elif branch.statements:
+            yield from _statements(branch.statements, at, row.depth + 1, row.way, reason, in_arm=True)
+        else:
+            empty = _with_path(at, (*at.path, 0))
+            yield PartRow("empty", "nothing yet", row.depth + 1, empty, row.way, reason=reason)
+
+
+def _too_deep(row: PartRow) -> PartRow:
+    return PartRow("other", "… more within: e opens the file", row.depth + 1, None, row.way, line=row.line)
+
+
+def _head_of(row: PartRow, parts: Sequence[PartRow]) -> PartRow | None:
+    """The `if` that a row is, or is in, the nearest."""
+    if row.at is None or row.kind in ("heading", "way"):
+        return None
+    heads = [
+        each
+        for each in parts
+        if each.kind == "if"
+        and each.at is not None
+        and each.way == row.way
+        and each.at.place == row.at.place
+        and row.at.path[: len(each.at.path)] == each.at.path
+    ]
+    return max(heads, key=lambda each: each.depth, default=None)
+
+
+def _is_arm(at: StatementAddress, of: StatementAddress) -> bool:
+    """Whether a branch's address is that of an arm of the `if` at `of`."""
+    same_block = (at.place, at.transition) == (of.place, of.transition)
+    return same_block and len(at.path) == len(of.path) + 1 and at.path[:-1] == of.path
+
+
+def _behind(at: StatementAddress) -> StatementAddress:
+    return _with_path(at, (*at.path[:-1], at.path[-1] + 1))
+
+
+def _with_path(at: StatementAddress, path: tuple[int, ...]) -> StatementAddress:
+    return StatementAddress(at.rule, at.state, at.place, at.transition, path)
+
+
+def call_at(state: WrittenState, row: PartRow) -> CallForm | None:
+    """The function that a row is."""
+    if row.kind != "call" or row.at is None:
+        return None
+    statement = statement_at(state, row.at)
+    return statement.call if statement is not None else None

@@ -1,0 +1,198 @@
+"""The names of a study that forms offer and check against: acts, rules, states, events, memory keys. Pure."""
+
+from __future__ import annotations
+
+import tomllib
+from collections.abc import Iterator, Mapping
+from typing import Any, NamedTuple
+
+from rise_engine.author.edit.edits import CallForm
+from rise_engine.author.edit.outline import Outline, WrittenRule, WrittenStatement
+from rise_engine.author.edit.plan import Files
+from rise_engine.scenario.cross_references import ACT_END_SUFFIXES
+from rise_engine.scenario.draft import ScenarioDraft
+from rise_engine.scenario.memory_paths import MemoryPaths
+from rise_engine.scenario.model import CUE_TOPICS, SESSION, Json, normal_topic
+
+SCENARIO_FILE = "scenario.toml"
+
+
+class NameChoice(NamedTuple):
+    """A name that can be chosen, and what is to be known of it."""
+
+    name: str
+    note: str = ""
+
+
+class StudyNames(NamedTuple):
+    """What exists in a study, right or wrong."""
+
+    outline: Outline
+    memory: Mapping[str, Json]
+    """The start values, with the tables."""
+    set_keys: frozenset[str]
+    """Memory keys that rules, keys of the keyboard or conditions set."""
+    tables: frozenset[str]
+    raised: Mapping[str, tuple[str, ...]]
+    """Events (without slash) that are raised, each with who raises it: `rule Next`, `key n`; none: it is not known."""
+    awaited: frozenset[str]
+    keyboard: Mapping[str, Any]
+    """`[keys]` of scenario.toml, as it is written."""
+
+    @property
+    def acts(self) -> list[str]:
+        return list(dict.fromkeys(act.name for act in self.outline.acts if act.name))
+
+    @property
+    def rules(self) -> list[str]:
+        return list(dict.fromkeys(rule.name for rule in self.outline.rules if rule.name))
+
+    @property
+    def memory_paths(self) -> MemoryPaths:
+        return MemoryPaths({**self.memory, SESSION: None}, self.set_keys)
+
+    def states_of(self, rule: str) -> list[str]:
+        """The states of a rule, in the file's order; none for a rule that there is not."""
+        found = self.outline.rule(rule)
+        return [state.id for state in found.states] if found is not None else []
+
+    def engine_event(self, event: str) -> str:
+        """For an event that the engine raises by itself, when it does so; empty for others."""
+        event = normal_topic(event)
+        for suffix, when in ENGINE_ENDINGS.items():
+            name = event.removesuffix(suffix)
+            if name != event and (name in self.acts or (suffix == "_end" and name in self.rules)):
+                return f"raised by itself when {name} {when}"
+        for rule in self.outline.rules:
+            state = event.removeprefix(f"{rule.name}_")
+            if any(each.id == state and not each.transitions for each in rule.states):
+                return f"raised by itself when the rule {rule.name} ends in {state}"
+        if event in CUE_TOPICS:
+            return "the participant's cue" if event == CUE_TOPICS[0] else "raised when the cue is taken back"
+        return ""
+
+    def event_note(self, event: str) -> str:
+        """Who raises an event, in words; empty: nobody in this study."""
+        event = normal_topic(event)
+        if (by_itself := self.engine_event(event)) or event not in self.raised:
+            return by_itself
+        return f"raised by {', '.join(self.raised[event])}" if self.raised[event] else "raised in this study"
+
+    def event_choices(self) -> list[NameChoice]:
+        """Every event that can be waited for: those of the study first, then those that the engine raises."""
+        own = sorted({*self.raised, *self.awaited}, key=str.casefold)
+        known = dict.fromkeys(own)
+        engine = [*CUE_TOPICS]
+        engine += [act + suffix for act in self.acts for suffix in ACT_END_SUFFIXES]
+        engine += [f"{rule}_end" for rule in self.rules]
+        engine += [
+            f"{rule.name}_{state.id}" for rule in self.outline.rules for state in rule.states if not state.transitions
+        ]
+        return [
+            NameChoice(f"/{event}", self.event_note(event) or "nothing in this study raises it")
+            for event in (*own, *(event for event in dict.fromkeys(engine) if event not in known))
+        ]
+
+    def key_choices(self) -> list[NameChoice]:
+        """Every memory key that a condition can ask for, with its value at the start."""
+        names = dict.fromkeys((*self.memory, *sorted(self.set_keys)))
+        return [NameChoice(name, self.start_note(name)) for name in names]
+
+    def start_note(self, key: str) -> str:
+        """What a memory key is at the start, in words."""
+        if key in self.tables:
+            return f"a table of {len(self.memory[key])} rows"
+        return f"{short_value(self.memory[key])} at the start" if key in self.memory else "not there at the start"
+
+    def target_choices(self, rule: str) -> list[NameChoice]:
+        """The states of a rule that a way can lead to."""
+        found = self.outline.rule(rule)
+        states = found.states if found is not None else ()
+        return [NameChoice(state.id, "" if state.transitions else "ends the rule") for state in states]
+
+    def act_choices(self, first: tuple[str, ...] = ()) -> list[NameChoice]:
+        """The acts, those of `first` in front."""
+        mine = [name for name in dict.fromkeys(first) if name in self.acts]
+        names = (*mine, *(name for name in self.acts if name not in mine))
+        return [NameChoice(name, "started by this rule" if name in mine else "") for name in names]
+
+    def rule_choices(self) -> list[NameChoice]:
+        return [NameChoice(name, f"{len(self.states_of(name))} states") for name in self.rules]
+
+
+ENGINE_ENDINGS = {"_end": "ends", "_succeeded": "succeeds", "_failed": "fails", "_stopped": "is stopped"}
+
+
+def study_names(outline: Outline, draft: ScenarioDraft, files: Files) -> StudyNames:
+    """What exists in a study, from what could be read of it."""
+    raised: dict[str, list[str]] = {}
+    for mention in draft.raised_topics:
+        raised.setdefault(normal_topic(mention.name), [])
+    for rule in outline.rules:
+        for call in calls_of_rule(rule):
+            if call.function == "raiseEventTopic":
+                raised.setdefault(normal_topic(call.argument), []).append(f"rule {rule.name}")
+    keyboard = _keyboard(files)
+    for key, binding in keyboard.items():
+        if isinstance(binding, dict) and isinstance(binding.get("event"), str):
+            raised.setdefault(normal_topic(binding["event"]), []).append(f"key {key}")
+    tables = {name: table.records for name, table in draft.tables.items()}
+    set_keys = {mention.name for mention in (*draft.key_writes, *draft.part_writes, *draft.condition_values)}
+    return StudyNames(
+        outline,
+        {**draft.memory, **tables},
+        frozenset(set_keys),
+        frozenset(tables),
+        {event: tuple(dict.fromkeys(by)) for event, by in raised.items() if event},
+        frozenset(normal_topic(mention.name) for mention in draft.awaited_topics) - {""},
+        keyboard,
+    )
+
+
+def calls_of_rule(rule: WrittenRule) -> Iterator[CallForm]:
+    """Every function that stands anywhere in a rule."""
+    for state in rule.states:
+        for block in (state.on_entry, state.on_exit, *(way.statements for way in state.transitions)):
+            yield from _calls_in(block)
+
+
+def _calls_in(statements: tuple[WrittenStatement, ...]) -> Iterator[CallForm]:
+    for statement in statements:
+        if statement.call is not None:
+            yield statement.call
+        yield from _calls_in((*statement.choices, *statement.brings))
+        for branch in statement.branches:
+            yield from _calls_in(branch.statements)
+
+
+def acts_started_by(rule: WrittenRule) -> tuple[str, ...]:
+    """The acts that a rule starts, in the file's order."""
+    calls = calls_of_rule(rule)
+    return tuple(dict.fromkeys(call.argument for call in calls if call.function == "startCommunicationRobotAct"))
+
+
+def short_value(value: Json) -> str:
+    """A value beside others: of a list or an object, how much there is of it."""
+    match value:
+        case bool():
+            return "true" if value else "false"
+        case None:
+            return "null"
+        case str():
+            return f"“{value}”" if len(value) <= 30 else f"“{value[:29]}…”"
+        case list():
+            return f"a list of {len(value)}"
+        case dict():
+            return f"an object of {len(value)}"
+        case _:
+            return str(value)
+
+
+def _keyboard(files: Files) -> dict[str, Any]:
+    """The keys of the keyboard; none while scenario.toml cannot be read."""
+    try:
+        found = tomllib.loads(files.get(SCENARIO_FILE, b"").decode("utf-8-sig"))
+    except (tomllib.TOMLDecodeError, UnicodeDecodeError):
+        return {}
+    keys = found.get("keys", {})
+    return keys if isinstance(keys, dict) else {}

@@ -1,0 +1,250 @@
+"""The tables of a study as grids: which rows and columns there are, and what of them has room."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from functools import lru_cache
+from itertools import accumulate
+from typing import NamedTuple
+
+from rise_engine.author.edit.edits import AddColumn, AddRow, AnyEdit, ReplaceFile, SetCell, SetSetting
+from rise_engine.author.edit.plan import EditRefused
+from rise_engine.author.edit.tables import WrittenCells, table_names, written_cells
+from rise_engine.base.text import pluralize
+from rise_engine.scenario.file_names import PARTICIPANTS_FILE, STUDY_FILE
+from rise_engine.scenario.memory import is_writable_key
+from rise_engine.scenario.tables import TABLES_FOLDER
+from rise_tui.editor.model.draft import StudyDraft
+from rise_tui.rendering.text import StyledLine, StyledSpan, cell_width, clean, crop, fixed_span
+
+NUMBER = 5
+"""Cells before a row: its number."""
+LEAST, MOST = 4, 24
+"""Cells of a column where not all have as much room as they need."""
+_MEASURED = 400
+"""Rows by which the width of a column is found."""
+
+
+class GridRow(NamedTuple):
+    """A row of the page: the name of a table, its columns, or one of its rows."""
+
+    table: str
+    number: int
+    """Of a row of the table, from 0; -1: the names of its columns; -2: its own name."""
+
+
+class GridColumn(NamedTuple):
+    """A column that is in view."""
+
+    at: int
+    """Which one, from 0."""
+    width: int
+
+
+class GridTable(NamedTuple):
+    """A table, and what room it needs."""
+
+    cells: WrittenCells
+    widths: tuple[int, ...]
+    """Cells of the screen that each column needs for all that is in it."""
+
+
+class Grid(NamedTuple):
+    """All tables under each other."""
+
+    tables: dict[str, GridTable]
+    """Those that can be read."""
+    problems: dict[str, str]
+    """Why the others cannot."""
+    rows: tuple[GridRow, ...]
+
+
+def grid_of(draft: StudyDraft, wanted: str = "") -> Grid:
+    """The tables of a study.
+
+    :param wanted: only rows with this in one of their values; all where it is in the table's name.
+    """
+    tables: dict[str, GridTable] = {}
+    problems: dict[str, str] = {}
+    rows: list[GridRow] = []
+    for name in table_names(draft.files):
+        found = _cells(draft, name)
+        if isinstance(found, str):
+            problems[name] = found
+            rows.append(GridRow(name, -2))
+            continue
+        tables[name] = found
+        every = wanted.casefold() in name.casefold()
+        rows += [GridRow(name, -2), GridRow(name, -1)]
+        rows += [
+            GridRow(name, number)
+            for number, values in enumerate(found.cells.rows)
+            if every or wanted.casefold() in "\n".join(values).casefold()
+        ]
+    return Grid(tables, problems, tuple(rows))
+
+
+def _cells(draft: StudyDraft, name: str) -> GridTable | str:
+    own = tuple((file, data) for file, data in draft.files.items() if _is_of(file, name))
+    return _read_cells(name, own)
+
+
+def _is_of(file: str, name: str) -> bool:
+    if name == PARTICIPANTS_FILE:
+        return file in (PARTICIPANTS_FILE, STUDY_FILE)
+    folder, _, rest = file.rpartition("/")
+    return folder == "tables" and rest.rpartition(".")[0] == name
+
+
+@lru_cache(maxsize=16)
+def _read_cells(name: str, files: tuple[tuple[str, bytes], ...]) -> GridTable | str:
+    """Of a table, or why it cannot be read; from its files, so that no table is read for each moved cursor."""
+    try:
+        cells = written_cells(dict(files), name)
+        return GridTable(cells, _natural_widths(cells))
+    except EditRefused as refused:
+        return str(refused)
+
+
+def row_at_line(grid: Grid, place: str) -> GridRow | None:
+    """The row that stands in a line, `tables/items.csv:3`; None: none does."""
+    file, _, line = place.rpartition(":")
+    for name, table in grid.tables.items():
+        if table.cells.file == file and line.isdigit():
+            before = [number for number, first in enumerate(table.cells.lines) if first <= int(line)]
+            return GridRow(name, before[-1]) if before else GridRow(name, 0)
+    return None
+
+
+def is_selectable(grid: Grid, row: GridRow) -> bool:
+    """Whether the cursor stands on it: on rows, and on the columns of a table that has no rows yet."""
+    table = grid.tables.get(row.table)
+    return row.number >= 0 or (row.number == -1 and table is not None and not table.cells.rows)
+
+
+# --- what has room --------------------------------------------------------------------------------------------------
+
+
+def _natural_widths(table: WrittenCells) -> tuple[int, ...]:
+    shown = (table.columns, *table.rows[:_MEASURED])
+    return tuple(
+        max(LEAST, *(cell_width(clean(row[index])) for row in shown if index < len(row))) + 2
+        for index in range(len(table.columns))
+    )
+
+
+def columns_in_view(table: GridTable, column: int, width: int) -> list[GridColumn]:
+    """The columns that have room, the one with the cursor among them.
+
+    Where all have the room that they need, they have it; else none is wider than `MOST`, what is left over goes to
+    those that are cut, and columns before that of the cursor give way.
+
+    :param column: the index of the one with the cursor. :param width: cells of a row.
+    """
+    room, natural = width - NUMBER, table.widths
+    if sum(natural) <= room:
+        return [GridColumn(index, each) for index, each in enumerate(natural)]
+    widths = [min(each, MOST, room) for each in natural]
+    first = 0
+    while sum(widths[first : column + 1]) > room:
+        first += 1
+    fitting = sum(1 for total in accumulate(widths[first:]) if total <= room)
+    left = room - sum(widths[first : first + fitting])
+    while left > 0 and (cut := [at for at in range(first, first + fitting) if widths[at] < natural[at]]):
+        for at in cut:  # in equal parts, until nothing is cut or nothing is left
+            more = min(max(1, left // len(cut)), natural[at] - widths[at], left)
+            widths[at], left = widths[at] + more, left - more
+    found = [GridColumn(at, widths[at]) for at in range(first, first + fitting)]
+    if left > LEAST + 2 and first + fitting < len(widths):  # the beginning of the next one
+        found.append(GridColumn(first + fitting, left))
+    return found
+
+
+def grid_line(grid: Grid, row: GridRow, column: int, width: int, *, is_current: bool) -> StyledLine:
+    """One row of the page.
+
+    :param column: with the cursor, in the table with the cursor. :param is_current: whether that is this table's row.
+    """
+    if row.table in grid.problems:
+        return crop(((f" {row.table}", "accent"), (f"  ✗ {clean(grid.problems[row.table])}", "fault")), width)
+    table = grid.tables[row.table].cells
+    if row.number == -2:
+        size = f"{pluralize(len(table.rows), 'row')} x {pluralize(len(table.columns), 'column')}"
+        return crop(((f" {row.table}", "accent"), (f"  {size}  {table.file}", "muted")), width)
+    column = min(column, len(table.columns) - 1)
+    shown = columns_in_view(grid.tables[row.table], column, width)
+    head = f"{row.number + 1:>{NUMBER - 2}}" if row.number >= 0 else ""
+    line: list[StyledSpan] = [fixed_span(f" {head}", NUMBER, "muted")]
+    values = table.columns if row.number < 0 else table.rows[row.number]
+    for index, cells in shown:
+        value = values[index] if index < len(values) else ""
+        is_here = is_current and index == column
+        line.append(("▸" if is_here and row.number >= 0 else " ", "accent"))
+        if row.number < 0:
+            line.append(fixed_span(value, cells - 1, "accent" if is_here else "muted"))
+        else:
+            line.append(fixed_span(value, cells - 1, "strong" if is_here else "plain"))
+    return crop(tuple(line), width)
+
+
+def hidden_columns(table: GridTable, column: int, width: int) -> tuple[int, int]:
+    """How many columns are on the left and on the right of those in view."""
+    shown = columns_in_view(table, min(column, len(table.widths) - 1), width)
+    return shown[0].at, len(table.widths) - 1 - shown[-1].at
+
+
+# --- what changes them ----------------------------------------------------------------------------------------------
+
+
+def cell_problem(value: str) -> str:
+    """Why a value is changed in its file only; empty: it can be here."""
+    return "" if clean(value, keep="\n") == value else "it has characters that cannot be seen"
+
+
+def cell_edits(table: str, row: int, column: str, was: str, said: str) -> tuple[AnyEdit, ...]:
+    """What makes a cell this; nothing for what it is already."""
+    return (SetCell(table, row, column, said),) if said.strip() != was else ()
+
+
+def copied_row(name: str, table: WrittenCells, after: int) -> AddRow:
+    """A row that begins as the one before it: a table has rows without values nowhere."""
+    values: Sequence[str] = table.rows[min(after, len(table.rows) - 1)] if table.rows else ["…"] * len(table.columns)
+    return AddRow(name, dict(zip(table.columns, values, strict=False)), after + 1)
+
+
+def new_table(names: Sequence[str], name: str, columns: str) -> ReplaceFile:
+    """A table that has columns and no rows yet.
+
+    :param names: those that there are. :param columns: what somebody typed, with commas between.
+    :raises EditRefused: it cannot be called so, or is there, or has no columns, or one twice.
+    """
+    if not is_writable_key(name) or "." in name:
+        raise EditRefused(f"a table's name has letters, digits and _, and begins with a letter; not “{name}”")
+    if name.casefold() in (each.casefold() for each in names):
+        raise EditRefused(f"there is a table {name} already")
+    given = [each.strip() for each in columns.split(",")]
+    if not all(given) or len({*given}) < len(given):
+        raise EditRefused("each column has a name, and no two have the same: id, text, condition")
+    if odd := next((each for each in given if any(sign in each for sign in '";\t')), ""):
+        raise EditRefused(f"a column cannot be called “{odd}” here")
+    return ReplaceFile(f"{TABLES_FOLDER}/{name}.csv", ",".join(given) + "\n")
+
+
+def new_column(table: str, column: str, at: int, further: Sequence[str]) -> tuple[AnyEdit, ...]:
+    """A column, empty in all rows; one of participants.csv stands in study.toml, too.
+
+    :param further: the columns that `[participants]` names.
+    """
+    column = column.strip()
+    if table != PARTICIPANTS_FILE or column.startswith("consent_"):
+        return (AddColumn(table, column, at),)
+    named = SetSetting(("participants", "columns"), [*further, column], file=STUDY_FILE)
+    return AddColumn(table, column, at), *(() if column in further else (named,))
+
+
+def next_pseudonym(cells: WrittenCells) -> str:
+    """What the next participant may be called: P09 after P08; empty where nobody can say."""
+    at = cells.columns.index("participant") if "participant" in cells.columns else -1
+    last = cells.rows[-1][at] if cells.rows and at >= 0 else "P00"
+    digits = last[len(last.rstrip("0123456789")) :]
+    return f"{last[: len(last) - len(digits)]}{int(digits) + 1:0{len(digits)}}" if digits else ""

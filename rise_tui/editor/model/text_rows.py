@@ -1,0 +1,426 @@
+"""The texts of a study as rows: what is said, what it is in another language, and whether that is missing or stale."""
+
+from __future__ import annotations
+
+import shlex
+import tomllib
+from collections.abc import Sequence
+from functools import lru_cache
+from pathlib import Path
+from typing import Literal, NamedTuple, TypeAlias
+
+from msgspec.structs import replace
+
+from rise_engine.author.edit.edits import AnyEdit, SetTranslation
+from rise_engine.author.edit.originals import edit_of_original, written_original
+from rise_engine.author.edit.plan import EditRefused
+from rise_engine.scenario.durations import expected_seconds
+from rise_engine.scenario.file_names import SCENARIO_FILE
+from rise_engine.scenario.loader import LoadResult
+from rise_engine.scenario.parameters import fill_parameters
+from rise_engine.scenario.spoken_texts import SpokenText
+from rise_engine.scenario.template import MissingValueError, Template
+from rise_engine.scenario.translations import Translation, slot_problem
+from rise_tui.editor.model.draft import FilePlace, StudyDraft, count
+from rise_tui.rendering.text import (
+    ListRow,
+    StyledLine,
+    StyledSpan,
+    TextRole,
+    align_at_both_ends,
+    clean,
+    crop,
+    fixed_span,
+    format_seconds,
+    wrap,
+)
+
+TextState: TypeAlias = Literal["there", "stale", "wrong", "missing", "not needed"]
+"""Of a translation: of the text as it is, of an earlier text, with other memory values than the text, not there, not
+there and not wanted."""
+LACKING: tuple[TextState, ...] = ("stale", "wrong", "missing")
+MARKS: dict[TextState, StyledSpan] = {
+    "there": ("✓ ", "muted"),
+    "stale": ("▲ ", "wait"),
+    "wrong": ("✗ ", "fault"),
+    "missing": ("✗ ", "fault"),
+    "not needed": ("· ", "muted"),
+}
+WIDE = 100
+"""Cells from which rows also say when a text is said, and with what."""
+LABEL = 8
+"""Cells before a text that is shown whole."""
+_MEASURE = 16
+"""Cells for how long a text is."""
+ORIGINAL = "acts"
+"""What the language of the acts is called while nobody says which one it is."""
+
+
+class TextEntry(NamedTuple):
+    """A text beside its translation into one language."""
+
+    text: SpokenText
+    translation: Translation | None
+    state: TextState
+
+    @property
+    def said(self) -> str:
+        """In the other language; empty: nothing."""
+        return self.translation.template.text if self.translation is not None else ""
+
+
+class TextCounts(NamedTuple):
+    """How far a language is."""
+
+    there: int
+    stale: int
+    wrong: int
+    missing: int
+    of: int
+    """All that need a translation."""
+
+
+class TextsView(NamedTuple):
+    """What of the texts is shown, so that the page can be left and come back to."""
+
+    language: str = ""
+    id: str = ""
+    """Of the text under the cursor."""
+    only: bool = False
+    """Only what is missing, stale or wrong."""
+    wanted: str = ""
+
+    @property
+    def name(self) -> str:
+        """As pages are told what to show."""
+        return "\0".join((self.language, self.id, "only" if self.only else "", self.wanted))
+
+
+def view_named(name: str) -> TextsView:
+    """The view of this `TextsView.name`; what is left out of it is as when the page is opened."""
+    language, id, only, wanted = (name.split("\0") + [""] * 4)[:4]
+    return TextsView(language, id, only == "only", wanted)
+
+
+def own_language(draft: StudyDraft) -> str:
+    """The one that the acts are in, also while something is wrong; empty: it is not said."""
+    return _language_in(draft.files.get(SCENARIO_FILE, b""))
+
+
+@lru_cache(maxsize=4)
+def _language_in(data: bytes) -> str:
+    try:
+        found = tomllib.loads(data.decode("utf-8-sig")).get("language", "")
+    except (ValueError, RecursionError):
+        return ""
+    return found.strip() if isinstance(found, str) else ""
+
+
+def languages_of(draft: StudyDraft) -> tuple[str, ...]:
+    """Those that texts are translated into."""
+    return tuple(draft.checked.translations)
+
+
+def text_entries(draft: StudyDraft, language: str) -> list[TextEntry]:
+    """All texts in the order of the acts; without a language, none of them needs a translation."""
+    found = draft.checked.translations.get(language)
+    if found is None:
+        return [TextEntry(text, None, "not needed") for text in draft.checked.texts]
+    given = [(text, found.texts.get(text.id)) for text in draft.checked.texts]
+    return [TextEntry(text, translation, _state(text, translation)) for text, translation in given]
+
+
+def _state(text: SpokenText, translation: Translation | None) -> TextState:
+    if translation is None:
+        return "missing" if text.is_needed else "not needed"
+    if translation.of != text.text:
+        return "stale"
+    return "wrong" if slot_problem(text.template, translation.template) else "there"
+
+
+def count_texts(entries: Sequence[TextEntry]) -> TextCounts:
+    """Over all texts of a study."""
+    states = [each.state for each in entries]
+    there, stale, wrong, missing = (states.count(state) for state in ("there", *LACKING))
+    return TextCounts(there, stale, wrong, missing, there + stale + wrong + missing)
+
+
+def shown_entries(entries: Sequence[TextEntry], view: TextsView) -> list[TextEntry]:
+    """Those that a view leaves."""
+    wanted = view.wanted.casefold()
+    return [
+        each
+        for each in entries
+        if (not view.only or each.state in LACKING)
+        and wanted in f"{each.text.id}\n{each.text.text}\n{each.said}".casefold()
+    ]
+
+
+def find_text(draft: StudyDraft, file: str, line: int) -> TextsView | None:
+    """The translation that stands in a line of a file of translations."""
+    for language, found in draft.checked.translations.items():
+        if found.file == file:
+            before = [(where.line, f"{act}/{key}") for (act, key), where in found.keys.items() if where.line <= line]
+            return TextsView(language, max(before, default=(0, ""))[1])
+    return None
+
+
+# --- rows -----------------------------------------------------------------------------------------------------------
+
+
+class _Columns(NamedTuple):
+    """Cells of each column."""
+
+    act: int
+    key: int
+    when: int
+    beside: int
+    text: int
+    said: int
+
+
+def _columns(width: int, *, is_translated: bool) -> _Columns:
+    act, key, when, beside = (17, 7, 11, 22) if width >= WIDE else (13, 6, 0, 0)
+    room = width - 1 - act - 1 - key - when - beside
+    said = (room - 3) // 2 if is_translated else 0
+    return _Columns(act, key, when, beside, max(8, room - (said + 3 if said else 0)), said)
+
+
+def head_line(draft: StudyDraft, view: TextsView, entries: Sequence[TextEntry], shown: int, width: int) -> StyledLine:
+    """TEXTS, from which language into which, how far that is, and what is shown of it."""
+    own, languages = own_language(draft) or ORIGINAL, languages_of(draft)
+    left: list[StyledSpan] = [(" TEXTS", "strong"), (f"  {own}", "accent")]
+    if view.language:
+        counts = count_texts(entries)
+        at = f" ({languages.index(view.language) + 1} of {len(languages)})" if len(languages) > 1 else ""
+        left.append((f" → {view.language}{at}", "accent"))
+        left.append((f"   ✓ {counts.there}", "plain"))
+        left.append((f"   ▲ {counts.stale} changed since", "wait" if counts.stale else "muted"))
+        left += [(f"   ✗ {counts.wrong} wrong", "fault")] if counts.wrong else []
+        left.append((f"   ✗ {counts.missing} missing", "fault" if counts.missing else "muted"))
+        left.append((f"   of {counts.of}", "muted"))
+    else:
+        left.append((f"   {count(len(entries), 'text')}, in no other language: a adds one", "muted"))
+    notes = [*(["only ✗ ▲"] if view.only else []), *([f"find {view.wanted}"] if view.wanted else [])]
+    right = f"{' · '.join(notes)}: {shown} " if notes else ""
+    return align_at_both_ends(tuple(left), ((clean(right), "wait"),), width)
+
+
+def column_line(draft: StudyDraft, view: TextsView, column: int, width: int) -> StyledLine:
+    """The names of the columns; of the one that enter changes, marked.
+
+    :param column: 0: what the acts say; 1: the translation.
+    """
+    cells = _columns(width, is_translated=bool(view.language))
+    own = own_language(draft) or ORIGINAL
+    line: list[StyledSpan] = [fixed_span(" act", cells.act + 2, "muted"), fixed_span("no.", cells.key, "muted")]
+    if cells.when:
+        line += [fixed_span("when", cells.when, "muted"), fixed_span("with", cells.beside, "muted")]
+    line.append(fixed_span(f"▸{own}" if column == 0 else own, cells.text, "accent" if column == 0 else "muted"))
+    if cells.said:
+        name = f" ▸{view.language}" if column == 1 else f"  {view.language}"
+        line.append(fixed_span(f" {name}", cells.said + 3, "accent" if column == 1 else "muted"))
+    return crop(tuple(line), width)
+
+
+def text_rows(draft: StudyDraft, view: TextsView, shown: Sequence[TextEntry], column: int, width: int) -> list[ListRow]:
+    """One row for each text; the act is named where its texts begin."""
+    cells = _columns(width, is_translated=bool(view.language))
+    rows, before = [], ""
+    for each in shown:
+        text, act = each.text, each.text.act
+        line: list[StyledSpan] = [
+            (" ", "plain"),
+            fixed_span(act if act != before else "", cells.act, "strong"),
+            (" ", "plain"),
+            fixed_span(text.key, cells.key, "accent"),
+        ]
+        if cells.when:
+            line += [fixed_span(when_said(text), cells.when, "muted")]
+            line += [fixed_span(said_with(draft.checked, text), cells.beside - 1, "muted"), (" ", "plain")]
+        line.append(fixed_span(text.text, cells.text, "plain" if column == 0 else "muted"))
+        if cells.said:
+            said = each.said or ("–" if each.state == "missing" else "")
+            line += [(" ", "plain"), MARKS[each.state]]
+            line.append(fixed_span(said, cells.said, "plain" if column == 1 else "muted"))
+        rows.append(ListRow(text.id, tuple(line), full=f"{text.id} {text.text} {each.said}"))
+        before = act
+    return rows
+
+
+def when_said(text: SpokenText) -> str:
+    """When it is said in its act."""
+    return "after " + " ".join(text.action.wait_for) if text.action.wait_for else "at once"
+
+
+def said_with(checked: LoadResult, text: SpokenText) -> str:
+    """What begins at the same time; empty: nothing."""
+    act = checked.draft.acts.get(text.act)
+    found = []
+    for other in act.actions if act is not None else ():
+        if other.id != text.action.id and set(other.wait_for) == set(text.action.wait_for):
+            value = other.calls[0].parameters.get("value")
+            found.append(value.text if value is not None else other.calls[0].type)
+    return ", ".join(found)
+
+
+# --- one text, whole ------------------------------------------------------------------------------------------------
+
+
+def entry_head(draft: StudyDraft, entry: TextEntry, width: int) -> StyledLine:
+    """Which text, when it is said and with what, and where it stands."""
+    text, where = entry.text, _place_of_original(draft, entry.text)
+    beside = said_with(draft.checked, text)
+    left: StyledLine = (
+        (f" {clean(text.id)}", "accent"),
+        (f"  {when_said(text)}{f', with {clean(beside)}' if beside else ''}", "muted"),
+    )
+    return align_at_both_ends(left, ((f"{where.file}:{where.line} ", "muted"),), width)
+
+
+def whole_text(label: str, text: str, measure: str, width: int, *, is_marked: bool, role: TextRole) -> list[StyledLine]:
+    """A text over as many lines as it needs, its label before it and how long it is behind the first of them."""
+    room = max(10, width - LABEL - _MEASURE)
+    pieces = wrap(text, room)
+    mark = "▸" if is_marked else " "
+    head: StyledSpan = fixed_span(f" {mark}{label}", LABEL - 1, "accent" if is_marked else "muted")
+    lines = [align_at_both_ends((head, (" ", "plain"), (pieces[0], role)), ((f"{measure} ", "muted"),), width)]
+    return [*lines, *(((" " * LABEL, "plain"), (piece, role)) for piece in pieces[1:])]
+
+
+def original_lines(draft: StudyDraft, entry: TextEntry, width: int, *, is_marked: bool) -> list[StyledLine]:
+    """What the act says."""
+    text = entry.text
+    measure = _measure(draft.checked, text, text.template)
+    return whole_text(
+        own_language(draft) or ORIGINAL, text.text, measure, width, is_marked=is_marked, role="plain"
+    )  # fmt: skip
+
+
+def translation_lines(
+    draft: StudyDraft, entry: TextEntry, language: str, width: int, *, is_marked: bool
+) -> list[StyledLine]:
+    """What is said in another language."""
+    if entry.translation is None:
+        missing = entry.state == "missing"
+        said = "✗ not translated yet" if missing else "needs no translation"
+        return whole_text(language, said, "", width, is_marked=is_marked, role="fault" if missing else "muted")
+    measure = _measure(draft.checked, entry.text, entry.translation.template)
+    return whole_text(language, entry.said, measure, width, is_marked=is_marked, role="plain")
+
+
+def note_lines(draft: StudyDraft, entry: TextEntry, language: str, folder: str, width: int) -> list[StyledLine]:
+    """What there is to know about a text: that it has changed, its slots; and how a session is in this language.
+
+    :param folder: of the study, as a command names it from here.
+    """
+    notes: list[tuple[str, TextRole]] = []
+    if entry.state == "stale" and entry.translation is not None:
+        was = clean(entry.translation.of)
+        notes.append((f"▲ the text has changed since it was translated. It was “{was}”. s: it is right still", "wait"))
+    if entry.state == "wrong" and entry.translation is not None:
+        notes.append((f"✗ {slot_problem(entry.text.template, entry.translation.template)}", "fault"))
+    slots = list(dict.fromkeys(f"{{{slot.key}}}" for slot in entry.text.template.slots))
+    if slots:
+        notes.append((f"{', '.join(slots)}: from the memory; a translation has the same, and words behind a | in its "
+                      "language", "muted"))  # fmt: skip
+    notes.append((session_note(draft, language, folder), "muted"))
+    return [
+        ((" " * (2 if not at else 4) + piece, role),)
+        for note, role in notes
+        for at, piece in enumerate(wrap(note, width - 5))
+    ]
+
+
+def session_note(draft: StudyDraft, language: str, folder: str) -> str:
+    """How a session in a language is started."""
+    if not language:
+        return f"a session: rise-tui --config {shlex.quote(folder)}"
+    command = f"rise-tui --config {shlex.quote(folder)} --language {language}"
+    if "study.toml" in draft.files:
+        command = "the column `language` of participants.csv says it"
+    counts = count_texts(text_entries(draft, language))
+    lacking = [f"{count(counts.missing, 'text is', 'texts are')} missing"] if counts.missing else []
+    lacking += [f"{count(counts.wrong, 'text is', 'texts are')} wrong"] if counts.wrong else []
+    after = f"; refused while {' and '.join(lacking)}" if lacking else ""
+    return f"a session in {language}: {command}{after}"
+
+
+def _measure(checked: LoadResult, text: SpokenText, template: Template) -> str:
+    """How many characters it has, and about how long it takes to say."""
+    return f"{len(template.text)} · {format_seconds(said_seconds(checked, text, template))} s"
+
+
+def said_seconds(checked: LoadResult, text: SpokenText, template: Template) -> float:
+    """About how long it takes to say something in the place of a text, with the memory's start values."""
+    spec = checked.robot.actions[text.call.type]
+    call = replace(text.call, parameters={**text.call.parameters, text.parameter: template})
+    try:
+        return expected_seconds(spec, fill_parameters(call, spec, checked.draft.memory))
+    except (MissingValueError, ValueError):
+        return expected_seconds(spec, {text.parameter: template.text})
+
+
+def place_of(draft: StudyDraft, entry: TextEntry, language: str, column: int) -> FilePlace:
+    """Where a text, or its translation, stands; of one that is not there, where it will."""
+    if column == 1 and entry.translation is not None:
+        where = entry.translation.location
+        return FilePlace(where.file, where.line, where.line)
+    if column == 1 and (found := draft.checked.translations.get(language)) is not None and found.file in draft.files:
+        section = found.acts.get(entry.text.act)
+        return FilePlace(found.file, section.line if section else 1, section.line if section else 1)
+    return _place_of_original(draft, entry.text)
+
+
+def _place_of_original(draft: StudyDraft, text: SpokenText) -> FilePlace:
+    act, written = draft.outline.act(text.act), written_original(text, draft.outline)
+    if act is None or written is None:
+        where = text.action.location
+        return FilePlace(where.file, where.line, where.line)
+    return FilePlace(act.file, written.line, written.last_line)
+
+
+def folder_from(here: Path, folder: str) -> str:
+    """A folder as a command names it from `here`: relative where it lies below, else whole."""
+    path = Path(folder)
+    return path.relative_to(here).as_posix() if path.is_relative_to(here) else str(path)
+
+
+# --- what changes them ----------------------------------------------------------------------------------------------
+
+
+def original_edits(draft: StudyDraft, entry: TextEntry, said: str) -> tuple[AnyEdit, ...]:
+    """What makes the act say something else; nothing for what it says already.
+
+    :raises EditRefused: it is empty, or can be changed in its file only.
+    """
+    text, said = entry.text, " ".join(said.split())
+    if said == text.text:
+        return ()
+    if not said:
+        raise EditRefused("an act says something: an action or a wording is taken away on the act's page (j)")
+    try:
+        return (edit_of_original(text, said, draft.outline),)
+    except EditRefused as refused:
+        where = text.action.location
+        raise EditRefused(f"{refused}; e opens {where.file}, line {where.line}") from None
+
+
+def translation_edits(entry: TextEntry, language: str, said: str) -> tuple[AnyEdit, ...]:
+    """What makes it this in a language; nothing said takes the translation away."""
+    said = " ".join(said.split())
+    if said == entry.said:
+        return ()
+    return (SetTranslation(language, entry.text.act, entry.text.key, said or None),)
+
+
+def still_right_edits(entry: TextEntry, language: str) -> tuple[AnyEdit, ...]:
+    """What says of a stale translation that it holds for the text as it is now.
+
+    :raises EditRefused: it is not stale, or has other memory values than the text.
+    """
+    if entry.translation is None or entry.state != "stale":
+        raise EditRefused(f"{entry.text.id} in {language or 'another language'} is not of an earlier text")
+    if problem := slot_problem(entry.text.template, entry.translation.template):
+        raise EditRefused(f"it cannot be right still: {problem}")
+    return (SetTranslation(language, entry.text.act, entry.text.key, entry.said),)

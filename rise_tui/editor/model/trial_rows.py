@@ -1,0 +1,213 @@
+"""A trial in rows: where the rule stands, what it waits for, what can be done, what counts, what happened. Pure."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+
+from rise_engine.author.trial.happened import HappenedKind, HappenedLine
+from rise_engine.author.trial.standing import (
+    ConditionReading,
+    KeyChoice,
+    RuleStanding,
+    WayOut,
+    events_to_raise,
+    key_choices,
+    memory_that_counts,
+    running_acts,
+    standing_rules,
+)
+from rise_engine.author.trial.trial import Trial, TrialStep
+from rise_engine.scenario.model import KeyBinding, Scenario
+from rise_tui.editor.model.study_names import short_value
+from rise_tui.rendering.text import (
+    ListRow,
+    StyledLine,
+    StyledSpan,
+    TextRole,
+    align_at_both_ends,
+    crop,
+    fit,
+    wrap,
+)
+
+GO_ON = "go"
+"""The id of the row that lets time go on. Others: `way:RULE:NUMBER`, `key:NAME`, `event:TOPIC`, `set:KEY`."""
+KIND_ROLES: dict[HappenedKind, TextRole] = {
+    "done": "strong", "state": "accent", "event": "plain", "memory": "plain", "condition": "muted", "act": "plain",
+    "says": "plain", "note": "muted", "problem": "fault",
+}  # fmt: skip
+MOST_LINES = 400
+"""Lines of what happened that are shown; what is older is told as a number."""
+
+
+def clock_text(seconds: float) -> str:
+    """Virtual time: `00:52`, `1:02:07`."""
+    whole = int(seconds)
+    hours, minutes = divmod(whole // 60, 60)
+    return f"{hours}:{minutes:02}:{whole % 60:02}" if hours else f"{minutes:02}:{whole % 60:02}"
+
+
+def standing_of(trial: Trial, rule: str) -> RuleStanding | None:
+    """Where the rule stands; when it does not run, the rule that gets events first."""
+    running = standing_rules(trial)
+    return next((each for each in running if each.name == rule), running[0] if running else None)
+
+
+def head_lines(trial: Trial, rule: str, width: int) -> tuple[StyledLine, StyledLine]:
+    """That nothing of it is real, the virtual time, and where the rule stands."""
+    time: StyledLine = (("virtual time ", "muted"), (f"{clock_text(trial.now)} ", "strong"))
+    first = align_at_both_ends(
+        ((" TRY IT", "accent"), ("   no robot, no record, nothing is kept", "muted")), time, width
+    )
+    standing = standing_of(trial, rule)
+    if standing is None:
+        return first, crop(((f" {rule}", "strong"), ("  does not run", "muted")), width)
+    came = f"   from {standing.previous}" if standing.previous else ""
+    by = f" by {standing.trigger}" if standing.trigger not in ("", "start") else ""
+    where: StyledLine = ((f" {standing.name}", "strong"), ("  in ", "muted"), (standing.state, "accent"))
+    return first, crop((*where, (f"{came}{by}", "muted")), width)
+
+
+def trial_rows(trial: Trial, rule: str, width: int) -> list[ListRow]:
+    """What can be done with enter, and what is to be known for it, in at most `width` cells."""
+    standing = standing_of(trial, rule)
+    rows = [ListRow(GO_ON, crop(_go_on_line(trial), width))]
+    rows += _running_rows(trial, width)
+    if standing is not None:
+        rows.append(_heading("WAYS OUT" if standing.ways else "WAYS OUT   none: the rule ends here"))
+        for way in standing.ways:
+            rows += _way_rows(way, width)
+    keys = key_choices(trial)
+    rows += _rows_to_do(trial, [key for key in keys if key.is_awaited], width)
+    name = standing.name if standing is not None else rule
+    if name in trial.scenario.rules:
+        rows += _memory_rows(trial, name, width)
+    if others := [key for key in keys if not key.is_awaited]:
+        rows.append(_heading("OTHER KEYS OF THE STUDY"))
+        rows += [_key_row(choice, width) for choice in others]
+    return rows
+
+
+def happened_rows(lines: Sequence[HappenedLine], width: int) -> list[ListRow]:
+    """What happened, the newest last; a long line over several rows."""
+    rows = []
+    left_out = len(lines) - MOST_LINES
+    if left_out > 0:
+        rows.append(_heading(f"{left_out} lines before"))
+    before = None
+    for number, line in enumerate(lines[-MOST_LINES:]):
+        time = clock_text(line.t)
+        lead = f" {time if time != before else '':>5} "
+        key = f"key {line.key}  " if line.key else ""
+        pieces = wrap(f"{key}{line.text}", max(20, width - len(lead)))
+        for at, piece in enumerate(pieces):
+            head: StyledSpan = (lead if at == 0 else " " * len(lead), "muted")
+            id = f"{number}:{at}"
+            rows.append(ListRow(id, (head, (piece, KIND_ROLES[line.kind]))))
+        before = time
+    return rows
+
+
+def key_of(scenario: Scenario, key: str) -> KeyBinding | None:
+    """The study's key of Textual's name."""
+    return scenario.keys.get(key)
+
+
+def play_again(steps: Sequence[TrialStep], trial: Trial) -> None:
+    """Do in a new trial what was done in another: the study has changed in between."""
+    for step in steps:
+        if step.task is not None:
+            trial.submit(step.task, step.key, max(step.at, trial.now))
+        elif step.kind == "wait":
+            trial.let_pass(step.seconds)
+        else:
+            trial.go_on()
+
+
+def begin(trial: Trial, rule: str, state: str = "") -> None:
+    """Start the rule as the study does, with its key; from another state than its first, or without a key, directly."""
+    found = trial.scenario.rules.get(rule)
+    if found is None:
+        return
+    if state and state != found.initial and state in found.states:
+        trial.start_rule(rule, state)
+        return
+    keys = trial.scenario.keys.values()
+    key = next((key for key in keys if key.function == "startInteractionRule" and key.task_behavior == rule), None)
+    if key is not None:
+        trial.press(key)
+    else:
+        trial.start_rule(rule)
+
+
+def _go_on_line(trial: Trial) -> StyledLine:
+    if trial.next_at is None:
+        return ((" nothing goes on by itself: it waits for you", "muted"),)
+    return ((" let time go on until something waits", "plain"),)
+
+
+def _running_rows(trial: Trial, width: int) -> Iterator[ListRow]:
+    for act in running_acts(trial):
+        how_far = "waits its turn" if act.waits else f"{act.seconds:.1f} of {act.expected:.1f} s"
+        says = f"   says “{act.says}”" if act.says else ""
+        yield ListRow("", crop(((f"   {act.act}  {how_far}", "plain"), (says, "muted")), width), selectable=False)
+
+
+def _way_rows(way: WayOut, width: int) -> Iterator[ListRow]:
+    target = f" → {way.target}" if way.target is not None else "   stays here"
+    doing = ", ".join(f"key {key.label}" for key in way.keys) or way.now
+    left: StyledLine = ((f"   {way.index + 1} {way.label}", "plain"), (target, "muted"))
+    id = f"way:{way.index}:{way.rule}"
+    yield ListRow(id, align_at_both_ends(left, ((f"{doing} ", "key" if way.keys else "muted"),), width))
+    for reading in way.readings:
+        yield ListRow("", crop((("      ", "plain"), *_reading_spans(way, reading)), width), selectable=False)
+
+
+def _reading_spans(way: WayOut, reading: ConditionReading) -> list[StyledSpan]:
+    """A condition by its parts: `if step < 4 (step is 0) true and not understood (…) true → true`."""
+    word = "while " if reading.word == "while" else "now " if way.trigger == "condition" else "but only if "
+    spans: list[StyledSpan] = [(word, "muted")]
+    for number, part in enumerate(reading.parts):
+        if number:
+            spans.append((f" {reading.joint} ", "muted"))
+        spans.append((part.text, "plain"))
+        if part.values and part.values != part.text:
+            spans.append((f" ({part.values})", "muted"))
+        spans.append((" ✓" if part.holds else " ✗", "key" if part.holds else "wait"))
+    spans.append((f"  → {'true' if reading.holds else 'false'}", "plain"))
+    return spans
+
+
+def _rows_to_do(trial: Trial, keys: list[KeyChoice], width: int) -> Iterator[ListRow]:
+    """What would make a rule go on."""
+    events = events_to_raise(trial)
+    if keys or events:
+        yield _heading("WHAT YOU CAN DO")
+    for topic in events:
+        left: StyledLine = ((f"   raise /{topic}", "plain"), ("   no key does", "muted"))
+        yield ListRow(f"event:{topic}", crop(left, width))
+    yield from (_key_row(choice, width) for choice in keys)
+
+
+def _key_row(choice: KeyChoice, width: int) -> ListRow:
+    role: TextRole = "plain" if choice.is_awaited else "muted"
+    title = f"  {choice.title}" if choice.title and choice.title != choice.does else ""
+    key: StyledSpan = (f"   {fit(choice.key.label, 4)}", "key" if choice.is_awaited else "muted")
+    line = align_at_both_ends((key, (f"{choice.does}{title}", role)), ((f"{choice.now} ", "muted"),), width)
+    return ListRow(f"key:{choice.key.key}", line)
+
+
+def _memory_rows(trial: Trial, rule: str, width: int) -> Iterator[ListRow]:
+    lines = memory_that_counts(trial, rule)
+    if lines:
+        yield _heading("MEMORY THAT COUNTS HERE   enter sets a value")
+    for line in lines:
+        value = short_value(line.value) if line.exists else "not there"
+        when = f" {clock_text(line.changed)}" if line.changed else ""
+        left: StyledLine = ((f"   {line.key} ", "plain"), (f"= {value}", "strong" if line.exists else "wait"))
+        source = f"{line.source}{when} " if line.exists else "nothing has set it "
+        yield ListRow(f"set:{line.key}", align_at_both_ends(left, ((source, "muted"),), width))
+
+
+def _heading(text: str) -> ListRow:
+    return ListRow("", ((f" {text}", "strong"),), selectable=False)

@@ -1,0 +1,251 @@
+"""The page of a rule: its editor, and the trial of it, which stands beside it where there is room."""
+
+from __future__ import annotations
+
+import asyncio
+from collections.abc import Callable, Mapping, Sequence
+from pathlib import Path
+from typing import ClassVar
+
+from textual import on
+from textual.app import ComposeResult
+from textual.containers import Horizontal
+from textual.widget import Widget
+
+from rise_engine.author.edit.edits import AnyEdit, ReplaceFile
+from rise_engine.author.edit.outline import Outline, Written
+from rise_engine.author.trial.keeping import path_of_test, text_of_test
+from rise_engine.author.trial.trial import Trial
+from rise_engine.scenario.diagnostics import Diagnostic
+from rise_engine.scenario.model import Scenario
+from rise_tui.editor.model.draft import FilePlace, StudyDraft
+from rise_tui.editor.model.explored import findings_in_rules
+from rise_tui.editor.model.study_names import StudyNames, study_names
+from rise_tui.editor.model.trial_rows import standing_of
+from rise_tui.editor.page import EditFrame, EditPage
+from rise_tui.editor.rules.rule_editor import RuleEditor
+from rise_tui.editor.study_page import StudyPage
+from rise_tui.editor.trying.trial_view import TrialView
+from rise_tui.model.notice import Level
+from rise_tui.widgets.row_list import RowList
+
+BESIDE = 100
+"""Columns from which the trial stands beside the rule; below it takes its place."""
+
+
+class DraftStudy:
+    """The study of a frame, as the editor of a rule knows it (`rise_tui.editor.rules.rule_display.RuleStudy`)."""
+
+    def __init__(self, frame: EditFrame) -> None:
+        self._frame = frame
+        self._names: tuple[StudyDraft, StudyNames] | None = None
+
+    @property
+    def draft(self) -> StudyDraft:
+        return self._frame.study.draft
+
+    @property
+    def outline(self) -> Outline:
+        return self.draft.outline
+
+    @property
+    def names(self) -> StudyNames:
+        """Made once for each state of the files."""
+        draft = self.draft
+        if self._names is None or self._names[0] is not draft:
+            self._names = (draft, study_names(draft.outline, draft.checked.draft, draft.files))
+        return self._names[1]
+
+    @property
+    def findings(self) -> Sequence[Diagnostic]:
+        return [*self.draft.findings, *findings_in_rules(self._frame.explored, self.draft)]
+
+    @property
+    def files(self) -> Mapping[str, bytes]:
+        return self.draft.files
+
+    def make(self, *edits: AnyEdit, then: Callable[[], None] | None = None) -> None:
+        self._frame.make(*edits, then=then)
+
+    def say(self, sentence: str, level: Level = "info") -> None:
+        self._frame.say(sentence, level)
+
+
+class RulePage(EditPage):
+    """One rule. `t` tries it, `esc` leads back from the trial."""
+
+    KIND: ClassVar[str] = "rule"
+    DEFAULT_CSS = """
+    RulePage TrialView { display: none; }
+    RulePage.-trying TrialView { display: block; }
+    RulePage.-trying RuleEditor { display: none; }
+    RulePage.-trying.-beside RuleEditor { display: block; width: 1fr; }
+    RulePage.-trying.-beside TrialView { border-left: solid $rise-muted; }
+    """
+
+    def __init__(self, frame: EditFrame, name: str = "") -> None:
+        """`name`: the rule's; behind a zero character, the state on which the cursor begins."""
+        rule, _, state = name.partition("\0")
+        super().__init__(frame, rule)
+        self._study = DraftStudy(frame)
+        self.editor, self.trial = RuleEditor(self._study, rule, state), TrialView()
+
+    def compose(self) -> ComposeResult:
+        with Horizontal():
+            yield self.editor
+            yield self.trial
+
+    @property
+    def first_focus(self) -> Widget | None:
+        return self.trial.rows if self.is_trying and not self._is_beside else self.editor.graph
+
+    @property
+    def shown_state(self) -> str:
+        return self.editor.shown_state
+
+    @property
+    def still_there(self) -> bool:
+        return self.draft.outline.rule(self.shown_name) is not None
+
+    @property
+    def is_opening(self) -> bool:
+        return self.editor.panel.is_opening
+
+    @property
+    def is_typing(self) -> bool:
+        return self.editor.is_typing or self.trial.value_bar.is_open
+
+    @property
+    def hints(self) -> Mapping[str, str]:
+        return {} if self._in_trial else self.editor.hints
+
+    @property
+    def own_hints(self) -> Sequence[tuple[str, str]]:
+        return self.trial.hints() if self._in_trial else ()
+
+    @property
+    def place(self) -> FilePlace | None:
+        rule, state, spot = self.editor.rule, self.editor.state, self.editor.spot
+        if rule is None:
+            return None
+        if state is None or spot is None:
+            return _lines_of(rule)
+        if 0 <= spot.way < len(state.transitions):
+            return _lines_of(state.transitions[spot.way])
+        return _lines_of(state)
+
+    def draw(self) -> None:
+        self._place_trial()
+        self.editor.redraw()
+        scenario = self.draft.checked.scenario
+        if self.is_trying and scenario is not None:
+            self.trial.play_changed(scenario)
+        self.trial.redraw()
+
+    def filter(self, text: str) -> None:
+        self.editor.find(text)
+
+    def leave(self) -> bool:
+        if self.is_trying:
+            self._close_trial()
+            return True
+        return False
+
+    def carry_out(self, action: str) -> bool:
+        if action == "edit.other":
+            self._go_to_next_list()
+            return True
+        return not self._in_trial and self.editor.carry_out(action)
+
+    def _go_to_next_list(self) -> None:
+        lists: list[RowList] = []
+        if not self.is_trying or self._is_beside:
+            lists += [self.editor.graph, self.editor.parts]
+        if self.is_trying:
+            lists += [self.trial.rows, self.trial.lines]
+        at = next((index for index, each in enumerate(lists) if each.has_focus), -1)
+        lists[(at + 1) % len(lists)].focus()
+
+    # --- the trial ---
+
+    @property
+    def is_trying(self) -> bool:
+        return self.has_class("-trying")
+
+    @property
+    def _in_trial(self) -> bool:
+        return self.is_trying and self.trial.has_focus_within
+
+    @property
+    def _is_beside(self) -> bool:
+        return self.app.size.width >= BESIDE
+
+    @on(RuleEditor.TryRule)
+    def _try_rule(self, event: RuleEditor.TryRule) -> None:
+        event.stop()
+        scenario = self.draft.checked.scenario
+        if scenario is None:
+            error = next((each for each in self.draft.findings if each.severity == "error"), None)
+            what = f": {error.message}" if error is not None else ""
+            self.frame.say(f"it can be tried when there is no error{what}", "wait")
+            return
+        self._open_trial(scenario, event)
+
+    def _open_trial(self, scenario: Scenario, event: RuleEditor.TryRule) -> None:
+        self.add_class("-trying")
+        self._show_list(not self._is_beside)
+        self._place_trial()
+        self.trial.play(scenario, event.rule, event.state)
+        self.trial.rows.focus()
+        self.frame.draw_bars()
+
+    def _close_trial(self) -> None:
+        self.remove_class("-trying", "-beside")
+        self._show_list(True)
+        self.editor.graph.focus()
+
+    def _place_trial(self) -> None:
+        """Beside the rule the trial needs no drawing of its own: the cursor in the rule's shows where it stands."""
+        beside = self.is_trying and self._is_beside
+        self.set_class(beside, "-beside")
+        self.trial.set_class(beside, "-beside")
+
+    def _show_list(self, shown: bool) -> None:
+        """The list of the study makes room for a trial beside the rule."""
+        for page in self.screen.query(StudyPage):
+            if shown:
+                page.styles.clear_rule("display")
+            else:
+                page.styles.display = "none"
+
+    def on_unmount(self) -> None:
+        if self.is_trying:
+            self._show_list(True)
+
+    @on(TrialView.Played)
+    def _played(self, event: TrialView.Played) -> None:
+        event.stop()
+        standing = standing_of(self.trial.trial, self.shown_name) if self.trial.trial is not None else None
+        if self._is_beside and standing is not None and standing.name == self.shown_name:
+            self.editor.go_to_state(standing.state)
+        self.frame.say(event.problem, "wait" if event.problem else "info")
+        self.frame.draw_bars()
+
+    @on(TrialView.KeepAsked)
+    def _ask_to_keep(self, event: TrialView.KeepAsked) -> None:
+        event.stop()
+        hint = "What is tested, in a few words. Saved with the study; `rise-engine test` plays it."
+        self.frame.ask_text("Keep these steps as a test", "", lambda title: self._keep(event.trial, title), hint=hint)
+
+    def _keep(self, trial: Trial, title: str) -> None:
+        self.run_worker(self._write_test(trial, title), group="keep")
+
+    async def _write_test(self, trial: Trial, title: str) -> None:
+        text = await asyncio.to_thread(text_of_test, trial, title)
+        folder = Path(self.draft.folder)
+        file = path_of_test(folder, title).relative_to(folder).as_posix()
+        self.frame.make(ReplaceFile(file, text), then=lambda: self.frame.say(f"{file} is kept with the next save"))
+
+
+def _lines_of(written: Written) -> FilePlace:
+    return FilePlace(written.file, written.line, written.last_line)

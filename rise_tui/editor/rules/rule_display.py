@@ -1,0 +1,277 @@
+"""A rule in the editor: its graph above, what the chosen state does below, and the cursor in both."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+from typing import Protocol
+
+from textual import on
+from textual.app import ComposeResult
+from textual.containers import Vertical
+from textual.message import Message
+
+from rise_engine.author.drawing.state_graph import GraphLayout
+from rise_engine.author.edit.edits import (
+    AnyEdit,
+)
+from rise_engine.author.edit.outline import Outline, WrittenRule, WrittenState
+from rise_engine.base.text import pluralize
+from rise_engine.scenario.diagnostics import Diagnostic
+from rise_tui.editor.model.rule_findings import NO_FINDINGS, rule_findings
+from rise_tui.editor.model.rule_graph import (
+    SEVERITY_MARKS,
+    GraphSpot,
+    beside,
+    draw_rule,
+    lay_out_rule,
+    parse_spot,
+    valid_spot,
+)
+from rise_tui.editor.model.state_parts import (
+    PartRow,
+    state_parts,
+    use_of,
+)
+from rise_tui.editor.model.study_names import StudyNames
+from rise_tui.editor.rules.form_panel import FormPanel
+from rise_tui.editor.rules.rule_lists import PartList, RuleGraphList
+from rise_tui.model.notice import Level
+from rise_tui.rendering.text import ListRow, StyledLine, StyledSpan, align_at_both_ends, cell_width, crop
+from rise_tui.widgets.row_list import RowView
+from rise_tui.widgets.static_lines import StaticLines
+
+NO_MARK: StyledSpan = ("  ", "plain")
+
+
+class RuleStudy(Protocol):
+    """The study that is changed, as the page needs it."""
+
+    @property
+    def outline(self) -> Outline: ...
+
+    @property
+    def names(self) -> StudyNames: ...
+
+    @property
+    def findings(self) -> Sequence[Diagnostic]: ...
+
+    @property
+    def files(self) -> Mapping[str, bytes]: ...
+
+    def make(self, *edits: AnyEdit, then: Callable[[], None] | None = None) -> None:
+        """Make edits as one step; `then` is called when they are made. What cannot be made is said."""
+
+    def say(self, sentence: str, level: Level = "info") -> None:
+        """Tell the author something."""
+
+
+class RuleDisplay(Vertical):
+    """A rule as it is shown, and the cursor in it. Graph and list are two stops of the tab key."""
+
+    DEFAULT_CSS = """
+    RuleDisplay { height: 1fr; }
+    RuleDisplay #rule-graph-list { height: 1fr; min-height: 4; }
+    RuleDisplay #rule-parts { height: 1fr; min-height: 3; max-height: 12; }
+    RuleDisplay.-form #rule-parts, RuleDisplay.-form #state-heading { display: none; }
+    """
+
+    @dataclass
+    class SpotMoved(Message):
+        """The cursor is elsewhere: the file's lines beside it follow."""
+
+        file: str
+        line: int
+
+    @dataclass
+    class TryRule(Message):
+        """The rule is to be tried, from this state on (empty: from its beginning)."""
+
+        rule: str
+        state: str
+
+    def __init__(self, study: RuleStudy, rule: str, state: str = "") -> None:
+        """`state`: where the cursor begins; empty: where the rule does."""
+        super().__init__(id="rule-page")
+        self._study, self._rule_name = study, rule
+        self.spot = GraphSpot(state) if state else None
+        self._layout: GraphLayout | None = None
+        self._laid_out: tuple[WrittenRule, int] | None = None
+        self._findings = NO_FINDINGS
+        self.heading, self.state_heading = StaticLines(id="rule-heading"), StaticLines(id="state-heading")
+        self.graph, self.parts, self.panel = RuleGraphList(id="rule-graph-list"), PartList(), FormPanel()
+        self._opened_from: RowView = self.graph
+        """The list from which the form was opened."""
+
+    def compose(self) -> ComposeResult:
+        yield self.heading
+        yield self.graph
+        yield self.state_heading
+        yield self.parts
+        yield self.panel
+
+    def on_mount(self) -> None:
+        self.graph.focus()
+        self.redraw()
+
+    # --- what is shown ---
+
+    @property
+    def rule(self) -> WrittenRule | None:
+        return self._study.outline.rule(self._rule_name)
+
+    @property
+    def state(self) -> WrittenState | None:
+        """The state under the cursor, or the one whose way is."""
+        rule, spot = self.rule, self.spot
+        if rule is None or spot is None:
+            return None
+        return next((state for state in rule.states if state.id == spot.state), None)
+
+    def show_rule(self, rule: str, state: str = "") -> None:
+        """Show another rule, from its beginning or from a state on."""
+        self._rule_name, self.spot = rule, GraphSpot(state) if state else None
+        self.redraw()
+
+    def redraw(self) -> None:
+        """Show the rule as it is now."""
+        self.panel.is_waiting = False
+        rule, width = self.rule, self.graph.row_width
+        if width <= 0:
+            return
+        if rule is None:
+            self.graph.show(
+                [ListRow("", ((" this rule is not there any more; esc leaves", "muted"),), selectable=False)]
+            )
+            return
+        if self._laid_out != (rule, width):
+            self._laid_out, self._layout = (rule, width), lay_out_rule(rule, width)
+        self._findings = rule_findings(rule, self._study.findings)
+        self.heading.show(self._heading_line(rule))
+        if self._layout is None:
+            hint = " it has no state yet: n makes one"
+            self.graph.show([ListRow("", ((hint, "muted"),), selectable=False)])
+            self.parts.show([])
+            return
+        self.spot = valid_spot(self._layout, rule, self.spot)
+        self._draw_graph()
+        self._draw_parts()
+
+    def _draw_graph(self) -> None:
+        assert self._layout is not None and self.spot is not None
+        self.graph.show(draw_rule(self._layout, self.spot, self._findings.marks))
+        self.graph.select(self.spot.id)
+
+    def _draw_parts(self) -> None:
+        rule, state = self.rule, self.state
+        if rule is None or state is None:
+            return
+        use = use_of(self._study.outline, state)
+        parts = state_parts(rule.name, state, use)
+        marks = self._findings.marks
+        of_parts = [
+            SEVERITY_MARKS[marks[spot]] if (spot := _spot_of(state, part)) in marks else NO_MARK for part in parts
+        ]
+        width = self.parts.row_width or self.size.width
+        self.parts.show_parts(parts, width, of_parts)
+        self.state_heading.show(self._state_line(rule, state, width))
+
+    def _heading_line(self, rule: WrittenRule) -> StyledLine:
+        ways = sum(len(state.transitions) for state in rule.states)
+        notes = [f"{pluralize(len(rule.states), 'state')} {pluralize(ways, 'way')}"]
+        keys = [key for key, what in self._study.names.keyboard.items() if _starts(what, rule.name)]
+        notes += [f"key {', '.join(keys)}"] if keys else []
+        notes += [f"priority {rule.priority}"] if rule.priority is not None else []
+        name, right = f" {rule.name}", f"{rule.file}:{rule.line} "
+        width = max(20, self.size.width)
+        while notes and cell_width(f"{name}   {' · '.join(notes)} {right}") > width:
+            notes.pop()  # the last one matters least, and half a word is none
+        left: StyledLine = ((name, "strong"), (f"   {' · '.join(notes)}", "muted"))
+        return align_at_both_ends(left, ((right, "muted"),), width)
+
+    def _state_line(self, rule: WrittenRule, state: WrittenState, width: int) -> StyledLine:
+        first = "  it begins here" if state.id == rule.initial else ""
+        template = f"  from the template {state.template}" if state.template else ""
+        found = self._findings.of_spot.get(self.spot or GraphSpot(""), ())
+        problem: StyledLine = ()
+        if found:
+            mark = SEVERITY_MARKS[found[0].severity]
+            problem = (("  ", "plain"), (f"{mark[0]}{found[0].message}", mark[1]))
+        title = f"── {state.id} ──{first}{template}"
+        return crop(((title, "accent"), *problem), max(1, width))
+
+    def find(self, text: str) -> None:
+        """Put the cursor on the next state whose name has this text, from the first one on."""
+        rule = self.rule
+        wanted = text.strip().casefold()
+        found = next((state.id for state in rule.states if wanted in state.id.casefold()), "") if rule else ""
+        if wanted and found:
+            self.go_to_state(found)
+
+    def go_to_state(self, state: str) -> None:
+        """Put the cursor on a state."""
+        self._go_to(GraphSpot(state))
+        self._select_part()
+
+    # --- the cursor ---
+
+    @on(RowView.CursorMoved)
+    def _cursor_moved(self, event: RowView.CursorMoved) -> None:
+        event.stop()
+        if event.rows is self.graph:
+            self._go_to(parse_spot(self.graph.current_id))
+            self._select_part()
+        elif (part := self.parts.part) is not None and self.spot is not None:
+            self._go_to(GraphSpot(self.spot.state, part.way))
+
+    @on(RuleGraphList.GoBeside)
+    def _go_beside(self, event: RuleGraphList.GoBeside) -> None:
+        event.stop()
+        if self._layout is not None and self.spot is not None:
+            self._go_to(beside(self._layout, self.spot, event.step))
+            self._select_part()
+
+    def _go_to(self, spot: GraphSpot | None) -> None:
+        if spot is None or self._layout is None or spot == self.spot:
+            return
+        other_state = self.spot is None or spot.state != self.spot.state
+        self.spot = spot
+        self._draw_graph()
+        rule, state = self.rule, self.state
+        if rule is None or state is None:
+            return
+        if other_state:
+            self._draw_parts()
+        else:
+            self.state_heading.show(self._state_line(rule, state, self.parts.row_width or self.size.width))
+        line = state.transitions[spot.way].line if spot.way >= 0 else state.line
+        self.post_message(self.SpotMoved(rule.file, line))
+
+    def _select_part(self) -> None:
+        """The list's cursor follows the graph's."""
+        state, spot = self.state, self.spot
+        if state is None or spot is None:
+            return
+        rows = range(self.parts.count)
+        wanted = (lambda row: row.startswith(f"way:transition:{spot.way}:")) if spot.way >= 0 else (lambda row: True)
+        found = next((index for index in rows if wanted(self.parts.row_at(index).id)), None)
+        if found is not None:
+            self.parts.move_cursor(found, by_wizard=False)
+
+    def action_other_list(self) -> None:
+        (self.parts if self.graph.has_focus else self.graph).focus()
+
+    @on(RowView.Resized)
+    def _resized(self, event: RowView.Resized) -> None:
+        event.stop()
+        self.redraw()
+
+
+def _spot_of(state: WrittenState, part: PartRow) -> GraphSpot | None:
+    """The place of the graph whose findings belong to a row of the list."""
+    return GraphSpot(state.id, part.way) if part.kind == "way" else None
+
+
+def _starts(binding: object, rule: str) -> bool:
+    """Whether a key of the keyboard starts this rule."""
+    return isinstance(binding, dict) and binding.get("rule") == rule

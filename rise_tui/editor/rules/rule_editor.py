@@ -1,0 +1,340 @@
+"""A rule in the editor: what its keys do, and the forms of what is changed."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+
+from msgspec import structs
+from textual import on
+
+from rise_engine.author.edit.edits import (
+    AddStatement,
+    AnyEdit,
+    CallForm,
+    OneOfForm,
+    RemoveState,
+    RemoveStatement,
+    StatementAddress,
+)
+from rise_engine.author.edit.outline import WrittenRule, WrittenState
+from rise_tui.editor.model.call_draft import CallDraft
+from rise_tui.editor.model.form import RuleForm
+from rise_tui.editor.model.name_forms import EventKeyForm, NameForm, TemplateValueForm, make_first
+from rise_tui.editor.model.rule_forms import CallRuleForm, ConditionRuleForm, TransitionRuleForm
+from rise_tui.editor.model.rule_graph import (
+    GraphSpot,
+)
+from rise_tui.editor.model.state_parts import (
+    PartRow,
+    add_branch,
+    add_statement,
+    call_at,
+    id_of_call,
+    movement,
+    removal,
+    state_parts,
+    use_of,
+)
+from rise_tui.editor.model.transition_draft import TransitionDraft, likely_way, why_not_editable
+from rise_tui.editor.rules.form_panel import FormPanel
+from rise_tui.editor.rules.rule_display import RuleDisplay
+
+STATE_HINTS = {
+    "edit.open": "what it does", "edit.add": "way out", "edit.new-state": "new state", "edit.rename": "rename",
+    "edit.try": "try", "edit.remove": "remove", "edit.first": "begins here",
+}  # fmt: skip
+WAY_HINTS = {
+    "edit.open": "change", "edit.add": "another way", "edit.try": "try", "edit.remove": "remove",
+    "edit.earlier": "earlier", "edit.later": "later",
+}  # fmt: skip
+PART_HINTS = {
+    "edit.open": "change", "edit.add": "add", "edit.only-if": "only if", "edit.otherwise": "otherwise",
+    "edit.chance": "by chance", "edit.remove": "remove", "edit.earlier": "earlier", "edit.later": "later",
+}  # fmt: skip
+"""What the hint line says: in the graph on a state and on a way, and in the list."""
+
+
+class RuleEditor(RuleDisplay):
+    """One rule, and its keys: enter opens the form of what is under the cursor."""
+
+    def _try_rule(self) -> None:
+        self.post_message(self.TryRule(self._rule_name, self.spot.state if self.spot is not None else ""))
+
+    @property
+    def hints(self) -> Mapping[str, str]:
+        """The actions that matter under the cursor, the most important first, each with a word for it."""
+        if self.parts.has_focus:
+            return PART_HINTS
+        return STATE_HINTS if self.spot is None or self.spot.way < 0 else WAY_HINTS
+
+    @property
+    def shown_state(self) -> str:
+        """The state under the cursor; empty: none."""
+        return self.spot.state if self.spot is not None else ""
+
+    @property
+    def is_typing(self) -> bool:
+        return self.panel.is_open
+
+    def carry_out(self, action: str) -> bool:
+        """Do what an action of the editor means here; False: nothing."""
+        calls: dict[str, Callable[[], None]] = {
+            "edit.open": self._open_here,
+            "edit.add": lambda: self._add(behind=False),
+            "edit.behind": lambda: self._add(behind=True),
+            "edit.new-state": self._new_state,
+            "edit.rename": self._rename,
+            "edit.only-if": self._only_if,
+            "edit.otherwise": self._otherwise,
+            "edit.chance": self._by_chance,
+            "edit.first": self._make_first,
+            "edit.remove": self._remove,
+            "edit.earlier": lambda: self._move(-1),
+            "edit.later": lambda: self._move(1),
+            "edit.try": self._try_rule,
+            "edit.other": self.action_other_list,
+        }
+        if (call := calls.get(action)) is None:
+            return False
+        call()
+        return True
+
+    # --- forms ---
+
+    def _open_here(self) -> None:
+        rule, state, spot = self.rule, self.state, self.spot
+        if rule is None or state is None or spot is None:
+            return
+        if self.graph.has_focus:
+            if spot.way >= 0:
+                self._open_way(rule, state, spot.way)
+            else:
+                self.parts.focus()
+            return
+        part = self.parts.part
+        if part is not None:
+            self._open_part(rule, state, part)
+
+    def _open_part(self, rule: WrittenRule, state: WrittenState, part: PartRow) -> None:
+        names = self._study.names
+        if part.kind == "heading" and part.at is None and not part.reason:
+            self._add_way()
+        elif part.reason:
+            self._refuse(f"{part.reason}; e opens the file there")
+        elif part.kind == "way":
+            self._open_way(rule, state, part.way)
+        elif part.kind == "call" and part.at is not None and (call := call_at(state, part)) is not None:
+            self._open(CallRuleForm(names, CallDraft.of(call), part.at, call))
+        elif part.kind in ("if", "branch") and part.at is not None and part.guard:
+            at = _arm(part)
+            self._open(ConditionRuleForm(names, at, "change", part.guard, part.guard))
+        elif part.kind == "parameter" and (use := use_of(self._study.outline, state)) is not None:
+            name = part.target or ""
+            given = use.values.get(name)
+            self._open(TemplateValueForm(use, name, given.text if given is not None else ""))
+        else:
+            self._add(behind=False)
+
+    def _open_way(self, rule: WrittenRule, state: WrittenState, number: int) -> None:
+        way = state.transitions[number]
+        if reason := way.reason or why_not_editable(way.form):
+            self._refuse(f"{reason}; e opens the file there")
+            return
+        self._open(
+            TransitionRuleForm(
+                self._study.names,
+                rule,
+                state.id,
+                TransitionDraft.of(way.form),
+                number,
+                way.form,
+                bool(way.statements),
+                len(state.transitions),
+            )
+        )
+
+    def _open(self, form: RuleForm, focus: str = "") -> None:
+        if not self.panel.is_open:
+            self._opened_from = self.parts if self.parts.has_focus else self.graph
+        self.add_class("-form")
+        self.panel.open(form, focus)
+
+    def close_form(self) -> None:
+        """Back to the list, or the graph, where the form was opened."""
+        self.panel.close()
+        self.remove_class("-form")
+        self._opened_from.focus()
+
+    def _add(self, *, behind: bool) -> None:
+        """A function at the cursor of the list; in the graph, a way out of the state."""
+        part = self.parts.part
+        if self.graph.has_focus or part is None or (part.kind == "heading" and part.at is None):
+            self._add_way()
+            return
+        edit = add_statement(part, CallForm("startCommunicationRobotAct", ""), behind=behind)
+        if edit is None:
+            self._refuse(part.reason or "nothing can stand here")
+            return
+        self._open(CallRuleForm(self._study.names, CallDraft(), edit.at))
+
+    def _add_way(self) -> None:
+        rule, state = self.rule, self.state
+        if rule is not None and state is not None:
+            draft = likely_way(state)
+            form = TransitionRuleForm(self._study.names, rule, state.id, draft, ways=len(state.transitions))
+            self._open(form, "trigger")
+
+    def _new_state(self) -> None:
+        rule = self.rule
+        if rule is not None:
+            behind = self.spot.state if self.spot is not None else ""
+            self._open(NameForm(self._study.names, rule, "new state", "", behind))
+
+    def _rename(self) -> None:
+        rule, state = self.rule, self.state
+        if rule is not None and state is not None:
+            self._open(NameForm(self._study.names, rule, "rename state", state.id, state.id))
+
+    def _only_if(self) -> None:
+        """The function at the cursor is to be done only if something is true."""
+        state, part = self.state, self.parts.part
+        call = call_at(state, part) if state is not None and part is not None else None
+        if not self.parts.has_focus or part is None or part.at is None or call is None:
+            self._refuse("o puts a function into a condition: go to one in the list below the graph (tab)")
+        elif part.reason:
+            self._refuse(f"{part.reason}; e opens the file there")
+        else:
+            self._open(ConditionRuleForm(self._study.names, part.at, "wrap", call=call))
+
+    def _otherwise(self) -> None:
+        part, parts = self.parts.part, self._parts_now()
+        if not self.parts.has_focus or part is None:
+            self._refuse("l says what happens otherwise: go to a condition in the list below the graph (tab)")
+            return
+        without, with_condition = add_branch(part, parts, None), add_branch(part, parts, "x")
+        edit = without or with_condition
+        if edit is None:
+            self._refuse("there is no condition here; o puts a function into one")
+            return
+        form = ConditionRuleForm(self._study.names, edit.at, "otherwise", can_be_else=without is not None)
+        self._open(form)
+
+    def _by_chance(self) -> None:
+        """The function at the cursor becomes one of several, of which one is picked."""
+        state, part = self.state, self.parts.part
+        call = call_at(state, part) if state is not None and part is not None else None
+        if not self.parts.has_focus or part is None or part.at is None or call is None:
+            self._refuse("b makes a function one of several: go to one in the list below the graph (tab)")
+        elif part.reason:
+            self._refuse(f"{part.reason}; e opens the file there")
+        else:
+            first = structs.replace(part.at, path=(*part.at.path, 0))
+            edits = (RemoveStatement(part.at), AddStatement(part.at, OneOfForm((call,))))
+            self._change(*edits, then=lambda: self.parts.select(id_of_call(first)))
+
+    def _make_first(self) -> None:
+        rule, state = self.rule, self.state
+        if rule is not None and state is not None:
+            self._change(*make_first(rule, state.id))
+
+    def _remove(self) -> None:
+        rule, state, spot = self.rule, self.state, self.spot
+        if rule is None or state is None or spot is None:
+            return
+        if self.graph.has_focus and spot.way < 0:
+            self._change(RemoveState(rule.name, state.id))
+            return
+        part = self.parts.part if self.parts.has_focus else self._way_part(spot.way)
+        edit = removal(part, state, rule.name) if part is not None else None
+        if edit is None or (part is not None and part.reason):
+            reason = part.reason if part is not None else ""
+            self._refuse(f"{reason}; e opens the file there" if reason else "there is nothing to take away here")
+        else:
+            self._change(edit)
+
+    def _move(self, step: int) -> None:
+        rule, state, spot = self.rule, self.state, self.spot
+        if rule is None or state is None or spot is None:
+            return
+        part = self.parts.part if self.parts.has_focus else self._way_part(spot.way)
+        edit = movement(part, state, rule.name, step) if part is not None else None
+        if part is None or edit is None:
+            self._refuse((part.reason if part is not None else "") or "it cannot be moved further")
+            return
+        self._change(edit, then=lambda: self._go_with(part, step))
+
+    def _go_with(self, part: PartRow, step: int) -> None:
+        """The cursor goes with what was moved."""
+        if part.kind == "way" and self.spot is not None:
+            self._go_to(GraphSpot(self.spot.state, part.way + step))
+            self._select_part()
+        elif part.at is not None:
+            moved = (*part.at.path[:-1], part.at.path[-1] + step)
+            at = StatementAddress(part.at.rule, part.at.state, part.at.place, part.at.transition, moved)
+            self.parts.select(part._replace(at=at).id)
+
+    def _parts_now(self) -> list[PartRow]:
+        rule, state = self.rule, self.state
+        return state_parts(rule.name, state) if rule is not None and state is not None else []
+
+    def _way_part(self, number: int) -> PartRow | None:
+        return next((part for part in self._parts_now() if part.kind == "way" and part.way == number), None)
+
+    # --- changes ---
+
+    @on(FormPanel.FormLeft)
+    def _form_left(self, event: FormPanel.FormLeft) -> None:
+        event.stop()
+        self.close_form()
+
+    @on(FormPanel.Finished)
+    def _form_finished(self, event: FormPanel.Finished) -> None:
+        event.stop()
+        form, edits = event.form, event.form.edits()
+        if edits:
+            self._study.make(*edits, then=lambda: self._form_done(form))
+        else:
+            self._form_done(form)
+
+    def _form_done(self, form: RuleForm) -> None:
+        """The form has become true: the cursor goes to what was made."""
+        if isinstance(form, NameForm) and form.purpose != "rename rule":
+            self.spot = GraphSpot(form.name.strip())
+        if isinstance(form, TransitionRuleForm) and form.index is None and (state := self.state) is not None:
+            same = [number for number, way in enumerate(state.transitions) if way.form == form.draft.form()]
+            self.spot = GraphSpot(form.state, same[-1] if same else -1)
+        self.close_form()
+        self.redraw()
+        self._select_part()
+        if isinstance(form, CallRuleForm) and form.was is None:
+            self.parts.select(id_of_call(form.at))
+
+    @on(FormPanel.ExtraAsked)
+    def _give_key(self, event: FormPanel.ExtraAsked) -> None:
+        """A key of the keyboard for the event that the form waits for; what the form says is kept first."""
+        event.stop()
+        form = event.form
+        if not isinstance(form, TransitionRuleForm) or not form.event_without_key or form.missing():
+            return
+
+        def go_on() -> None:
+            self._open(EventKeyForm(self._study.names, form.event_without_key))
+
+        if edits := form.edits():
+            self._study.make(*edits, then=go_on)
+        else:
+            go_on()
+
+    def _change(self, *edits: AnyEdit, then: Callable[[], None] | None = None) -> None:
+        if edits:
+            self._study.make(*edits, then=then)
+
+    def _refuse(self, sentence: str) -> None:
+        self._study.say(sentence, "wait")
+
+
+def _arm(part: PartRow) -> StatementAddress:
+    """The arm of an `if` whose condition a row shows."""
+    assert part.at is not None
+    path = (*part.at.path, 0) if part.kind == "if" else part.at.path
+    return StatementAddress(part.at.rule, part.at.state, part.at.place, part.at.transition, path)

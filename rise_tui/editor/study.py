@@ -1,0 +1,106 @@
+"""The workspace of a study for a screen: its work is done beside the loop, one thing after the other."""
+
+from __future__ import annotations
+
+import asyncio
+from collections.abc import Callable, Sequence
+from typing import TypeVar
+
+from rise_engine.author.edit.drafts import Draft
+from rise_engine.author.edit.edits import AnyEdit
+from rise_engine.author.edit.plan import EditRefused
+from rise_engine.author.edit.remedies import Remedy, remedies
+from rise_engine.author.edit.workspace import Change, OutsideChange, SaveReport, Workspace
+from rise_engine.scenario.diagnostics import Diagnostic
+from rise_engine.scenario.loader import LoadResult
+from rise_tui.editor.model.draft import StudyDraft, draft_of
+
+Result = TypeVar("Result")
+
+
+class EditedStudy:
+    """What pages show (`draft`) and how they change it. Belongs to the loop that made it."""
+
+    def __init__(self, workspace: Workspace, draft: StudyDraft) -> None:
+        """`draft`: what `draft_of(workspace)` gave; that call blocks, and is made beside the loop too."""
+        self._workspace, self.draft = workspace, draft
+        self._turn = asyncio.Lock()
+        self.busy = ""
+        """What is being done, in a word; empty: nothing."""
+
+    async def apply(self, *edits: AnyEdit) -> Change:
+        """Make edits as one step. :raises EditRefused: one cannot be made; then none is."""
+        return await self._do("changing", lambda: self._workspace.apply(*edits))
+
+    async def undo(self) -> Change | None:
+        """Take the last step back; gives it, None: there is none."""
+        return await self._do("undoing", self._workspace.undo)
+
+    async def redo(self) -> Change | None:
+        """Make the step again that was taken back last."""
+        return await self._do("redoing", self._workspace.redo)
+
+    async def preview(self, *edits: AnyEdit) -> LoadResult:
+        """The check of what the files would be. :raises EditRefused: an edit cannot be made."""
+        async with self._turn:
+            return await asyncio.to_thread(self._workspace.preview, *edits)
+
+    async def remedies(self, finding: Diagnostic) -> list[Remedy]:
+        """What can be done about a finding."""
+        async with self._turn:
+            return await asyncio.to_thread(lambda: remedies(finding, self._workspace.state))
+
+    async def diff(self) -> str:
+        """What saving would change, line by line."""
+        async with self._turn:
+            return await asyncio.to_thread(self._workspace.diff)
+
+    async def notice_outside(self) -> OutsideChange | None:
+        """Look whether somebody else has changed the files, and take it in."""
+        return await self._do("", self._workspace.notice_outside)
+
+    async def take_outside(self, names: Sequence[str]) -> Change:
+        """Take files as they are on the disk, as one step."""
+        return await self._do("changing", lambda: self._workspace.take_outside(names))
+
+    async def save(self) -> SaveReport:
+        """Write all changed files or none. :raises EditRefused: it cannot be."""
+        return await self._do("saving", self._workspace.save)
+
+    @property
+    def read_only(self) -> str:
+        """Why nothing can be saved here; empty: it can."""
+        return self._workspace.read_only
+
+    async def read_draft(self) -> Draft | None:
+        """What an earlier editor has not saved."""
+        return await self._do("", lambda: self._workspace.draft)
+
+    async def take_up(self, draft: Draft) -> OutsideChange:
+        """Take the files of a draft, as one step."""
+        return await self._do("reading the draft", lambda: self._workspace.take_up_draft(draft))
+
+    async def discard_draft(self) -> None:
+        """Forget what an earlier editor has not saved."""
+        await self._do("", self._workspace.discard_draft)
+
+    async def close(self) -> None:
+        """Give the study up; what is not saved stays as a draft."""
+        async with self._turn:
+            await asyncio.to_thread(self._workspace.close)
+
+    async def _do(self, busy: str, work: Callable[[], Result]) -> Result:
+        def work_and_look() -> tuple[Result, StudyDraft]:
+            result = work()
+            return result, draft_of(self._workspace)
+
+        async with self._turn:
+            self.busy = busy
+            try:
+                result, self.draft = await asyncio.to_thread(work_and_look)
+            finally:
+                self.busy = ""
+        return result
+
+
+__all__ = ["EditRefused", "EditedStudy"]

@@ -1,0 +1,218 @@
+"""The list of a study, with which the editor opens; beside it, what is under the cursor and who uses it."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from typing import ClassVar
+
+from textual import on
+from textual.app import ComposeResult
+from textual.containers import Horizontal
+from textual.widget import Widget
+
+from rise_engine.author.edit.edits import AddAct, AddRule, AnyEdit, CopyAct, CopyRule, RemoveAct, RemoveRule, Rename
+from rise_engine.scenario.loader import LoadResult
+from rise_tui.editor.model.act_rows import action_with
+from rise_tui.editor.model.draft import FilePlace, is_study_alone
+from rise_tui.editor.model.fields import FieldChoice
+from rise_tui.editor.model.study_rows import (
+    act_preview,
+    best_row,
+    row_id,
+    split_row_id,
+    study_rows,
+    used_by,
+    used_lines,
+)
+from rise_tui.editor.page import EditFrame, EditPage
+from rise_tui.rendering.text import ListRow
+from rise_tui.widgets.row_list import RowList, RowView
+
+BESIDE = 76
+"""Columns from which there is room for what is under the cursor."""
+
+
+class StudyPage(EditPage):
+    """Acts, rules, and what else there is."""
+
+    KIND: ClassVar[str] = "study"
+    DEFAULT_CSS = """
+    StudyPage #list { width: 1fr; }
+    StudyPage #beside { width: 1fr; display: none; border-left: solid $rise-muted; }
+    StudyPage.-beside #beside { display: block; }
+    """
+
+    def __init__(self, frame: EditFrame, name: str = "") -> None:
+        super().__init__(frame, name)
+        self.rows = RowList(id="list")
+        self.beside = RowList(id="beside")
+        self.beside.can_focus = False
+        self._wanted = ""
+        self._rows: list[ListRow] = []
+        self._made_from: tuple[LoadResult, int, str] | None = None
+        """What the rows were made from."""
+
+    def compose(self) -> ComposeResult:
+        with Horizontal():
+            yield self.rows
+            yield self.beside
+
+    @property
+    def first_focus(self) -> Widget | None:
+        return self.rows
+
+    @property
+    def current(self) -> tuple[str, str]:
+        """Kind and name of what is under the cursor."""
+        return split_row_id(self.rows.current_id)
+
+    @property
+    def hints(self) -> Mapping[str, str]:
+        kind, _ = self.current
+        if is_study_alone(self.draft):
+            return {"edit.open": "open"}
+        also = {"edit.rename": "rename", "edit.copy": "copy"} if kind in ("act", "rule") else {}
+        return {"edit.open": "open", "edit.add": "add", **also}
+
+    @property
+    def place(self) -> FilePlace | None:
+        kind, name = self.current
+        outline = self.draft.outline
+        found = outline.act(name) if kind == "act" else outline.rule(name) if kind == "rule" else None
+        if found is not None:
+            return FilePlace(found.file, found.line, found.last_line)
+        file = {
+            "file": name,
+            "memory": "memory.json",
+            "keys": "scenario.toml",
+            "settings": "scenario.toml",
+        }.get(kind)
+        return FilePlace(file, 1, 1) if file else None
+
+    def draw(self) -> None:
+        self.set_class(self.size.width >= BESIDE, "-beside")
+        made_from = self.draft.checked, max(20, self.rows.row_width), self._wanted
+        if self._made_from is None or made_from[0] is not self._made_from[0] or made_from[1:] != self._made_from[1:]:
+            self._made_from = made_from
+            self._rows = study_rows(self.draft, *made_from[1:])
+        self.rows.show(self._rows)
+        self._draw_beside()
+
+    @on(RowView.CursorMoved)
+    def _draw_beside(self) -> None:
+        kind, name = self.current
+        width = max(20, self.beside.row_width)
+        act = self.draft.outline.act(name) if kind == "act" else None
+        if act is not None:
+            lines = act_preview(self.draft, act, width)
+        else:
+            lines = used_lines(self.draft, kind, name, width) if kind == "rule" else []
+        self.beside.show([ListRow("", line, selectable=False) for line in lines])
+
+    def filter(self, text: str) -> None:
+        self._wanted = text
+        self.draw()
+        if text:
+            self.rows.select(best_row(self._rows, text))
+
+    def leave(self) -> bool:
+        had, self._wanted = bool(self._wanted), ""
+        if had:
+            self.draw()
+        return had
+
+    def carry_out(self, action: str) -> bool:
+        kind, name = self.current
+        calls: dict[str, Callable[[], None]] = {
+            "edit.open": lambda: self._open(kind, name),
+            "edit.add": self._ask_for_new,
+            "edit.rename": lambda: self._ask_to_rename(kind, name),
+            "edit.copy": lambda: self._ask_to_copy(kind, name),
+            "edit.remove": lambda: self._remove(kind, name),
+            "edit.uses": lambda: self._show_uses(kind, name),
+        }
+        if action not in calls or (is_study_alone(self.draft) and action != "edit.open"):
+            return False
+        calls[action]()
+        return True
+
+    def _open(self, kind: str, name: str) -> None:
+        if kind == "file":
+            self.frame.say(f"{name} cannot be read as it is: e opens it in your editor", "wait")
+        elif kind:
+            self.frame.open_page(kind, self._found_in(kind, name))
+            self._select(kind, name)
+
+    def _found_in(self, kind: str, name: str) -> str:
+        """What is opened: of an act that was found by its words, the action that has them."""
+        act = self.draft.outline.act(name) if kind == "act" else None
+        found = action_with(act, self._wanted) if act is not None and self._wanted else ""
+        return f"{name}\0{found}" if found else name
+
+    def _ask_for_new(self) -> None:
+        """A rule where the cursor is on a rule, else an act."""
+        kind, name = self.current
+        if kind == "rule":
+            self._ask_for_rule(name)
+            return
+        after = name if kind == "act" else ""
+
+        def take(typed: str) -> None:
+            self.frame.make(AddAct(typed, after=after), then=lambda: self._open_new("act", typed))
+
+        where = f"It stands behind {after}." if after else "It stands at the end of the last file of acts."
+        self.frame.ask_text("A new act", "", take, hint=f"Its name, as rules and keys call it. {where}")
+
+    def _ask_for_rule(self, after: str) -> None:
+        def take(typed: str) -> None:
+            self.frame.make(AddRule(typed, "Start", after=after), then=lambda: self._open_new("rule", typed))
+
+        self.frame.ask_text("A new rule", "", take, hint="Its name. It begins in the state Start.")
+
+    def _open_new(self, kind: str, name: str) -> None:
+        """The cursor stands on it when its page is left again."""
+        self._select(kind, name)
+        self.frame.open_page(kind, name)
+
+    def _ask_to_rename(self, kind: str, name: str) -> None:
+        if kind not in ("act", "rule"):
+            return
+
+        def take(typed: str) -> None:
+            if typed != name:
+                edit = Rename("act" if kind == "act" else "rule", name, typed)
+                self.frame.make(edit, then=lambda: self._select(kind, typed))
+
+        number = len(used_by(self.draft, kind, name))
+        self.frame.ask_text(f"Rename the {kind} {name}", name, take, hint=f"Also in the {number} places that name it.")
+
+    def _ask_to_copy(self, kind: str, name: str) -> None:
+        if kind not in ("act", "rule"):
+            return
+
+        def take(typed: str) -> None:
+            edit: AnyEdit = CopyAct(name, typed) if kind == "act" else CopyRule(name, typed)
+            self.frame.make(edit, then=lambda: self._select(kind, typed))
+
+        self.frame.ask_text(f"Copy the {kind} {name}", f"{name}_2", take, hint="The name of the copy.")
+
+    def _remove(self, kind: str, name: str) -> None:
+        if kind == "act":
+            self.frame.make(RemoveAct(name))
+        elif kind == "rule":
+            self.frame.make(RemoveRule(name))
+
+    def _show_uses(self, kind: str, name: str) -> None:
+        found = used_by(self.draft, kind, name)
+        choices = [FieldChoice(str(number), text) for number, text in enumerate(found)]
+        if choices:
+            self.frame.choose(f"{name} is used by", choices, lambda chosen: None)
+        else:
+            self.frame.say(f"{name}: nobody uses it" if name else "nothing is selected", "info")
+
+    def _select(self, kind: str, name: str) -> None:
+        """Go to a row; what was searched has been found then."""
+        self.leave()
+        self.rows.select(row_id(kind, name))
+        self._draw_beside()
+        self.frame.draw_bars()

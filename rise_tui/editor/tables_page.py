@@ -1,0 +1,367 @@
+"""The tables of a study: rows and columns, of which the cell under the cursor is changed below them."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+from typing import ClassVar
+
+from textual import on
+from textual.app import ComposeResult
+from textual.binding import Binding, BindingType
+from textual.geometry import Size
+from textual.message import Message
+from textual.widget import Widget
+
+from rise_engine.author.edit.edits import AddRow, AnyEdit, RemoveRow
+from rise_engine.author.edit.plan import EditRefused
+from rise_engine.author.edit.tables import WrittenCells, table_names
+from rise_engine.base.text import clean
+from rise_engine.scenario.file_names import PARTICIPANTS_FILE, STUDY_FILE
+from rise_tui.editor.model.data_fields import toml_values
+from rise_tui.editor.model.draft import FilePlace, count, is_study_alone
+from rise_tui.editor.model.table_grid import (
+    Grid,
+    GridRow,
+    cell_edits,
+    cell_problem,
+    copied_row,
+    grid_line,
+    grid_of,
+    hidden_columns,
+    is_selectable,
+    new_column,
+    new_table,
+    next_pseudonym,
+    row_at_line,
+)
+from rise_tui.editor.page import EditFrame
+from rise_tui.editor.sentence_page import SAID, SentencePage
+from rise_tui.rendering.text import ListRow, StyledLine, crop, plain_text, wrap
+from rise_tui.widgets.row_list import RowView
+from rise_tui.widgets.static_lines import StaticLines
+
+EMPTY = "this study has no tables yet: n makes one"
+CELL_ROWS = 4
+"""Rows for the cell under the cursor, whole."""
+
+
+class TableGrid(RowView):
+    """Rows of all tables, made as they are painted; left and right go through the columns."""
+
+    BINDINGS: ClassVar[list[BindingType]] = [
+        Binding("left", "turn(-1)", show=False),
+        Binding("right", "turn(1)", show=False),
+    ]
+
+    @dataclass
+    class TurnColumn(Message):
+        """To the column on the left (-1) or on the right (1)."""
+
+        step: int
+
+    def __init__(self) -> None:
+        super().__init__(id="grid")
+        self.grid, self.column = Grid({}, {}, ()), 0
+
+    @property
+    def count(self) -> int:
+        return len(self.grid.rows)
+
+    def row_at(self, index: int) -> ListRow:
+        row, here = self.grid.rows[index], self.current
+        is_current = here is not None and row.table == here.table and (row.number < 0 or row == here)
+        line = grid_line(self.grid, row, self.column, max(20, self.row_width), is_current=is_current)
+        return ListRow(f"{row.table}\0{row.number}", line, selectable=is_selectable(self.grid, row))
+
+    @property
+    def current(self) -> GridRow | None:
+        """The row under the cursor."""
+        return self.grid.rows[self.cursor] if 0 <= self.cursor < len(self.grid.rows) else None
+
+    @property
+    def text(self) -> str:
+        """The characters of all rows."""
+        return "\n".join(plain_text(self.row_at(index).line).rstrip() for index in range(self.count))
+
+    def show(self, grid: Grid) -> None:
+        """Show these tables; the cursor stays on its row, or goes to the nearest one."""
+        before, self.grid = self.current, grid
+        self.virtual_size = Size(self.row_width, len(grid.rows))
+        rows = [index for index, row in enumerate(grid.rows) if is_selectable(grid, row)]
+        same = next((index for index in rows if grid.rows[index] == before), None)
+        at = min(rows, key=lambda index: abs(index - max(self.cursor, 0)), default=-1) if same is None else same
+        self.move_cursor(at, by_wizard=False)
+        self.refresh()
+
+    def select(self, row: GridRow) -> None:
+        """Put the cursor on a row, if it is there."""
+        if row in self.grid.rows:
+            self.move_cursor(self.grid.rows.index(row), by_wizard=False)
+            self.refresh()
+
+    def action_turn(self, step: int) -> None:
+        self.post_message(self.TurnColumn(step))
+
+
+class TablesPage(SentencePage):
+    """All tables under each other."""
+
+    KIND: ClassVar[str] = "tables"
+    DEFAULT_CSS = """
+    TablesPage #head, TablesPage #parting { background: $rise-bar; }
+    TablesPage #cell { height: 4; }
+    TablesPage.-typing #cell { display: none; }
+    """
+
+    def __init__(self, frame: EditFrame, name: str = "") -> None:
+        """`name`: where the cursor begins, `tables/items.csv:3`; empty: on the first row."""
+        super().__init__(frame, name, exact=True)
+        self.head, self.grid = StaticLines(id="head"), TableGrid()
+        self.parting, self.cell = StaticLines(id="parting"), StaticLines(id="cell")
+        self._wanted, self._begins_at = "", name
+
+    def compose(self) -> ComposeResult:
+        yield self.head
+        yield self.grid
+        yield self.parting
+        yield self.cell
+        yield from self.compose_field()
+
+    @property
+    def first_focus(self) -> Widget | None:
+        return self.grid
+
+    @property
+    def hints(self) -> Mapping[str, str]:
+        words = {"edit.open": "change", "edit.add": "row", "edit.behind": "column", "edit.remove": "remove row"}
+        if self.is_of_study:
+            return {**words, "edit.add": "participant"}
+        return {**(words if self.grid.current is not None else {}), "edit.new-state": "new table"}
+
+    @property
+    def is_of_study(self) -> bool:
+        """Whether the files are those of a study of participants, and of no scenario."""
+        return is_study_alone(self.draft)
+
+    @property
+    def own_hints(self) -> Sequence[tuple[str, str]]:
+        return (("←→", "column"),) if self.row is not None else ()
+
+    @property
+    def row(self) -> tuple[GridRow, WrittenCells] | None:
+        """The row under the cursor, and its table."""
+        row = self.grid.current
+        return (row, self.grid.grid.tables[row.table].cells) if row is not None and row.number >= 0 else None
+
+    @property
+    def column(self) -> int:
+        """The index of the column of the cursor, in its table."""
+        return min(self.grid.column, len(self.row[1].columns) - 1) if self.row is not None else 0
+
+    @property
+    def value(self) -> str:
+        """The cell under the cursor."""
+        if self.row is None:
+            return ""
+        row, table = self.row
+        values = table.rows[row.number]
+        return values[self.column] if self.column < len(values) else ""
+
+    @property
+    def place(self) -> FilePlace | None:
+        if self.row is None:
+            return None
+        row, table = self.row
+        line = table.lines[row.number]
+        return FilePlace(table.file, line, line + "".join(table.rows[row.number]).count("\n"))
+
+    # --- what is shown ----------------------------------------------------------------------------------------------
+
+    def draw(self) -> None:
+        self.grid.show(grid_of(self.draft, self._wanted))
+        grid = self.grid.grid
+        if (begin := row_at_line(grid, self._begins_at)) is not None:
+            self.grid.select(begin)
+        self._begins_at = ""
+        number = len(grid.tables) + len(grid.problems)
+        note = EMPTY if not number else f"find {self._wanted}" if self._wanted else count(number, "table")
+        title = " PARTICIPANTS" if self.is_of_study else " TABLES"
+        head: StyledLine = ((title, "strong"), (f"  {clean(note)}", "wait" if self._wanted else "muted"))
+        self.head.show(crop(head, max(20, self.size.width)))
+        if self.is_typing and self.row is None:
+            self.close_field()
+        self._draw_cell()
+
+    @on(RowView.CursorMoved)
+    def _moved(self) -> None:
+        self.grid.refresh()  # of another table, other columns are marked
+        self._draw_cell()
+
+    def _draw_cell(self) -> None:
+        if self.row is None:
+            self.parting.show()
+            self.cell.show()
+            return
+        row, table = self.row
+        width = max(20, self.size.width)
+        before, behind = hidden_columns(self.grid.grid.tables[row.table], self.column, max(20, self.grid.row_width))
+        more = [f"◂ {before} more"] if before else []
+        more += [f"{behind} more ▸"] if behind else []
+        left: StyledLine = (
+            (f" {clean(row.table)}", "accent"),
+            (f"  row {row.number + 1} of {len(table.rows)}, ", "muted"),
+            (clean(table.columns[self.column]), "strong"),
+            (f"  column {self.column + 1} of {len(table.columns)}  {'  '.join(more)}", "muted"),
+        )
+        self.parting.show(crop(left, width))
+        pieces = wrap(self.value, width - 3) if self.value else ["–"]
+        if len(pieces) > CELL_ROWS:
+            pieces[CELL_ROWS - 1 :] = [f"{pieces[CELL_ROWS - 1]} …  enter shows all of it"]
+        self.cell.show(*(crop(((f"  {piece}", "plain" if self.value else "muted"),), width) for piece in pieces))
+
+    # --- what keys do -----------------------------------------------------------------------------------------------
+
+    @on(TableGrid.TurnColumn)
+    def _turn(self, event: TableGrid.TurnColumn) -> None:
+        event.stop()
+        self._go_to_column(self.column + event.step)
+
+    def _go_to_column(self, column: int) -> None:
+        if self.row is not None and 0 <= column < len(self.row[1].columns):
+            self.grid.column = column
+            self.grid.refresh()
+            self._draw_cell()
+            self.frame.draw_bars()
+
+    def filter(self, text: str) -> None:
+        self._wanted = text
+        self.draw()
+
+    def leave(self) -> bool:
+        had, self._wanted = bool(self._wanted), ""
+        if had:
+            self.draw()
+        return had
+
+    def carry_out(self, action: str) -> bool:
+        calls: dict[str, Callable[[], None]] = {
+            "edit.open": self.open_current,
+            "edit.add": self.add,
+            "edit.remove": self.remove_row,
+            "edit.behind": self.add_column,
+            "edit.new-state": self.add_table,
+        }
+        if action not in calls or (action == "edit.new-state" and self.is_of_study):
+            return False
+        if self.row is not None or action == "edit.new-state":
+            calls[action]()
+        elif action == "edit.add" and self.grid.current is not None:
+            self._add_to(self.grid.current.table, -1)
+        elif action == "edit.behind" and self.grid.current is not None:
+            self.add_column()
+        elif action == "edit.add" and not self.grid.grid.rows:
+            self.add_table()
+        else:
+            self.frame.say(EMPTY if not self.grid.grid.rows else "there is no row under the cursor", "wait")
+        return True
+
+    def open_current(self) -> None:
+        """Change the cell under the cursor."""
+        if self.row is None:
+            return
+        if problem := cell_problem(self.value):
+            self.frame.say(f"{problem}: e opens its file", "wait")
+            return
+        self.field.styles.max_height = max(2, self.size.height - 2 - SAID - 4)
+        self.open_field(self.row[1].columns[self.column], self.value)
+
+    def focus_list(self) -> None:
+        self.grid.focus()
+        self._draw_cell()
+
+    def edits_typed(self, said: str) -> tuple[AnyEdit, ...]:
+        if self.row is None:
+            return ()
+        row, table = self.row
+        return cell_edits(row.table, row.number, table.columns[self.column], self.value, said)
+
+    def go_on(self, step: int, *, changed: bool) -> None:
+        """To the next column; behind the last one, to the first of the next row."""
+        if not step or self.row is None:
+            return
+        column = self.column + step
+        if not 0 <= column < len(self.row[1].columns):
+            before = self.grid.cursor
+            self.grid.action_step(step)
+            if self.grid.cursor == before or self.row is None:
+                return
+            column = 0 if step > 0 else len(self.row[1].columns) - 1
+        self._go_to_column(column)
+        self.open_current()
+
+    def add(self) -> None:
+        """A row behind the one under the cursor, which begins as that one."""
+        if self.row is not None:
+            self._add_to(self.row[0].table, self.row[0].number)
+
+    def _add_to(self, name: str, after: int) -> None:
+        table = self.grid.grid.tables[name].cells
+        if name == PARTICIPANTS_FILE:
+            end = len(table.rows)
+            self.frame.ask_text(
+                "A new participant", next_pseudonym(table),
+                lambda typed: self._make_row(AddRow(name, {"participant": typed.strip()}, end)),
+                hint="A pseudonym of letters and digits: P09.",
+            )  # fmt: skip
+        else:
+            self._make_row(copied_row(name, table, after))
+
+    def _make_row(self, edit: AddRow) -> None:
+        new = GridRow(edit.table, edit.at or 0)
+
+        def go_to_new() -> None:
+            self.grid.select(new)
+            self._draw_cell()
+            self.frame.draw_bars()
+
+        self.frame.make(edit, then=go_to_new)
+
+    def add_column(self) -> None:
+        """A column behind the one under the cursor."""
+        current = self.grid.current
+        if current is None or current.table not in self.grid.grid.tables:
+            self.frame.say("there is no table under the cursor", "wait")
+            return
+        name, width = current.table, len(self.grid.grid.tables[current.table].cells.columns)
+        at = min(self.grid.column, width - 1) + 1
+        participants = toml_values(self.draft, STUDY_FILE).get("participants", {})
+        further = participants.get("columns", []) if isinstance(participants, dict) else []
+        self.frame.ask_text(
+            f"A new column of {name}", "",
+            lambda typed: self.frame.make(*new_column(name, typed, at, further), then=lambda: self._go_to_column(at)),
+            hint="Its name; a translation is called text.de.",
+        )  # fmt: skip
+
+    def add_table(self) -> None:
+        """A table with columns, in which rows are added then."""
+
+        def ask_columns(name: str) -> None:
+            def make(columns: str) -> None:
+                try:
+                    edit = new_table(table_names(self.draft.files), name, columns)
+                except EditRefused as refused:
+                    self.frame.say(str(refused), "wait")
+                    return
+                self.frame.make(edit, then=lambda: self.grid.select(GridRow(name, -1)))
+
+            self.frame.ask_text(f"The columns of {name}", "", make, hint="Names with commas between: id, text, text.de")
+
+        self.frame.ask_text(
+            "A new table", "", lambda typed: ask_columns(typed.strip()), hint="Its name, as texts call it: items."
+        )
+
+    def remove_row(self) -> None:
+        """The row under the cursor goes."""
+        if self.row is not None:
+            self.frame.make(RemoveRow(self.row[0].table, self.row[0].number))

@@ -1,0 +1,362 @@
+"""All that is said in a study, beside what it is in another language; both are changed where they stand."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import ClassVar
+
+from textual import on
+from textual.app import ComposeResult
+from textual.binding import Binding, BindingType
+from textual.message import Message
+from textual.widget import Widget
+
+from rise_engine.author.edit.edits import AnyEdit
+from rise_engine.author.edit.plan import EditRefused
+from rise_engine.base.text import clean
+from rise_engine.scenario.loader import LoadResult
+from rise_tui.editor.language_choice import ask_for_language, choose_language
+from rise_tui.editor.model.draft import FilePlace, first_new_finding
+from rise_tui.editor.model.text_rows import (
+    ORIGINAL,
+    TextEntry,
+    TextsView,
+    column_line,
+    entry_head,
+    folder_from,
+    head_line,
+    languages_of,
+    note_lines,
+    original_edits,
+    original_lines,
+    own_language,
+    place_of,
+    shown_entries,
+    still_right_edits,
+    text_entries,
+    text_rows,
+    translation_edits,
+    translation_lines,
+    view_named,
+)
+from rise_tui.editor.page import EditFrame
+from rise_tui.editor.sentence_page import SAID, SentencePage
+from rise_tui.editor.study_page import StudyPage
+from rise_tui.rendering.text import ListRow, StyledLine, TextRole
+from rise_tui.widgets.row_list import RowList, RowView
+from rise_tui.widgets.static_lines import StaticLines
+
+LEAST_ROWS, LEAST_DETAIL = 3, 6
+"""Rows of the list, and of the text that is shown whole."""
+
+
+class TextList(RowList):
+    """Texts, in which left and right go from one language to the next."""
+
+    BINDINGS: ClassVar[list[BindingType]] = [
+        Binding("left", "turn(-1)", show=False),
+        Binding("right", "turn(1)", show=False),
+    ]
+
+    @dataclass
+    class Turn(Message):
+        """To the language on the left (-1) or on the right (1)."""
+
+        step: int
+
+    def action_turn(self, step: int) -> None:
+        self.post_message(self.Turn(step))
+
+
+class TextsPage(SentencePage):
+    """Every text of the acts. Column 0 is what the acts say, 1 what it is in the language that is shown."""
+
+    KIND: ClassVar[str] = "texts"
+    DEFAULT_CSS = """
+    TextsPage #head { background: $rise-bar; }
+    TextsPage #parting { background: $rise-bar; }
+    TextsPage #detail { height: 6; }
+    """
+    BINDINGS: ClassVar[list[BindingType]] = [Binding("space", "read_on", show=False)]
+
+    def __init__(self, frame: EditFrame, name: str = "") -> None:
+        super().__init__(frame, name)
+        self.view = view_named(name)
+        self.head, self.columns = StaticLines(id="head"), StaticLines(id="columns")
+        self.rows = TextList(id="texts")
+        self.parting, self.detail = StaticLines(id="parting"), RowList(id="detail")
+        self.detail.can_focus = False
+        self.column = 1
+        self._entries: list[TextEntry] = []
+        self._shown: list[TextEntry] = []
+        self._typing: TextEntry | None = None
+        self._following = ""
+        """The id of the text that is opened when what was typed is made."""
+
+    def compose(self) -> ComposeResult:
+        yield self.head
+        yield self.columns
+        yield self.rows
+        yield self.parting
+        yield self.detail
+        yield from self.compose_field()
+
+    @property
+    def first_focus(self) -> Widget | None:
+        return self.rows
+
+    @property
+    def entry(self) -> TextEntry | None:
+        """The text under the cursor."""
+        at = self.rows.cursor
+        return self._shown[at] if 0 <= at < len(self._shown) else None
+
+    @property
+    def place(self) -> FilePlace | None:
+        entry = self.entry
+        return place_of(self.draft, entry, self.view.language, self.column) if entry is not None else None
+
+    @property
+    def hints(self) -> Mapping[str, str]:
+        words = {"edit.open": "change"}
+        if self.entry is not None and self.entry.state == "stale":
+            words["edit.still-right"] = "still right"
+        if self.view.language:
+            words["edit.only"] = "all" if self.view.only else "only ✗ ▲"
+        return {**words, "edit.go": "act", "edit.language": "languages"}
+
+    @property
+    def own_hints(self) -> Sequence[tuple[str, str]]:
+        more = [("space", "read on")] if self._is_more else []
+        return (*more, *([("←→", "language")] if self.view.language else []))
+
+    # --- what is shown ----------------------------------------------------------------------------------------------
+
+    def draw(self) -> None:
+        self._make_room(True)
+        languages = languages_of(self.draft)
+        if self.view.language not in languages:
+            self.view = self.view._replace(language=languages[0] if languages else "")
+        if not self.view.language:
+            self.column = 0
+        self._entries = text_entries(self.draft, self.view.language)
+        self._shown = shown_entries(self._entries, self.view)
+        width = max(40, self.size.width)
+        row_width = max(38, self.rows.row_width)
+        self.head.show(head_line(self.draft, self.view, self._entries, len(self._shown), width))
+        self.columns.show(column_line(self.draft, self.view, self.column, row_width))
+        self.rows.show(text_rows(self.draft, self.view, self._shown, self.column, row_width))
+        if self.view.id:  # where the page was left, or what was asked for
+            self.rows.select(self.view.id)
+            self.view = self.view._replace(id="")
+        if self.rows.cursor < 0:
+            self.rows.move_cursor(0, by_wizard=False)
+        if self._typing is not None:
+            self._typing = next((each for each in self._entries if each.text.id == self._typing.text.id), None)
+            if self._typing is None:
+                self.close_field()
+        self._draw_detail()
+
+    @on(RowView.CursorMoved)
+    def _draw_detail(self) -> None:
+        width, entry = max(40, self.size.width), self._typing or self.entry
+        if entry is None:
+            if not self._entries:
+                nothing = "nothing is said in this study yet"
+            elif self.view.only and not self.view.wanted:
+                nothing = f"all is there in {self.view.language}, and of the text as it is now: m shows all"
+            else:
+                nothing = "no such text: esc shows all"
+            self.parting.show(((f" {nothing}", "muted"),))
+            self._show_detail([])
+            return
+        self.parting.show(entry_head(self.draft, entry, width))
+        self._show_detail(self._detail_lines(entry, width))
+
+    def _detail_lines(self, entry: TextEntry, width: int) -> list[StyledLine]:
+        """The text whole; while it is changed, all but what is typed, which stands below."""
+        language, typing = self.view.language, self.is_typing
+        own = original_lines(self.draft, entry, width, is_marked=self.column == 0)
+        other = translation_lines(self.draft, entry, language, width, is_marked=self.column == 1) if language else []
+        if typing:
+            return own if self.column == 1 else other
+        folder = folder_from(Path.cwd(), self.draft.folder)
+        return [*own, *other, *note_lines(self.draft, entry, language, folder, width)]
+
+    def _show_detail(self, lines: Sequence[StyledLine]) -> None:
+        """As high as the text needs, as far as there is room; a short one is no higher than the one before it."""
+        room = self.size.height - 3 - LEAST_ROWS
+        if self.is_typing:
+            half = max(2, (self.size.height - 3 - SAID) // 2)
+            self.field.styles.max_height = half
+            height = min(len(lines), max(1, self.size.height - 3 - SAID - half))
+        else:
+            height = max(1, min(max(LEAST_DETAIL, len(lines)), room))
+        if self.detail.styles.height is None or self.detail.styles.height.value != height:
+            self.detail.styles.height = height
+        self.detail.show([ListRow(str(at), line, selectable=False) for at, line in enumerate(lines)])
+        self.detail.scroll_to(y=len(lines) if self.is_typing else 0, animate=False)
+
+    @property
+    def _is_more(self) -> bool:
+        """Whether the text has lines that are not in view."""
+        return self.detail.count > max(1, self.detail.size.height)
+
+    def action_read_on(self) -> None:
+        """The next lines of a text that is longer than there is room; behind its end, its beginning."""
+        top, height = self.detail.scroll_offset.y, max(1, self.detail.size.height)
+        following = top + height - 1 if top + height < self.detail.count else 0
+        self.detail.scroll_to(y=following, animate=False)
+
+    def _make_room(self, alone: bool) -> None:
+        """Two languages beside each other need the whole width: the list of the study gives its own."""
+        for page in self.screen.query(StudyPage):
+            if alone:
+                page.styles.display = "none"
+            else:
+                page.styles.clear_rule("display")
+
+    def on_unmount(self) -> None:
+        self._make_room(False)
+
+    # --- what keys do -----------------------------------------------------------------------------------------------
+
+    def filter(self, text: str) -> None:
+        self.view = self.view._replace(wanted=text)
+        self.draw()
+
+    def leave(self) -> bool:
+        if self.view.only or self.view.wanted:
+            self._look_at(self.view._replace(only=False, wanted=""))
+            return True
+        return False
+
+    def carry_out(self, action: str) -> bool:
+        calls: dict[str, Callable[[], None]] = {
+            "edit.open": self.open_current,
+            "edit.other": lambda: self._turn_to(1 - self.column),
+            "edit.only": lambda: self._look_at(self.view._replace(only=not self.view.only)),
+            "edit.still-right": self._still_right,
+            "edit.go": self._go_to_act,
+            "edit.language": lambda: choose_language(self.frame, self.view.language, self._show_language),
+            "edit.add": lambda: ask_for_language(self.frame, self._show_language),
+            "edit.remove": self._remove,
+        }
+        if action not in calls:
+            return False
+        calls[action]()
+        return True
+
+    def _look_at(self, view: TextsView) -> None:
+        """Show another part of the texts; the cursor stays on its text where it is still shown."""
+        self.view = view._replace(id=self.entry.text.id if self.entry is not None else "")
+        self.draw()
+        self.frame.draw_bars()
+
+    def _turn_to(self, column: int) -> None:
+        if column == 1 and not self.view.language:
+            self.frame.say("the study is in one language: a adds another", "wait")
+            return
+        self.column = column
+        self._look_at(self.view)
+
+    @on(TextList.Turn)
+    def _turn(self, event: TextList.Turn) -> None:
+        """Over what the acts say, and then the languages in their order."""
+        event.stop()
+        languages = languages_of(self.draft)
+        at = languages.index(self.view.language) if self.view.language else 0
+        at = at + event.step if self.column == 1 else (0 if event.step > 0 and self.view.language else -1)
+        if 0 <= at < len(languages):
+            self.view, self.column = self.view._replace(language=languages[at]), 1
+        elif at < 0:
+            self.column = 0
+        self._look_at(self.view)
+
+    def _still_right(self) -> None:
+        if self.entry is not None:
+            self._make(lambda entry: still_right_edits(entry, self.view.language), self.entry)
+
+    def _remove(self) -> None:
+        """The translation goes."""
+        if self.entry is None or self.column == 0 or self.entry.translation is None:
+            self.frame.say("only a translation is taken away here; a text goes with its action, on the act's page (j)",
+                           "wait")  # fmt: skip
+            return
+        self._make(lambda entry: translation_edits(entry, self.view.language, ""), self.entry)
+
+    def _make(self, edits: Callable[[TextEntry], tuple[AnyEdit, ...]], entry: TextEntry) -> None:
+        try:
+            made = edits(entry)
+        except EditRefused as refused:
+            self.frame.say(clean(str(refused)), "wait")
+            return
+        self.frame.make(*made)
+
+    def _go_to_act(self) -> None:
+        if (entry := self.entry) is not None:
+            back = self.view._replace(id=entry.text.id)
+            self.frame.open_page("act", f"{entry.text.act}\0{entry.text.action.id}", back=(self.KIND, back.name))
+
+    def _show_language(self, language: str) -> None:
+        self.column = 1
+        self._look_at(self.view._replace(language=language))
+
+    # --- changing a text ----------------------------------------------------------------------------------------------
+
+    def open_current(self) -> None:
+        """Change what is under the cursor: the original or the translation."""
+        entry = self.entry
+        if entry is None:
+            return
+        if self.column == 0:
+            try:  # whether it can be changed at all is said before somebody types
+                original_edits(self.draft, entry, f"{entry.text.text} …")
+            except EditRefused as refused:
+                self.frame.say(clean(str(refused)), "wait")
+                return
+        self._typing = entry
+        name = self.view.language if self.column == 1 else own_language(self.draft) or ORIGINAL
+        self.open_field(name, entry.text.text if self.column == 0 else entry.said)
+        self._draw_detail()
+
+    def focus_list(self) -> None:
+        self._typing = None
+        self.rows.focus()
+        self._draw_detail()
+
+    def edits_typed(self, said: str) -> tuple[AnyEdit, ...]:
+        entry = self._typing
+        if entry is None:
+            return ()
+        if self.column == 0:
+            return original_edits(self.draft, entry, said)
+        return translation_edits(entry, self.view.language, said)
+
+    def step_over(self, step: int) -> int:
+        """Which text follows is found now: the one that was changed may be none of those that are shown then."""
+        at = self.rows.cursor + step
+        self._following = self._shown[at].text.id if step and 0 <= at < len(self._shown) else ""
+        return step
+
+    def go_on(self, step: int, *, changed: bool) -> None:
+        entry = self.entry
+        if not changed and entry is not None and entry.state == "stale" and self.column == 1:
+            self.frame.say("not changed, and of an earlier text: s says that it is right still")
+        if self._following:
+            self.rows.select(self._following)
+            self.open_current()
+
+    def finding_of(self, checked: LoadResult, edits: tuple[AnyEdit, ...]) -> tuple[str, TextRole]:
+        found = first_new_finding(self.draft, checked, but=("stale-translation", "untranslated"))
+        if found is not None:
+            return found.message, "fault" if found.severity == "error" else "wait"
+        languages = self._translated_into(self._typing) if self.column == 0 and self._typing is not None else []
+        if languages:
+            return f"its translation into {', '.join(languages)} is of an earlier text then", "muted"
+        return "", "muted"
+
+    def _translated_into(self, entry: TextEntry) -> list[str]:
+        return [tag for tag, found in self.draft.checked.translations.items() if entry.text.id in found.texts]

@@ -1,0 +1,111 @@
+"""What an answer is, and how long a participant waited for it: the report, sessions.csv, acts.csv, `agree` and the
+script of the how-to say the same of a LabLinking session with hesitations and noise."""
+
+from __future__ import annotations
+
+import csv
+import re
+import statistics
+from itertools import pairwise
+from pathlib import Path
+
+import pytest
+
+from rise_engine.kernel.inputs import SessionStarted
+from rise_engine.results.analysis.judged_cues import judge_session
+from rise_engine.results.analysis.model import SessionData
+from rise_engine.results.analysis.reading import read_session
+from rise_engine.results.export.formats import load_format
+from rise_engine.results.export.writing import export_context
+from rise_engine.results.report.study_facts import session_row
+from tests.sources import ROOT
+
+from .samples import Script, play_session, task
+
+LABLINKING = ROOT / "scenarios" / "lablinking"
+HOW_TO = ROOT / "docs" / "how-to" / "export-and-replay.md"
+YES_LOUD = {"hesitation": True, "distraction": True}
+
+
+def instructions() -> Script:
+    """A wizard who answers twelve cues by the key of the main rule, and once presses it before the cue: the robot
+    hesitates, and the instruction after that begins behind the cue."""
+    script: list = [(1.0, task("startInteractionRule", "Table setting"))]
+    script.append((55.0, task("repeatAct", "16")))  # the robot of the samples points in vain the first time
+    for number in range(12):
+        cue = 20.0 + 25.0 * number
+        pressed = cue + 0.9 + 0.1 * number
+        script += [
+            (cue, task("markCue", pressed=cue)),
+            (pressed, task("startInteractionRule", "Next", pressed=pressed)),
+        ]
+    early = 20.0 + 25.0 * 12
+    script += [
+        (early, task("startInteractionRule", "Next", pressed=early)),
+        (early + 2.0, task("markCue", pressed=early + 2.0)),
+    ]
+    return script
+
+
+@pytest.fixture(scope="module")
+def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    root = tmp_path_factory.mktemp("lab") / "sessions"
+    started = SessionStarted(participant="P01", condition="yes+loud", memory=YES_LOUD)
+    return play_session(root, instructions(), scenario=LABLINKING, started=started, until=360.0)
+
+
+@pytest.fixture(scope="module")
+def data(folder: Path) -> SessionData:
+    return read_session(folder)
+
+
+def test_a_hesitation_answers_no_cue(data: SessionData) -> None:
+    named = {each.task: each.act for each in data.acts}
+    played = [each.act for each in data.acts]
+    assert played.count("R_Hesitation") >= 4
+    answered = [named[cue.task] for cue in data.cues if cue.task is not None]
+    assert len(answered) >= 12
+    assert "R_Hesitation" not in answered
+    after = [other for before, other in pairwise(played) if before == "R_Hesitation"]
+    assert set(after) <= set(answered), "the instruction after it is the answer"
+    assert all(each.cue_at is None for each in data.acts if each.act == "R_Hesitation")
+
+
+def test_the_medians_are_of_the_same_answers(data: SessionData, folder: Path, tmp_path: Path) -> None:
+    early = [each for each in data.acts if each.before_cue]
+    assert [each.act for each in early] == ["R_Task3_Step2"] and early[0].response_s is not None
+    told = [each.answer_s for each in data.acts if each.answer_s is not None]
+    median = statistics.median(told)
+    assert len(told) == len([each for each in data.acts if each.response_s is not None and not each.filler]) - 1
+
+    row = session_row(data)
+    assert row.figures.latency.response.summary is not None
+    assert row.figures.latency.response.summary.median == pytest.approx(median, abs=1e-6)
+
+    load_format("tables").write(tmp_path / "out", [data], export_context([folder], "full"))
+    with (tmp_path / "out" / "sessions.csv").open(encoding="utf-8") as file:
+        (session,) = csv.DictReader(file)
+    assert float(session["response_median_s"]) == pytest.approx(median, abs=1e-6)
+    assert (int(session["responses"]), int(session["before_cue"])) == (len(told), 1)
+
+    judged = [cue.decisions["anna"] for cue in judge_session(data).cues]
+    reactions = [each.latency for each in judged if each.latency is not None]
+    assert reactions == pytest.approx([each.wizard_s for each in data.acts if each.answer_s is not None], abs=1e-6)
+    assert [each.why for each in judged if each.latency is None] == ["before the cue"]
+    assert [each for part in row.wizards for each in part.reactions] == pytest.approx(reactions, abs=1e-6)
+
+
+@pytest.mark.slow
+def test_the_script_of_the_how_to_says_the_same(
+    data: SessionData, folder: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Of two sessions in one table, whose tasks have the same numbers."""
+    second = play_session(folder.parent, instructions()[:10], scenario=LABLINKING, until=200.0)
+    told = [each.answer_s for each in (*data.acts, *read_session(second).acts) if each.answer_s is not None]
+    load_format("csv").write(tmp_path / "p07.csv", [data, read_session(second)], export_context([folder], "full"))
+    blocks = re.findall(r"```python\n(.*?)```", HOW_TO.read_text("utf-8"), re.DOTALL)
+    monkeypatch.chdir(tmp_path)
+    names: dict = {}
+    exec("\n".join(blocks), names)  # as somebody pastes it
+    assert sorted(names["waited"].dropna()) == pytest.approx(sorted(told), abs=1e-6)
+    assert (names["ended"] - names["began"]).min() >= 0

@@ -1,0 +1,292 @@
+"""Trials, beside what docs/reference/exports.md says of them, computed from the journal's records alone."""
+
+from __future__ import annotations
+
+import random
+import re
+from pathlib import Path
+from typing import Any
+
+import pytest
+from msgspec.structs import replace
+
+from rise_engine.expression import Expression
+from rise_engine.kernel.inputs import Submit
+from rise_engine.kernel.records import (
+    ENDINGS,
+    ActionRecord,
+    AnyRecord,
+    CueRecord,
+    EventRecord,
+    FailureRecord,
+    MemoryRecord,
+    MistakeRecord,
+    RuleRecord,
+    StopRecord,
+    TaskRecord,
+    TimingRecord,
+)
+from rise_engine.kernel.wizard_marks import UNMARKABLE
+from rise_engine.results.analysis.model import SessionData
+from rise_engine.results.analysis.reading import read_session
+from rise_engine.results.analysis.trials import trials_of
+from rise_engine.scenario.trial_settings import TrialSettings
+from tests.chance import seeds
+
+from .samples import WIZARD, everything, play_session, recovered_session, task
+
+ACTS = {"startCommunicationRobotAct", "say"}
+ASIDES = {"Hm", "Think"}
+BY_STATE = TrialSettings(state="Visit/*", columns=(Expression.parse("visits"), Expression.parse("noise")))
+BY_KEY = TrialSettings(key=Expression.parse("noise"), columns=(Expression.parse("noise"),))
+
+
+class Text:
+    """What the page says, read word for word."""
+
+    def __init__(self, records: list[AnyRecord], settings: TrialSettings) -> None:
+        self.records, self.settings = records, settings
+        self.tasks = {record.id: record for record in reversed(records) if isinstance(record, TaskRecord)}
+        self.pressed = {each.task: each.key_at for each in records if isinstance(each, TimingRecord)}
+        self.fillers = {each.task for each in records if isinstance(each, CueRecord) and each.status == "filled"}
+
+    def rows(self) -> list[dict[str, Any]]:
+        return [self.row(*span) for span in self.spans()]
+
+    def spans(self) -> list[tuple[float, float, str]]:
+        found: list[tuple[float, float, str]] = []
+        start, rule, value = None, "", None
+        for record in self.records:
+            ended_by, begins = "", False
+            if isinstance(record, RuleRecord) and self.settings.state:
+                if record.status == "entered" and record.name == "Visit":
+                    ended_by, begins = "trial", True
+                elif record.status in ("ended", "stopped", "faulted") and record.name == rule:
+                    ended_by = "rule"
+            if isinstance(record, MemoryRecord) and not self.settings.state and record.key == "noise":
+                now = None if record.deleted else record.value
+                if now != value and record.source not in ("file", "study", "condition"):
+                    ended_by, begins = "key" if now is None else "trial", now is not None
+                value = now
+            if ended_by:
+                if start is not None:
+                    found.append((start, record.t, ended_by))
+                start, rule = (record.t, "Visit") if begins else (None, "")
+        if start is not None:
+            found.append((start, self.records[-1].t, "record"))
+        return found
+
+    def row(self, start: float, end: float, ended_by: str) -> dict[str, Any]:
+        before = float("inf") if ended_by == "record" else end
+        spoken = [(v, n) for n, each in self.acts() if start <= each.t < before and (v := self.voice_at(n)) is not None]
+        asked_at, asking = min(spoken, default=(None, None))
+        asked_end = self.speech_end(asking) if asking is not None else None
+        since = start if asked_at is None else asked_at
+        cue_at = min((t for t in self.cues() if since <= t < before), default=None)
+        since = cue_at if cue_at is not None else asked_at
+        key_at = min((t for t in self.keys() if since is not None and since <= t <= end), default=None)
+        heard = cue_at if cue_at is not None else key_at
+        until = heard if heard is not None else before
+        prompts = [n for n, _ in self.acts() if n != asking and asked_end is not None]
+        prompts = [n for n in prompts if asked_end <= (self.voice_at(n) or -1.0) < until]
+        onsets = [v for n, _ in self.acts() if (v := self.onset(n)) is not None and heard is not None and v >= heard]
+        return {
+            "start": start,
+            "end": end,
+            "ended_by": ended_by,
+            "values": {each.text: self.value(each.text, before) for each in self.settings.columns},
+            "asked_at": asked_at,
+            "asked_end": asked_end,
+            "cue_at": cue_at,
+            "key_at": key_at,
+            "robot_next_at": min(onsets, default=None),
+            "prompts": len(prompts),
+            "events": tuple(topic for t, topic in self.events() if start < t <= end),
+            "repairs": sum(start < t <= end for t in self.repairs()),
+            "failures": sum(start < each.t <= end for each in self.records if self.is_failure(each)),
+            "marks": sorted(
+                mark for t, mark, left in self.marks() if (start <= t < before if left else start < t <= end)
+            ),
+        }
+
+    def acts(self) -> list[tuple[int, TaskRecord]]:
+        found = [(n, each) for n, each in sorted(self.tasks.items()) if each.function in ACTS]
+        return [(n, each) for n, each in found if n not in self.fillers and each.behavior not in ASIDES]
+
+    def actions(self, act: int) -> list[ActionRecord]:
+        return [each for each in self.records if isinstance(each, ActionRecord) and each.task == act]
+
+    def voice_at(self, act: int) -> float | None:
+        return next((each.t for each in self.actions(act) if each.type == "Speech" and each.status == "accepted"), None)
+
+    def onset(self, act: int) -> float | None:
+        if any(each.type == "Speech" for each in self.actions(act)):
+            return self.voice_at(act)
+        return next((each.t for each in self.actions(act) if each.status == "accepted"), None)
+
+    def speech_end(self, act: int) -> float | None:
+        spoken = [each for each in self.actions(act) if each.type == "Speech"]
+        begun = {each.action for each in spoken if each.status == "accepted"}
+        ends = {each.action: each.t for each in spoken if each.status in ENDINGS}
+        return max(ends[each] for each in begun) if begun <= ends.keys() else None
+
+    def cues(self) -> list[float]:
+        marked: list[float] = []
+        for record in self.records:
+            if isinstance(record, CueRecord) and record.status == "marked":
+                marked.append(record.t)
+            elif isinstance(record, CueRecord) and record.status == "undone":
+                marked.pop()
+        return marked
+
+    def root(self, number: int) -> int:
+        while (cause := self.tasks[number].cause) is not None:
+            number = cause
+        return number
+
+    def keys(self) -> list[float]:
+        found = []
+        for number, record in self.tasks.items():
+            refused = any(isinstance(e, TaskRecord) and e.id == number and e.status == "REJECTED" for e in self.records)
+            if record.source != WIZARD or refused or record.function in {*UNMARKABLE, "markCue", "undoCue"}:
+                continue
+            first = min(
+                (n for n, each in self.tasks.items() if each.function in ACTS and self.root(n) == number), default=0
+            )
+            found.append(next((t for n in (number, first) if (t := self.pressed.get(n)) is not None), record.t))
+        return found
+
+    def events(self) -> list[tuple[float, str]]:
+        return [(e.t, e.topic) for e in self.records if isinstance(e, EventRecord) and e.source == WIZARD]
+
+    def repairs(self) -> list[float]:
+        found = [each.t for each in self.records if isinstance(each, FailureRecord) and each.status == "repeated"]
+        found += [each.t for each in self.records if isinstance(each, CueRecord) and each.status == "undone"]
+        found += [each.t for each in self.records if isinstance(each, StopRecord) and each.status == "released"]
+        back = [e for e in self.records if isinstance(e, RuleRecord) and e.status == "entered"]
+        found += [each.t for each in back if (each.trigger or "").startswith("stepped back")]
+        begun = {each.id for each in self.records if isinstance(each, TaskRecord) and each.status == "ACTIVE"}
+        ended = [e for e in self.records if isinstance(e, TaskRecord) and e.status == "CANCELED" and e.function in ACTS]
+        found += [each.t for each in ended if each.id in begun and self.is_stopped_by_wizard(each)]
+        return found
+
+    def is_stopped_by_wizard(self, record: TaskRecord) -> bool:
+        if not record.reason.startswith("interrupted by "):
+            return re.search(r"\bby wizard:", record.reason) is not None and not record.reason.startswith("stop-all ")
+        name = record.reason.removeprefix("interrupted by ")
+        later = [
+            (n, each)
+            for n, each in self.tasks.items()
+            if n > record.id and each.function in ACTS and each.t <= record.t
+        ]
+        by = max((n for n, each in later if name == ("say" if each.function == "say" else each.behavior)), default=None)
+        return by is not None and self.tasks[self.root(by)].source == WIZARD
+
+    def is_failure(self, record: AnyRecord) -> bool:
+        if isinstance(record, TaskRecord):
+            return record.status == "ABORTED" and record.function != "startInteractionRule"
+        return isinstance(record, RuleRecord) and record.status == "faulted"
+
+    def marks(self) -> list[tuple[float, str, bool]]:
+        last = {each.task: each.mark for each in self.records if isinstance(each, MistakeRecord)}
+        found = [(self.tasks[n], mark) for n, mark in last.items() if mark != "none"]
+        return [(each.t, mark, each.function in ACTS) for each, mark in found]
+
+    def value(self, key: str, before: float) -> Any:
+        value = None
+        for each in self.records:
+            if isinstance(each, MemoryRecord) and each.key == key and each.t < before:
+                value = None if each.deleted else each.value
+        return value
+
+
+def compared(folder: Path, settings: TrialSettings) -> list[dict[str, Any]]:
+    """The rows of a session, which both say."""
+    data = read_session(folder)
+    assert data.scenario is not None
+    data = replace(data, scenario=replace(data.scenario, trials=settings))
+    text = Text(list(data.records), settings)
+    expected = text.rows()
+    told = [{name: getattr(trial, name) for name in row} for trial, row in zip(trials_of(data), expected, strict=True)]
+    for row in told:
+        row["marks"] = sorted(row["marks"])
+    assert told == expected
+    return told
+
+
+def random_script(seed: int) -> list[tuple[float, Submit]]:
+    """What a hasty wizard does in a visit."""
+    draw = random.Random(seed)
+    at, script = 0.5, [(0.5, task("startInteractionRule", "Visit", pressed=0.45))]
+    deeds = [
+        *(("markCue", ""), ("markCue", ""), ("markCue", ""), ("undoCue", ""), ("say", "Hello"), ("stepBack", "Visit")),
+        *(("startCommunicationRobotAct", name) for name in ("Answer", "Ask", "Thanks", "Nod", "Hm", "Point")),
+        *(("raiseEventTopic", topic) for topic in ("/tea", "/bye", "/off")),
+        *(("stopCommunicationRobotAct", "Answer"), ("stopAll", ""), ("releaseStop", '{"Visit": "wait"}')),
+        *(("assignValue", f"noise = {each}") for each in ("1", "2", "null")),
+        *(("startInteractionRule", "Visit"), ("markMistake", f"{draw.randrange(1, 9)} late")),
+    ]
+    for _ in range(draw.randrange(4, 26)):
+        at = round(at + draw.choice([0.0, 0.3, 1.2, 3.0, 5.0]), 3)
+        function, behavior = draw.choice(deeds)
+        pressed = None if function == "markMistake" else max(0.0, round(at - draw.choice([0.0, 0.04]), 3))
+        script.append((at, task(function, behavior, pressed=pressed)))
+    return script
+
+
+def test_random_sessions_have_the_trials_that_the_page_says(tmp_path: Path) -> None:
+    trials = measured = 0
+    for seed in seeds(16):
+        script = random_script(seed)
+        folder = play_session(
+            tmp_path / f"{seed}", script, scenario=None, until=script[-1][0] + 3.0, ends=seed % 2 == 0
+        )
+        for settings in (BY_STATE, BY_KEY):
+            rows = compared(folder, settings)
+            trials += len(rows)
+            measured += sum(row["asked_end"] is not None and row["cue_at"] is not None for row in rows)
+    assert trials > 70 and measured > 2
+
+
+@pytest.mark.parametrize("play", [play_session, recovered_session])
+def test_a_session_of_everything(tmp_path: Path, play: Any) -> None:
+    folder = play(tmp_path / "sessions")
+    assert [row["ended_by"] for row in compared(folder, BY_STATE)][-1] in ("rule", "record")
+
+
+def read(folder: Path, level: Any = "full") -> SessionData:
+    return read_session(folder, level=level)
+
+
+def test_what_is_measured(tmp_path: Path) -> None:
+    folder = play_session(
+        tmp_path / "sessions",
+        [
+            (1.0, task("startInteractionRule", "Visit")),
+            (10.0, task("raiseEventTopic", "/tea", pressed=9.9)),
+            (20.0, task("markCue", pressed=20.0)),
+            (21.5, task("startCommunicationRobotAct", "Answer", pressed=21.25)),
+        ],
+        until=40.0,
+    )
+    tea = trials_of(read(folder))[-1]
+    assert (tea.start, tea.robot_said, tea.asked_at) == (10.0, "Would you like some tea?", 10.02)
+    assert tea.asked_end is not None and tea.participant_s == pytest.approx(20.0 - tea.asked_end)
+    assert (tea.wizard_s, tea.wizard_asked) == (1.25, "startCommunicationRobotAct Answer")
+    assert tea.robot_next_at is not None and 22.0 < tea.robot_next_at < 23.0
+    assert tea.number("participant_s") == tea.participant_s and tea.number("visits") == 1 and tea.number("start") == 10
+
+
+def test_a_level_tells_trials_what_it_tells(tmp_path: Path) -> None:
+    folder = play_session(tmp_path / "sessions", everything())
+    for level, name in (("full", "Zelda Quux"), ("shared", None)):
+        told = [trial.values["person_name"] for trial in trials_of(read(folder, level))]
+        assert told and all((each == name) is (level == "full") for each in told), told
+        assert "Zelda" not in str(trials_of(read(folder, level))) or level == "full"
+
+
+def test_without_a_scenario_or_trials_there_are_none(tmp_path: Path) -> None:
+    data = read(play_session(tmp_path / "sessions"))
+    assert data.scenario is not None and trials_of(data)
+    assert trials_of(replace(data, scenario=None)) == ()
+    assert trials_of(replace(data, scenario=replace(data.scenario, trials=None))) == ()

@@ -1,0 +1,54 @@
+"""docs/reference/exports.md has every column; `python -m tests.results.export.test_page` writes its tables anew."""
+
+from __future__ import annotations
+
+import re
+from pathlib import Path
+
+from rise_engine.results.export.formats import format_names
+from rise_engine.results.export.session_tables import FACTS
+from rise_engine.results.export.table_schema import Column
+from rise_engine.results.export.tables import TABLES
+
+PAGE = Path(__file__).parents[3] / "docs" / "reference" / "exports.md"
+_MARK = re.compile(r"(<!-- columns: (\w+) -->\n).*?(<!-- end -->)", re.DOTALL)
+
+
+def column_table(columns: tuple[Column, ...]) -> str:
+    """In Markdown."""
+    lines = ["| column | type | means |", "|---|---|---|"]
+    for column in columns:
+        kind = f"{column.type}, {column.unit}" if column.unit else column.type
+        about = column.about.replace("Session seconds; the session's clock begins at 0. ", "")
+        levels = "; ".join(f"`{name}`: {text}" for name, text in column.levels.items())
+        lines.append(f"| `{column.name}` | {kind} | {about}{' ' if levels else ''}{levels} |")
+    return "\n".join(lines)
+
+
+def page_text(text: str) -> str:
+    """The page with every table of columns as it should be."""
+    tables = {"facts": column_table(FACTS)}
+    for schema in TABLES:
+        key = " and ".join(f"`{name}`" for name in schema.key)
+        refers = [
+            f"{' and '.join(f'`{name}`' for name in each.columns)} → {each.table}.csv" for each in schema.references
+        ]
+        about = [schema.about, f"Key: {key}.", *([f"{'; '.join(refers)}."] if refers else [])]
+        tables[schema.name] = f"{' '.join(about)}\n\n{column_table(schema.columns)}"
+    return _MARK.sub(lambda found: f"{found[1]}{tables[found[2]]}\n{found[3]}", text)
+
+
+def test_the_page_has_every_column() -> None:
+    text = PAGE.read_text("utf-8")
+    assert {found[1] for found in _MARK.findall(text)} == {"facts", *(schema.name for schema in TABLES)}
+    assert page_text(text) == text, "write them: python -m tests.results.export.test_page"
+
+
+def test_the_page_has_every_format() -> None:
+    text = PAGE.read_text("utf-8")
+    for name in format_names():
+        assert f"[`{name}`](#" in text, f"no row for the format {name}"
+
+
+if __name__ == "__main__":
+    PAGE.write_text(page_text(PAGE.read_text("utf-8")), "utf-8")

@@ -1,0 +1,227 @@
+"""A study's report: every number is counted anew from the exported tables, as somebody does who has only those."""
+
+from __future__ import annotations
+
+import csv
+import io
+import statistics as python
+from collections import Counter, defaultdict
+from pathlib import Path
+
+import pytest
+
+from rise_engine.results.export.formats import load_format
+from rise_engine.results.export.writing import export_context, export_sessions
+from rise_engine.results.report.document import Facts
+from rise_engine.results.report.making import MadeReport, make_study_report
+from rise_engine.results.report.page import page_text
+from rise_engine.results.report.plain_text import cells_wide, text_lines
+from rise_engine.results.report.study_facts import study_figures
+from rise_engine.results.report.study_report import StudyReportInput, _assignment, study_report
+from rise_engine.study.report_table import ITEM_NAMES, REPORT_ITEMS
+from rise_engine.study.state import read_state
+from rise_engine.study.withdrawn import Withdrawn
+from tests.results.analysis.samples import DESIGN, make_study, sessions_of
+from tests.results.report.pages import PageReader
+from tests.results.report.test_page import assert_harmless
+from tests.study.designs import make_study as design
+
+
+@pytest.fixture(scope="module")
+def study(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    return make_study(tmp_path_factory.mktemp("report") / "study")
+
+
+@pytest.fixture(scope="module")
+def made(study: Path) -> MadeReport:
+    return make_study_report(study)
+
+
+@pytest.fixture(scope="module")
+def page(made: MadeReport) -> PageReader:
+    return assert_harmless(page_text(made.document))
+
+
+@pytest.fixture(scope="module")
+def tables(study: Path, tmp_path_factory: pytest.TempPathFactory) -> dict[str, list[dict[str, str]]]:
+    """acts.csv and sessions.csv of all sessions, and which of them count."""
+    out = tmp_path_factory.mktemp("tables") / "out"
+    folders = sessions_of(study)
+    export_sessions(load_format("tables"), out, folders, export_context(folders, "full"))
+    return {
+        name: list(csv.DictReader(io.StringIO((out / f"{name}.csv").read_text("utf-8"))))
+        for name in ("acts", "sessions")
+    }
+
+
+def complete(row: dict[str, str]) -> bool:
+    return row["purpose"] == "counted" and row["outcome"] == "complete"
+
+
+def responses(tables: dict[str, list[dict[str, str]]]) -> dict[str, list[float]]:
+    """By session, of complete ones: from the rows of acts.csv."""
+    found: dict[str, list[float]] = defaultdict(list)
+    counted = {row["session"] for row in tables["sessions"] if complete(row)}
+    for row in tables["acts"]:
+        if row["session"] in counted and row["filler"] == "false" and row["response_s"]:
+            found[row["session"]].append(float(row["response_s"]))
+    return found
+
+
+def two(value: float) -> str:
+    return f"{value:.2f}"
+
+
+def test_conditions_are_those_of_the_tables(page, tables):
+    by_condition: dict[str, list[str]] = defaultdict(list)
+    for row in tables["sessions"]:
+        if complete(row):
+            by_condition[row["condition"]].append(row["session"])
+    told = page.table("Complete sessions by condition")
+    assert set(told) == set(by_condition) and len(told) == 4
+    found = responses(tables)
+    for condition, sessions in by_condition.items():
+        medians = [python.median(found[session]) for session in sessions]
+        assert told[condition]["sessions"] == str(len(sessions))
+        assert told[condition]["answers"] == str(sum(len(found[session]) for session in sessions))
+        assert told[condition]["median"] == two(python.median(medians))
+
+
+def test_pooled_responses_are_those_of_the_tables(page, tables):
+    values = [value for each in responses(tables).values() for value in each]
+    row = page.table("From a cue to the robot's answer")["response (cue to answer)"]
+    lower, middle, upper = python.quantiles(values, n=4, method="inclusive")
+    assert (row["n"], row["median"]) == (str(len(values)), two(middle))
+    assert row["middle half"] == f"{two(lower)}\u2013{two(upper)}"
+    assert row["95 % within"] == two(python.quantiles(values, n=20, method="inclusive")[-1])
+
+
+def test_each_session_is_told_as_the_table_of_sessions_has_it(page, tables):
+    rows = next(rows for caption, rows in page.tables.items() if caption.startswith("Every session"))
+    told = [dict(zip(rows[0], row, strict=True)) for row in rows[1:]]
+    assert len(told) == len(tables["sessions"]) == 8
+    for mine, theirs in zip(told, tables["sessions"], strict=True):
+        assert (mine["who"], mine["condition"]) == (theirs["participant"], theirs["condition"])
+        assert int(mine["cues"]) == int(theirs["cues"]) - int(theirs["cues_undone"])
+        assert ("failed" in mine["went wrong"]) == (theirs["failed_acts"] != "0")
+        if theirs["response_median_s"]:
+            assert mine["response"] == two(float(theirs["response_median_s"]))
+    assert [row["outcome"] for row in told] == ["pilot", "complete", "complete", "aborted", *["complete"] * 4]
+
+
+def test_wizards_are_those_of_the_acts(page, tables):
+    counted = {row["session"] for row in tables["sessions"] if complete(row)}
+    acts = [row for row in tables["acts"] if row["session"] in counted and row["by"] == "wizard:anna"]
+    sessions = [row for row in tables["sessions"] if row["session"] in counted]
+    keys = sum(int(row["wizard_keys"]) for row in sessions)
+    told = page.table("Wizards in complete sessions")["anna"]
+    assert told["sessions"] == "6"
+    assert told["keys"] == str(keys)
+    reacted = [row for row in acts if row["response_s"] and row["before_cue"] == "false" and row["filler"] == "false"]
+    reactions = [float(row["wizard_s"]) for row in reacted if row["wizard_s"]]
+    assert told["cue to key"] == two(python.median(reactions))
+    marked = sum(int(row["mistakes"]) for row in sessions)
+    assert told["per 100"].startswith(f"{100 * marked / keys:.1f} (")
+    assert told["rehearsals"].startswith("1, 20")
+
+
+@pytest.mark.parametrize(
+    ("between", "within", "words"),
+    [([2], [2], "blocks, orders williams"), ([2], [], "blocks"), ([], [2], "orders williams"), ([], [], "")],
+)
+def test_only_the_assignment_that_there_is_is_told(between, within, words):
+    assert _assignment(design(between, within)) == words
+
+
+def test_participants_and_cells(page):
+    text = page.text
+    assert "3 of 3 wanted" in text and "1 pilot" in text
+    cells = page.table("The plan against what happened")
+    assert Counter({name: int(row["complete"]) for name, row in cells.items()}).total() == 3
+    assert page.table("What came of each check")["disk"]["skipped"] == "6"
+
+
+def test_the_reporting_sheet_says_what_is_known_and_lists_what_is_missing(study, made, tmp_path):
+    assert "paraphrased" in made.sheet and "10.5898/JHRI.1.1.Riek" in made.sheet
+    assert f"{len(ITEM_NAMES)} items still to say" in made.sheet
+    assert all(f"`{item.name}`: {item.question}" in made.sheet for item in REPORT_ITEMS)
+    assert "anna in 6 sessions" in made.sheet
+    other = make_study(tmp_path / "study")
+    said = "\n".join(f'{name} = "Said of {name}, by *us*"' for name in ITEM_NAMES)
+    (other / "study.toml").write_text(f"{DESIGN}\n[report]\n{said}\n", "utf-8")
+    full = make_study_report(other)
+    assert "still to say" not in full.sheet
+    assert "Said of robot\\_make, by \\*us\\*" in full.sheet
+    text = assert_harmless(page_text(full.document)).text
+    assert all(f"Said of {name}" in text for name in ITEM_NAMES)
+    assert "still to say" not in text
+
+
+def test_every_item_is_asked_for_once(made):
+    asked = [name for name in ITEM_NAMES if made.sheet.count(f"(`{name}`)") == 1]
+    assert asked == list(ITEM_NAMES)
+
+
+def test_in_a_terminal_no_line_is_wider_than_it(made):
+    lines = text_lines(made.document)
+    assert all(cells_wide(line) <= 80 for line in lines)
+    assert "Conditions" in lines and "Reporting sheet" in lines
+
+
+@pytest.mark.parametrize("level", ["shared", "public"])
+def test_levels_tell_no_names_dates_or_reasons(study, level):
+    made = make_study_report(study, level)
+    for text in (page_text(made.document), made.sheet, "\n".join(text_lines(made.document))):
+        for hidden in ("Zelda", "Quux", "anna", "2024-11-23", "felt sick", "in a hurry"):
+            assert hidden not in text, (hidden, level)
+    assert "W1" in page_text(made.document)
+
+
+def test_a_study_that_hides_its_conditions_keeps_them_until_it_is_complete(tmp_path):
+    study = make_study(tmp_path / "study")
+    hidden = DESIGN.replace("n = 3", "n = 4").replace("spare = 0.5", "spare = 0.5\nhidden = true")
+    (study / "study.toml").write_text(hidden, "utf-8")
+    page = assert_harmless(page_text(make_study_report(study).document))
+    assert "This study hides its conditions" in page.text and "Conditions" not in page.headings
+    assert "yes+loud" not in page.text and "quiet+" not in page.text
+    shown = assert_harmless(page_text(make_study_report(study, conditions=True).document))
+    assert "Conditions" in shown.headings and "yes+loud" in shown.text
+
+
+def test_a_study_without_sessions(tmp_path):
+    study = make_study(tmp_path / "study")
+    for folder in sessions_of(study):
+        (folder / "journal.jsonl").rename(study / f"{folder.name}.kept")
+        for path in sorted(folder.rglob("*"), reverse=True):
+            path.rmdir() if path.is_dir() else path.unlink()
+        folder.rmdir()
+    (study / "study.jsonl").unlink()
+    made = make_study_report(study)
+    text = assert_harmless(page_text(made.document)).text
+    assert "No session has been recorded." in text and "0 of 3" in text
+    assert "nan" not in "".join(text_lines(made.document))
+
+
+def test_what_is_written_in_the_study_is_harmless(tmp_path):
+    nasty = "<script>alert(1)</script> http://x url(y)"
+    study = make_study(tmp_path / "study")
+    design = DESIGN.replace('title = "Hesitation"', f"title = '{nasty}'")
+    (study / "study.toml").write_text(f"{design}\n[report]\nplace = '{nasty}'\n", "utf-8")
+    made = make_study_report(study)
+    assert nasty in assert_harmless(page_text(made.document)).text
+    assert "<script" not in made.sheet and "&lt;script\\>" in made.sheet
+
+
+def test_the_example_of_report_in_the_reference_is_whole():
+    text = (Path(__file__).parents[3] / "docs" / "reference" / "study.md").read_text("utf-8")
+    for item in REPORT_ITEMS:
+        assert f"`{item.name}`" in text, item.name
+
+
+def test_withdrawn_people_are_counted_and_not_named(study):
+    state = read_state(study)
+    given = StudyReportInput(state.study, state.standing, study_figures([]), withdrawn=Withdrawn(2, 1))
+    blocks = [block for section in study_report(given).sections for block in section.blocks]
+    flow = next(block for block in blocks if isinstance(block, Facts))
+    assert ("Withdrawn", "2") in flow.rows
+    assert "2 withdrawn" in " ".join(sentence for item in given.sheet for sentence in item.known)

@@ -1,0 +1,248 @@
+"""An engine with a journal: nothing goes out that could still be lost, and nothing safe waits for a disk."""
+
+from __future__ import annotations
+
+import asyncio
+import errno
+from collections.abc import AsyncIterator, Callable
+from contextlib import asynccontextmanager, suppress
+from pathlib import Path
+from typing import Any
+
+from rise_engine.kernel.commands import StartAction
+from rise_engine.kernel.inputs import ActionReport, EstopReport, RobotChanged, StopReport, Submit
+from rise_engine.kernel.records import ActionRecord, AnyRecord, NoteRecord, SessionRecord, StopRecord, TaskRecord
+from rise_engine.ports.robot import ReportCallback
+from rise_engine.run.engine.clock import RealClock
+from rise_engine.run.engine.engine import Engine
+from rise_engine.run.protocol.client import JournalStatus, Reply
+from rise_engine.session.disk import Disk
+from rise_engine.session.journal import Journal
+from rise_engine.session.journal_format import InputLine, encode_header, read_line
+from tests.patience import PATIENCE
+
+from .disks import FullDisk, StallingDisk
+from .samples import GREETING, scenario, start
+
+STOP = Submit(function="stopAll", source="wizard:anna")
+
+
+class Robot:
+    """Remembers what it was asked; ends nothing by itself."""
+
+    def __init__(self) -> None:
+        self.report: ReportCallback = lambda report: None
+        self.calls: list[str] = []
+
+    def connect(self, report: ReportCallback) -> None:
+        self.report = report
+        report(RobotChanged(status="connected"))
+
+    def start(self, goal: StartAction) -> None:
+        self.calls.append(f"start {goal.action}")
+
+    def cancel(self, action: str) -> None:
+        self.calls.append(f"cancel {action}")
+
+    def stop_all(self) -> None:
+        self.calls.append("stop")
+
+    def close(self) -> None:
+        self.calls.append("close")
+
+
+class Session:
+    def __init__(self, path: Path, disk: Disk) -> None:
+        loop = asyncio.get_running_loop()
+        self.turned = asyncio.Event()
+        self.path = path
+        self.robot = Robot()
+        self.records: list[AnyRecord] = []
+        self.replies: list[Reply] = []
+        self.journalings: list[JournalStatus] = []
+
+        def changed() -> None:
+            with suppress(RuntimeError):
+                loop.call_soon_threadsafe(self._look)
+
+        self.journal = Journal(path, changed=changed, disk=disk, retry=0.001)
+        self.journal.append(encode_header("test"))
+        which = scenario(GREETING)
+        self.engine = Engine(
+            which, self.robot, RealClock(loop), 0, sinks=[self.records.append], journal=self.journal
+        )  # fmt: skip
+        self.engine.on_journal_status = self.journalings.append
+        self.engine.start()
+
+    def _look(self) -> None:
+        self.engine.flush_durable()
+        self.turned.set()
+
+    async def until(self, true: Callable[[], Any]) -> None:
+        while not true():
+            self.turned.clear()
+            await asyncio.wait_for(self.turned.wait(), PATIENCE)
+
+    def ask(self, fact: Submit) -> None:
+        self.engine.accept(fact, self.replies.append)
+
+    def of(self, kind: type) -> list[Any]:
+        return [record for record in self.records if isinstance(record, kind)]
+
+    def lines(self) -> list[Any]:
+        return [read_line(line) for line in self.path.read_bytes().splitlines()]
+
+
+@asynccontextmanager
+async def session(tmp_path: Path, disk: Disk) -> AsyncIterator[Session]:
+    it = Session(tmp_path / "journal.jsonl", disk)
+    await it.until(lambda: it.of(SessionRecord))
+    try:
+        yield it
+    finally:
+        it.engine.abandon()
+        await asyncio.to_thread(it.journal.close, 5.0)
+
+
+async def test_what_went_out_is_on_the_disk(tmp_path: Path) -> None:
+    async with session(tmp_path, Disk()) as it:
+        it.ask(start("Greet"))
+        await it.until(lambda: it.replies)
+        assert it.replies == [Reply(True, "", 1)]
+        assert it.robot.calls == ["start 1/1"]
+        on_disk = [line for line in it.lines() if not hasattr(line, "journal")]
+        assert [line for line in on_disk if not isinstance(line, InputLine)][: len(it.records)] == it.records
+        assert [line.n for line in on_disk if isinstance(line, InputLine)] == [1, 2, 3]
+
+
+async def test_nothing_goes_out_while_the_disk_stalls_but_the_loop_goes_on(tmp_path: Path) -> None:
+    """J04."""
+    disk = StallingDisk()
+    async with session(tmp_path, disk) as it:
+        seen = len(it.records)
+        disk.go.clear()
+        it.ask(start("Greet"))
+        assert await asyncio.to_thread(disk.waits.wait, 10)
+        it.engine.flush_durable()
+        assert (it.replies, it.robot.calls, len(it.records)) == ([], [], seen)
+        disk.go.set()
+        await it.until(lambda: it.replies)
+        assert it.robot.calls == ["start 1/1"]
+        assert len(it.records) > seen
+
+
+async def test_what_is_safe_does_not_wait_for_the_disk(tmp_path: Path) -> None:
+    disk = StallingDisk()
+    async with session(tmp_path, disk) as it:
+        it.ask(start("Greet"))
+        await it.until(lambda: it.replies)
+        disk.go.clear()
+        it.ask(STOP)
+        assert it.robot.calls == ["start 1/1", "cancel 1/1", "stop"], "at once"
+        assert it.of(StopRecord) == []
+        disk.go.set()
+        await it.until(lambda: it.of(StopRecord))
+
+
+async def test_an_action_that_is_stopped_before_it_is_recorded_never_begins(tmp_path: Path) -> None:
+    disk = StallingDisk()
+    async with session(tmp_path, disk) as it:
+        disk.go.clear()
+        it.ask(start("Greet"))
+        it.ask(STOP)
+        it.robot.report(StopReport(confirmed=("all",)))
+        disk.go.set()
+        await it.until(lambda: [record for record in it.of(StopRecord) if record.status == "latched"])
+        assert it.robot.calls == ["stop"]
+        ended = {record.action: record.status for record in it.of(ActionRecord) if record.status != "started"}
+        assert ended == {"1": "canceled", "2": "skipped", "3": "skipped"}
+        assert it.of(TaskRecord)[-1].status in ("CANCELED", "SUCCEEDED")
+
+
+async def test_a_full_disk_pauses_the_session(tmp_path: Path) -> None:
+    """J03: never on, unrecorded; what the robot says meanwhile is kept with its time."""
+    disk = FullDisk()
+    async with session(tmp_path, disk) as it:
+        it.ask(start("Greet"))
+        await it.until(lambda: it.replies)
+        disk.number = errno.ENOSPC
+        it.robot.report(ActionReport(action="1/1", status="accepted"))
+        await it.until(lambda: it.engine.paused)
+        seen = len(it.records)
+        assert it.journalings[-1].trouble == "the disk is full"
+        it.ask(start("Greet"))
+        assert it.replies[-1] == Reply(False, "nothing can be recorded, so the session is paused: the disk is full")
+        it.robot.report(ActionReport(action="1/1", status="succeeded"))
+        at = it.engine.clock.now()
+        it.engine.flush_durable()
+        assert len(it.records) == seen
+        disk.number = None
+        await it.until(lambda: it.of(NoteRecord))
+        assert not it.journalings[-1].trouble
+        ended = [record for record in it.of(ActionRecord) if record.status == "succeeded"]
+        assert len(ended) == 1 and ended[0].t <= at
+        assert it.of(NoteRecord)[0].text == "recording was interrupted and goes on now: the disk is full"
+        it.ask(start("Greet"))
+        await it.until(lambda: it.replies[-1].accepted)
+        numbers = [record.seq for record in it.records]
+        assert numbers == list(range(1, len(numbers) + 1))
+
+
+async def test_stop_reaches_the_robot_also_when_nothing_can_be_recorded(tmp_path: Path) -> None:
+    disk = FullDisk()
+    async with session(tmp_path, disk) as it:
+        it.ask(start("Greet"))
+        await it.until(lambda: it.replies)
+        disk.number = errno.EIO
+        it.robot.report(ActionReport(action="1/1", status="accepted"))
+        await it.until(lambda: it.engine.paused)
+        it.ask(STOP)
+        assert it.robot.calls[-1] == "stop"
+        it.robot.report(StopReport(confirmed=("pepper/speech",), unconfirmed=("pepper/body",)))
+        assert it.journalings[-1].trouble == (
+            "the disk reports an error; stop was sent to the robot by wizard:anna, "
+            "confirmed by pepper/speech, NOT by pepper/body"
+        )
+        assert len(it.replies) == 1, "the stop is answered when it is recorded"
+        disk.number = None
+        await it.until(lambda: len(it.replies) == 2)
+        await it.until(lambda: [record for record in it.of(StopRecord) if record.status == "latched"])
+        assert it.of(StopRecord)[0].source == "wizard:anna"
+
+
+async def test_an_emergency_stop_reaches_the_robot_also_when_nothing_can_be_recorded(tmp_path: Path) -> None:
+    disk = FullDisk()
+    async with session(tmp_path, disk) as it:
+        disk.number = errno.EIO
+        it.robot.report(ActionReport(action="1/1", status="accepted"))
+        await it.until(lambda: it.engine.paused)
+        it.robot.report(EstopReport(source="estop:/door", pressed=True))
+        assert it.robot.calls == ["stop"]
+        assert it.journalings[-1].trouble.endswith("stop was sent to the robot by estop:/door")
+        disk.number = None
+        await it.until(lambda: it.of(StopRecord))
+        assert it.of(StopRecord)[0].held_by == ("estop:/door",)
+
+
+async def test_the_end_is_recorded_before_the_session_is_over(tmp_path: Path) -> None:
+    disk = StallingDisk()
+    async with session(tmp_path, disk) as it:
+        ended = asyncio.Event()
+        it.engine.on_ended(ended.set)
+        disk.go.clear()
+        it.engine.end("enough")
+        assert not it.engine.ended
+        it.ask(start("Greet"))
+        assert it.replies == [Reply(False, "the session has ended")]
+        disk.go.set()
+        await asyncio.wait_for(ended.wait(), PATIENCE)
+        last = it.lines()[-1]
+        assert isinstance(last, SessionRecord) and (last.status, last.reason) == ("ended", "enough")
+
+
+async def test_a_text_that_is_none_is_refused_before_anything_happens(tmp_path: Path) -> None:
+    async with session(tmp_path, Disk()) as it:
+        it.ask(Submit(function="raiseEventTopic", behavior="/caf\udce9", source="wizard:anna"))
+        assert it.replies == [Reply(False, "it holds characters that are no text (half of a pair)")]
+        it.ask(start("Greet"))
+        await it.until(lambda: len(it.replies) == 2)

@@ -1,0 +1,322 @@
+"""Who may do what: the rules of control, one row each, on a real engine and without sockets."""
+
+from __future__ import annotations
+
+from typing import Any
+from unicodedata import normalize
+
+import pytest
+
+from rise_engine.kernel.inputs import CheckReport, Note, OutcomeReport, RecordingReport, Submit, SyncMark
+from rise_engine.kernel.records import (
+    AnyRecord,
+    CheckRecord,
+    ControlRecord,
+    NoteRecord,
+    OutcomeRecord,
+    RecordingRecord,
+    SessionRecord,
+    SyncRecord,
+    TaskRecord,
+)
+from rise_engine.kernel.view import SessionView
+from rise_engine.run.engine.clock import VirtualClock
+from rise_engine.run.engine.drivers import make_robot
+from rise_engine.run.engine.engine import Engine
+from rise_engine.run.protocol.client import ClientInput, Rejected, Reply
+from rise_engine.run.server.hub import AttachedClient, SessionHub
+from tests.run.engine.samples import GREETING, profile, scenario
+
+REPORTS: dict[str, ClientInput] = {
+    "checks": CheckReport(id="lights", result="passed", source="wizard:eve"),
+    "records": RecordingReport(name="camera", status="running", source="wizard:eve"),
+    "syncs": SyncMark(number=1, medium="sound", source="wizard:eve"),
+    "judges": OutcomeReport(status="complete", source="wizard:eve"),
+}
+
+
+class HubSession:
+    """A hub with an engine in virtual time, and what came of it."""
+
+    def __init__(self, *, start: bool = True, **more: Any) -> None:
+        clock = VirtualClock()
+        self.engine = Engine(scenario(GREETING), make_robot(profile(), "debug", clock, 1, ()), clock, 1)
+        self.hub = SessionHub(self.engine, **more)
+        self.records: list[AnyRecord] = []
+        self.hub.subscribe(self.records.append)  # type: ignore[arg-type]
+        self.clients: dict[str, AttachedClient] = {}
+        if start:
+            self.engine.start()
+
+    def does(self, what: str) -> str:
+        """`anna attaches`, `bob takes`, `anna leaves`, `anna acts`, ...; gives the rejection, or nothing."""
+        who, verb = what.split()
+        role: Any = {"w": "wizard", "o": "observer", "n": "node"}[who[0]]
+        answers: list[Reply] = []
+        if verb == "attaches":
+            self.clients[who] = self.hub.attach(who[1:], role)
+            return ""
+        client = self.clients[who]
+        match verb:
+            case "leaves":
+                self.hub.detach(client)
+                return ""
+            case "takes" | "asks" | "gives" | "releases":
+                self.hub.change_control(client, verb.removesuffix("s"), answers.append)  # type: ignore[arg-type]
+            case "acts":
+                task = Submit(function="startCommunicationRobotAct", behavior="Greet", source="wizard:eve")
+                self.hub.submit(client, task, answers.append)
+            case "stops":
+                self.hub.submit(client, Submit(function="stopAll"), answers.append)
+            case "frees":
+                self.hub.submit(client, Submit(function="releaseStop"), answers.append)
+            case "marks":
+                self.hub.submit(client, Submit(function="markMistake", behavior="1 late"), answers.append)
+            case "cues":
+                self.hub.submit(client, Submit(function="markCue"), answers.append)
+            case "notes":
+                self.hub.submit(client, Note(text="x", source="wizard:eve"), answers.append)
+            case "checks" | "records" | "syncs" | "judges":
+                self.hub.submit(client, REPORTS[verb], answers.append)
+            case "ends":
+                self.hub.end_session(client, "", answers.append)
+        (reply,) = answers
+        assert reply.accepted or reply.reason, "a rejection says why"
+        return "" if reply.accepted else reply.reason
+
+    @property
+    def control(self) -> list[tuple[str, str, str | None]]:
+        return [(r.status, r.by, r.holder) for r in self.records if isinstance(r, ControlRecord)]
+
+
+A, B, C = "wizard:a", "wizard:b", "wizard:c"
+TAKEN = ("taken", A, A)
+
+RULES: list[tuple[str, str, str, list[tuple[str, str, str | None]]]] = [
+    # what they do, one after the other; why the last is rejected; the records
+    ("who comes first has control", "wa attaches", "", [TAKEN]),
+    ("the second does not", "wa attaches, wb attaches", "", [TAKEN]),
+    ("an observer never has", "oa attaches, oa takes", "an observer never has control", []),
+    ("nor asks", "wa attaches, oa attaches, oa asks", "an observer never has control", [TAKEN]),
+    ("a program needs none", "na attaches, na takes", "a program needs no control", []),
+    ("the holder acts", "wa attaches, wa acts", "", [TAKEN]),
+    ("another does not", "wa attaches, wb attaches, wb acts", "wizard:a does; ask for it, or take it", [TAKEN]),
+    ("an observer does not", "oa attaches, oa acts", "an observer only watches", []),
+    ("a program does", "wa attaches, na attaches, na acts", "", [TAKEN]),
+    ("everybody notes", "wa attaches, wb attaches, ob attaches, wb notes, ob notes", "", [TAKEN]),
+    ("every wizard reports", "wa attaches, wb attaches, wb checks, wb records, wb syncs", "", [TAKEN]),
+    ("programs report", "wa attaches, nb attaches, nb checks, nb records, nb syncs", "", [TAKEN]),
+    ("an observer reports no checks", "wa attaches, ob attaches, ob checks", "an observer reports nothing", [TAKEN]),
+    ("nor recordings", "wa attaches, ob attaches, ob records", "an observer reports nothing", [TAKEN]),
+    ("nor marks for them", "wa attaches, ob attaches, ob syncs", "an observer reports nothing", [TAKEN]),
+    ("the holder judges", "wa attaches, wb attaches, wa judges", "", [TAKEN]),
+    ("another does not judge", "wa attaches, wb attaches, wb judges",
+     "only who holds control can say how the session counts", [TAKEN]),
+    ("an observer does not", "wa attaches, ob attaches, ob judges", "an observer cannot say how the session counts",
+     [TAKEN]),
+    ("a program judges", "wa attaches, nb attaches, nb judges", "", [TAKEN]),
+    ("anybody judges while nobody has control", "wa attaches, wa releases, wa judges", "",
+     [TAKEN, ("released", A, None)]),
+    ("everybody marks mistakes", "wa attaches, wb attaches, ob attaches, wa acts, wb marks, ob marks", "", [TAKEN]),
+    ("a cue is for who has control", "wa attaches, wb attaches, wa cues, wb cues", "you do not hold control", [TAKEN]),
+    ("or a program", "wa attaches, nb attaches, nb cues", "", [TAKEN]),
+    ("an observer stops everything", "wa attaches, oa attaches, oa stops", "", [TAKEN]),
+    ("a wizard without control too", "wa attaches, wb attaches, wb stops", "", [TAKEN]),
+    ("but does not free", "wa attaches, wb attaches, wb stops, wb frees", "you do not hold control", [TAKEN]),
+    ("anybody takes", "wa attaches, wb attaches, wb takes, wb acts", "", [TAKEN, ("taken", B, B)]),
+    ("then the other cannot act", "wa attaches, wb attaches, wb takes, wa acts", "wizard:b does",
+     [TAKEN, ("taken", B, B)]),
+    ("taking what one has", "wa attaches, wa takes", "", [TAKEN]),
+    ("asking is shown", "wa attaches, wb attaches, wb asks", "", [TAKEN, ("asked", B, A)]),
+    ("and gives nothing yet", "wa attaches, wb attaches, wb asks, wb acts", "wizard:a does", [TAKEN, ("asked", B, A)]),
+    ("asking twice is asking once", "wa attaches, wb attaches, wb asks, wb asks", "", [TAKEN, ("asked", B, A)]),
+    ("asking oneself", "wa attaches, wa asks", "", [TAKEN]),
+    ("asking nobody is taking", "wa attaches, wa releases, wa asks", "", [TAKEN, ("released", A, None), TAKEN]),
+    ("giving", "wa attaches, wb attaches, wb asks, wa gives, wb acts", "", [TAKEN, ("asked", B, A), ("given", A, B)]),
+    ("giving to the latest", "wa attaches, wb attaches, wc attaches, wc asks, wb asks, wa gives", "",
+     [TAKEN, ("asked", C, A), ("asked", B, A), ("given", A, B)]),
+    ("giving unasked", "wa attaches, wb attaches, wa gives", "nobody has asked", [TAKEN]),
+    ("giving what one has not", "wa attaches, wb attaches, wb gives", "control: wizard:a does", [TAKEN]),
+    ("releasing", "wa attaches, wa releases, wa acts", "nobody does; take it", [TAKEN, ("released", A, None)]),
+    ("releasing what one has not", "wa attaches, wb attaches, wb releases", "you do not hold control", [TAKEN]),
+    ("no longer asking", "wa attaches, wb attaches, wb asks, wb releases, wa gives", "nobody has asked",
+     [TAKEN, ("asked", B, A), ("released", B, A)]),
+    ("free for who comes", "wa attaches, wa releases, wb attaches, wb acts", "",
+     [TAKEN, ("released", A, None), ("taken", B, B)]),
+    ("the holder leaves", "wa attaches, wb attaches, wa leaves, wb acts", "nobody does; take it",
+     [TAKEN, ("released", A, None)]),
+    ("the holder leaves one who asked", "wa attaches, wb attaches, wb asks, wa leaves, wb acts", "",
+     [TAKEN, ("asked", B, A), ("given", A, B)]),
+    ("the asker leaves", "wa attaches, wb attaches, wb asks, wb leaves, wa gives", "nobody has asked",
+     [TAKEN, ("asked", B, A), ("released", B, A)]),
+    ("others leave", "wa attaches, wb attaches, oc attaches, wb leaves, oc leaves, wa acts", "", [TAKEN]),
+    ("the holder comes back", "wa attaches, wa leaves, wa attaches, wa acts", "",
+     [TAKEN, ("released", A, None), TAKEN]),
+    ("the holder ends", "wa attaches, wa ends", "", [TAKEN]),
+    ("another does not end", "wa attaches, wb attaches, wb ends", "only who holds control can end", [TAKEN]),
+    ("an observer does not end", "oa attaches, oa ends", "cannot end", []),
+    ("a program ends", "wa attaches, na attaches, na ends", "", [TAKEN]),
+    ("anybody ends what nobody holds", "wa attaches, wb attaches, wa releases, wb ends", "",
+     [TAKEN, ("released", A, None)]),
+]  # fmt: skip
+
+
+@pytest.mark.parametrize(("deeds", "reason", "control"), [row[1:] for row in RULES], ids=[row[0] for row in RULES])
+def test_rules_of_control(deeds: str, reason: str, control: list[Any]) -> None:
+    played = HubSession(end=lambda reason: None)
+    *before, last = deeds.split(", ")
+    for deed in before:
+        assert played.does(deed) == "", deed
+    rejection = played.does(last)
+    assert (reason in rejection) if reason else rejection == ""
+    assert played.control == control
+    folded = SessionView()
+    for record in played.records:
+        folded.apply(record)
+    assert folded == played.hub.view and folded.control == (control[-1][2] if control else None)
+
+
+def test_reports_name_the_person_whatever_a_client_writes() -> None:
+    played = HubSession()
+    for deed in ("wanna attaches", "wanna checks", "wanna records", "wanna syncs", "wanna judges"):
+        assert played.does(deed) == ""
+    reports = [r for r in played.records if isinstance(r, CheckRecord | RecordingRecord | SyncRecord | OutcomeRecord)]
+    assert len(reports) == 4 and {report.source for report in reports} == {"wizard:anna"}
+
+
+def test_the_record_names_the_person_and_control_the_console() -> None:
+    played = HubSession()
+    first, second = played.hub.attach("anna", "wizard"), played.hub.attach("anna", "wizard")
+    assert (first.name, second.name) == ("wizard:anna", "wizard:anna#2")
+    answers: list[Reply] = []
+    played.hub.change_control(second, "take", answers.append)
+    played.hub.submit(
+        second, Submit(function="startCommunicationRobotAct", behavior="Greet", source="x"), answers.append
+    )
+    played.hub.submit(first, Note(text="hm", source="x"), answers.append)
+    assert all(reply.accepted for reply in answers) and answers[1].task == 1
+    assert played.hub.view.control == "wizard:anna#2"
+    assert {r.source for r in played.records if isinstance(r, TaskRecord | NoteRecord)} == {"wizard:anna"}
+    assert played.hub.attach("anna", "observer").name == "observer:anna"
+
+
+def test_the_name_of_the_wizard_lasts_when_their_console_has_gone() -> None:
+    it = HubSession()
+    assert it.hub.summary().wizard == ""
+    for deed in ("wanna attaches", "oben attaches", "wanna leaves"):
+        it.does(deed)
+    assert (it.hub.summary().control, it.hub.summary().wizard) == (None, "anna")
+    for deed in ("wanna attaches", "wbob attaches", "wbob takes", "wbob leaves"):
+        it.does(deed)
+    assert it.hub.summary().wizard == "bob"
+    again = SessionHub(it.engine, view=it.hub.view)  # of an engine that goes on with the session
+    assert again.summary().wizard == "bob"
+
+
+@pytest.mark.parametrize(
+    ("there", "comes", "why"),
+    [
+        ("anna", "\u0430nna", "mixes Cyrillic and Latin letters"),
+        ("anna", "\uff41nna", "looks like 'anna'"),  # a full-width letter
+        ("cope", "\u0441\u043e\u0440\u0435", "looks like 'cope'"),  # all Cyrillic
+        ("max1", "maxl", "looks like 'max1'"),
+        ("anna", "ann\u200da", "characters that cannot be shown"),
+        ("anna", "anna\u3164", "characters that cannot be shown"),
+        ("Ivo", "lvo", "looks like 'Ivo'"),
+    ],
+)
+def test_nobody_comes_under_a_name_that_looks_like_another_one(there: str, comes: str, why: str) -> None:
+    for role in ("wizard", "observer"):
+        it = HubSession()
+        it.hub.attach(there, "wizard")
+        with pytest.raises(Rejected, match=why):
+            it.hub.attach(comes, role)  # type: ignore[arg-type]
+
+
+def test_a_name_stays_taken_when_its_owner_has_gone_and_after_the_engine_has() -> None:
+    it = HubSession()
+    it.hub.detach(it.hub.attach("cope", "wizard"))
+    with pytest.raises(Rejected, match="who is in this session's record"):
+        it.hub.attach("\u0441\u043e\u0440\u0435", "wizard")
+    again = SessionHub(it.engine, view=it.hub.view)
+    with pytest.raises(Rejected, match="looks like 'cope'"):
+        again.attach("\u0441\u043e\u0440\u0435", "wizard")
+    assert again.attach("cope", "wizard").name == "wizard:cope"
+
+
+@pytest.mark.parametrize(
+    "name",
+    [
+        "anna",
+        "\u0410\u043d\u043d\u0430",
+        "\u0386\u03bd\u03bd\u03b1",
+        "José Müller",
+        "Grün",
+        "李雷",
+        "max 1",
+        "gaze-tracker_2",
+    ],
+)
+def test_names_of_all_scripts_are_names(name: str) -> None:
+    it = HubSession()
+    assert it.hub.attach(name, "wizard").source == f"wizard:{normalize('NFC', name)}"
+    it.hub.attach(normalize("NFD", name), "wizard")  # written on another system: the same person
+
+
+def test_nothing_comes_before_the_session() -> None:
+    """Consoles may attach while the engine is still to start; the session's first record is its own."""
+    played = HubSession(start=False)
+    played.does("wa attaches")
+    played.does("wb attaches")
+    assert "not begun" in played.does("wa acts") and "not begun" in played.does("wb takes")
+    assert played.records == []
+    played.engine.start()
+    assert isinstance(played.records[0], SessionRecord)
+    assert played.control == [TAKEN]
+    assert played.does("wa acts") == ""
+
+
+def test_who_held_control_when_the_engine_died_does_not_hold_it_for_ever() -> None:
+    for comes, control in ((False, [("released", "wizard:z", None)]), (True, [TAKEN])):
+        played = HubSession(start=False, view=SessionView(control="wizard:z"))
+        if comes:
+            played.does("wa attaches")
+        played.engine.start()
+        assert played.control == control
+
+
+def test_while_nothing_can_be_recorded_control_stays_and_who_goes_is_recorded_later(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    played = HubSession()
+    for deed in ("wa attaches", "wb attaches"):
+        played.does(deed)
+    with monkeypatch.context() as patch:
+
+        def rejects(fact: object, answer: Any) -> None:
+            answer(Reply(False, "nothing can be recorded"))
+
+        patch.setattr(played.engine, "accept", rejects)
+        assert played.does("wb takes") == "nothing can be recorded"
+        assert played.does("wb asks") == "nothing can be recorded"
+    assert "wizard:a does" in played.does("wb acts")
+    assert played.does("wb asks") == "" and played.does("wa acts") == ""
+
+
+def test_after_the_end_nobody_attaches() -> None:
+    played = HubSession()
+    played.engine.end("done")
+    with pytest.raises(Rejected, match="has ended"):
+        played.does("wa attaches")
+    assert played.hub.view.end_reason == "done"
+
+
+def test_a_listener_that_fails_hurts_nobody(caplog: pytest.LogCaptureFixture) -> None:
+    played = HubSession()
+
+    def fails(update: object) -> None:
+        raise ValueError("a mistake")
+
+    played.hub.subscribe(fails)
+    played.does("wa attaches")
+    assert played.hub.view.control == A and "a listener failed" in caplog.text

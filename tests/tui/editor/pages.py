@@ -1,0 +1,81 @@
+"""A page of the editor without its frame, on a study in memory that takes any edit it is given."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+
+from textual.app import ComposeResult
+from textual.widget import Widget
+
+from rise_engine.author.edit.edits import AnyEdit
+from rise_engine.author.edit.outline import Outline
+from rise_engine.scenario.diagnostics import Diagnostic
+from rise_tui.actions import bindings_in
+from rise_tui.editor.model.study_names import StudyNames
+from rise_tui.editor.rules.rule_editor import RuleEditor
+from rise_tui.model.notice import Level
+from rise_tui.rendering import themes
+from rise_tui.rendering.terminal_app import TerminalApp
+from tests.tui.editor.small_study import FILES, outline_of, small_study
+
+
+class StudyInMemory:
+    """Notes the edits; `refusal`: what is answered to them."""
+
+    def __init__(self, files: Mapping[str, bytes] = FILES, findings: Sequence[Diagnostic] = ()) -> None:
+        self.files, self.findings = dict(files), list(findings)
+        self.edits: list[tuple[AnyEdit, ...]] = []
+        self.refusal = ""
+        self.said: list[str] = []
+
+    @property
+    def outline(self) -> Outline:
+        return outline_of(self.files)
+
+    @property
+    def names(self) -> StudyNames:
+        return small_study(self.files)
+
+    def make(self, *edits: AnyEdit, then: Callable[[], None] | None = None) -> None:
+        if self.refusal:
+            self.say(self.refusal)
+            return
+        self.edits.append(edits)
+        if then is not None:
+            then()
+
+    def say(self, sentence: str, level: Level = "info") -> None:
+        self.said.append(sentence)
+
+
+class PageApp(TerminalApp):
+    """Shows one page, and nothing around it but the keys of the editor."""
+
+    CSS = themes.CSS
+    BINDINGS = bindings_in("edit")
+
+    def __init__(self, page: Widget) -> None:
+        super().__init__()
+        self._page = page
+
+    def get_theme_variable_defaults(self) -> dict[str, str]:
+        return themes.DARK.variables
+
+    def compose(self) -> ComposeResult:
+        yield self._page
+
+    async def show(self, page: Widget) -> None:
+        """Another page instead of the one before."""
+        before, self._page = self._page, page
+        await before.remove()
+        await self.mount(page)
+
+    def action_do(self, action: str) -> None:
+        """What the frame does with an action of the editor."""
+        if isinstance(self._page, RuleEditor) and not self._page.is_typing:
+            self._page.carry_out(action)
+
+    def on_mount(self) -> None:
+        for known in themes.THEMES:
+            self.register_theme(known)
+        self.theme = themes.full_name(themes.DEFAULT)

@@ -1,0 +1,86 @@
+"""A condition while it is typed."""
+
+from __future__ import annotations
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from rise_engine.expression import Expression, ExpressionError
+from rise_tui.editor.model.condition_reading import FieldNote, read_condition, reading_notes, suggest_ending
+from tests.tui.editor.small_study import small_study
+
+NAMES = small_study()
+
+
+def notes(text: str) -> list[FieldNote]:
+    return reading_notes(read_condition(text, NAMES))
+
+
+def test_an_unfinished_condition_is_read_as_far_as_it_goes() -> None:
+    assert notes("step < 4 and not ") == [
+        ("error", "something is missing after `not`"),
+        ("info", "so far read as step < 4; step is 0 at the start: true"),
+    ]
+
+
+def test_brackets_are_shown_where_they_say_more_than_the_text() -> None:
+    assert notes("step < 4 and not happy or mood") == [
+        ("info", "read as ((step < 4) and (not happy)) or mood"),
+        ("info", "happy is false, mood is not there, step is 0 at the start: true"),
+    ]
+    assert notes("step = 1") == [("info", "step is 0 at the start: false")]
+
+
+@pytest.mark.parametrize(
+    ("text", "expected"),
+    [
+        ("true", ("info", "always true")),
+        ("rand(6) > 3", ("info", "chance decides it, each time anew")),
+        ("session.speaking", ("info", "what `session.speaking` is, is known when a session runs")),
+        ("stpe > 2", ("warning", "nothing in this study sets the memory key `stpe`; did you mean `step`?")),
+        ("", ("error", "the expression is empty; write a key, or `true`")),
+        ("step =< 4", ("error", "`=<` is no operator; write `<=`")),
+        ("words[0].word = 'a'", ("info", "words[0].word is “a” at the start: true")),
+    ],
+)
+def test_what_is_said(text: str, expected: tuple[str, str]) -> None:
+    assert expected in notes(text)
+
+
+def test_what_cannot_be_worked_out_says_why_in_a_sentence() -> None:
+    (note,) = (note for note in notes("items[5] = 1"))
+    assert note.text.startswith("with these values it cannot be worked out: `items` has the entries 0 to 1, and no 5")
+
+
+def test_values_of_a_trial_take_the_place_of_those_of_the_start() -> None:
+    assert read_condition("step > 2", NAMES).holds is False
+    assert read_condition("step > 2", NAMES, memory={"step": 3}).holds is True
+
+
+@pytest.mark.parametrize(
+    ("text", "ending"),
+    [
+        ("step < 4 and not hap", "py"),
+        ("pau", "se_ms"),
+        ("step sta", "rts with"),
+        ("leng", "th("),
+        ("'hap", ""),
+        ("", ""),
+    ],
+)
+def test_the_word_that_is_begun_is_completed(text: str, ending: str) -> None:
+    assert suggest_ending(text, NAMES) == ending
+
+
+@given(st.text(st.sampled_from("abstep<>=!()[]'\" 0123.andortuhpy,"), max_size=30))
+def test_a_reading_agrees_with_the_parser(text: str) -> None:
+    reading = read_condition(text, NAMES)
+    try:
+        expression = Expression.parse(text.strip())
+    except ExpressionError:
+        assert (reading.problem and reading.holds is None) or reading.so_far
+        assert not reading.so_far or Expression.parse(reading.so_far)
+    else:
+        assert not reading.problem
+        assert (reading.explicit or text) and Expression.parse(expression.with_all_brackets)

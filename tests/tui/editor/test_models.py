@@ -1,0 +1,171 @@
+"""What the editor shows and asks for, without a screen."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import pytest
+
+from rise_engine.author.edit.edits import SetActionType, SetParameter, SetSetting, SetWaits
+from rise_engine.author.edit.plan import EditRefused
+from rise_engine.author.edit.workspace import Workspace
+from rise_engine.scenario.model import Parameter
+from rise_engine.study.study_toml import load_study
+from rise_tui.editor.model.act_form import action_fields, new_action_parameters, parameter_note
+from rise_tui.editor.model.act_rows import action_rows, scale_line
+from rise_tui.editor.model.act_times import action_times
+from rise_tui.editor.model.data_fields import additions, key_fields, setting_fields
+from rise_tui.editor.model.draft import FilePlace, StudyDraft, draft_of
+from rise_tui.editor.model.file_lines import file_lines
+from rise_tui.editor.model.study_rows import find_at, study_rows, used_by
+from rise_tui.editor.model.top_line import top_line
+from rise_tui.rendering.text import line_width, plain_text
+from tests.study.studies import DESIGN, write_study
+
+
+@pytest.fixture
+def draft(study: Path) -> StudyDraft:
+    return draft_of(Workspace(study))
+
+
+def test_the_form_of_an_action_has_all_that_the_robot_declares_and_each_field_makes_its_edit(draft: StudyDraft) -> None:
+    act = draft.outline.act("R_FollowGaze")
+    assert act is not None
+    (look,) = act.actions
+    fields = {each.label: each for each in action_fields(act, look, draft.checked)}
+    assert set(draft.checked.robot.actions["LookAt"].parameters) <= set(fields)
+    assert fields["pointx"].required
+    assert fields["roll"].text is None
+    assert fields["pointx"].edits("2") == (SetParameter("R_FollowGaze", look.id, "pointx", "2", 0),)
+    assert fields["waits for"].edits(None) == (SetWaits("R_FollowGaze", look.id, ()),)
+    assert fields["waits for"].edits("1,2") == (SetWaits("R_FollowGaze", look.id, ("1", "2")),)
+    assert fields["action"].edits("Wait") == (SetActionType("R_FollowGaze", look.id, "Wait"),)
+
+
+def test_a_parameter_says_its_range_its_unit_and_what_holds_when_it_is_not_given() -> None:
+    volume = Parameter("volume", "number", default=1, minimum=0, maximum=1)
+    assert parameter_note(volume, is_given=False) == "from 0 to 1; not given: 1"
+    assert parameter_note(volume, is_given=True) == "from 0 to 1"
+    assert parameter_note(Parameter("t", "number", "ms"), is_given=False) == "milliseconds; the robot's own"
+
+
+def test_a_new_action_has_what_it_must_have(draft: StudyDraft) -> None:
+    for spec in draft.checked.robot.actions.values():
+        required = {name for name, each in spec.parameters.items() if each.required}
+        assert set(new_action_parameters(spec)) == required
+
+
+def test_an_action_begins_when_all_that_it_waits_for_has_ended(draft: StudyDraft) -> None:
+    for act in draft.outline.acts:
+        times = action_times(act, draft.checked)
+        for action in act.actions:
+            ends = [times[id].end for id in action.wait_for]
+            assert times[action.id].begin == max(ends, default=0.0)
+
+
+@pytest.mark.parametrize("width", [60, 79, 119, 199])
+def test_rows_keep_within_their_width(draft: StudyDraft, width: int) -> None:
+    for act in draft.outline.acts:
+        rows = action_rows(act, draft.checked, width, wrong_lines=frozenset())
+        assert max(line_width(row.line) for row in rows) <= width
+        assert line_width(scale_line(act, draft.checked, width)) <= width + 1
+    assert max(line_width(row.line) for row in study_rows(draft, width // 2)) <= width // 2
+    assert line_width(top_line(draft, width)) == width
+
+
+def test_used_by_names_rules_and_keys_and_a_line_leads_back_to_its_act(draft: StudyDraft) -> None:
+    assert any(each.startswith("rule ") for each in used_by(draft, "act", "R_Greeting"))
+    for act in draft.outline.acts:
+        assert find_at(draft, act.file, act.line) == ("act", act.name)
+
+
+def test_a_setting_stays_what_it_is(study: Path) -> None:
+    file = study / "scenario.toml"
+    file.write_text(file.read_text() + "\n[fillers]\noffer_after = 2\n")
+    fields = {each.label: each for each in setting_fields(draft_of(Workspace(study)))}
+    assert fields["title"].edits("5") == (SetSetting(("title",), "5"),)
+    assert fields["fillers.offer_after"].edits("1.5") == (SetSetting(("fillers", "offer_after"), 1.5),)
+    with pytest.raises(EditRefused, match=r"fillers\.offer_after is an integer; “soon” is string"):
+        fields["fillers.offer_after"].edits("soon")
+
+
+def test_private_keys_and_how_long_an_event_is_kept(study: Path) -> None:
+    file = study / "scenario.toml"
+    file.write_text(file.read_text() + '\n[keys.z]\nevent = "/go"\n')
+    fields = {each.label: each for each in setting_fields(draft_of(Workspace(study)))}
+    assert fields["private"].text == "person_name"
+    assert fields["private"].edits("person_name, age") == (SetSetting(("private",), ["person_name", "age"]),)
+    assert fields["private"].edits(None) == (SetSetting(("private",), None),)
+    assert fields["keep of z"].edits("3s") == (SetSetting(("keys", "z", "keep"), "3s"),)
+
+
+def test_the_design_of_a_study_has_a_row_for_each_value_of_a_check(tmp_path: Path) -> None:
+    write_study(tmp_path, DESIGN + '\n[[check]]\nid = "door"\nask = "The door is closed"\n', plan=False)
+    workspace = Workspace(tmp_path)
+    fields = {each.label: each for each in setting_fields(draft_of(workspace))}
+    assert "robot" not in fields and fields["n"].text == "4"
+    workspace.apply(*fields["check.0.ask"].edits("The lamp is on"))
+    workspace.apply(SetSetting(("check", "1"), {"id": "two", "ask": "Ready", "when": "after"}, file="study.toml"))
+    loaded = load_study(tmp_path, check_scenarios=False, held=workspace.files)
+    assert loaded.study is not None
+    assert [(each.id, each.ask, each.when) for each in loaded.study.checks] == [
+        ("door", "The lamp is on", "before"),
+        ("two", "Ready", "after"),
+    ]
+
+
+def test_a_check_a_factor_a_level_and_what_it_changes_are_added_to_a_study(tmp_path: Path) -> None:
+    write_study(tmp_path, DESIGN, plan=False)
+    workspace = Workspace(tmp_path)
+
+    def add(chosen: str, typed: str) -> None:
+        found = {each.choice.value: each for each in additions(draft_of(workspace))}
+        edit, id = found[chosen].make(typed)
+        workspace.apply(edit)
+        assert id in [each.id for each in setting_fields(draft_of(workspace))]
+
+    add("check", "The door is closed")
+    add("factor", "noise: quiet, loud")
+    add("level noise", "babble")
+    add("value noise loud", "distraction = true")
+    add("value noise babble", "distraction = babble")
+    for chosen, typed, why in (
+        ("factor", "noise", "A factor has a name and at least two levels"),
+        ("factor", "noise: quiet, quiet", "A factor has a name and at least two levels"),
+        ("level noise", "loud", "noise has a level “loud” already"),
+        ("value noise loud", "distraction", "Write a memory key and its value"),
+    ):
+        with pytest.raises(EditRefused, match=why):
+            add(chosen, typed)
+    study = load_study(tmp_path, check_scenarios=False, held=workspace.files).study
+    assert study is not None
+    assert [each.ask for each in study.checks] == ["The door is closed"]
+    noise = next(each for each in study.factors if each.name == "noise")
+    assert {each.name: dict(each.memory) for each in noise.levels} == {
+        "quiet": {}, "loud": {"distraction": True}, "babble": {"distraction": "babble"},
+    }  # fmt: skip
+
+
+def test_a_key_that_does_something_else_of_the_same_kind_keeps_its_label(study: Path) -> None:
+    file = study / "scenario.toml"
+    file.write_text(file.read_text() + '\n[keys.z]\nact = "R_Greeting"\nlabel = "hello"\n')
+    field = next(each for each in key_fields(draft_of(Workspace(study))) if each.id == "z")
+    assert (field.text, field.note) == ("act R_Greeting", "“hello”")
+    assert field.edits("act R_Other") == (SetSetting(("keys", "z", "act"), "R_Other"),)
+    assert field.edits("event /go") == (SetSetting(("keys", "z"), {"event": "/go"}),)
+    with pytest.raises(EditRefused, match="a key is for an act, a rule, an event, or set"):
+        field.edits("jump high")
+
+
+def test_lines_of_the_file_show_what_differs_from_what_is_saved(study: Path) -> None:
+    workspace = Workspace(study)
+    act = workspace.outline.act("R_Greeting")
+    assert act is not None
+    speech = next(each for each in act.actions if each.calls[0].type == "Speech")
+    workspace.apply(SetParameter("R_Greeting", speech.id, "message", "Good day."))
+    draft = draft_of(workspace)
+    now = draft.outline.act("R_Greeting")
+    assert now is not None
+    lines = [plain_text(line) for line in file_lines(draft, FilePlace(act.file, now.line, now.line + 30), 100, 12)]
+    assert sum("-|" in line for line in lines) == 1
+    assert any("+|" in line and "Good day." in line for line in lines)

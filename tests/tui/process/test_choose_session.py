@@ -1,0 +1,226 @@
+"""Which session is meant, and what becomes of one that did not end: asked on the plain terminal."""
+
+from __future__ import annotations
+
+import subprocess
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+import pytest
+from click.testing import CliRunner
+
+from rise_engine.run.protocol.messages import SessionSummary
+from rise_tui.cli import choose_session
+from rise_tui.cli.main import main
+from rise_tui.cli.options import CommandLine
+from rise_tui.config.settings import NothingStarted
+from tests.tui.fake import DEMO
+from tests.tui.terminals import environment_of, run_rise_tui
+
+
+def about(**given: Any) -> SessionSummary:
+    usual: dict[str, Any] = {
+        "version": 1,
+        "title": "LabLinking",
+        "mode": "debug",
+        "robot": "pepper",
+        "seed": 1,
+        "scenario_folder": "",
+        "scenario_hash": "",
+        "folder": "",
+        "t": 872.0,
+        "seq": 1,
+        "busy": False,
+        "stopped": False,
+        "control": "wizard:anna",
+        "clients": ["wizard:anna"],
+    }
+    return SessionSummary(**{**usual, **given})
+
+
+@dataclass
+class Typist:
+    """Somebody who types these answers, and then nothing more."""
+
+    answers: list[str] = field(default_factory=list)
+    interactive: bool = True
+    said: list[str] = field(default_factory=list)
+    questions: int = 0
+
+    def print_line(self, line: str) -> None:
+        self.said.append(line)
+
+    def read_answer(self, question: str) -> str | None:
+        self.questions += 1
+        return self.answers.pop(0) if self.answers else None
+
+
+SEVERAL = {
+    "lablinking-2fd404": about(),
+    "greeting-a1b2c3": about(title="Greeting", mode="real", robot="floka", t=61.0, control=None, clients=[]),
+    "stuck-000000": None,
+}
+ONE = [("/s/2026-11-21_141503_demo_debug", "Demo (debug, pepper), begun 2026-11-21 14:15")]
+TWO = [*ONE, ("/s/2026-11-20_090000_demo_debug", "Demo (debug, pepper), begun 2026-11-20 09:00")]
+
+
+def test_without_a_session_it_says_how_to_start_one() -> None:
+    with pytest.raises(NothingStarted, match="no session is running; start one with: rise-tui --config DIR") as no:
+        choose_session.choose_session({}, Typist())
+    assert no.value.code == 2
+
+
+def test_the_only_session_is_taken_without_asking() -> None:
+    typist = Typist()
+    assert choose_session.choose_session({"a-000000": None}, typist) == "a-000000"
+    assert typist.said == [] and typist.questions == 0
+
+
+def test_of_several_sessions_one_is_chosen_by_its_number() -> None:
+    typist = Typist(["", "4", "x", " 2 "])
+    assert choose_session.choose_session(SEVERAL, typist) == "greeting-a1b2c3"
+    assert typist.questions == 4, "nothing is taken by default"
+    rows = [line for line in typist.said if line.startswith("  ")]
+    assert rows[0].split() == ["1", "LabLinking", "DEBUG", "pepper", "for", "14", "min", "anna", "has", "control"]
+    assert rows[1].split() == ["2", "Greeting", "REAL", "floka", "for", "1", "min", "nobody", "has", "control"]
+    assert "stuck-000000" in rows[2] and "does not answer" in rows[2]
+    assert len({row.index(word) for row, word in zip(rows, ("DEBUG", "REAL"), strict=False)}) == 1
+
+
+def test_several_sessions_and_several_consoles() -> None:
+    typist = Typist(["1"])
+    choose_session.choose_session({"a": about(clients=("wizard:anna", "observer:ben")), "b": about()}, typist)
+    assert any("anna has control, 2 attached" in line for line in typist.said)
+
+
+@pytest.mark.parametrize(("answers", "code"), [(["q"], 0), ([], 2)])
+def test_one_may_leave_without_choosing(answers: list[str], code: int) -> None:
+    with pytest.raises(NothingStarted) as nothing:
+        choose_session.choose_session(SEVERAL, Typist(answers))
+    assert nothing.value.code == code
+
+
+def test_a_session_that_runs_is_attached_to_only_when_it_is_the_one_that_was_meant() -> None:
+    choose_session.check_matches("a", about(), CommandLine())
+    choose_session.check_matches("a", about(), CommandLine(robot="pepper", mode="debug"))
+    own = CommandLine(participant="P07", condition="calm")
+    choose_session.check_matches("a", about(participant="P07", condition="calm"), own)
+    choose_session.check_matches("a", None, CommandLine(robot="floka", mode="real", participant="P08"))
+    for wanted, said in (
+        ({"robot": "floka"}, "with --robot pepper and not floka"),
+        ({"mode": "real"}, "with --mode debug and not real"),
+        ({"participant": "P08"}, "running already, without --participant; for the other one"),
+        ({"condition": "loud"}, "running already, without --condition"),
+        ({"new": True}, "to begin a new session"),
+        ({"sets": ("a=1",), "places": ("acts=x",)}, "--set and --place can only be said of a session that begins"),
+    ):
+        with pytest.raises(NothingStarted, match=said):
+            choose_session.check_matches("a", about(), CommandLine(**wanted))  # type: ignore[arg-type]
+    with pytest.raises(NothingStarted, match="with --participant P07 and not P08"):
+        choose_session.check_matches("a", about(participant="P07"), CommandLine(participant="P08"))
+
+
+def test_an_unfinished_session_is_recovered_only_on_purpose() -> None:
+    typist = Typist(["", "y", "r"])
+    assert choose_session.choose_recovery(ONE, typist) == ONE[0][0]
+    assert typist.questions == 3
+    said = "\n".join(typist.said)
+    assert "counts as lost: nothing is repeated to the participant by itself" in " ".join(said.split())
+    assert ONE[0][0] in said and ONE[0][1] in said
+
+
+def test_a_new_session_or_none() -> None:
+    assert choose_session.choose_recovery(ONE, Typist(["n"])) == "new"
+    for answers, code in ((["q"], 0), ([], 2)):
+        with pytest.raises(NothingStarted) as nothing:
+            choose_session.choose_recovery(ONE, Typist(answers))
+        assert nothing.value.code == code
+
+
+@pytest.mark.parametrize(("answer", "which"), [("r", 0), ("r1", 0), ("r 2", 1), ("2", 1)])
+def test_of_several_unfinished_sessions_the_latest_or_any_other(answer: str, which: int) -> None:
+    typist = Typist(["r3", answer])
+    assert choose_session.choose_recovery(TWO, typist) == TWO[which][0]
+    assert typist.said[0].startswith("2 earlier sessions")
+
+
+def test_another_participant_s_session_is_named_and_never_chosen() -> None:
+    for answers, chosen in ((["r", "r1", "1", "n"], "new"), (["r"], None)):
+        typist = Typist(answers)
+        if chosen is None:
+            with pytest.raises(NothingStarted):
+                choose_session.choose_recovery([], typist, ONE, "P08")
+        else:
+            assert choose_session.choose_recovery([], typist, ONE, "P08") == chosen
+        said = " ".join("\n".join(typist.said).split())
+        assert ONE[0][1] in said and "not of P08" in said and "begin a new session for P08" in said
+        assert "not offered again" not in said
+        assert "--participant ID --recover" in said and not any(line.startswith("  r ") for line in typist.said)
+
+
+def test_of_one_s_own_and_others_only_the_own_is_recovered() -> None:
+    typist = Typist(["2", "r"])
+    assert choose_session.choose_recovery(ONE, typist, TWO[1:], "P07") == ONE[0][0]
+    assert TWO[1][1] in "\n".join(typist.said)
+
+
+def test_what_is_asked_fits_on_the_narrowest_terminal() -> None:
+    sentence = "LabLinking: setting the table (debug, pepper), participant P07, condition no hesitation, begun " * 2
+    typist = Typist(["n"])
+    choose_session.choose_recovery(
+        [("/s/a", sentence), ("/s/b", sentence)], typist, [("/s/c", sentence)], "P08, condition hesitation"
+    )
+    assert max(map(len, typist.said)) < 80
+
+
+def test_without_a_terminal_the_options_are_named() -> None:
+    with pytest.raises(NothingStarted, match="--recover to go on with it, or --new") as nothing:
+        choose_session.choose_recovery(ONE, Typist(interactive=False))
+    assert nothing.value.code == 2
+
+
+def test_nothing_that_a_title_contains_reaches_the_terminal_as_it_is() -> None:
+    typist = Typist(["1"])
+    choose_session.choose_session({"a": about(title="\x1b[2Jevil"), "b": about()}, typist)
+    choose_session.choose_recovery([("/s/\x1bx", "\x9b31m")], typist := Typist(["n"]))
+    assert not any("\x1b" in line or "\x9b" in line for line in typist.said)
+
+
+# --- the command ------------------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize(
+    ("arguments", "said"),
+    [
+        (("--mode", "debug"), "--mode say how a session starts: name its scenario with --config DIR"),
+        (("--new",), "--new say how"),
+        (("--config", "x", "--new", "--recover"), "say either --new or --recover"),
+        (("--config", "x", "--replay", "y"), "say either --config or --replay"),
+        (("--config", "x", "--speed", "2"), "--speed is for --replay"),
+    ],
+)
+def test_wrong_usage(arguments: tuple[str, ...], said: str) -> None:
+    done = CliRunner().invoke(main, list(arguments))
+    assert done.exit_code == 2 and said in done.output
+
+
+def run(*arguments: str, home: Path) -> subprocess.CompletedProcess[str]:
+    home.mkdir(exist_ok=True)
+    return run_rise_tui(*arguments, env=environment_of(str(home)))
+
+
+def test_alone_without_a_session(tmp_path: Path) -> None:
+    done = run(home=tmp_path / "h")
+    assert done.returncode == 2 and "start one with: rise-tui --config DIR" in done.stderr
+
+
+def test_without_a_terminal_no_session_is_started(tmp_path: Path) -> None:
+    done = run("--config", DEMO, home=tmp_path / "h")
+    assert done.returncode == 2 and "rise-engine serve" in done.stderr
+    assert not (tmp_path / "h" / "sessions").exists()
+
+
+def test_a_replay_of_nothing(tmp_path: Path) -> None:
+    done = run("--replay", "nowhere", home=tmp_path / "h")
+    assert done.returncode == 2 and "there is no session `nowhere`" in done.stderr

@@ -1,0 +1,120 @@
+"""A console whose terminal is gone or takes nothing ends all the same, and never holds anything up."""
+
+from __future__ import annotations
+
+import os
+import pty
+import signal
+import subprocess
+import tempfile
+import threading
+from pathlib import Path
+from shutil import rmtree
+from threading import Event
+from time import monotonic
+
+import pytest
+
+from rise_tui.rendering.terminal_writer import TerminalWriter
+from tests.chance import searched
+from tests.patience import PATIENCE
+from tests.tui.scripted import scripted
+from tests.tui.terminals import ROOT, Terminal, environment_of, run_rise_tui, terminal
+
+pytestmark = pytest.mark.pty
+
+GREETING = str(ROOT / "scenarios" / "greeting")
+
+
+def busy(it: Terminal) -> None:
+    """The rule runs and the gaze follows for ever: the screen repaints all the time."""
+    it.until("LIVE")
+    it.press(b"b")
+    it.until("running")
+    it.press(b"a")
+    it.until("R_FollowGaze")
+
+
+def test_a_terminal_that_closes_while_the_screen_is_busy_ends_the_console() -> None:
+    with terminal("--config", GREETING, "--seed", "1") as it:
+        busy(it)
+        os.close(it.master)
+        it.master = -1
+        assert it.process.wait(PATIENCE) == 128 + signal.SIGHUP
+
+
+@pytest.mark.parametrize("number", [signal.SIGTERM, pytest.param(signal.SIGHUP, marks=searched)])
+def test_a_signal_ends_a_busy_console_whose_terminal_takes_nothing(number: signal.Signals) -> None:
+    with terminal("--config", GREETING, "--seed", "1") as it:
+        busy(it)
+        with pytest.raises(subprocess.TimeoutExpired):  # nobody reads: the terminal fills up
+            it.process.wait(8)
+        it.process.send_signal(number)
+        assert it.process.wait(PATIENCE) == 128 + number
+
+
+def test_stop_works_while_the_terminal_takes_nothing_and_the_screen_is_right_once_it_does() -> None:
+    home = tempfile.mkdtemp(prefix="rise-", dir="/tmp")
+    environment_of(home)
+    try:
+        with scripted(home) as engine, terminal("--wizard", "anna", home=home) as it:
+            it.until_screen("LIVE")
+            it.still()
+            end, number = monotonic() + 4, 0
+            while monotonic() < end:  # painted 15 times a second, it fills the terminal and all queues in less than 2 s
+                number += 1
+                name = f"/event{number}"
+                engine.do(lambda fake, name=name: fake.task("raiseEventTopic", name, "SUCCEEDED"))
+                Event().wait(0.03)
+            os.write(it.master, b"\x1b[20~")
+            engine.until_sent("stopAll")
+            it.until_screen(f"/event{number}")
+    finally:
+        rmtree(home, ignore_errors=True)
+
+
+def test_a_writer_gives_a_stalled_terminal_up_only_when_it_is_told_to_hurry() -> None:
+    master, slave = pty.openpty()
+    with os.fdopen(slave, "w") as file:
+        writer = TerminalWriter(file)
+        writing = threading.Thread(target=writer.write, args=("x" * 1_000_000,), daemon=True)
+        writing.start()
+        writing.join(TerminalWriter.PATIENCE + 0.5)
+        assert writing.is_alive() and not writer.is_gone
+        writer.hurry()
+        writing.join(5)
+        assert not writing.is_alive() and writer.is_gone
+        os.close(writer.fileno())
+    os.close(master)
+
+
+def test_a_writer_says_once_that_its_terminal_is_gone_and_takes_everything_from_then_on() -> None:
+    master, slave = pty.openpty()
+    with os.fdopen(slave, "w") as file:
+        writer = TerminalWriter(file)
+        lost: list[bool] = []
+        writer.on_gone = lambda: lost.append(True)
+        writer.write("here")
+        assert os.read(master, 10) == b"here" and not writer.is_gone
+        os.close(master)
+        writer.write("gone")
+        writer.write("gone")
+        assert writer.is_gone and lost == [True]
+        os.close(writer.fileno())
+
+
+def test_the_shell_keeps_its_blocking_terminal() -> None:
+    master, slave = pty.openpty()
+    with os.fdopen(slave, "w") as file:
+        writer = TerminalWriter(file)
+        assert os.get_blocking(slave) and not os.get_blocking(writer.fileno())
+        os.close(writer.fileno())
+    os.close(master)
+
+
+@pytest.mark.parametrize(("folder", "said"), [("", "name a folder"), ("DIR", "there is no scenario in DIR:")])
+def test_a_folder_that_is_no_scenario_is_refused(folder: str, said: str, tmp_path: Path) -> None:
+    place = folder.replace("DIR", str(tmp_path))
+    done = run_rise_tui("--config", place)
+    assert done.returncode == 1
+    assert said.replace("DIR", str(tmp_path)) in done.stdout

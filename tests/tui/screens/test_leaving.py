@@ -1,0 +1,223 @@
+"""Leaving: detach or end, who may end, and the one line that stays in the terminal."""
+
+from __future__ import annotations
+
+import signal
+from collections.abc import Callable
+from threading import Event
+
+import pytest
+from textual.widgets import Button, Static
+
+from rise_engine.kernel.records import SessionRecord
+from rise_engine.run.protocol.client import AttachReply, EngineGone
+from rise_engine.scenario.keys import KeyRefusedError, bindable_key_name
+from rise_tui.config.launch import RecoveredClient
+from rise_tui.console.exit_dialogs import END_KEY
+from rise_tui.console.screen import ConsoleScreen
+from rise_tui.screens.dialog import Dialog
+from rise_tui.screens.end_session import EndSessionDialog
+from tests.patience import PATIENCE
+from tests.tui.conftest import Console, console
+from tests.tui.fake import FakeClient, FakeLauncher, demo
+
+pytestmark = pytest.mark.slow  # many keys each
+
+
+async def leaving(it: Console) -> list[str]:
+    """What the question offers."""
+    await it.press("ctrl+c")
+    dialog = await it.shows(Dialog)
+    await it.until(lambda: dialog.query("#buttons"))
+    return [str(button.label) for button in dialog.query(Button)]
+
+
+async def asked_to_end(it: Console) -> str:
+    """What the question before the end says."""
+    await leaving(it)
+    await it.press("ctrl+x")
+    question = await it.shows(EndSessionDialog)
+    await it.until(lambda: question.query("#word"))
+    return "\n".join([str(question.query_one("#box").border_title), *question._lines])
+
+
+async def has_left(it: Console, said: str, code: int = 0) -> None:
+    await it.until(lambda: not it.app.is_running)
+    assert it.app.exit_message == said and it.app.return_code == code
+
+
+async def test_leaving_asks_once_and_no_key_of_any_study_ends_a_session() -> None:
+    with pytest.raises(KeyRefusedError):
+        bindable_key_name(END_KEY)
+    async with console() as it:
+        assert await leaving(it) == ["Stay (esc)", "Detach (d)", "End the session (ctrl+x)"]
+        assert it.app.focused is not None and it.app.focused.id == "answer-d"
+        await it.press("ctrl+c")
+        assert len(it.app.screen_stack) == 3, "a second ctrl+c asks nothing more"
+        await it.press("escape")
+        await it.back()
+        assert it.client.closed == []
+        await leaving(it)
+        for key in (*"abcefghijklmnopqrstuvwxyz0123456789", "full_stop", "space", "f5"):
+            await it.pilot.press(key)
+        await it.pilot.pause(0.1)
+        assert it.client.closed == [] and isinstance(it.app.screen, Dialog)
+        await it.press("ctrl+x")
+        question = await it.shows(EndSessionDialog)
+        for word in ("e", "enter", "n", "x", "enter"):
+            await it.press(word)
+        assert it.client.closed == [] and it.app.screen is question
+        assert "that is not the word" in str(question.query_one("#answer", Static).content)
+        await it.press("escape")
+        await it.back()
+        await asked_to_end(it)
+        it.client.control_record("taken", "wizard:ben", "wizard:ben")  # while the question is open
+        await it.until(lambda: not it.screen.session.store.has_control)
+        await it.press("e", "n", "d", "enter")
+        await it.back()
+        assert it.client.closed == [] and "the session goes on: ben has control" in it.notice
+
+
+async def test_ending_names_who_and_all_that_runs_and_stop_works_while_the_word_is_typed(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    monkeypatch.setenv("HOME", "/home/lab")
+    client = FakeClient(demo())
+    client.emit(SessionRecord(0, 0.0, "", status="started", participant="P07", condition="hesitation"))
+    client.rule("Main", "entered", "waiting")
+    client.act("Greet")
+    client.act("Praise", "PENDING", position=0)
+    async with console(client=client, size=(80, 24)) as it:
+        await it.press("ctrl+n")  # who has locked the keys can still end the session
+        said = await asked_to_end(it)
+        for piece in ("End the session of P07 · hesitation?", "P07 · hesitation · Demo study", "cannot be continued"):
+            assert piece in said
+        for piece in ("rule Main: in waiting", "act Greet", "act Praise, waiting"):
+            assert piece in said
+        assert max(map(len, said.splitlines())) <= 66
+        for size in ((120, 40), (80, 24)):
+            await it.pilot.resize_terminal(*size)
+            box = it.app.screen.query_one("#box").region
+            assert box.height <= size[1] and it.app.screen.query_one("#word").region.y < box.bottom - 1
+        await it.press("e", "n", "f9")
+        await it.sent("stopAll", "")
+        assert isinstance(it.app.screen, EndSessionDialog) and client.closed == []
+        await it.press("d", "enter")
+        await it.until(lambda: client.closed == [True])
+        folder = "~/rise-sessions/2026-11-21_141503_demo-study_debug"
+        await has_left(it, f"ended: the record is in {folder}\nwhat happened: rise-engine report {folder}")
+
+
+async def test_of_much_that_runs_it_is_said_how_much_more() -> None:
+    client = FakeClient(demo())
+    for _ in range(9):
+        client.act("Filler")
+    async with console(client=client, size=(80, 24)) as it:
+        said = await asked_to_end(it)
+        assert said.count("act Filler") == 5 and "and 4 more" in said and "no participant named" in said
+
+
+@pytest.mark.parametrize(
+    ("way", "said", "code"),
+    [
+        ("d", "", 0),
+        ("enter", "", 0),
+        (signal.SIGHUP, "SIGHUP: ", 129),
+        (signal.SIGTERM, "SIGTERM: ", 143),
+    ],
+)
+async def test_detaching_leaves_the_session_alone_and_so_does_a_signal(
+    way: str | signal.Signals, said: str, code: int
+) -> None:
+    async with console() as it:
+        if isinstance(way, signal.Signals):
+            it.app._leave_by_signal(way)
+        else:
+            await leaving(it)
+            await it.press(way)
+        await it.until(lambda: it.client.closed == [False])
+        await has_left(it, f"{said}detached: Demo study goes on; come back with: rise-tui", code)
+
+
+@pytest.mark.parametrize("role", ["wizard", "observer"])
+async def test_who_has_no_control_can_only_leave(role: str) -> None:
+    client = FakeClient(demo(), you=f"{role}:ben", role=role)  # type: ignore[arg-type]
+    async with console(client=client) as it:
+        assert await leaving(it) == ["Stay (esc)", "Detach (d)"]
+        await it.press("ctrl+x")
+        await it.pilot.pause(0.1)
+        assert client.closed == [] and isinstance(it.app.screen, Dialog)
+        await it.press("d")
+        await it.until(lambda: client.closed == [False])
+
+
+async def test_a_session_whose_engine_has_gone_goes_on_in_the_same_console() -> None:
+    client, again = FakeClient(demo()), FakeClient(demo())
+    asked: list[str] = []
+    ways = iter([EngineGone("the disk is full"), RecoveredClient(again, "3 actions were lost")])
+
+    going = Event()
+    going.set()
+
+    def recover(attach_reply: AttachReply, tell: Callable[[str], object]) -> RecoveredClient:
+        asked.append(attach_reply.folder)
+        tell("recovering: 412,000 of 1,040,000 records")
+        going.wait(PATIENCE)
+        way = next(ways)
+        if isinstance(way, EngineGone):
+            raise way
+        return way
+
+    async with console(client=client, launcher=FakeLauncher(client, recover=recover)) as it:
+        gone = it.screen
+        client.end("its process is not there any more")
+        await it.until(lambda: "ENGINE GONE" in it.bars.alarm_bar.text)
+        assert "recovers the session, or leaves" in it.bars.alarm_bar.text
+        assert await leaving(it) == ["Stay (esc)", "Recover (r)", "Leave (l)"]
+        await it.press("r")
+        await it.until(lambda: "it is not recovered: the disk is full" in it.notice)
+        assert it.screen is gone
+        await leaving(it)
+        going.clear()
+        await it.press("r")
+        await it.until(lambda: "412,000 of 1,040,000 records" in it.notice)
+        await it.press("question_mark")  # a screen above it, while the engine starts
+        await it.until(lambda: it.app.screen is not gone)
+        going.set()
+        await it.until(lambda: it.screen is not gone and not it.bars.alarm_bar.text)
+        await it.until(lambda: "3 actions were lost" in it.notice)
+        assert asked == [client.attach_reply().folder] * 2 and client.closed == [False]
+        assert sum(isinstance(screen, ConsoleScreen) for screen in it.app.screen_stack) == 1
+        it.client = again
+        await it.press("ctrl+g")
+        await it.until(lambda: again.asked() == [("stopAll", "")])
+
+
+async def test_who_does_not_recover_leaves() -> None:
+    client = FakeClient(demo(), you="observer:ben", role="observer")
+    launcher = FakeLauncher(client, recover=lambda attach_reply, tell: RecoveredClient(client))
+    async with console(client=client, launcher=launcher) as it:
+        client.end("its process is not there any more")
+        await it.until(lambda: "ENGINE GONE" in it.bars.alarm_bar.text)
+        assert "watches again once it is recovered, or leaves" in it.bars.alarm_bar.text
+        assert await leaving(it) == ["Stay (esc)", "Watch (r)", "Leave (l)"]
+        await it.press("l")
+        await it.until(lambda: not it.app.is_running)
+
+
+async def test_leaving_an_engine_that_has_gone_asks_nothing_and_says_how_to_recover() -> None:
+    async with console() as it:
+        it.client.end("its process is not there any more")
+        await it.until(lambda: "ENGINE GONE" in it.bars.alarm_bar.text)
+        await it.press("ctrl+c")
+        await it.until(lambda: not it.app.is_running)
+        assert "the engine has gone; to recover the session: rise-tui --config " in it.app.exit_message
+
+
+async def test_leaving_a_session_that_somebody_has_ended() -> None:
+    async with console() as it:
+        it.client.end_in_order("ended by wizard:ben")
+        await it.until(lambda: "SESSION ENDED" in it.bars.alarm_bar.text)
+        await it.press("ctrl+c")
+        await it.until(lambda: not it.app.is_running)
+        assert it.app.exit_message.startswith("ended: the record is in ")

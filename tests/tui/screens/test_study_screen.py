@@ -1,0 +1,983 @@
+"""The screen of a study: who is next, what would run, checks, the session, its outcome, the next participant."""
+
+from __future__ import annotations
+
+from collections.abc import AsyncIterator
+from contextlib import asynccontextmanager
+from threading import Event
+from typing import Any
+
+import pytest
+from msgspec.structs import replace
+from textual import events
+from textual.pilot import Pilot
+from textual.screen import Screen
+from textual.widgets import Input, Static
+
+from rise_engine.kernel.inputs import OutcomeReport
+from rise_engine.run.protocol.client import EngineGone, Role
+from rise_engine.scenario.model import KeyBinding, SourceLocation
+from rise_engine.study.model import (
+    AssignmentSettings,
+    PlannedRun,
+    RecorderSettings,
+    RecordingSettings,
+    StudyCheck,
+)
+from rise_tui.config.keymap import KeyFile
+from rise_tui.config.study_source import StudyNow
+from rise_tui.console.app import ConsoleApp
+from rise_tui.console.screen import ConsoleScreen
+from rise_tui.console.study_screen import StudyScreen
+from rise_tui.screens.checks import ChecksScreen
+from rise_tui.screens.dialog import Dialog
+from rise_tui.screens.end_session import EndSessionDialog
+from rise_tui.screens.help import HelpScreen
+from rise_tui.screens.outcome import OutcomeDialog
+from rise_tui.screens.palette import Palette
+from rise_tui.screens.rehearsal import RehearsalDialog
+from rise_tui.screens.report import ReportScreen
+from rise_tui.screens.wizard_name import WizardNameDialog
+from tests.patience import PATIENCE
+from tests.tui.fake import DEMO, FakeClient, FakeLauncher, demo
+from tests.tui.fake_study import CHECKS, FakeStudy, entry, pending, person, standing, study
+from tests.virtual_time import real_monotonic
+
+
+class Day:
+    """A console on a study under test."""
+
+    def __init__(self, pilot: Pilot[Any], source: FakeStudy) -> None:
+        self.pilot, self.source = pilot, source
+
+    @property
+    def app(self) -> ConsoleApp:
+        app = self.pilot.app
+        assert isinstance(app, ConsoleApp)
+        return app
+
+    @property
+    def screen(self) -> StudyScreen:
+        found = self.app.study_screen
+        assert found is not None
+        return found
+
+    @property
+    def top(self) -> Screen[Any]:
+        return self.app.screen
+
+    @property
+    def notice(self) -> str:
+        return self.screen.notice.text
+
+    @property
+    def client(self) -> FakeClient:
+        return self.source.clients[-1]
+
+    async def press(self, *keys: str) -> None:
+        """Like a person who reads: longer between two keys than a held key takes to repeat."""
+        for key in keys:
+            await self.pilot.press(key)
+            await self.pilot.pause(0.8)
+
+    async def type(self, text: str) -> None:
+        for letter in text:
+            await self.pilot.press("space" if letter == " " else letter)
+            await self.pilot.pause(0.05)
+
+    async def until(self, holds: Any, what: str = "") -> None:
+        end = real_monotonic() + PATIENCE
+        while not holds():
+            assert real_monotonic() < end, what or "did not happen in time"
+            await self.pilot.pause(0.02)
+
+    async def shows(self, kind: type[Screen[Any]]) -> Any:
+        await self.until(lambda: isinstance(self.top, kind) and self.top.is_mounted, f"no {kind.__name__}: {self.top}")
+        await self.pilot.pause(0.1)
+        return self.top
+
+    async def select(self, participant: str) -> None:
+        self.screen.lists.people.select(participant)
+        await self.pilot.pause(0.05)
+
+    async def checks(self) -> ChecksScreen:
+        """From the participant under the cursor to the checks, which have come to something."""
+        await self.press("enter")
+        found = await self.shows(ChecksScreen)
+        assert isinstance(found, ChecksScreen) and found.is_intro
+        await self.press("enter")
+        await self.until(lambda: all(item.outcome is not None for item in found.checks.items))
+        return found
+
+    async def begin(self) -> None:
+        """A session of the participant under the cursor, with everything in order."""
+        await self.checks()
+        await self.press("y", "y", "enter")
+        await self.shows(ConsoleScreen)
+        await self.until(lambda: "Greet" in self.app.console_screen.pane_layout.panes["acts"].row_view.text)  # type: ignore[union-attr]
+
+    async def leave_report(self) -> None:
+        """What happened in the session that has just ended is shown; Esc goes on."""
+        await self.shows(ReportScreen)
+        await self.press("escape")
+        await self.until(lambda: self.top is self.screen, "the screen of the study did not come back")
+
+    async def gone_back(self) -> None:
+        """Nothing is left over the list of participants."""
+        await self.until(lambda: self.top is self.screen, "the screen of the study did not come back")
+        await self.pilot.pause(0.1)
+
+    async def over(self) -> None:
+        """The session that runs ends by itself, and the wizard goes back to the study."""
+        console = await self.shows(ConsoleScreen)
+        self.client.end_in_order("ended by SIGTERM")
+        await self.until(lambda: console.store.ended_in_order)
+        await self.press("ctrl+c")
+        await self.gone_back()
+
+    async def says_end(self) -> None:
+        await self.type("end")
+        await self.press("enter")
+
+    async def answer_debrief(self) -> OutcomeDialog:
+        screen = await self.shows(ChecksScreen)
+        await self.until(lambda: "debrief: answer with y or n" in self.text_of(screen))
+        await self.press("y", "enter")
+        found = await self.shows(OutcomeDialog)
+        assert isinstance(found, OutcomeDialog)
+        return found
+
+    async def ask_to_end(self) -> None:
+        await self.press("ctrl+c")
+        await self.shows(Dialog)
+        await self.press("ctrl+x")
+
+    def text_of(self, screen: ChecksScreen) -> str:
+        return f"{screen.list.text}\n{screen.answer_line.text}"
+
+
+@asynccontextmanager
+async def day(
+    source: FakeStudy | None = None, size: tuple[int, int] = (80, 24), wizard: str = "anna", **options: Any
+) -> AsyncIterator[Day]:
+    source = source or FakeStudy()
+    launcher = FakeLauncher(FakeClient(demo()))
+    app = ConsoleApp(None, launcher=launcher, study=source, wizard=wizard, login="root", **options)
+    async with app.run_test(size=size) as pilot:
+        found = Day(pilot, source)
+        await found.until(lambda: app.study_screen is not None and app.study_screen.is_read)
+        await pilot.pause(0.1)
+        yield found
+
+
+# --- what is shown ----------------------------------------------------------------------------------------------------
+
+
+@pytest.mark.slow
+async def test_every_state_is_a_word_and_a_glyph_and_who_is_next_is_selected() -> None:
+    async with day(size=(80, 24)) as at:
+        lists = at.screen.lists
+        assert lists.people.current_id == "P07"
+        for size in ((80, 24), (200, 50), (120, 40)):
+            await at.pilot.resize_terminal(*size)
+            await at.pilot.pause(0.1)
+            shown = lists.people.text
+            words = ("✓ complete", "- excluded", "- withdrawn", "◐ unfinished", "? to judge", "◇ to go on", "■ aborted")
+            for word in (*words, "✗ no consent", "○ waiting"):
+                assert word in shown
+            assert next(line for line in shown.splitlines() if "P07" in line).startswith(" → P07")
+            assert "next: P07" in lists.people_head.text
+            assert "REAL" in at.screen.head.text and "wizard anna" in at.screen.head.text
+            assert "2 of 24 complete" in lists.beside_head.text and "Media of P01" in lists.beside.text
+            assert all(len(line) <= size[0] for line in [*shown.splitlines(), *lists.beside.text.splitlines()])
+        assert "de  A" in lists.beside.text and "1 complete, 1 begun" in lists.beside.text
+        await at.select("P01")
+        at.screen.draw()
+        assert "A+loud" in lists.beside.text and "yes+loud" not in lists.beside.text, "labels stand for levels"
+        await at.press("tab")
+        assert at.app.focused is lists.beside
+        await at.press("tab")
+        assert at.app.focused is lists.people
+        assert "recorded by" not in at.screen.head.text
+        before, recorded = at.source.loads, at.source.now.study
+        assert recorded is not None
+        camera = RecordingSettings((RecorderSettings("camera", "obs"),))
+        at.source.now = replace(at.source.now, study=replace(recorded, recording=camera))
+        await at.press("ctrl+r")  # reads it again
+        await at.until(lambda: at.source.loads > before and "recorded by camera (obs)" in at.screen.head.text)
+        people = (person(1, "running", sessions=(entry("P01", status="running", outcome=None),)), person(2, "waiting"))
+        at.source.change(standing=standing(participants=people, next=""))
+        await at.until(lambda: "► running" in lists.people.text and "nobody can begin now" in lists.people_head.text)
+        done = standing(participants=(person(1, "complete"), person(2, "complete")), next="", complete=2, wanted=2)
+        at.source.change(study=study(n=2), standing=done)
+        await at.until(lambda: "the study is complete" in lists.people_head.text)
+
+
+@pytest.mark.slow
+async def test_participants_are_found_by_typing_and_help_and_palette_know_this_screen() -> None:
+    async with day() as at:
+        lists = at.screen.lists
+        await at.press("slash")
+        await at.type("to go")
+        assert lists.people.count == 1 and "find to go  1 of 10" in lists.people_head.text
+        await at.press("enter")
+        assert lists.selected is not None and lists.selected.participant == "P07"
+        await at.press("escape")
+        assert lists.people.count == 10
+        await at.press("slash")
+        await at.type("zzz")
+        assert "nothing matches" in lists.people.text
+        await at.press("escape")
+        assert lists.people.count == 10 and at.app.focused is lists.people
+        await at.press("question_mark")
+        shown = await at.shows(HelpScreen)
+        assert "Rehearse" in shown.list.text and "to judge" in shown.list.text
+        await at.press("escape")
+        await at.press("colon")
+        await at.shows(Palette)
+        await at.type("say who")
+        await at.press("enter")
+        await at.shows(WizardNameDialog)
+
+
+@pytest.mark.slow
+async def test_a_hidden_study_shows_no_condition_before_and_none_of_others() -> None:
+    hidden = study(assignment=AssignmentSettings(strata=("language",), hidden=True))
+    async with day(FakeStudy(StudyNow(hidden, standing(), after=pending("after")))) as at:
+        at.screen.lists.people.action_edge(1)
+        for size in ((120, 40), (80, 24)):
+            await at.pilot.resize_terminal(*size)
+            for name in ("P01", "P05", "P07", "P08"):
+                await at.select(name)
+                at.screen.draw()
+                everything = at.screen.lists.people.text + at.screen.lists.beside.text
+                assert not any(word in everything for word in ("quiet", "loud", "yes", "A+", " A ", " B "))
+            assert "de  " in at.screen.lists.beside.text and "1 complete, 1 begun" in at.screen.lists.beside.text
+        await at.select("P07")
+        await at.press("r")
+        rehearsal = await at.shows(RehearsalDialog)
+        assert "as they would run it" not in rehearsal.list.text and "condition A+quiet" in rehearsal.list.text
+        await at.press("enter")
+        await at.shows(ChecksScreen)
+        assert at.source.planned[0].condition == "yes+quiet"
+        await at.press("escape", "enter")
+        plan = await at.shows(ChecksScreen)
+        assert "hidden until the session begins" in plan.list.text
+        assert not any(word in plan.list.text for word in ("quiet", "loud", "A+"))
+        await at.press("escape")
+        await at.select("P05")
+        await at.press("enter")
+        question = await at.shows(Dialog)
+        assert "quiet" not in f"{question._title} {question._lines}"
+        await at.press("escape")
+        await at.select("P07")
+        await at.begin()
+        assert at.app.console_screen is not None
+        await at.until(lambda: "P07 run 2 · A+loud" in at.app.console_screen.bars.status_line.text)  # type: ignore[union-attr]
+
+
+@pytest.mark.slow
+async def test_a_study_that_does_not_load_shows_its_findings_and_starts_nothing_until_it_is_mended() -> None:
+    finding = "study.toml:14:1: error: there is no key `scenerio` here; did you mean `scenario`?"
+    source = FakeStudy(StudyNow(None, None, (finding,)))
+    async with day(source) as at:
+        people = at.screen.lists.people
+        assert "nothing can be started" in people.text and "`scenerio`" in people.text
+        await at.press("enter")
+        assert "the study does not load" in at.notice and source.planned == []
+        await at.press("r")
+        assert isinstance(at.top, StudyScreen)
+        running = (person(1, "running", sessions=(entry("P01", status="running", outcome=None),)), person(2, "waiting"))
+        source.change(study=study(), standing=standing(participants=running, next=""), problems=())
+        await at.until(lambda: people.current_id == "P01", "it was not read again")
+        done = (person(1, "to-go-on", sessions=(entry("P01"),)), person(2, "waiting"))
+        source.change(standing=standing(participants=done, next="P02"))
+        await at.until(lambda: people.current_id == "P02", "a session has ended elsewhere")
+        source.change(standing=standing(participants=done, next="P01"))
+        await at.until(lambda: "next: P01" in at.screen.lists.people_head.text)
+        assert people.current_id == "P02"  # nobody is moved under the wizard's hand
+
+
+# --- what would run, and why not --------------------------------------------------------------------------------------
+
+NOT_RECORDED = "nothing is recorded: P07 has not consented to it (consent_recording of participants.csv has no date)"
+
+
+@pytest.mark.slow
+async def test_enter_says_what_would_run_and_esc_leaves_it() -> None:
+    async with day(participant="P10") as at:
+        assert at.screen.lists.people.current_id == "P10", "who was named is selected"
+        await at.select("P07")
+        for size in ((120, 40), (80, 24)):
+            await at.pilot.resize_terminal(*size)
+            await at.press("enter")
+            plan = await at.shows(ChecksScreen)
+            for piece in (
+                "P07 · run 2 of 2",
+                "A+loud",
+                "REAL",
+                "pepper",
+                "LabLinking: setting the table",
+                "yes, slot 7",
+                "/home/lab/lablinking/sessions",
+                "anna",
+                "run 1 · ✓ complete · A+quiet · 2026-11-21 14:15 · 24:10",
+                "consent, lights, door, disk, tracker",
+            ):
+                assert piece in plan.list.text, piece
+            assert at.source.checked == []
+            box = plan.query_one("#box").region
+            assert box.height <= size[1] and plan.answer_line.region.bottom < box.bottom
+            await at.press("escape")
+            await at.gone_back()
+            assert at.source.started == [] and "nothing has been started for P07" in at.notice
+        for recorders, unrecorded, lines in (
+            ("camera (obs), bag (rosbag2)", "", ["recorded by  camera (obs), bag (rosbag2)"]),
+            (
+                "markers on LSL",
+                NOT_RECORDED,
+                [
+                    "recorded by  markers on LSL",
+                    "nothing is recorded: P07 has not consented to it",
+                    "(consent_recording of participants.csv has no date)",
+                ],
+            ),
+            ("", "", []),
+        ):
+            at.source.recorders, at.source.unrecorded = recorders, unrecorded
+            await at.press("enter")
+            plan = await at.shows(ChecksScreen)
+            shown = [line.strip() for line in plan.list.text.splitlines()]
+            found = [line for line in shown if line.startswith(("recorded by", "nothing is", "(consent_"))]
+            assert found == lines
+            assert "checks       consent, lights, door, disk, tracker" in shown
+            box = plan.query_one("#box").region
+            assert box.height <= 24 and plan.answer_line.region.bottom < box.bottom
+            await at.press("escape")
+        at.source.language, at.source.warning = "de", "P07 (en) is next; you are about to open P08 (de)"
+        await at.select("P08")
+        await at.press("enter")
+        plan = await at.shows(ChecksScreen)
+        assert "not in turn  P07 (en) is next; you are about to open P08 (de)" in plan.list.text
+        assert "P08 · run 2 of 2   language de" in plan.list.text
+
+
+@pytest.mark.slow
+async def test_who_cannot_begin_is_told_why() -> None:
+    keys = KeyFile(keys={"cue": ("g",)}, locations={("cue", "g"): SourceLocation("keys.toml", 2, 7)})
+    async with day(keys=keys, participant="p07") as at:
+        assert "there is no participant 'p07' in participants.csv; did you mean `P07`?" in at.notice
+        for participant, said in (
+            ("P09", "consent_recording"),
+            ("P01", "is complete"),
+            ("P03", "fire alarm"),
+            ("P04", "is withdrawn"),
+        ):
+            await at.select(participant)
+            await at.press("enter")
+            assert said in at.notice and at.top is at.screen and at.source.planned == []
+        await at.select("P07")
+        loads, at.source.refusal = at.source.loads, "study.toml was changed since the plan was made"
+        await at.press("enter")
+        await at.until(lambda: "study.toml was changed" in at.notice and at.source.loads > loads)
+        assert at.top is at.screen
+        at.source.refusal = ""
+        at.source.keys = {"g": KeyBinding("g", "g", "startCommunicationRobotAct", "Greet", SourceLocation("s", 1))}
+        await at.press("enter")
+        await at.until(lambda: "`g` is given to `cue`" in at.notice, "keys of the user's own that the scenario has too")
+        assert at.top is at.screen and at.source.started == []
+
+
+# --- checks -----------------------------------------------------------------------------------------------------------
+
+
+@pytest.mark.slow
+async def test_checks_run_by_themselves_and_asked_ones_wait_for_an_answer() -> None:
+    async with day() as at:
+        screen = await at.checks()
+        await at.press("y", "escape")
+        await at.gone_back()
+        assert at.source.started == [], "leaving the checks starts nothing"
+        at.source.checked.clear()
+        at.source.noted.clear()
+        screen = await at.checks()
+        assert sorted(at.source.checked) == ["consent", "disk", "door", "lights", "tracker"]
+        assert at.source.most_at_once == 1  # a robot that speaks and a program that listens are not one check
+        for size in ((120, 40), (80, 24)):
+            await at.pilot.resize_terminal(*size)
+            await at.pilot.pause(0.1)
+            shown = at.text_of(screen)
+            assert "✓ passed" in shown and "34.1 GB free" in shown and "60 Hz, 2 eyes" in shown
+            assert "lights and door: answer with y or n" in shown and screen.list.current_id == "lights"
+        await at.press("enter")
+        assert "not yet: lights and door" in at.text_of(screen) and at.source.started == []
+        for _ in range(8):  # held down
+            await at.pilot.press("y")
+            await at.pilot.pause(0.03)
+        assert [item.status for item in screen.checks.items if item.check.ask] == ["passed", "asked"]
+        assert screen.list.current_id == "door"
+        await at.pilot.pause(1)
+        await at.press("y")
+        assert "enter: begin the session of P07 in REAL" in at.text_of(screen)
+        for _ in range(5):
+            await at.pilot.press("enter")
+        await at.shows(ConsoleScreen)
+        ((request, reports, wizard),) = at.source.started
+        assert (request.participant, request.purpose, wizard) == ("P07", "counted", "anna")
+        assert [(each.id, each.result) for each in reports] == [
+            (id, "passed") for id in ("consent", "lights", "door", "disk", "tracker")
+        ]
+        assert [each.source for each in reports[:3]] == ["engine", "wizard:anna", "wizard:anna"]
+        assert ("lights", "passed") in at.source.noted and ("disk", "passed") in at.source.noted
+
+
+@pytest.mark.slow
+async def test_a_failed_check_blocks_is_made_again_or_skipped_with_a_reason() -> None:
+    source = FakeStudy()
+    source.results = {"tracker": "no answer from 10.0.0.7"}
+    async with day(source) as at:
+        screen = await at.checks()
+        await at.press("n")
+        assert "✗ failed" in screen.list.text and screen.list.current_id == "lights"
+        await at.press("y", "y", "enter")  # an answer of no can be taken back
+        assert ("lights", "failed") in source.noted
+        assert "not yet: tracker failed" in at.text_of(screen) and "no answer from 10.0.0.7" in at.text_of(screen)
+        assert screen.list.current_id == "tracker"
+        source.results = {}
+        await at.press("r")
+        await at.until(lambda: "60 Hz, 2 eyes" in at.text_of(screen))
+        source.results = {"tracker": "again"}
+        await at.press("up", "down")
+        screen.list.select("tracker")
+        await at.press("r")
+        await at.until(lambda: "again" in at.text_of(screen))
+        await at.press("s", "enter")
+        assert "who skips a check says why" in at.text_of(screen) and source.started == []
+        await at.type("it is broken")
+        await at.press("enter")
+        source.held, source.refusal = Event(), "the study changed while the session was prepared: try again"
+        await at.press("enter")
+        await at.until(lambda: bool(source.started))
+        source.held.set()
+        await at.until(lambda: "the study changed while" in at.notice, "an engine that refuses says why")
+        assert at.top is at.screen and at.app.console_screen is None
+        report = source.started[0][1][-1]
+        assert (report.id, report.result, report.reason, report.source) == (
+            *("tracker", "skipped", "it is broken"),
+            "wizard:anna",
+        )
+        assert report.value == "failed before: again"
+        source.held, source.refusal = None, ""
+        source.results = {"consent": "consent_recording has no date"}
+        screen = await at.checks()
+        screen.list.select("consent")
+        await at.press("s")
+        assert "consent cannot be skipped" in at.text_of(screen) and not screen.reason_bar.is_open
+        await at.press("y")
+        assert "the program itself looks" in at.text_of(screen)
+        await at.press("escape")
+        source.change(study=study(checks=(StudyCheck("disk", auto="disk", blocks=False),)))
+        source.results = {"disk": "only 2 GB are free"}
+        screen = await at.checks()
+        assert "enter: begin the session" in at.text_of(screen), "what does not block is not in the way"
+        await at.press("escape")
+        source.change(study=study(checks=()))
+        await at.press("enter")
+        screen = await at.shows(ChecksScreen)
+        assert "enter: begin the session of P07 in REAL" in screen.answer_line.text, "without checks enter begins"
+        await at.press("enter")
+        await at.shows(ConsoleScreen)
+
+
+# --- who sits here ----------------------------------------------------------------------------------------------------
+
+
+@pytest.mark.slow
+async def test_the_name_is_asked_once_and_kept() -> None:
+    async with day(wizard="") as at:
+        assert "no wizard named yet" in at.screen.head.text
+        await at.press("enter")
+        await at.shows(WizardNameDialog)
+        await at.press("escape")
+        await at.gone_back()
+        assert at.source.planned == []
+        await at.press("enter")
+        question = await at.shows(WizardNameDialog)
+        assert question.field.value == ""  # a login is nobody's name in a real session
+        await at.press("enter")
+        assert "a name is needed" in str(question.query_one("#answer", Static).content)
+        await at.type("bea")
+        await at.press("enter")
+        await at.shows(ChecksScreen)
+        await at.press("escape")
+        assert "wizard bea" in at.screen.head.text
+        await at.press("enter")
+        await at.shows(ChecksScreen)
+
+
+async def test_a_real_study_offers_its_wizards_and_in_debug_mode_the_login_is_offered() -> None:
+    source = FakeStudy(StudyNow(study(mode="debug"), standing()))
+    async with day(source, wizard="") as at:
+        await at.press("w")
+        assert (await at.shows(WizardNameDialog)).field.value == "root"
+        await at.press("escape")
+        source.change(study=study(wizards={"anna": "W1", "ben": "W2"}))
+        await at.until(lambda: "REAL" in at.screen.head.text)
+        await at.press("w")
+        question = await at.shows(WizardNameDialog)
+        await at.press("up", "right")
+        assert question.field.value == "anna"
+        await at.press("enter", "enter")
+        await at.gone_back()
+        assert "wizard anna" in at.screen.head.text
+
+
+# --- rehearsals -------------------------------------------------------------------------------------------------------
+
+
+@pytest.mark.slow
+async def test_a_rehearsal_takes_no_slot_asks_no_outcome_and_comes_back() -> None:
+    source = FakeStudy()
+    source.results = {"tracker": "not there"}
+    async with day(source) as at:
+        await at.press("r")
+        await at.shows(RehearsalDialog)
+        await at.press("right", "right", "down", "enter")
+        plan = await at.shows(ChecksScreen)
+        assert "no: pilot" in plan.list.text and source.planned[0].condition == "yes+quiet"
+        await at.press("enter")
+        await at.until(lambda: "answer with y or n" in at.text_of(plan))
+        await at.press("y", "n")
+        assert "enter: begin the pilot session" in at.text_of(plan), "no check is in its way"
+        await at.press("escape", "r")
+        await at.shows(RehearsalDialog)
+        await at.press("enter")
+        plan = await at.shows(ChecksScreen)
+        assert "no: debug" in plan.list.text and "DEBUG" in plan.list.text
+        assert "enter: begin the debug session of P07 in DEBUG" in plan.answer_line.text
+        await at.press("enter")
+        await at.shows(ConsoleScreen)
+        assert at.source.started[0][0].purpose == "debug"
+        await at.ask_to_end()
+        await at.shows(EndSessionDialog)
+        await at.says_end()
+        await at.leave_report()
+        assert at.client.closed == [True] and at.client.reports == []
+        assert "it does not count" in at.notice
+
+
+# --- the end of a session, and the next participant -------------------------------------------------------------------
+
+
+@pytest.mark.slow
+async def test_a_session_ends_with_its_outcome_and_the_next_participant_is_selected() -> None:
+    client = FakeClient(demo(), folder="/home/lab/lablinking/sessions/2026_P07")
+    client.rule("Main", "entered", "waiting")
+    client.act("Greet")
+    async with day(FakeStudy(client=client)) as at:
+        await at.press("slash")
+        await at.type("to go")
+        await at.press("enter")
+        await at.begin()
+        await at.ask_to_end()
+        question = await at.answer_debrief()
+        said = "\n".join([str(question.query_one("#box").border_title), *question._lines])
+        for piece in ("End the session of P07 run 2 · A+loud?", "rule Main: in waiting", "act Greet"):
+            assert piece in said
+        for size in ((120, 40), (80, 24)):
+            await at.pilot.resize_terminal(*size)
+            box = question.query_one("#box").region
+            assert box.height <= size[1] and question.word.region.y < box.bottom - 2
+        await at.press("right", "enter", "enter")
+        at.source.now = replace(at.source.now, standing=standing(next="P10"))
+        await at.says_end()
+        await at.leave_report()
+        outcome = at.client.reports[-1]
+        assert isinstance(outcome, OutcomeReport)
+        assert (outcome.status, outcome.reason, outcome.source) == ("complete", "", "wizard:anna")
+        assert [each.id for each in at.client.reports[:-1]] == ["debrief"]  # type: ignore[union-attr]
+        assert at.client.closed == [True]
+        await at.until(lambda: at.screen.lists.people.count == 10, "only those who were searched for are shown")
+        await at.until(lambda: at.screen.lists.people.current_id == "P10")
+        assert "P07, run 2: complete" in at.notice and at.app.console_screen is None
+
+
+@pytest.mark.slow
+async def test_every_step_to_the_end_can_be_left_stopped_and_refused_and_needs_what_it_asks_for() -> None:
+    async with day() as at:
+        await at.begin()
+        console = at.app.console_screen
+        assert console is not None
+        console.action_do("settings")
+        await at.until(lambda: "the study says what runs" in console.bars.notice_line.text)
+        await at.ask_to_end()
+        checks = await at.shows(ChecksScreen)
+        for key in "abcdefghijklmopqtuvwxyz0123456789":
+            await at.pilot.press(key)
+        await at.press("f9")
+        await at.until(lambda: at.client.asked() == [("stopAll", "")])
+        assert at.top is checks
+        await at.press("escape")
+        await at.shows(ConsoleScreen)
+        await at.ask_to_end()
+        await at.answer_debrief()
+        for key in "abcefghijklmnopqrstuvwxyz":
+            await at.pilot.press(key)
+        await at.press("escape")
+        await at.shows(ConsoleScreen)
+        assert at.client.closed == [] and at.client.reports == [], "no key of any study ends its session"
+        at.client.reject = "only who holds control can say how it is to count"
+        await at.ask_to_end()
+        await at.answer_debrief()
+        await at.press("right", "enter", "enter")
+        await at.says_end()
+        await at.shows(ConsoleScreen)
+        await at.until(lambda: "this was not taken" in console.bars.notice_line.text)
+        assert at.client.closed == []
+        at.client.reject = ""
+        await at.ask_to_end()
+        question = await at.answer_debrief()
+
+        def answer() -> str:
+            return str(question.query_one("#answer", Static).content)
+
+        await at.press("enter", "enter")
+        assert "say how it is to count" in answer(), "nothing is chosen to begin with"
+        await at.press("right")
+        assert question.choice.value == "complete"
+        await at.press("right")
+        assert question.choice.value == "aborted" and "may run it again" in str(question.query_one("#meaning").content)
+        await at.press("enter", "enter")
+        assert "aborted: say why" in answer()
+        await at.type("the robot fell")
+        await at.press("enter")
+        await at.type("no")
+        await at.press("enter")
+        assert "that is not the word" in answer() and at.client.closed == []
+        question.query_one("#word", Input).value = ""
+        await at.says_end()
+        await at.leave_report()
+        outcome = at.client.reports[-1]
+        assert isinstance(outcome, OutcomeReport) and (outcome.status, outcome.reason) == ("aborted", "the robot fell")
+
+
+@pytest.mark.slow
+async def test_a_session_whose_engine_has_gone_is_recovered_left_or_ended_by_somebody_else() -> None:
+    async with day() as at:
+        await at.begin()
+
+        async def gone() -> Dialog:
+            at.client.end("the engine was killed")
+            await at.until(lambda: bool(at.app.console_screen.store.gone_reason))  # type: ignore[union-attr]
+            await at.press("ctrl+c")
+            found = await at.shows(Dialog)
+            assert isinstance(found, Dialog)
+            return found
+
+        assert "Back to the study" in [answer.title for answer in (await gone())._answers]
+        await at.press("r")
+        await at.until(lambda: len(at.source.recovered) == 1)
+        assert at.source.recovered[0].participant == "P07"
+        await at.until(lambda: len(at.source.clients) == 2 and not at.app.console_screen.store.gone_reason)  # type: ignore[union-attr]
+        await gone()
+        await at.press("b")
+        await at.gone_back()
+        await at.select("P07")
+        await at.begin()
+        at.source.change(standing=standing(next="P10"))
+        await at.over()
+        assert "P07, run 2: ended by SIGTERM; enter says how it counts" in at.notice
+        await at.pilot.pause(0.2)
+        assert at.screen.lists.people.current_id == "P07"
+        await at.begin()
+        await at.press("ctrl+c")
+        await at.shows(Dialog)
+        await at.press("d")
+        await at.until(lambda: at.client.closed == [False])
+        assert at.client.reports == [] and "goes on; come back with: rise-tui" in at.app.exit_message
+
+
+def attached(role: Role = "wizard") -> FakeClient:
+    """A session of a study that runs, for a console that was started without naming the study."""
+    you = "wizard:anna" if role == "wizard" else "observer:ben"
+    folder = "/home/lab/lablinking/sessions/2026_P07"
+    source = FakeStudy(client=FakeClient(demo(), you=you, role=role, folder=folder))
+    return source.session("P07", PlannedRun(7, 2, {}, "yes+loud", {}, DEMO, 1), "counted")
+
+
+@pytest.mark.slow
+async def test_a_console_that_was_not_told_the_study_finds_it_by_the_session() -> None:
+    source, launcher = FakeStudy(), FakeLauncher(attached(), find_study=lambda reply: source)
+    app = ConsoleApp(launcher.clients[0], launcher=launcher, wizard="anna")
+    async with app.run_test(size=(80, 24)) as pilot:
+        at = Day(pilot, source)
+        source.clients.append(launcher.clients[0])
+        console = await at.shows(ConsoleScreen)
+        await at.until(lambda: "P07 run 2 · A+loud" in console.bars.status_line.text)
+        assert "yes" not in console.bars.status_line.text
+        await at.ask_to_end()
+        await at.answer_debrief()
+        await at.press("right", "enter", "enter")
+        await at.says_end()
+        await at.shows(ReportScreen)
+        await at.press("escape")
+        await at.until(lambda: isinstance(at.top, StudyScreen) and at.top.wizard == "anna")
+
+
+async def test_who_only_watches_sees_the_label_and_can_only_detach() -> None:
+    launcher = FakeLauncher(attached("observer"), find_study=lambda reply: FakeStudy())
+    app = ConsoleApp(launcher.clients[0], launcher=launcher, wizard="ben")
+    async with app.run_test(size=(120, 40)) as pilot:
+        at = Day(pilot, FakeStudy())
+        console = await at.shows(ConsoleScreen)
+        await at.until(lambda: "P07 run 2 · A+loud" in console.bars.status_line.text)
+        await at.press("ctrl+c")
+        question = await at.shows(Dialog)
+        assert [answer.title for answer in question._answers] == ["Detach"]
+
+
+# --- sessions that run, did not end, or were never judged -------------------------------------------------------------
+
+
+@pytest.mark.slow
+async def test_a_session_that_runs_without_a_console_here_is_reached_and_stopped() -> None:
+    running = entry("P01", status="running", outcome=None)
+    rehearsal = entry("P10", purpose="debug", status="running", outcome=None)
+    source = FakeStudy()
+    async with day(source, size=(120, 40)) as at:
+        await at.press("f9")
+        assert "nothing runs" in at.notice
+        screen = await at.checks()
+        await at.press("ctrl+g")
+        assert "nothing runs" in at.text_of(screen)
+        await at.press("escape")
+        people = (person(1, "running", sessions=(running,)),)
+        source.change(standing=standing(participants=people, next=""))
+        await at.until(lambda: "► running" in at.screen.lists.people.text)
+        await at.press("question_mark")
+        await at.shows(HelpScreen)
+        await at.press("f9")
+        await at.until(lambda: bool(source.clients) and ("stopAll", "") in at.client.asked())
+        await at.over()
+        await at.select("P01")
+        await at.press("enter")
+        await at.shows(ConsoleScreen)
+        assert source.attached[-1] == running
+        await at.over()
+        source.change(standing=standing(rehearsals=(rehearsal,)))
+        await at.until(lambda: "a debug session with P10 runs" in at.screen.lists.beside.text)
+        await at.select("P10")
+        before = len(source.planned)
+        await at.press("enter")
+        await at.shows(ConsoleScreen)
+        assert source.attached[-1] == rehearsal and len(source.planned) == before
+        await at.over()
+        await at.press("f9")
+        await at.shows(ConsoleScreen)
+        await at.until(lambda: ("stopAll", "") in at.client.asked())
+
+
+@pytest.mark.slow
+async def test_stop_while_a_session_is_starting_stops_it_as_soon_as_it_is_reached() -> None:
+    source = FakeStudy()
+    source.held = Event()
+    async with day(source) as at:
+        await at.checks()
+        await at.press("y", "y", "enter")
+        await at.until(lambda: "is starting" in at.notice)
+        await at.press("enter")
+        assert "not now: the session of P07 is starting" in at.notice
+        await at.press("f9")
+        assert "STOP follows" in at.notice
+        source.held.set()
+        await at.shows(ConsoleScreen)
+        await at.until(lambda: ("stopAll", "") in at.client.asked())
+
+
+@pytest.mark.slow
+async def test_sessions_are_judged_given_up_corrected_and_recovered() -> None:
+    async with day() as at:
+
+        async def asked_about(participant: str) -> Dialog:
+            await at.select(participant)
+            await at.press("enter")
+            found = await at.shows(Dialog)
+            assert isinstance(found, Dialog)
+            return found
+
+        async def judged() -> tuple[str, str, str, str]:
+            await at.until(lambda: bool(at.source.judged))
+            found, status, reason, wizard = at.source.judged.pop()
+            return found.participant, status, reason, wizard
+
+        question = await asked_about("P05")
+        said = "\n".join((question._title, *question._lines))
+        for piece in ("P05 · run 1 · A+quiet did not end", "Begun 2026-11-21 14:15", "as far as 00:14:32"):
+            assert piece in said
+        await at.press("escape")
+        await at.gone_back()
+        assert at.source.judged == [] and at.source.recovered == []
+        await at.select("P06")
+        await at.press("enter")
+        outcome = await at.answer_debrief()
+        assert at.source.noted == [("debrief", "passed")]
+        assert "nobody said how it counts" in "\n".join(outcome._lines) and not outcome.query("#word")
+        at.source.refusal = "study.jsonl cannot be written: no space left"
+        await at.press("right", "enter", "enter")
+        await at.until(lambda: "no space left" in at.notice)
+        at.source.refusal = ""
+        await at.select("P06")
+        await at.press("enter")
+        await at.answer_debrief()
+        await at.press("right", "enter", "enter")
+        assert await judged() == ("P06", "complete", "", "anna")
+        await at.select("P08")
+        await at.press("o")
+        outcome = await at.shows(OutcomeDialog)
+        assert "It counts as aborted" in str(outcome.query_one("#lines", Static).render())
+        await at.press("right", "enter", "enter")
+        assert "say why" in str(outcome.query_one("#answer", Static).render()) and at.source.judged == []
+        await at.type("heard all of it")
+        await at.press("enter")
+        assert await judged() == ("P08", "complete", "heard all of it", "anna")
+        await at.select("P10")
+        await at.press("o")
+        assert "P10 has no session yet" in at.notice
+        await asked_about("P05")
+        await at.press("g")
+        await at.shows(OutcomeDialog)
+        await at.press("right", "right", "enter")
+        await at.type("power cut")
+        await at.press("enter")
+        assert await judged() == ("P05", "aborted", "power cut", "anna")
+        await at.until(lambda: "P05, run 1: aborted" in at.notice)
+        assert at.screen.lists.people.current_id == "P07"
+        await asked_about("P05")
+        await at.press("r")
+        await at.shows(ConsoleScreen)
+        assert [each.participant for each in at.source.recovered] == ["P05"]
+
+
+# --- no accidents -----------------------------------------------------------------------------------------------------
+
+
+@pytest.mark.slow
+async def test_keys_that_come_together_start_nothing_and_leaving_the_checks_asks_first(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    async with day() as at:
+        at.app._keys_together = True
+        assert not at.app.admits(events.Key("enter", None)) and at.app.admits(events.Key("f9", None))
+        at.app._keys_together = False
+        assert at.app.admits(events.Key("enter", None))
+        with monkeypatch.context() as unreachable:
+            client = FakeClient(demo())
+            client.gone = "it has just ended"
+            unreachable.setattr(at.source, "session", lambda *_: client)
+            await at.checks()
+            await at.press("y", "y", "enter")
+            await at.until(lambda: "could not be reached: it has just ended" in at.notice)
+            with pytest.raises(EngineGone):
+                await client.attach()
+        at.source.started.clear()
+        await at.checks()
+        await at.press("ctrl+c")
+        await at.shows(Dialog)
+        await at.press("escape")
+        await at.shows(ChecksScreen)
+        await at.press("ctrl+c")
+        await at.shows(Dialog)
+        await at.press("l")
+        await at.until(lambda: bool(at.app.exit_message))
+        assert at.source.started == []
+
+
+async def test_leaving_the_study_ends_nothing_and_says_how_to_come_back() -> None:
+    async with day(size=(60, 15)) as at:
+        await at.until(lambda: type(at.top).__name__ == "TooSmallScreen")
+        await at.pilot.resize_terminal(80, 24)
+        await at.gone_back()
+        await at.press("ctrl+c")
+        await at.pilot.pause(0.2)
+        assert "rise-tui --config /home/lab/lablinking" in at.app.exit_message and at.app.return_code == 0
+
+
+@pytest.mark.slow
+async def test_leaving_while_a_session_is_starting_does_not_say_that_none_runs() -> None:
+    source = FakeStudy()
+    source.held = Event()
+    async with day(source) as at:
+        await at.checks()
+        await at.press("y", "y", "enter")
+        await at.until(lambda: "is starting" in at.notice)
+        await at.press("ctrl+c")
+        await at.until(lambda: bool(at.app.exit_message))
+        source.held.set()
+        said = "the session of P07 is starting, and goes on without this console; to come back to the study: "
+        assert at.app.exit_message.startswith(said)
+
+
+def test_the_checks_of_these_tests_are_of_every_kind() -> None:
+    assert {bool(each.ask) for each in CHECKS} == {True, False} and any(each.run for each in CHECKS)
+
+
+# --- the report of a session -----------------------------------------------------------------------------------------
+
+
+@pytest.mark.slow
+async def test_the_report_of_any_session_that_has_ended_is_read_by_keys_alone() -> None:
+    source = FakeStudy()
+    async with day(source) as at:
+        await at.select("P10")
+        await at.press("v")
+        assert at.top is at.screen and "P10: no session has ended" in at.notice
+        await at.select("P01")
+        source.report_held = Event()
+        try:
+            await at.press("v")
+            report = await at.shows(ReportScreen)
+            assert "reading the record" in report.text
+            await at.press("escape")
+            assert at.top is at.screen
+            await at.press("down")
+            assert at.screen.lists.people.current_id == "P02", "nobody waits for a report"
+            source.report_held.set()
+            await at.until(lambda: source.reported != [])
+            assert at.top is at.screen
+        finally:
+            source.report_held.set()
+        await at.select("P01")
+        source.report_refusal = "the journal cannot be read"
+        await at.press("v")
+        report = await at.shows(ReportScreen)
+        await at.until(lambda: "there is no report: the journal cannot be read" in report.text)
+        await at.press("enter")
+        assert at.top is at.screen
+        source.report_refusal = ""
+        for size in ((120, 40), (80, 24)):
+            await at.pilot.resize_terminal(*size)
+            source.reported.clear()
+            await at.press("v")
+            report = await at.shows(ReportScreen)
+            await at.until(lambda report=report: "line 0 of" in report.text)  # type: ignore[misc]
+            assert "(2 of 2)" in str(report.query_one("#box").border_title)  # the last one first
+            assert report.query_one("#box").region.bottom <= size[1]
+            widest = max(len(line) for line in report.text.split("\n"))
+            assert widest <= report.list.row_width
+            await at.press("pagedown")
+            assert report.list.scroll_y > 0
+            await at.press("home", "right", "right")
+            assert report.text.split("\n")[round(report.list.scroll_y)].strip() == "Acts"
+            await at.press("left")
+            assert report.text.split("\n")[round(report.list.scroll_y)].strip() == "Checks"
+            await at.press("left_square_bracket")
+            await at.until(lambda: len(source.reported) == 2)
+            assert "(1 of 2)" in str(report.query_one("#box").border_title)
+            assert source.reported == [each.folder for each in reversed(standing().participants[0].sessions)]
+            await at.press("escape")
+            assert at.top is at.screen
+        await at.press("v")
+        await at.shows(ReportScreen)
+        await at.press("ctrl+c")  # the console can be left from a report
+        await at.until(lambda: at.app.return_code == 0)
+        assert "to come back to the study" in at.app.exit_message
