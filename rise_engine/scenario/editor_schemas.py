@@ -4,7 +4,7 @@
 own: for them, `act_schema_text` writes the part of `cra.rng` that is about single actions anew.
 
 Loading a scenario does not ask the schemas: the checks say more, and say it in words. That both agree is held by tests
-(docs/decisions/0014-schemas-are-for-editors.md).
+(docs/decisions/0034-one-reader-of-scenarios.md).
 """
 
 from __future__ import annotations

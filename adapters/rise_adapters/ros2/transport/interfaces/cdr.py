@@ -4,7 +4,7 @@ A type's codec is put together once from what writes and reads its fields, a pai
 is relative to the end of the header, and zeros fill up to it. Source: OMG, Common Object Request Broker Architecture
 (CORBA) 3.3, part 2, 9.3 "CDR Transfer Syntax".
 
-Why not the codec of the library `rosbags`, from which the standard definitions come: docs/decisions/0026-bytes.md.
+Why not the codec of the library `rosbags`, from which the standard definitions come: docs/decisions/archive.md, 26.
 """
 
 from __future__ import annotations
