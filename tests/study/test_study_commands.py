@@ -15,7 +15,6 @@ from click.testing import CliRunner, Result
 from rise_engine.checks import kinds
 from rise_engine.cli import main
 from rise_engine.cli.study import answers
-from rise_engine.cli.study.commands import STUDY
 from rise_engine.scenario.loader import load
 from rise_engine.scenario.shipped_studies import shipped_studies
 from rise_engine.study.model import Study
@@ -451,8 +450,3 @@ def test_it_says_that_the_scenario_is_a_copy(tmp_path: Path) -> None:
     text = (folder / "study.toml").read_text("utf-8")
     assert "# scenario is a copy: later changes of greeting have no effect here. Change the copy." in text
     assert str(tmp_path) not in text, "a study is given to others"
-
-
-def test_every_command_is_in_the_reference() -> None:
-    page = (Path(__file__).parents[2] / "docs" / "reference" / "rise-engine.md").read_text(encoding="utf-8")
-    assert [name for name in STUDY if f"study {name}" not in page] == []

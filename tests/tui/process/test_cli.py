@@ -10,7 +10,6 @@ from pathlib import Path
 from shlex import quote
 from shutil import rmtree, which
 
-import click
 import pytest
 from click.testing import CliRunner
 
@@ -25,7 +24,6 @@ from tests.tui.terminals import ROOT, environment_of, run_rise_tui, terminal
 
 pytestmark = pytest.mark.slow
 
-PAGE = ROOT / "docs" / "reference" / "rise-tui.md"
 MOUSE = re.compile(rb"\x1b\[\?(?:9|100[0-3]|1005|1006|101[56])[hl]")
 """Whatever asks a terminal for the mouse, or takes that back."""
 
@@ -90,15 +88,6 @@ def test_what_is_usual(asked: list[CommandLine]) -> None:
 def test_wrong_usage(arguments: tuple[str, ...], said: str) -> None:
     done = CliRunner().invoke(main, list(arguments))
     assert done.exit_code == 2 and said.lower() in done.output.lower(), done.output
-
-
-def test_every_command_and_option_is_documented() -> None:
-    text = PAGE.read_text(encoding="utf-8")
-    for name, command in {"": main, **main.commands}.items():
-        assert not name or f"rise-tui {name}" in text, name
-        for option in command.params:
-            if isinstance(option, click.Option) and not option.hidden:
-                assert f"`{option.opts[0]}" in text, f"{name} {option.opts[0]}"
 
 
 def test_the_console_is_imported_only_by_what_opens_one() -> None:
