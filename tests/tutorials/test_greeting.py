@@ -1,6 +1,7 @@
 """The study of docs/tutorials/greeting-from-nothing.md, built key by key, does what the shipped study does.
 
-The keys are in `greeting.md` beside this file, in the form of a tutorial; the film of the tutorial is made from them, too.
+The keys are in `greeting.md` beside this file, in the form of a tutorial. The film is made from
+them, too.
 """
 
 from __future__ import annotations
