@@ -1,7 +1,7 @@
 """Films of the tutorials: `.venv/bin/python docs/films.py [NAME]`.
 
-A tutorial is played on a terminal of 80 by 24 as the tests play it, key by key from its own page; what the screen shows
-after each step becomes a frame. Each film is written twice: as an SVG that moves by itself in any browser, and as an
+A tutorial is played on a terminal of 80 by 24 as the tests play it, key by key from its own page or from the file that
+`KEYS` names; what the screen shows after each step becomes a frame. Each film is written twice: as an SVG that moves by itself in any browser, and as an
 asciicast (https://docs.asciinema.org/manual/asciicast/v2/) for players that can pause.
 """
 
@@ -24,6 +24,8 @@ from tests.tutorials.shell import shell
 
 FOLDER = Path(__file__).parent
 IMAGES = FOLDER / "images"
+KEYS = {"greeting-from-nothing": FOLDER.parent / "tests" / "tutorials" / "greeting.md"}
+"""Pages that do not have their keys themselves."""
 SIZE = (80, 24)
 SECONDS = {"key": 1.0, "typed": 1.4, "seen": 1.6, "gone": 0.4, "command": 1.6}
 """How long the screen stands after a step."""
@@ -188,7 +190,7 @@ def main(names: Sequence[str]) -> None:
         if f"{page.stem}.svg" not in text or (names and page.stem not in names):
             continue
         title = text.partition("\n")[0].removeprefix("# ")
-        frames = film(page)
+        frames = film(KEYS.get(page.stem, page))
         (IMAGES / f"{page.stem}.svg").write_text(svg(frames, title), encoding="utf-8")
         (IMAGES / f"{page.stem}.cast").write_text(asciicast(frames, title), encoding="utf-8")
         print(f"{page.stem}: {len(frames)} frames, {sum(frame.seconds for frame in frames):.0f} s")

@@ -1,4 +1,8 @@
-"""The greeting from nothing: built key by key from the page, it does what the shipped study does."""
+"""The study of docs/tutorials/greeting-from-nothing.md, built key by key, does what the shipped study does.
+
+The keys are in `greeting.md` beside this file, in the form of a tutorial. The film is made from
+them, too.
+"""
 
 from __future__ import annotations
 
@@ -17,7 +21,7 @@ from tests.tutorials.shell import shell
 pytestmark = [pytest.mark.slow, pytest.mark.pty, *chance.searched]
 
 ROOT = Path(__file__).parents[2]
-PAGE = ROOT / "docs" / "tutorials" / "greeting-from-nothing.md"
+KEYS = Path(__file__).with_name("greeting.md")
 SHIPPED = ROOT / "scenarios" / "greeting"
 OTHER = {"scenario_hash", "priority", "expression"}
 """What differs: the files, a priority that all rules share, and the words that count as a greeting."""
@@ -33,7 +37,7 @@ def records(folder: Path) -> list[dict[str, Any]]:
 
 def test_the_greeting_from_nothing(tmp_path: Path) -> None:
     with shell(tmp_path, chance.one_of((80, 24), (120, 40))) as terminal:
-        play(PAGE.read_text(), terminal, between=0)
+        play(KEYS.read_text(), terminal, between=0)
     built = tmp_path / "work" / "greeting"
     found, shipped = records(built), records(SHIPPED)
     assert len(shipped) > 1000 and len(found) == len(shipped)

@@ -15,7 +15,7 @@ from rise_tui.key_labels import first_key_label, key_label, keys_of, use_own_key
 from rise_tui.screens.help import HelpScreen
 from tests.tui.conftest import console
 from tests.tui.fake import DEMO, demo
-from tests.tui.terminals import ROOT, terminal
+from tests.tui.terminals import terminal
 
 
 @pytest.fixture(autouse=True)
@@ -151,11 +151,6 @@ def test_every_action_can_be_given_a_key_and_keeps_its_own(tmp_path: Path) -> No
         keys = written(tmp_path, f"[keys]\n{action.id} = [{usual}]\n")
         assert keys.problems == () and keys.keys == {action.id: action.keys}
     assert not set(FIXED) & {key for action in ACTIONS if action.scope == "everywhere" for key in action.keys}
-
-
-def test_the_guide_names_every_action_that_is_not_of_one_pane() -> None:
-    text = (ROOT / "docs" / "how-to" / "remap-keys.md").read_text(encoding="utf-8")
-    assert [each.id for each in ACTIONS if each.scope in ("everywhere", "console") and f"`{each.id}`" not in text] == []
 
 
 # --- in the console ---------------------------------------------------------------------------------------------------
