@@ -11,7 +11,7 @@ from typing import Any
 from msgspec import Struct
 from msgspec.structs import asdict
 
-from rise_engine.base.nearest_name import did_you_mean, in_backquotes
+from rise_engine.base.nearest_name import in_backquotes, suggest
 from rise_engine.scenario.diagnostics import Diagnostics
 from rise_engine.scenario.draft import Mention, ScenarioDraft
 from rise_engine.scenario.model import MAX_REPEATS, ActSettings, CallingType, SourceLocation, parse_failure_policy
@@ -66,7 +66,7 @@ class ActTables(Struct):
         for table in self.patterns:
             if table.name not in names and not any(fnmatchcase(name, table.name) for name in names):
                 message = f"no act has a name like `{table.name}`"
-                diagnostics.error("unknown-act", table.location, message + did_you_mean(table.name, names))
+                diagnostics.error("unknown-act", table.location, message, suggest(table.name, names))
 
     def find_sources(self, act: str) -> dict[str, ActTable]:
         """For each setting of an act that some table says: the table that counts. That is the act's own, else the
@@ -126,8 +126,8 @@ def _read_calling_type(table: TomlTable) -> CallingType:
     if isinstance(written, str) and written.lower() in _CALLING_TYPES:
         return _CALLING_TYPES[written.lower()]
     types = _CALLING_TYPES.values()
-    near = did_you_mean(written, types, limit=0) if isinstance(written, str) else ""
-    table.report_value("wrong-value", "calling_type", f"`calling_type` is one of {in_backquotes(types)}{near}")
+    near = suggest(written, types, limit=0) if isinstance(written, str) else None
+    table.report_value("wrong-value", "calling_type", f"`calling_type` is one of {in_backquotes(types)}", near)
     return "Blocking"
 
 
@@ -140,7 +140,7 @@ def read_on_failure(table: TomlTable) -> str:
             return written
     except ValueError:
         pass
-    near = did_you_mean(written, ("go_on", "ask", "repeat:2"), limit=2) if isinstance(written, str) else ""
-    message = f'`on_failure` is "go_on", "ask" or "repeat:2" (up to {MAX_REPEATS}){near}'
-    table.report_value("wrong-value", "on_failure", message)
+    near = suggest(written, ("go_on", "ask", "repeat:2"), limit=2) if isinstance(written, str) else None
+    message = f'`on_failure` is "go_on", "ask" or "repeat:2" (up to {MAX_REPEATS})'
+    table.report_value("wrong-value", "on_failure", message, near)
     return "go_on"

@@ -192,7 +192,7 @@ class _PropertyReader:
         try:
             condition = Expression.parse_property(text)
         except ExpressionError as error:
-            table.diagnostics.error("condition", locate(error.column - 1), expression_message(error))
+            table.diagnostics.error("condition", locate(error.column - 1), expression_message(error), error.suggestion)
             return None
         if condition.draws:
             message = (
