@@ -15,7 +15,8 @@ from rise_engine.base.nearest_name import in_backquotes, suggest
 from rise_engine.scenario.diagnostics import Diagnostics
 from rise_engine.scenario.draft import Mention, ScenarioDraft
 from rise_engine.scenario.model import MAX_REPEATS, ActSettings, CallingType, SourceLocation, parse_failure_policy
-from rise_engine.scenario.toml_tables import TomlTable, quote_toml_key, read_seconds
+from rise_engine.scenario.toml_tables import TomlTable, read_seconds
+from rise_engine.syntax.toml import toml_key
 
 MAX_DEBOUNCE = 60.0
 MAX_PATTERNS = 100
@@ -40,7 +41,7 @@ class ActTable(Struct, frozen=True):
 
     @property
     def header(self) -> str:
-        return f"[act.{quote_toml_key(self.name)}]"
+        return f"[act.{toml_key(self.name)}]"
 
 
 class ActTables(Struct):
@@ -101,7 +102,7 @@ def read_act_tables(table: TomlTable, draft: ScenarioDraft) -> ActTables:
     usual = ActSettings()
     found = []
     for name in table.values:
-        inner = table.subtable(name, f"settings of an act are a table: [act.{quote_toml_key(name)}]")
+        inner = table.subtable(name, f"settings of an act are a table: [act.{toml_key(name)}]")
         given: dict[str, Any] = {}
         if inner is not None:
             inner.report_unknown_keys(SETTINGS)

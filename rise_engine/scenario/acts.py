@@ -19,8 +19,8 @@ from rise_engine.scenario.ssml_checks import find_ssml_problems, languages_in
 from rise_engine.scenario.template import Template, TemplateError, key_template, parse_template
 from rise_engine.scenario.xml import XmlFile
 from rise_engine.syntax.xml import Element
+from rise_engine.syntax.xml_format import ACT_WRAPPERS
 
-WRAPPERS = ("Dialogs", "AgentDialogs", "CommunicationRobotActs")
 COMMON = ("actionID", "waitForActions", "onFailure")
 _NO_ATTRIBUTES: frozenset[str] = frozenset()
 _SLOT = re.compile(r"\{\{|\{\s*+(?:\"[^\"]*+\"\s*+)?([^\W\d][\w.]*+)(?!\s*\[)")
@@ -57,7 +57,7 @@ class _ActReader(ElementReader):
         """The `<waitForActions>` of the act that is being read, by actionID."""
 
     def read_acts(self) -> None:
-        self.read_parts("Dialog", WRAPPERS, self.draft.act_definitions, self.read_act)
+        self.read_parts("Dialog", ACT_WRAPPERS, self.draft.act_definitions, self.read_act)
 
     def read_act(self, element: Element) -> Act | None:
         self.waits.clear()

@@ -16,8 +16,9 @@ from rise_engine.scenario.diagnostics import Diagnostics
 from rise_engine.scenario.draft import ConditionValue, Mention, ScenarioDraft
 from rise_engine.scenario.model import SESSION, Condition, Json
 from rise_engine.scenario.source_files import SourceFile
-from rise_engine.scenario.toml_locations import TomlFile
-from rise_engine.scenario.toml_tables import TomlTable, is_integer, quote_toml_key
+from rise_engine.scenario.toml_files import TomlFile
+from rise_engine.scenario.toml_tables import TomlTable, is_integer
+from rise_engine.syntax.toml import toml_key
 
 MAX_PARTICIPANTS = 1_000_000
 MAX_CONDITION_LABEL = 24
@@ -27,7 +28,7 @@ _CONDITION_KEYS = ("memory", "label", "label_only")
 
 def how_to_write(name: str) -> str:
     """What to write in scenario.toml, so that a session can be run in a condition of this name."""
-    table = f"[conditions.{quote_toml_key(name)}]"
+    table = f"[conditions.{toml_key(name)}]"
     return f"write under {table} what it sets, `memory = {{ KEY = VALUE }}`, or `label_only = true` if it sets nothing"
 
 
@@ -115,7 +116,7 @@ def _read_condition(table: TomlTable, name: str, draft: ScenarioDraft) -> Condit
     if not name or name.strip() != name or not name.isprintable():
         message = "the name of a condition has characters that can be shown, and no blanks around it"
         table.report_key("bad-name", message, name)
-    inner = table.subtable(name, f"a condition is a table: [conditions.{quote_toml_key(name)}]")
+    inner = table.subtable(name, f"a condition is a table: [conditions.{toml_key(name)}]")
     if inner is None:
         return Condition()
     inner.report_unknown_keys(_CONDITION_KEYS)

@@ -23,6 +23,7 @@ from rise_engine.scenario.model import SourceLocation
 from rise_engine.scenario.source_files import FileReader
 from rise_engine.scenario.xml import TextPiece, XmlFile, text_pieces, xml_of
 from rise_engine.syntax.xml import Element
+from rise_engine.syntax.xml_format import WRAPPERS
 
 LIBRARY = Path(__file__).with_name("patterns")
 """The patterns that come with the program: one template a file, each file called as its template."""
@@ -31,8 +32,7 @@ PATTERNS = "patterns"
 _NAME = re.compile(r"[^\W\d][\w-]*\Z")
 _TEMPLATE = frozenset({"name"})
 _PARAMETER = frozenset({"name", "default"})
-_WRAPPERS = frozenset({"Dialogs", "AgentDialogs", "CommunicationRobotActs", "InteractionRules"})
-HOLDERS = _WRAPPERS | frozenset(
+HOLDERS = frozenset(WRAPPERS) | frozenset(
     {
         *("Dialog", "InteractionRule", "State", "transitions", "transition", "onEntry", "onExit"),
         *("if", "elseif", "else", "oneOf", "Template"),
@@ -181,7 +181,7 @@ class _TemplateReader(ElementReader):
 
     def read_templates(self) -> None:
         root = self.file.root
-        for element in root if root.tag in _WRAPPERS else [root]:
+        for element in root if root.tag in WRAPPERS else [root]:
             if element.tag == "Template":
                 self.read_template(element)
 
@@ -262,7 +262,7 @@ class _TemplateReader(ElementReader):
                 self.check_use(child, parent)
             elif child.tag != "Template":
                 self.check_uses(child)
-            elif parent is not self.file.root or parent.tag not in _WRAPPERS:
+            elif parent is not self.file.root or parent.tag not in WRAPPERS:
                 message = "`<Template>` cannot stand here; it stands beside the acts or rules of a file"
                 self.report_error("unknown-element", child, message)
 

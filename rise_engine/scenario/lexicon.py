@@ -13,7 +13,7 @@ from rise_engine.scenario.diagnostics import Diagnostics
 from rise_engine.scenario.draft import ScenarioDraft
 from rise_engine.scenario.languages import language_fits, language_problem
 from rise_engine.scenario.model import LexiconTable
-from rise_engine.scenario.toml_locations import TomlFile
+from rise_engine.scenario.toml_files import TomlFile
 from rise_engine.scenario.toml_tables import TomlTable
 
 MAX_WORDS = 2_000

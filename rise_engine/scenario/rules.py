@@ -30,8 +30,8 @@ from rise_engine.scenario.model import (
 )
 from rise_engine.scenario.xml import XmlFile
 from rise_engine.syntax.xml import Element
+from rise_engine.syntax.xml_format import RULE_WRAPPERS
 
-WRAPPERS = ("InteractionRules",)
 _NUMBER = re.compile(r"\s*[-+]?(?:\d+(?:\.\d*)?|\.\d+)(?:[eE][-+]?\d+)?\s*\Z", re.ASCII)
 SHORT_AFTER = 0.05
 """Seconds. A rule that goes round in less than this floods the record and every console."""
@@ -64,7 +64,7 @@ class _RuleReader(BlockReader):
         """Names of states that it does not have: element, attribute, name."""
 
     def read_rules(self) -> None:
-        self.read_parts("InteractionRule", WRAPPERS, self.draft.rule_definitions, self.read_rule)
+        self.read_parts("InteractionRule", RULE_WRAPPERS, self.draft.rule_definitions, self.read_rule)
 
     def read_rule(self, element: Element) -> Rule | None:
         self.targets.clear()

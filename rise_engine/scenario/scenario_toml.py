@@ -28,9 +28,10 @@ from rise_engine.scenario.model import (
     normal_topic,
 )
 from rise_engine.scenario.suppressions import check_warning_code
-from rise_engine.scenario.toml_locations import TomlFile
-from rise_engine.scenario.toml_tables import TomlTable, quote_toml_key, read_seconds
+from rise_engine.scenario.toml_files import TomlFile
+from rise_engine.scenario.toml_tables import TomlTable, read_seconds
 from rise_engine.scenario.trials import read_trials
+from rise_engine.syntax.toml import toml_key
 
 TOP_KEYS = (
     "title",
@@ -112,7 +113,7 @@ class ScenarioSettings:
     def read_text(self, key: str, usual: str) -> str:
         value = self.table.values.get(key)
         if key == "acts" and isinstance(value, dict):
-            names = [quote_toml_key(name) for name in value] or ["NAME"]
+            names = [toml_key(name) for name in value] or ["NAME"]
             message = f"`acts` says where the acts are; settings of an act stand in [act.{names[0]}], not [acts...]"
             self.table.report_value("wrong-type", key, message)
             return usual
@@ -194,7 +195,7 @@ class ScenarioSettings:
         return bindings
 
     def read_binding(self, table: TomlTable, written: str, key: str) -> KeyBinding | None:
-        example = f'write {quote_toml_key(written)} = {{ act = "..." }} (or {", ".join(list(BINDINGS)[1:])})'
+        example = f'write {toml_key(written)} = {{ act = "..." }} (or {", ".join(list(BINDINGS)[1:])})'
         if not isinstance(table.values[written], dict):
             table.report_value("binding", written, f"a key submits something; {example}")
             return None

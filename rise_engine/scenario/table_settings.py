@@ -11,7 +11,7 @@ from rise_engine.base.nearest_name import suggest
 from rise_engine.scenario.diagnostics import Diagnostics
 from rise_engine.scenario.source_files import MAX_TOML_BYTES, FileReader, SourceFile
 from rise_engine.scenario.table_values import ColumnType, DecimalMark
-from rise_engine.scenario.toml_locations import TomlFile, read_toml
+from rise_engine.scenario.toml_files import TomlFile, read_toml
 from rise_engine.scenario.toml_tables import TomlTable
 
 _KEYS = ("separator", "decimal", "encoding", "types")

@@ -8,7 +8,8 @@ from typing import Any
 from rise_engine.base.nearest_name import Correction, suggest
 from rise_engine.scenario.diagnostics import Diagnostics
 from rise_engine.scenario.model import SourceLocation
-from rise_engine.scenario.toml_locations import KeyPath, TomlFile
+from rise_engine.scenario.toml_files import TomlFile
+from rise_engine.syntax.toml import KeyPath
 
 _KINDS: dict[type, str] = {str: "a text", bool: "true or false", dict: "a table"}
 
@@ -98,11 +99,3 @@ def read_seconds(table: TomlTable, key: str, usual: float | None, least: float, 
         return value if value is None else float(value)
     table.report_value("out-of-range", key, f"`{key}` is from {least:g} to {most:g} seconds")
     return usual
-
-
-def quote_toml_key(key: str) -> str:
-    """A key as it is written in TOML: in quotation marks where it must be."""
-    bare = key.replace("_", "").replace("-", "")
-    if bare.isascii() and bare.isalnum():
-        return key
-    return '"' + key.replace("\\", "\\\\").replace('"', '\\"') + '"'

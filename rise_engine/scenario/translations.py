@@ -27,7 +27,7 @@ from rise_engine.scenario.spoken_texts import SpokenText, own_language, spoken_t
 from rise_engine.scenario.ssml_checks import find_ssml_problems
 from rise_engine.scenario.table_texts import TableText, missing_sentences, table_texts
 from rise_engine.scenario.template import Template, TemplateError, parse_template
-from rise_engine.scenario.toml_locations import TomlFile, toml_of
+from rise_engine.scenario.toml_files import TomlFile, toml_of
 from rise_engine.scenario.toml_tables import TomlTable
 
 MAX_TEXTS_BYTES = 4_000_000

@@ -44,7 +44,7 @@ from rise_engine.author.edit.study_state import StudyState
 from rise_engine.author.edit.written_remedies import WRITTEN
 from rise_engine.scenario.diagnostics import Diagnostic
 from rise_engine.scenario.keys import KeyRefusedError, bindable_key_name
-from rise_engine.scenario.toml_syntax import KeyPath, toml_path_at
+from rise_engine.syntax.toml import KeyPath, toml_path_at
 
 _NO_LETTER = re.compile(r"[^\w.]+")
 _LABEL = re.compile(r"""[^\r\n]*?label\s*=\s*["']([^"'\r\n]*)""")
