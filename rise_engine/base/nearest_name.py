@@ -1,6 +1,6 @@
 """The known name that somebody meant who wrote another one: "did you mean ...?", for every part that reads names.
 
-`did_you_mean` gives the whole end of a sentence, `nearest_name` the name alone.
+`suggest` gives the name and the end of a sentence, `did_you_mean` the end alone, `nearest_name` the name alone.
 """
 
 from __future__ import annotations
@@ -13,6 +13,8 @@ from itertools import islice
 from unicodedata import combining, normalize
 from unicodedata import name as unicode_name
 
+from msgspec import Struct
+
 from rise_engine.base.text import UNSEEN, character_name
 
 _COMPARISONS = 20_000
@@ -20,6 +22,17 @@ _COMPARISONS = 20_000
 _LONGEST = 80
 """Characters of a name that somebody may have misspelt."""
 _budget: ContextVar[list[int]] = ContextVar("comparisons that are left")
+
+
+class Correction(Struct, frozen=True):
+    """What the author of a study most likely meant with something that is wrong."""
+
+    written: str
+    """What is wrong, as it is read, without escapes."""
+    meant: str
+    """What to write instead; empty: nothing is near."""
+    words: str = ""
+    """The end of a sentence: "; did you mean `R_Yes`?"."""
 
 
 @contextmanager
@@ -53,16 +66,19 @@ def _in_order(names: Iterable[str]) -> Collection[str]:
     return names if isinstance(names, Collection) else list(names)
 
 
-def did_you_mean(word: str, known: Iterable[str], *, limit: int = 12) -> str:
-    """The end of a message about an unknown name: the nearest right one, or all of them when they are few."""
+def suggest(word: str, known: Iterable[str], *, limit: int = 12, otherwise: str = "") -> Correction:
+    """What to say about an unknown name: the nearest right one, or all of them when they are few, or `otherwise`."""
     names = _in_order(known)
     near = nearest_name(word, names)
     if near is not None:
-        return f"; did you mean `{near}`?{lookalike_note(word, near)}"
-    if 0 < len(names) <= limit:
-        known_names = in_backquotes(dict.fromkeys(names))
-        return f"; known: {known_names}" if len(known_names) < 1000 else ""
-    return ""
+        return Correction(word, near, f"; did you mean `{near}`?{lookalike_note(word, near)}")
+    known_names = in_backquotes(dict.fromkeys(names)) if 0 < len(names) <= limit else ""
+    return Correction(word, "", f"; known: {known_names}" if 0 < len(known_names) < 1000 else otherwise)
+
+
+def did_you_mean(word: str, known: Iterable[str], *, limit: int = 12) -> str:
+    """The end of a message about an unknown name: the nearest right one, or all of them when they are few."""
+    return suggest(word, known, limit=limit).words
 
 
 def lookalike_note(word: str, known: str) -> str:

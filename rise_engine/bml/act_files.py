@@ -7,7 +7,7 @@ from xml.sax.saxutils import escape, quoteattr
 
 from rise_engine.scenario.model import Act, Action, ActionCall
 from rise_engine.scenario.ssml import begins_as_ssml
-from rise_engine.scenario.toml_tables import quote_toml_key
+from rise_engine.syntax.toml import toml_key
 
 
 def act_file_text(act: Act, origin: str) -> str:
@@ -26,7 +26,7 @@ def act_file_text(act: Act, origin: str) -> str:
 
 def calling_type_setting(act: str) -> str:
     """The table of scenario.toml for an act that does not wait for others."""
-    return f'\n[act.{quote_toml_key(act)}]\ncalling_type = "None"\n'
+    return f'\n[act.{toml_key(act)}]\ncalling_type = "None"\n'
 
 
 def _action_lines(action: Action) -> Iterator[str]:

@@ -8,6 +8,7 @@ from collections.abc import Collection, Mapping
 from math import isfinite
 
 from rise_engine.base.json_codec import MAX_LEVELS, JsonError, decode, encode
+from rise_engine.base.nearest_name import Correction
 from rise_engine.base.text import match_end
 from rise_engine.expression.environment import Environment, Json, list_index, lookup
 from rise_engine.expression.errors import EvaluationError, ExpressionError, shorten
@@ -235,7 +236,7 @@ def _read_left_side(text: str, start: int) -> tuple[str, Expression | None, int]
     if text.startswith("==", at):
         raise ExpressionError("`==` compares; it does not assign", text, at + 1, "write a single `=`")
     if text.startswith(":=", at):
-        raise ExpressionError("`:=` is no operator", text, at + 1, "write a single `=`")
+        raise ExpressionError("`:=` is no operator", text, at + 1, "write a single `=`", Correction(":=", "="))
     if text[at] == "=":
         return key, target, at + 1
     if at == end and target is None:
@@ -254,7 +255,7 @@ def _read_target(text: str, start: int, key_end: int) -> tuple[Expression, int]:
     try:
         target = Expression.parse(text[start:end])
     except ExpressionError as error:
-        raise ExpressionError(error.message, text, error.column + start, error.hint) from None
+        raise ExpressionError(error.message, text, error.column + start, error.hint, error.suggestion) from None
     assert target.compiled_part is not None  # a key and an index
     return target, end
 
@@ -271,7 +272,7 @@ def _read_right_side(text: str, start: int) -> tuple[Expression | None, Json]:
         hint = error.hint
         if re.fullmatch(r"[^\W\d]+([ '’\-]+\w+)+[.!?]?", text[at:].strip()):
             hint = f'put a text in quotes: `"{text[at:].strip()}"`'
-        raise ExpressionError(error.message, text, error.column + at, hint) from None
+        raise ExpressionError(error.message, text, error.column + at, hint, error.suggestion) from None
 
 
 def _read_json(text: str, start: int) -> Json:

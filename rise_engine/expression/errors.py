@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from rise_engine.base.errors import RiseError
+from rise_engine.base.nearest_name import Correction
 
 
 class LanguageError(RiseError, ValueError):
@@ -28,14 +29,17 @@ class ExpressionError(LanguageError):
     """A text that is no expression (or no assignment). Raised when it is parsed, never later.
 
     `column` counts from 1 within `text`; one past the end means that something is missing there. `hint` is a remedy
-    for the author, or empty.
+    for the author, or empty. `suggestion` is what to write instead of what stands there, if that is the remedy.
     """
 
-    def __init__(self, message: str, text: str, column: int, hint: str = "") -> None:
+    def __init__(
+        self, message: str, text: str, column: int, hint: str = "", suggestion: Correction | None = None
+    ) -> None:
         super().__init__(message, text)
-        self.args = (message, text, column, hint)
+        self.args = (message, text, column, hint, suggestion)
         self.column = column
         self.hint = hint
+        self.suggestion = suggestion
 
     def __str__(self) -> str:
         remedy = f"; {self.hint}" if self.hint else ""

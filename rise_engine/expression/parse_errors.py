@@ -5,7 +5,7 @@ from __future__ import annotations
 import re
 from collections.abc import Sequence
 
-from rise_engine.base.nearest_name import nearest_name
+from rise_engine.base.nearest_name import Correction, nearest_name
 from rise_engine.expression.errors import ExpressionError, shorten
 from rise_engine.expression.functions import ANY_NUMBER_OF_ARGUMENTS, ARITY, SITUATION_ARITY
 from rise_engine.expression.nodes import Compare, with_all_brackets
@@ -34,9 +34,9 @@ def is_reserved_in_wrong_case(word: str) -> bool:
 
 def wrong_case_error(text: str, token: Token) -> ExpressionError:
     """`AND`, `True`, ..."""
-    return ExpressionError(
-        f"`{token.value}` is not known", text, token.start + 1, f"write `{token.value.lower()}` in lower case"
-    )
+    word: str = token.value
+    hint = f"write `{word.lower()}` in lower case"
+    return ExpressionError(f"`{word}` is not known", text, token.start + 1, hint, Correction(word, word.lower()))
 
 
 def too_deep_error(text: str, start: int) -> ExpressionError:
@@ -69,7 +69,7 @@ def missing_operand_error(text: str, tokens: Sequence[Token], at: int) -> Expres
         return ExpressionError(f"something is missing after `{before.value}`", text, column)
     if before is not None and before.kind == "==" and token.kind in ("<", ">"):
         written = before.value + token.value
-        return ExpressionError(f"`{written}` is no operator", text, before.start + 1, f"write `{token.kind}=`")
+        return _wrong_operator(text, before.start, written, f"{token.kind}=")
     if token.kind == "+":
         hint = "alone it stands only before a number that is written out; leave it out"
         return ExpressionError("`+` needs a value on its left", text, column, hint)
@@ -117,14 +117,15 @@ def stray_token_error(text: str, tokens: Sequence[Token], at: int) -> Expression
         if is_reserved_in_wrong_case(token.value):
             return wrong_case_error(text, token)
         if meant := _TEXT_OPERATORS.get(word) or _OTHER_WORDS.get(word):
-            return ExpressionError(f"`{shown}` is no operator", text, column, f"write `{meant}`")
+            return _wrong_operator(text, token.start, shown, meant)
         if word == "with" and before.value in ("starts", "ends"):
             return ExpressionError(
                 f"`{before.value} with` needs a value on its left", text, before.start + 1, "write the key before it"
             )
         near = nearest_name(word, [*sorted(RESERVED - {"true", "false", "null"}), "contains"])
         if near and token.value != "with":
-            return ExpressionError(f"`{shown}` is no operator", text, column, f"did you mean `{near}`?")
+            hint = f"did you mean `{near}`?"
+            return ExpressionError(f"`{shown}` is no operator", text, column, hint, Correction(shown, near))
     if token.kind == "(" and before.kind in ("number", ")"):
         return ExpressionError("an operator is missing before the bracket", text, column, "a product needs its `*`")
     two_words = before.kind == "word" and token.kind == "word"
@@ -132,9 +133,16 @@ def stray_token_error(text: str, tokens: Sequence[Token], at: int) -> Expression
     return ExpressionError(f"an operator is missing before `{shown}`", text, column, hint)
 
 
+def _wrong_operator(text: str, start: int, written: str, meant: str) -> ExpressionError:
+    return ExpressionError(
+        f"`{written}` is no operator", text, start + 1, f"write `{meant}`", Correction(written, meant)
+    )
+
+
 def unknown_function_error(text: str, token: Token, *, of_property: bool = False) -> ExpressionError:
     """A name before a bracket that is no function (RISE's parser would drop the name)."""
     name: str = token.value
+    suggestion = None
     if is_reserved_in_wrong_case(name):
         return wrong_case_error(text, token)
     if name.lower() in _TEXT_OPERATORS:
@@ -144,7 +152,9 @@ def unknown_function_error(text: str, token: Token, *, of_property: bool = False
         known = ARITY | SITUATION_ARITY if of_property else ARITY
         near = nearest_name(name, known)
         hint = f"did you mean `{near}`?" if near else "the functions are " + ", ".join(sorted(known))
-    return ExpressionError(f"there is no function `{shorten(name, 40)}`", text, token.start + 1, hint)
+        suggestion = Correction(name, near) if near else None
+    message = f"there is no function `{shorten(name, 40)}`"
+    return ExpressionError(message, text, token.start + 1, hint, suggestion)
 
 
 def situation_unknown_error(text: str, token: Token) -> ExpressionError:

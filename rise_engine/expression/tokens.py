@@ -11,6 +11,7 @@ from typing import Any, NamedTuple
 from unicodedata import combining, normalize
 
 from rise_engine.base.json_codec import MAX_LEVELS
+from rise_engine.base.nearest_name import Correction
 from rise_engine.base.text import match_end
 from rise_engine.expression.errors import ExpressionError
 from rise_engine.expression.values import native_number
@@ -40,31 +41,40 @@ _WORD, _NAMES, _NUMBER, _OPERATOR, _TEXT, _END, _BAD = range(1, 8)
 _SYNONYMS = {"&&": "and", "||": "or", "!": "not", "=": "=="}
 _ESCAPE = re.compile(r"\\(?:u([0-9a-fA-F]{4})|(.))", re.DOTALL)
 _ESCAPES = {"n": "\n", "t": "\t", "r": "\r", "b": "\b", "f": "\f", "/": "/", "\\": "\\", '"': '"', "'": "'"}
+_MEANT = {
+    "&": "and",
+    "|": "or",
+    "=": "=",
+    "!": "!=",
+    "<": "!=",
+    "*": "^",
+    "≥": ">=",
+    "≤": "<=",
+    "≠": "!=",
+    "×": "*",
+    "·": "*",
+    "÷": "/",
+    "¬": "not",
+    "∧": "and",
+    "∨": "or",
+    "²": "^2",
+    "³": "^3",
+    ":": "=",
+}
+"""What to write instead of a character."""
 _HINTS = {
     "%": "there is no remainder operator; the remainder of n by 2 is `n - 2 * floor(n / 2)`",
     "&": "write `and` or `&&`",
     "|": "write `or` or `||`",
     "=": "write `=` or `==`",
-    "!": "write `!=`",
     "<": "write `!=` for different",
     "*": "write `^` for powers",
     ";": "separate arguments by a comma",
     "{": "braces belong to the parameters of actions; write the key alone",
     "}": "braces belong to the parameters of actions; write the key alone",
     ".": "a name stands directly behind a dot: `items[i].text`",
-    "≥": "write `>=`",
-    "≤": "write `<=`",
-    "≠": "write `!=`",
-    "×": "write `*`",
-    "·": "write `*`",
-    "÷": "write `/`",
     "−": "write the plain minus sign `-`",
     "–": "write the plain minus sign `-`",
-    "¬": "write `not`",
-    "∧": "write `and`",
-    "∨": "write `or`",
-    "²": "write `^2`",
-    "³": "write `^3`",
     "$": "write the key alone",
     "?": "choose with `if` and `else` in the rule",
     ":": "write `=` to compare",
@@ -238,5 +248,7 @@ def _bad_character(text: str, character: str, start: int) -> ExpressionError:
             f"the accent of `{text[start - 1 : start + 1]}` is a character of its own", text, column, hint
         )
     shown = f"`{character}`" if character.isprintable() else f"The invisible character U+{ord(character):04X}"
-    hint = _HINTS.get(character, "a key has only letters, digits, `_` and dots")
-    return ExpressionError(f"{shown} has no meaning here", text, column, hint)
+    meant = _MEANT.get(character, "")
+    usual = f"write `{meant}`" if meant else "a key has only letters, digits, `_` and dots"
+    suggestion = Correction(character, meant) if meant else None
+    return ExpressionError(f"{shown} has no meaning here", text, column, _HINTS.get(character, usual), suggestion)

@@ -15,7 +15,7 @@ from rise_engine.imports.woz4u_file import WozFile, WozItem
 from rise_engine.scenario.keys import KeyRefusedError, bindable_key_name
 from rise_engine.scenario.model import RobotProfile
 from rise_engine.scenario.scenario_toml import MAX_LABEL_LENGTH
-from rise_engine.scenario.toml_tables import quote_toml_key
+from rise_engine.syntax.toml import toml_key
 
 _FILES = {
     "animated_speech": ("acts/speech.xml", "What the robot says."),
@@ -232,9 +232,7 @@ class _StudyMaker:
         for act in self.acts:
             if act.key:
                 label = " ".join(act.item.title.split())[:MAX_LABEL_LENGTH].strip()
-                lines.append(
-                    f"{quote_toml_key(act.key)} = {{ act = {_toml_text(act.name)}, label = {_toml_text(label)} }}"
-                )
+                lines.append(f"{toml_key(act.key)} = {{ act = {_toml_text(act.name)}, label = {_toml_text(label)} }}")
         if any(act.item.is_default for act in self.acts):
             lines.append(f'f5 = {{ rule = "{_BEGINNING}", label = "beginning" }}')
         if self.animations:

@@ -11,11 +11,12 @@ from typing import Any
 from msgspec import Struct
 from msgspec.structs import asdict
 
-from rise_engine.base.nearest_name import did_you_mean, in_backquotes
+from rise_engine.base.nearest_name import in_backquotes, suggest
 from rise_engine.scenario.diagnostics import Diagnostics
 from rise_engine.scenario.draft import Mention, ScenarioDraft
 from rise_engine.scenario.model import MAX_REPEATS, ActSettings, CallingType, SourceLocation, parse_failure_policy
-from rise_engine.scenario.toml_tables import TomlTable, quote_toml_key, read_seconds
+from rise_engine.scenario.toml_tables import TomlTable, read_seconds
+from rise_engine.syntax.toml import toml_key
 
 MAX_DEBOUNCE = 60.0
 MAX_PATTERNS = 100
@@ -40,7 +41,7 @@ class ActTable(Struct, frozen=True):
 
     @property
     def header(self) -> str:
-        return f"[act.{quote_toml_key(self.name)}]"
+        return f"[act.{toml_key(self.name)}]"
 
 
 class ActTables(Struct):
@@ -66,7 +67,7 @@ class ActTables(Struct):
         for table in self.patterns:
             if table.name not in names and not any(fnmatchcase(name, table.name) for name in names):
                 message = f"no act has a name like `{table.name}`"
-                diagnostics.error("unknown-act", table.location, message + did_you_mean(table.name, names))
+                diagnostics.error("unknown-act", table.location, message, suggest(table.name, names))
 
     def find_sources(self, act: str) -> dict[str, ActTable]:
         """For each setting of an act that some table says: the table that counts. That is the act's own, else the
@@ -101,7 +102,7 @@ def read_act_tables(table: TomlTable, draft: ScenarioDraft) -> ActTables:
     usual = ActSettings()
     found = []
     for name in table.values:
-        inner = table.subtable(name, f"settings of an act are a table: [act.{quote_toml_key(name)}]")
+        inner = table.subtable(name, f"settings of an act are a table: [act.{toml_key(name)}]")
         given: dict[str, Any] = {}
         if inner is not None:
             inner.report_unknown_keys(SETTINGS)
@@ -126,8 +127,8 @@ def _read_calling_type(table: TomlTable) -> CallingType:
     if isinstance(written, str) and written.lower() in _CALLING_TYPES:
         return _CALLING_TYPES[written.lower()]
     types = _CALLING_TYPES.values()
-    near = did_you_mean(written, types, limit=0) if isinstance(written, str) else ""
-    table.report_value("wrong-value", "calling_type", f"`calling_type` is one of {in_backquotes(types)}{near}")
+    near = suggest(written, types, limit=0) if isinstance(written, str) else None
+    table.report_value("wrong-value", "calling_type", f"`calling_type` is one of {in_backquotes(types)}", near)
     return "Blocking"
 
 
@@ -140,7 +141,7 @@ def read_on_failure(table: TomlTable) -> str:
             return written
     except ValueError:
         pass
-    near = did_you_mean(written, ("go_on", "ask", "repeat:2"), limit=2) if isinstance(written, str) else ""
-    message = f'`on_failure` is "go_on", "ask" or "repeat:2" (up to {MAX_REPEATS}){near}'
-    table.report_value("wrong-value", "on_failure", message)
+    near = suggest(written, ("go_on", "ask", "repeat:2"), limit=2) if isinstance(written, str) else None
+    message = f'`on_failure` is "go_on", "ask" or "repeat:2" (up to {MAX_REPEATS})'
+    table.report_value("wrong-value", "on_failure", message, near)
     return "go_on"

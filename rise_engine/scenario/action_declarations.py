@@ -12,13 +12,13 @@ from typing import Literal, get_args
 
 from msgspec.structs import replace
 
-from rise_engine.base.nearest_name import did_you_mean
+from rise_engine.base.nearest_name import suggest
 from rise_engine.scenario.diagnostics import Diagnostics
 from rise_engine.scenario.durations import MAX_SECONDS
 from rise_engine.scenario.model import ActionSpec, Parameter, ParameterType
 from rise_engine.scenario.source_files import SourceFile
 from rise_engine.scenario.spoken import MESSAGE
-from rise_engine.scenario.toml_locations import read_toml
+from rise_engine.scenario.toml_files import read_toml
 from rise_engine.scenario.toml_tables import TomlTable, is_integer
 from rise_engine.syntax.xml import is_element_name
 
@@ -126,9 +126,8 @@ def _check_substitutes(actions: TomlTable, specs: dict[str, ActionSpec]) -> None
         location = actions.value_location(name, "substitute")
         other = specs.get(spec.substitute)
         if other is None or not other.supported or other.substitute is not None or other.name == name:
-            near = did_you_mean(spec.substitute, able)
-            message = f"`{spec.substitute}` is not an action of this robot{near}"
-            actions.diagnostics.error("unknown-action", location, message)
+            message, near = f"`{spec.substitute}` is not an action of this robot", suggest(spec.substitute, able)
+            actions.diagnostics.error("unknown-action", location, message, near)
             continue
         missing = [p.name for p in other.parameters.values() if p.required and p.name not in spec.parameters]
         if missing:
@@ -189,12 +188,11 @@ def _read_parameters(action: TomlTable, base: ActionSpec) -> dict[str, Parameter
         key = "names" if more else "without"
         action.report_key("wrong-type", f"`{key}` needs a parameter `value` of the type `name`", key)
     elif value is not None:
-        left_out, known = frozenset(without), {*value.codes, *value.names}
+        left_out, known = frozenset(without), dict.fromkeys((*value.codes, *value.names))
         for index, name in enumerate(without):
             if name not in known:
-                near = did_you_mean(name, (*value.codes, *value.names))
-                message = f"there is no name `{name}` to leave out{near}"
-                action.report_key("unknown-name", message, "without", str(index))
+                message, near = f"there is no name `{name}` to leave out", suggest(name, known)
+                action.report_key("unknown-name", message, "without", str(index), suggestion=near)
         result["value"] = replace(
             value,
             codes={name: code for name, code in value.codes.items() if name not in left_out},

@@ -5,7 +5,7 @@ from __future__ import annotations
 import re
 from functools import lru_cache, partial
 
-from rise_engine.base.nearest_name import did_you_mean
+from rise_engine.base.nearest_name import Correction, suggest
 from rise_engine.base.text import BLANKS, character_name, find_unseen, pluralize
 from rise_engine.scenario.diagnostics import Diagnostics, unknown_code
 from rise_engine.scenario.draft import BareKey, Mention, PartMention, ScenarioDraft
@@ -19,8 +19,8 @@ from rise_engine.scenario.ssml_checks import find_ssml_problems, languages_in
 from rise_engine.scenario.template import Template, TemplateError, key_template, parse_template
 from rise_engine.scenario.xml import XmlFile
 from rise_engine.syntax.xml import Element
+from rise_engine.syntax.xml_format import ACT_WRAPPERS
 
-WRAPPERS = ("Dialogs", "AgentDialogs", "CommunicationRobotActs")
 COMMON = ("actionID", "waitForActions", "onFailure")
 _NO_ATTRIBUTES: frozenset[str] = frozenset()
 _SLOT = re.compile(r"\{\{|\{\s*+(?:\"[^\"]*+\"\s*+)?([^\W\d][\w.]*+)(?!\s*\[)")
@@ -57,7 +57,7 @@ class _ActReader(ElementReader):
         """The `<waitForActions>` of the act that is being read, by actionID."""
 
     def read_acts(self) -> None:
-        self.read_parts("Dialog", WRAPPERS, self.draft.act_definitions, self.read_act)
+        self.read_parts("Dialog", ACT_WRAPPERS, self.draft.act_definitions, self.read_act)
 
     def read_act(self, element: Element) -> Act | None:
         self.waits.clear()
@@ -92,20 +92,20 @@ class _ActReader(ElementReader):
         for action in actions.values():
             for wanted in action.wait_for:
                 if wanted not in actions:
-                    message = f"there is no action `{wanted}` in this act{did_you_mean(wanted, actions)}"
-                    self.report_wait(unknown_code("unknown-id", wanted, actions), action.id, wanted, message)
+                    message, near = f"there is no action `{wanted}` in this act", suggest(wanted, actions)
+                    self.report_wait(unknown_code("unknown-id", wanted, actions), action.id, wanted, message, near)
         waits = {action.id: [id for id in action.wait_for if id in actions] for action in actions.values()}
         for cycle in find_cycles(waits):
             shown = cycle if len(cycle) <= 20 else [*cycle[:10], "...", *cycle[-10:]]
             message = f"these actions wait for each other: {' -> '.join((*shown, cycle[0]))}"
             self.report_wait("cycle", cycle[0], "", message)
 
-    def report_wait(self, code: str, action: str, id: str, message: str) -> None:
+    def report_wait(self, code: str, action: str, id: str, message: str, suggestion: Correction | None = None) -> None:
         """An error where an actionID stands in what an action waits for; without one, where the first does."""
         element = self.waits[action]
         offsets = _id_offsets(element.text)
         index = offsets[id] if id in offsets else min(offsets.values(), default=0)
-        self.diagnostics.error(code, self.file.text_location(element, index), message)
+        self.diagnostics.error(code, self.file.text_location(element, index), message, suggestion)
 
     def read_action(self, element: Element) -> Action | None:
         if element.tag == "Variants":
@@ -160,9 +160,7 @@ class _ActReader(ElementReader):
         name = element.tag
         spec = self.robot.actions.get(name)
         if spec is None:
-            self.report_error(
-                "unknown-action", element, f"there is no action `{name}`{did_you_mean(name, self.usable)}"
-            )
+            self.report_error("unknown-action", element, f"there is no action `{name}`", suggest(name, self.usable))
             return None
         if not spec.supported:
             self.report_error(
@@ -275,9 +273,7 @@ class _ActReader(ElementReader):
             )
         else:
             known = (*spec.parameters, *besides)
-            self.report_error(
-                "unknown-parameter", element, f"`<{spec.name}>` has no `{name}`{did_you_mean(name, known)}"
-            )
+            self.report_error("unknown-parameter", element, f"`<{spec.name}>` has no `{name}`", suggest(name, known))
 
     def read_message(self, element: Element) -> str:
         """What is said: a text, or one `<speak>` as a text."""
@@ -304,7 +300,7 @@ class _ActReader(ElementReader):
                 piece = text[error.column - 1 : error.column + _LONGEST_PIECE].split()[0]
                 index = max(self.file.written(element[0]).find(piece), 0)
                 location = self.file.written_location(element[0], index)
-            self.diagnostics.error("template", location, str(error))
+            self.diagnostics.error("template", location, str(error), error.suggestion)
             return None
         constant = template.constant
         if constant is None:
@@ -357,14 +353,17 @@ class _ActReader(ElementReader):
         """An error about a parameter's text, where that begins."""
         code = "out-of-range" if isinstance(error, OutOfRangeError) else "wrong-type"
         location = self.file.text_location(element, _raw_index(element.text, 0))
-        self.diagnostics.error("unknown-name" if parameter.type == "name" else code, location, str(error))
+        code = "unknown-name" if parameter.type == "name" else code
+        self.diagnostics.error(code, location, str(error), error.suggestion)
 
-    def unknown_attribute(self, element: Element, name: str, known: frozenset[str]) -> str:
+    def report_unknown_attribute(self, element: Element, name: str, known: frozenset[str]) -> None:
         spec = self.robot.actions.get(element.tag)
         if spec is None or (name not in spec.parameters and name not in COMMON):
-            return super().unknown_attribute(element, name, known)
-        value = element.get(name)
-        return f"parameters are elements, not attributes; write <{name}>{value}</{name}> inside `<{spec.name}>`"
+            super().report_unknown_attribute(element, name, known)
+            return
+        written = f"<{name}>{element.get(name)}</{name}>"
+        message = f"parameters are elements, not attributes; write {written} inside `<{spec.name}>`"
+        self.report_attribute("unknown-attribute", element, name, message)
 
 
 @lru_cache(maxsize=1)

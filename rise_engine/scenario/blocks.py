@@ -6,7 +6,7 @@ from collections.abc import Callable, Collection
 from functools import partial
 from typing import Any, TypeVar, get_args
 
-from rise_engine.base.nearest_name import did_you_mean
+from rise_engine.base.nearest_name import suggest
 from rise_engine.expression import Assignment, Expression, ExpressionError
 from rise_engine.scenario.delays import read_seconds
 from rise_engine.scenario.draft import Mention, StateMention
@@ -60,7 +60,7 @@ class BlockReader(ElementReader):
         if name in _PLACES:
             message = f"`<{name}>` cannot stand in `<{parent.tag}>`; it {_PLACES[name]}"
         else:
-            message = f"unknown element `<{name}>` in `<{parent.tag}>`{did_you_mean(name, known)}"
+            message = f"unknown element `<{name}>` in `<{parent.tag}>`{suggest(name, known).words}"
         self.report_error("unknown-element", element, message)
 
     def read_block(self, parent: Element) -> Block:
@@ -210,8 +210,8 @@ class BlockReader(ElementReader):
                     message = f"`{name}` goes with {owner}"
                     self.report_attribute("unknown-attribute", element, name, message)
             elif name not in _FUNCTIONS:
-                message = f"there is no function `{name}`{did_you_mean(name, (*FUNCTIONS, *sorted(extras)))}"
-                self.report_attribute("unknown-attribute", element, name, message)
+                near = suggest(name, (*FUNCTIONS, *sorted(extras)))
+                self.report_attribute("unknown-attribute", element, name, f"there is no function `{name}`", near)
         if len(known) > 1:
             message = f"a `<function>` does one thing; write another one for `{known[1]}`"
             self.report_attribute("one-function", element, known[1], message)
@@ -244,5 +244,5 @@ class BlockReader(ElementReader):
             return known.get(text) or known.setdefault(text, parse(text))
         except ExpressionError as error:
             location = self.file.value_location(element, attribute, error.column - 1)
-            self.diagnostics.error(code, location, expression_message(error))
+            self.diagnostics.error(code, location, expression_message(error), error.suggestion)
             return None

@@ -11,13 +11,14 @@ from typing import Any
 
 from msgspec.json import encode
 
-from rise_engine.base.nearest_name import did_you_mean
+from rise_engine.base.nearest_name import suggest
 from rise_engine.scenario.diagnostics import Diagnostics
 from rise_engine.scenario.draft import ConditionValue, Mention, ScenarioDraft
 from rise_engine.scenario.model import SESSION, Condition, Json
 from rise_engine.scenario.source_files import SourceFile
-from rise_engine.scenario.toml_locations import TomlFile
-from rise_engine.scenario.toml_tables import TomlTable, is_integer, quote_toml_key
+from rise_engine.scenario.toml_files import TomlFile
+from rise_engine.scenario.toml_tables import TomlTable, is_integer
+from rise_engine.syntax.toml import toml_key
 
 MAX_PARTICIPANTS = 1_000_000
 MAX_CONDITION_LABEL = 24
@@ -27,7 +28,7 @@ _CONDITION_KEYS = ("memory", "label", "label_only")
 
 def how_to_write(name: str) -> str:
     """What to write in scenario.toml, so that a session can be run in a condition of this name."""
-    table = f"[conditions.{quote_toml_key(name)}]"
+    table = f"[conditions.{toml_key(name)}]"
     return f"write under {table} what it sets, `memory = {{ KEY = VALUE }}`, or `label_only = true` if it sets nothing"
 
 
@@ -75,15 +76,14 @@ def read_conditions(
             continue
         location = study.value_location("conditions", str(index))
         if found:
-            near = did_you_mean(name, found)
-            message = f"the condition `{name}` has no table; {how_to_write(name)}{near}"
-            study.diagnostics.error("unknown-name", location, message)
+            message = f"the condition `{name}` has no table; {how_to_write(name)}"
+            study.diagnostics.error("unknown-name", location, message, suggest(name, found))
         else:  # as scenarios were written before conditions had tables: they are still read, replayed and exported
             message = f"the condition `{name}` is only a name, and no session can begin in it; {how_to_write(name)}"
             study.diagnostics.warning("bare-condition", location, message)
     for name in found.keys() - set(listed) if listed else ():
-        message = f"`conditions` of [study] does not list `{name}`{did_you_mean(name, listed)}"
-        table.report_key("unknown-name", message, name)
+        message, near = f"`conditions` of [study] does not list `{name}`", suggest(name, listed)
+        table.report_key("unknown-name", message, name, suggestion=near)
     return {name: found[name] for name in (listed or found) if name in found}
 
 
@@ -116,7 +116,7 @@ def _read_condition(table: TomlTable, name: str, draft: ScenarioDraft) -> Condit
     if not name or name.strip() != name or not name.isprintable():
         message = "the name of a condition has characters that can be shown, and no blanks around it"
         table.report_key("bad-name", message, name)
-    inner = table.subtable(name, f"a condition is a table: [conditions.{quote_toml_key(name)}]")
+    inner = table.subtable(name, f"a condition is a table: [conditions.{toml_key(name)}]")
     if inner is None:
         return Condition()
     inner.report_unknown_keys(_CONDITION_KEYS)
@@ -193,7 +193,8 @@ class _ConditionCheck:
         self.known = draft.memory.keys() | self.read | {_head(mention.name) for mention in also}
         if draft.session_keys:
             self.known.discard(SESSION)
-        self.suggest = cache(lambda key: did_you_mean(key, sorted(self.known), limit=0))
+        otherwise = "; give it a start value, if only something outside uses it"
+        self.suggest = cache(lambda key: suggest(key, sorted(self.known), limit=0, otherwise=otherwise))
 
     def check(self) -> None:
         for value in self.draft.condition_values:
@@ -228,13 +229,12 @@ class _ConditionCheck:
             self.diagnostics.warning("condition-unread", value.locate(), message)
 
     def report_unknown(self, mention: Mention, who: str) -> None:
-        key, head = mention.name, _head(mention.name)
+        key, head, near = mention.name, _head(mention.name), None
         if head != key and head in self.known:
             message = f"{who} whole memory keys: `{head}`, not `{key}`"
         else:
-            near = self.suggest(key) or "; give it a start value, if only something outside uses it"
-            message = f"nothing in this scenario sets or reads the memory key `{key}`{near}"
-        self.diagnostics.error("unknown-memory-key", mention.locate(), message)
+            message, near = f"nothing in this scenario sets or reads the memory key `{key}`", self.suggest(key)
+        self.diagnostics.error("unknown-memory-key", mention.locate(), message, near)
 
     def check_changes(self) -> None:
         """What a condition sets is to stay as it is."""

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Collection
 from functools import cache
 
-from rise_engine.base.nearest_name import did_you_mean
+from rise_engine.base.nearest_name import Correction, suggest
 from rise_engine.scenario.conditions import check_conditions
 from rise_engine.scenario.diagnostics import Diagnostics, unknown_code
 from rise_engine.scenario.draft import Mention, ScenarioDraft
@@ -59,9 +59,9 @@ def engine_topics(draft: ScenarioDraft) -> set[str]:
     return topics
 
 
-def _remember_suggestions(known: Collection[str]) -> Callable[[str], str]:
-    """Gives the nearest of these names as the end of a message; each name is compared with them once."""
-    return cache(lambda name: did_you_mean(name, known, limit=0))
+def _remember_suggestions(known: Collection[str], otherwise: str = "") -> Callable[[str], Correction]:
+    """Gives the nearest of these names, or else this end of a message; each name is compared with them once."""
+    return cache(lambda name: suggest(name, known, limit=0, otherwise=otherwise))
 
 
 def _check_names(
@@ -76,12 +76,12 @@ def _check_names(
     for mention in mentions:
         if mention.name in known:
             continue
+        message, near = f"there is no {kind} `{mention.name}`", None
         if mention.name in others:
-            remedy = f"; it is the name of a {other_kind}" if other_kind == "rule" else "; it is the name of an act"
+            message += f"; it is the name of a {other_kind}" if other_kind == "rule" else "; it is the name of an act"
         else:
-            remedy = suggest(mention.name)
-        code = unknown_code(f"unknown-{kind}", mention.name, known)
-        diagnostics.error(code, mention.locate(), f"there is no {kind} `{mention.name}`{remedy}")
+            near = suggest(mention.name)
+        diagnostics.error(unknown_code(f"unknown-{kind}", mention.name, known), mention.locate(), message, near)
 
 
 def _check_foreign_ends(draft: ScenarioDraft, diagnostics: Diagnostics) -> None:
@@ -101,9 +101,9 @@ def _check_states(draft: ScenarioDraft, diagnostics: Diagnostics) -> None:
     for mention in (*draft.state_mentions, *draft.asked_states):
         rule = draft.rules.get(mention.rule)
         if rule is not None and rule.initial and mention.name not in rule.states:
-            near = did_you_mean(mention.name, rule.states, limit=0)
-            message = f"the rule `{rule.name}` has no state `{mention.name}`{near}"
-            diagnostics.error(unknown_code("unknown-state", mention.name, rule.states), mention.locate(), message)
+            near = suggest(mention.name, rule.states, limit=0)
+            message = f"the rule `{rule.name}` has no state `{mention.name}`"
+            diagnostics.error(unknown_code("unknown-state", mention.name, rule.states), mention.locate(), message, near)
 
 
 def _check_reachable(draft: ScenarioDraft, diagnostics: Diagnostics) -> None:
@@ -130,7 +130,7 @@ def _check_topics(draft: ScenarioDraft, diagnostics: Diagnostics) -> None:
     missing.update(m.name for m in draft.rule_mentions if m.name not in draft.rules)
     by_missing = {name + ending for name in missing for ending in ACT_END_SUFFIXES}
     known = own | by_engine
-    suggest = _remember_suggestions(known)
+    suggest_topic = _remember_suggestions(known, "; something outside must")
     for mention in draft.awaited_topics:
         name = mention.name
         if name in own or name in by_engine or name in by_missing:  # what is missing is a finding already
@@ -138,15 +138,17 @@ def _check_topics(draft: ScenarioDraft, diagnostics: Diagnostics) -> None:
         diagnostics.warning(
             unknown_code("unraised-event", name, known),
             mention.locate(),
-            f"nothing in this scenario raises the event `{name}`{suggest(name) or '; something outside must'}",
+            f"nothing in this scenario raises the event `{name}`",
+            suggest_topic(name),
         )
-    suggest = _remember_suggestions(awaited)
+    suggest_topic = _remember_suggestions(awaited)
     for mention in draft.raised_topics:
         if mention.name not in awaited:
             diagnostics.warning(
                 unknown_code("unheard-event", mention.name, awaited),
                 mention.locate(),
-                f"no rule waits for the event `{mention.name}`{suggest(mention.name)}",
+                f"no rule waits for the event `{mention.name}`",
+                suggest_topic(mention.name),
             )
 
 
@@ -155,7 +157,8 @@ def _check_memory(draft: ScenarioDraft, diagnostics: Diagnostics) -> None:
     tables = {name: table.records for name, table in draft.tables.items()}
     own = {SESSION: draft.session_keys} if draft.session_keys else {}
     paths = MemoryPaths({**draft.memory, **own, **tables}, written)
-    suggest = _remember_suggestions(draft.settable_keys | tables.keys())
+    suggest_key = _remember_suggestions(draft.settable_keys | tables.keys())
+    suggest_read = _remember_suggestions(draft.settable_keys | tables.keys(), "; something outside must")
     is_known, reading_problem = cache(paths.is_known), cache(paths.reading_problem)
     for mention in draft.key_writes:
         if mention.name.partition(".")[0] not in tables and (problem := paths.writing_problem(mention.name)):
@@ -170,22 +173,22 @@ def _check_memory(draft: ScenarioDraft, diagnostics: Diagnostics) -> None:
         diagnostics.warning(
             "unset-key",
             mention.locate(),
-            f"nothing in this scenario sets the memory key `{mention.name}`"
-            f"{suggest(mention.name) or '; something outside must'}",
+            f"nothing in this scenario sets the memory key `{mention.name}`",
+            suggest_read(mention.name),
         )
     for mention in draft.bare_words:
         if not is_known(mention.name):
             diagnostics.warning(
                 "bare-word",
                 mention.locate(),
-                f"`{mention.name}` is no memory key and is taken as a text; write '{mention.name}' in quotation marks"
-                f"{suggest(mention.name)}",
+                f"`{mention.name}` is no memory key and is taken as a text; write '{mention.name}' in quotation marks",
+                suggest_key(mention.name),
             )
     for mention in draft.bare_keys:
         if not is_known(mention.name):
             diagnostics.error(
                 "wrong-type",
                 mention.locate(),
-                f"{mention.problem}, and nothing in this scenario sets a memory key of that name"
-                f"{suggest(mention.name)}",
+                f"{mention.problem}, and nothing in this scenario sets a memory key of that name",
+                suggest_key(mention.name),
             )

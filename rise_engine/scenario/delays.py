@@ -28,7 +28,7 @@ def read_delay(reader: ElementReader, element: Element, attribute: str) -> Delay
         expression = Expression.parse(computed.group(2))
     except ExpressionError as error:
         location = reader.file.value_location(element, attribute, len(computed.group(1)) + error.column - 1)
-        reader.diagnostics.error("time", location, expression_message(error))
+        reader.diagnostics.error("time", location, expression_message(error), error.suggestion)
         return Delay(text.strip())
     locate = partial(_locate, reader, element, attribute, len(computed.group(1)))
     note_expression(expression, locate, reader.draft, reader.diagnostics)

@@ -11,7 +11,7 @@ from typing import Literal, TypeAlias
 from msgspec import UNSET, Struct, UnsetType
 from msgspec.structs import replace
 
-from rise_engine.base.nearest_name import is_in_other_form
+from rise_engine.base.nearest_name import Correction, is_in_other_form
 from rise_engine.base.text import clean
 from rise_engine.scenario.model import SourceLocation
 
@@ -71,6 +71,10 @@ class Diagnostic(Struct, frozen=True):
     location: SourceLocation
     end: SourceLocation | UnsetType = UNSET
     """Behind the last character of what is meant; without one, it is the whole file."""
+    suggestion: Correction | UnsetType = UNSET
+    """The name or sign that is wrong, and what to write instead."""
+    related: SourceLocation | UnsetType = UNSET
+    """Where something else is that it is about, such as the transition that is taken instead."""
 
     def __str__(self) -> str:
         """One line, with nothing in it that a terminal would obey."""
@@ -85,12 +89,33 @@ class Diagnostics:
         self.errors = 0
         """How many errors there are so far."""
 
-    def error(self, code: str, location: SourceLocation, message: str) -> None:
+    def error(self, code: str, location: SourceLocation, message: str, suggestion: Correction | None = None) -> None:
+        """`suggestion`: what to write instead; its words are added to the message."""
         self.errors += 1
-        self._found.append(Diagnostic("error", code, message + _template_note(location), location))
+        self._add("error", code, location, message, suggestion)
 
-    def warning(self, code: str, location: SourceLocation, message: str) -> None:
-        self._found.append(Diagnostic("warning", code, message + _template_note(location), location))
+    def warning(
+        self,
+        code: str,
+        location: SourceLocation,
+        message: str,
+        suggestion: Correction | None = None,
+        related: SourceLocation | UnsetType = UNSET,
+    ) -> None:
+        """As `error`. `related`: the place of something else that it is about."""
+        self._add("warning", code, location, message, suggestion, related)
+
+    def _add(
+        self,
+        severity: Severity,
+        code: str,
+        location: SourceLocation,
+        message: str,
+        suggestion: Correction | None,
+        related: SourceLocation | UnsetType = UNSET,
+    ) -> None:
+        whole = message + (suggestion.words if suggestion else "") + _template_note(location)
+        self._found.append(Diagnostic(severity, code, whole, location, suggestion=suggestion or UNSET, related=related))
 
     def add(self, others: Diagnostics) -> None:
         """Take over what others have collected."""

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Collection, Iterator
 from functools import partial
 
-from rise_engine.base.nearest_name import did_you_mean
+from rise_engine.base.nearest_name import Correction, suggest
 from rise_engine.base.text import BLANKS, character_name, find_unseen
 from rise_engine.scenario.diagnostics import Diagnostics
 from rise_engine.scenario.draft import Definition, ScenarioDraft
@@ -25,17 +25,21 @@ class ElementReader:
         self.draft = draft
         self.diagnostics = diagnostics
 
-    def report_error(self, code: str, element: Element, message: str) -> None:
+    def report_error(self, code: str, element: Element, message: str, suggestion: Correction | None = None) -> None:
         """An error where an element begins."""
-        self.diagnostics.error(code, self.file.element_location(element), message)
+        self.diagnostics.error(code, self.file.element_location(element), message, suggestion)
 
-    def report_value(self, code: str, element: Element, attribute: str, message: str) -> None:
-        """An error where the value of an attribute stands."""
-        self.diagnostics.error(code, self.file.value_location(element, attribute), message)
+    def report_value(
+        self, code: str, element: Element, attribute: str, message: str, suggestion: Correction | None = None
+    ) -> None:
+        """An error where the value of an attribute begins."""
+        self.diagnostics.error(code, self.file.value_location(element, attribute), message, suggestion)
 
-    def report_attribute(self, code: str, element: Element, attribute: str, message: str) -> None:
-        """An error where the name of an attribute stands."""
-        self.diagnostics.error(code, self.file.attribute_location(element, attribute), message)
+    def report_attribute(
+        self, code: str, element: Element, attribute: str, message: str, suggestion: Correction | None = None
+    ) -> None:
+        """An error where the name of an attribute begins."""
+        self.diagnostics.error(code, self.file.attribute_location(element, attribute), message, suggestion)
 
     def report_warning(self, code: str, element: Element, message: str) -> None:
         """A warning where an element begins."""
@@ -63,7 +67,7 @@ class ElementReader:
         if root.tag == "Template":  # a file of its own, for a template
             return
         if root.tag not in wrappers:
-            near = did_you_mean(root.tag, (tag, *wrappers))
+            near = suggest(root.tag, (tag, *wrappers)).words
             self.report_error("unknown-element", root, f"`<{root.tag}>` cannot be the outermost element here{near}")
             return
         for name in root.attributes:
@@ -80,12 +84,13 @@ class ElementReader:
         """An element's attributes, with a finding for each that nobody reads."""
         for name in element.attributes:
             if name not in known:
-                self.report_attribute("unknown-attribute", element, name, self.unknown_attribute(element, name, known))
+                self.report_unknown_attribute(element, name, known)
         return element.attributes
 
-    def unknown_attribute(self, element: Element, name: str, known: frozenset[str]) -> str:
-        """What to say about an attribute that nobody reads."""
-        return f"`<{element.tag}>` has no attribute `{name}`{did_you_mean(name, sorted(known))}"
+    def report_unknown_attribute(self, element: Element, name: str, known: frozenset[str]) -> None:
+        """An error about an attribute that nobody reads."""
+        message, near = f"`<{element.tag}>` has no attribute `{name}`", suggest(name, sorted(known))
+        self.report_attribute("unknown-attribute", element, name, message, near)
 
     def check_no_text(self, element: Element) -> None:
         """A finding for text between the children of an element that holds only elements."""

@@ -13,7 +13,7 @@ import re
 from collections.abc import Iterable, Iterator
 from pathlib import Path
 
-from rise_engine.base.nearest_name import did_you_mean, nearest_name
+from rise_engine.base.nearest_name import suggest
 from rise_engine.base.text import BLANKS
 from rise_engine.scenario.diagnostics import Diagnostics, unknown_code
 from rise_engine.scenario.draft import ScenarioDraft
@@ -23,6 +23,7 @@ from rise_engine.scenario.model import SourceLocation
 from rise_engine.scenario.source_files import FileReader
 from rise_engine.scenario.xml import TextPiece, XmlFile, text_pieces, xml_of
 from rise_engine.syntax.xml import Element
+from rise_engine.syntax.xml_format import WRAPPERS
 
 LIBRARY = Path(__file__).with_name("patterns")
 """The patterns that come with the program: one template a file, each file called as its template."""
@@ -31,8 +32,7 @@ PATTERNS = "patterns"
 _NAME = re.compile(r"[^\W\d][\w-]*\Z")
 _TEMPLATE = frozenset({"name"})
 _PARAMETER = frozenset({"name", "default"})
-_WRAPPERS = frozenset({"Dialogs", "AgentDialogs", "CommunicationRobotActs", "InteractionRules"})
-HOLDERS = _WRAPPERS | frozenset(
+HOLDERS = frozenset(WRAPPERS) | frozenset(
     {
         *("Dialog", "InteractionRule", "State", "transitions", "transition", "onEntry", "onExit"),
         *("if", "elseif", "else", "oneOf", "Template"),
@@ -181,7 +181,7 @@ class _TemplateReader(ElementReader):
 
     def read_templates(self) -> None:
         root = self.file.root
-        for element in root if root.tag in _WRAPPERS else [root]:
+        for element in root if root.tag in WRAPPERS else [root]:
             if element.tag == "Template":
                 self.read_template(element)
 
@@ -250,9 +250,8 @@ class _TemplateReader(ElementReader):
             message = "a `${` without its `}`; write `$${` for the characters themselves"
             self.diagnostics.error("template", at, message)
         elif name not in template.parameters:
-            near = did_you_mean(name, template.parameters)
-            message = f"the template `{template.name}` has no parameter `{name}`{near}"
-            self.diagnostics.error("unknown-parameter", at, message)
+            message = f"the template `{template.name}` has no parameter `{name}`"
+            self.diagnostics.error("unknown-parameter", at, message, suggest(name, template.parameters))
 
     def check_uses(self, parent: Element) -> None:
         """Every `<use>` inside an element, templates within it left out."""
@@ -263,7 +262,7 @@ class _TemplateReader(ElementReader):
                 self.check_use(child, parent)
             elif child.tag != "Template":
                 self.check_uses(child)
-            elif parent is not self.file.root or parent.tag not in _WRAPPERS:
+            elif parent is not self.file.root or parent.tag not in WRAPPERS:
                 message = "`<Template>` cannot stand here; it stands beside the acts or rules of a file"
                 self.report_error("unknown-element", child, message)
 
@@ -292,20 +291,19 @@ class _TemplateReader(ElementReader):
             self.check_arguments(element, template)
         elif not self.collection.draft.unreadable_parts:
             known = [*self.collection.templates, *self.collection.library]
-            near = did_you_mean(name, sorted(known), limit=0)
+            near = suggest(name, sorted(known), limit=0)
             code = unknown_code("unknown-template", name, known)
-            self.report_value(code, element, "template", f"there is no template `{name}`{near}")
+            self.report_value(code, element, "template", f"there is no template `{name}`", near)
 
     def check_arguments(self, element: Element, template: ElementTemplate) -> None:
         required = {name for name, default in template.defaults.items() if default is None}
         missing = [name for name in template.parameters if name in required and name not in element.attributes]
         for name in element.attributes:
             if name != "template" and name not in template.parameters:
-                near = did_you_mean(name, template.parameters)
-                message = f"the template `{template.name}` has no parameter `{name}`{near}"
-                self.report_attribute("unknown-parameter", element, name, message)
-                meant = nearest_name(name, template.parameters)
-                missing = [each for each in missing if each != meant]
+                near = suggest(name, template.parameters)
+                message = f"the template `{template.name}` has no parameter `{name}`"
+                self.report_attribute("unknown-parameter", element, name, message, near)
+                missing = [each for each in missing if each != near.meant]
         if missing:
             names = ", ".join(f"`{name}`" for name in missing)
             where = template.file.element_location(template.element)

@@ -10,8 +10,9 @@ from rise_engine.scenario.draft import Mention, ScenarioDraft
 from rise_engine.scenario.explore_settings import ExploredKeys, ExploreSettings, PropertyKind, StudyProperty
 from rise_engine.scenario.expression_checks import expression_message, note_property
 from rise_engine.scenario.model import Json
-from rise_engine.scenario.toml_tables import TomlTable, is_integer, quote_toml_key
-from rise_engine.scenario.toml_texts import character_location
+from rise_engine.scenario.toml_files import character_location
+from rise_engine.scenario.toml_tables import TomlTable, is_integer
+from rise_engine.syntax.toml import toml_key
 
 EXPLORE_KEYS = {
     "end": "the rule whose end is the end of the study; without it, the rule of the first key that starts one",
@@ -112,7 +113,7 @@ def _read_tries(table: TomlTable, draft: ScenarioDraft) -> dict[str, tuple[Json,
         assert inner is not None
         draft.tried_keys.append(Mention(key, partial(inner.key_location, key)))
         if not isinstance(values, list):
-            shown = quote_toml_key(key)
+            shown = toml_key(key)
             inner.report_value("wrong-type", key, f"`{key}` has a list of values here: {shown} = [VALUE, VALUE]")
         elif not values:
             inner.report_value("missing-value", key, f"no value is tried for `{key}`; name one, or leave it out")
@@ -165,7 +166,7 @@ class _PropertyReader:
 
     def read(self) -> StudyProperty | None:
         """The property; None, after a finding, when it cannot be read."""
-        shown = quote_toml_key(self.name)
+        shown = toml_key(self.name)
         if self.kind != "eventually":
             condition = self.read_condition(self.table, self.name, f": {shown} = \"in('RULE', 'STATE')\"")
             return StudyProperty(self.kind, self.name, condition, location=self.location) if condition else None
@@ -192,7 +193,7 @@ class _PropertyReader:
         try:
             condition = Expression.parse_property(text)
         except ExpressionError as error:
-            table.diagnostics.error("condition", locate(error.column - 1), expression_message(error))
+            table.diagnostics.error("condition", locate(error.column - 1), expression_message(error), error.suggestion)
             return None
         if condition.draws:
             message = (

@@ -8,7 +8,6 @@ from __future__ import annotations
 import re
 from collections.abc import Callable, Iterable, Iterator, Mapping
 from functools import partial
-from html import unescape
 
 from msgspec import UNSET
 
@@ -19,14 +18,13 @@ from rise_engine.scenario.parameters import is_bare_key
 from rise_engine.scenario.source_files import SourceFile
 from rise_engine.scenario.uses import Use, UsedKind
 from rise_engine.scenario.xml import XmlFile
-from rise_engine.syntax.xml import Element
+from rise_engine.syntax.xml import ENTITY, Element, read_entity
 
 Sources = Mapping[str, SourceFile]
 """By name; templates stand in other files than their `<use>`."""
 _COMMON = ("actionID", "waitForActions", "onFailure")
 _ID = re.compile(r"[^,;\s]+")
 _PART = re.compile(r"[^|]+")
-_ENTITY = re.compile(r"&(?:#x[0-9A-Fa-f]+|#[0-9]+|[A-Za-z]+);")
 _COMMENT = re.compile(r"<!--.*?-->", re.DOTALL)
 _ACTS = {"startCommunicationRobotAct", "stopCommunicationRobotAct"}
 _RULES = {"startInteractionRule", "stopInteractionRule"}
@@ -41,7 +39,7 @@ def written_length(text: str, offset: int, name: str) -> int:
     """
     at = offset
     for character in name:
-        if (entity := _ENTITY.match(text, at)) is not None and unescape(entity.group()) == character:
+        if (entity := ENTITY.match(text, at)) is not None and read_entity(entity.group()) == character:
             at = entity.end()
         elif text.startswith(character, at):
             at += 1

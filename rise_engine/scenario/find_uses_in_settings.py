@@ -15,10 +15,10 @@ from rise_engine.scenario.explore_tables import PROPERTY_TABLES
 from rise_engine.scenario.memory import LIST_KEY
 from rise_engine.scenario.model import Rule, normal_topic
 from rise_engine.scenario.source_files import SourceFile
-from rise_engine.scenario.toml_locations import KeyPath, TomlFile
-from rise_engine.scenario.toml_texts import WrittenText
+from rise_engine.scenario.toml_files import TomlFile, WrittenText
 from rise_engine.scenario.trials import states_named
 from rise_engine.scenario.uses import Use, UsedKind
+from rise_engine.syntax.toml import KeyPath
 
 _QUOTED = re.compile(r'"(?:[^"\\]|\\.)*"')
 _KINDS: dict[str, UsedKind] = {

@@ -8,8 +8,10 @@ from __future__ import annotations
 
 from unicodedata import name as unicode_name
 
+from msgspec.structs import replace
+
 from rise_engine.base.errors import RiseError
-from rise_engine.base.nearest_name import did_you_mean
+from rise_engine.base.nearest_name import Correction, suggest
 
 PUNCTUATION = {
     "!": "exclamation_mark",
@@ -120,9 +122,11 @@ _SHIFTED = "write the character that the key types instead: `N`, `#`"
 class KeyRefusedError(RiseError, ValueError):
     """A key that a scenario cannot bind; says why. `taken` is true when the console has it."""
 
-    def __init__(self, message: str, taken: bool = False) -> None:
-        super().__init__(message)
+    def __init__(self, message: str, taken: bool = False, suggestion: Correction | None = None) -> None:
+        """`suggestion`: what was meant; its words are added to the message."""
+        super().__init__(message + (suggestion.words if suggestion else ""))
         self.taken = taken
+        self.suggestion = suggestion and replace(suggestion, words="")
 
 
 def bindable_key_name(written: str) -> str:
@@ -169,7 +173,8 @@ def _with_modifiers(modifiers: list[str], base: str, written: str) -> str:
     unknown = [modifier for modifier in modifiers if modifier not in ("ctrl", "shift", "alt", "super", "meta", "cmd")]
     if unknown or plain or not base:
         known = (*PUNCTUATION.values(), *FREE_FUNCTION_KEYS, "ctrl+f")
-        raise KeyRefusedError(f"`{written}` is not the name of a key{did_you_mean(written.lower(), known)}")
+        near = replace(suggest(written.lower(), known), written=written)
+        raise KeyRefusedError(f"`{written}` is not the name of a key", suggestion=near)
     if modifiers == ["shift"] and name == "tab":
         return "shift+tab"
     if name == "enter":

@@ -6,12 +6,14 @@ from collections.abc import Collection
 from typing import Any
 from unicodedata import normalize
 
-from rise_engine.base.nearest_name import did_you_mean
+from msgspec.structs import replace
+
+from rise_engine.base.nearest_name import suggest
 from rise_engine.scenario.diagnostics import Diagnostics
 from rise_engine.scenario.draft import ScenarioDraft
 from rise_engine.scenario.languages import language_fits, language_problem
 from rise_engine.scenario.model import LexiconTable
-from rise_engine.scenario.toml_locations import TomlFile
+from rise_engine.scenario.toml_files import TomlFile
 from rise_engine.scenario.toml_tables import TomlTable
 
 MAX_WORDS = 2_000
@@ -74,10 +76,11 @@ class _LexiconReader:
         for robot in (name for name in table.values if name not in words):
             inner = TomlTable(table.file, (table.name, robot), table.values[robot], self.diagnostics)
             if robot not in self.robots:
-                near = did_you_mean(robot, sorted(self.robots))
-                near += "" if "did you mean" in near else "; a word with a point in it stands in quotation marks"
-                message = f"there is no robot `{robot}`, so this is said by none{near}"
-                self.diagnostics.warning("no-effect", inner.key_location(), message)
+                near = suggest(robot, sorted(self.robots))
+                if not near.meant:
+                    near = replace(near, words=f"{near.words}; a word with a point in it stands in quotation marks")
+                message = f"there is no robot `{robot}`, so this is said by none"
+                self.diagnostics.warning("no-effect", inner.key_location(), message, near)
             self.tables.append(LexiconTable(table.name, robot, self.read_words(inner, inner.values)))
 
     def read_words(self, table: TomlTable, values: dict[str, Any]) -> dict[str, str]:

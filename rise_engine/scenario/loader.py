@@ -48,7 +48,7 @@ from rise_engine.scenario.suppressions import (
 )
 from rise_engine.scenario.table_texts import TableText
 from rise_engine.scenario.tables import TABLES_FOLDER, ScenarioLanguages, read_tables
-from rise_engine.scenario.toml_locations import TomlFile, toml_of
+from rise_engine.scenario.toml_files import TomlFile, toml_of
 from rise_engine.scenario.toml_tables import TomlTable
 from rise_engine.scenario.translations import LanguageTexts, TranslationReader, translated_languages
 from rise_engine.scenario.tree import FileTree, Held

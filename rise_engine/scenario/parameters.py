@@ -7,9 +7,11 @@ import re
 from collections.abc import Mapping
 from typing import Any
 
+from msgspec.structs import replace
+
 from rise_engine.base.errors import RiseError
 from rise_engine.base.json_codec import is_64_bit
-from rise_engine.base.nearest_name import did_you_mean
+from rise_engine.base.nearest_name import Correction, suggest
 from rise_engine.scenario.durations import MAX_SECONDS
 from rise_engine.scenario.model import ActionCall, ActionSpec, Parameter
 from rise_engine.scenario.template import Template, spoken_text
@@ -27,6 +29,11 @@ ANY_NAME = "*"
 
 class ParameterError(RiseError, ValueError):
     """A value that an action's parameter cannot take: a sentence that begins with the parameter's name."""
+
+    def __init__(self, message: str, suggestion: Correction | None = None) -> None:
+        """`suggestion`: what was meant; its words are added to the message."""
+        super().__init__(message + (suggestion.words if suggestion else ""))
+        self.suggestion = suggestion and replace(suggestion, words="")
 
 
 class OutOfRangeError(ParameterError):
@@ -240,8 +247,8 @@ def _convert_to_name(parameter: Parameter, value: Any, origin: str) -> str | int
     name = value.strip()
     if name in parameter.codes or name in parameter.names or (accepts_any_name(parameter) and name):
         return name
-    near = did_you_mean(name[:80], listed_names(parameter), limit=20)
-    raise ParameterError(f"{parameter.name} has no name {_show(name)}{origin}{near}")
+    near = suggest(name[:80], listed_names(parameter), limit=20)
+    raise ParameterError(f"{parameter.name} has no name {_show(name)}{origin}", near)
 
 
 def _describe_origin(template: Template) -> str:

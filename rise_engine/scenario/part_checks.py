@@ -9,7 +9,7 @@ from __future__ import annotations
 from collections.abc import Collection, Iterable, Iterator, Mapping, Set
 from functools import cache
 
-from rise_engine.base.nearest_name import did_you_mean, in_backquotes, nearest_name
+from rise_engine.base.nearest_name import did_you_mean, in_backquotes, nearest_name, suggest
 from rise_engine.expression.environment import lookup
 from rise_engine.expression.nodes import Key, Literal, Negative, Node, Part, with_all_brackets
 from rise_engine.expression.parts import find_part
@@ -81,9 +81,10 @@ def _check_changes(draft: ScenarioDraft, diagnostics: Diagnostics) -> None:
         if not any(prefix in settable for prefix in _prefixes(mention.name)):
             message = (
                 f"nothing in this scenario sets the memory key `{mention.name}`, and a part can be set only in a list "
-                f"or an object that is there{did_you_mean(mention.name, settable) or '; give it a start value'}"
+                "or an object that is there"
             )
-            diagnostics.warning("unset-key", mention.locate(), message)
+            near = suggest(mention.name, settable, otherwise="; give it a start value")
+            diagnostics.warning("unset-key", mention.locate(), message, near)
 
 
 def _check_use(draft: ScenarioDraft, diagnostics: Diagnostics) -> None:

@@ -10,7 +10,7 @@ from pathlib import Path
 
 from msgspec.structs import replace
 
-from rise_engine.base.nearest_name import did_you_mean
+from rise_engine.base.nearest_name import suggest
 from rise_engine.base.plugins import installed_plugins
 from rise_engine.scenario.action_declarations import apply_declarations, core_actions, name_places, read_places
 from rise_engine.scenario.diagnostics import Diagnostics
@@ -18,7 +18,7 @@ from rise_engine.scenario.file_names import SCENARIO_FILE
 from rise_engine.scenario.model import RobotProfile, SourceLocation
 from rise_engine.scenario.source_files import MAX_TOML_BYTES, FileReader, SourceFile
 from rise_engine.scenario.study_paths import why_no_name
-from rise_engine.scenario.toml_locations import read_toml, toml_of
+from rise_engine.scenario.toml_files import read_toml, toml_of
 from rise_engine.scenario.toml_tables import TomlTable
 from rise_engine.scenario.tree import FileTree
 
@@ -38,9 +38,8 @@ def read_robot(name: str, files: FileReader, location: SourceLocation, *, asked:
     if path is None:
         if name != DEFAULT_ROBOT:
             what = f"the robot asked for, `{name}`, does not exist" if asked else f"there is no robot `{name}`"
-            files.diagnostics.error(
-                "unknown-robot", location, what + did_you_mean(name, robot_names(files.folder, files.tree))
-            )
+            near = suggest(name, robot_names(files.folder, files.tree))
+            files.diagnostics.error("unknown-robot", location, what, near)
         return builtin_robot()
     return read_profile(path, name, files)
 

@@ -10,7 +10,7 @@ from typing import get_args
 
 from msgspec.structs import replace
 
-from rise_engine.base.nearest_name import did_you_mean
+from rise_engine.base.nearest_name import suggest
 from rise_engine.base.text import BLANKS
 from rise_engine.expression import Expression
 from rise_engine.scenario.blocks import NO_ATTRIBUTES, BlockReader
@@ -30,8 +30,8 @@ from rise_engine.scenario.model import (
 )
 from rise_engine.scenario.xml import XmlFile
 from rise_engine.syntax.xml import Element
+from rise_engine.syntax.xml_format import RULE_WRAPPERS
 
-WRAPPERS = ("InteractionRules",)
 _NUMBER = re.compile(r"\s*[-+]?(?:\d+(?:\.\d*)?|\.\d+)(?:[eE][-+]?\d+)?\s*\Z", re.ASCII)
 SHORT_AFTER = 0.05
 """Seconds. A rule that goes round in less than this floods the record and every console."""
@@ -64,7 +64,7 @@ class _RuleReader(BlockReader):
         """Names of states that it does not have: element, attribute, name."""
 
     def read_rules(self) -> None:
-        self.read_parts("InteractionRule", WRAPPERS, self.draft.rule_definitions, self.read_rule)
+        self.read_parts("InteractionRule", RULE_WRAPPERS, self.draft.rule_definitions, self.read_rule)
 
     def read_rule(self, element: Element) -> Rule | None:
         self.targets.clear()
@@ -129,8 +129,8 @@ class _RuleReader(BlockReader):
         return None
 
     def report_unknown_state(self, element: Element, attribute: str, name: str, states: dict[str, State]) -> None:
-        message = f"there is no state `{name}` in this rule{did_you_mean(name, states)}"
-        self.report_value(unknown_code("unknown-state", name, states), element, attribute, message)
+        code, near = unknown_code("unknown-state", name, states), suggest(name, states)
+        self.report_value(code, element, attribute, f"there is no state `{name}` in this rule", near)
 
     def read_priority(self, element: Element) -> float:
         text = element.get("priority")
@@ -293,9 +293,8 @@ class _RuleReader(BlockReader):
         words = [word.strip(BLANKS) for word in element.attributes["outcome"].split("|")]
         for word in words:
             if word not in _OUTCOMES:
-                near = did_you_mean(word, _OUTCOMES)
-                message = f"an act is `succeeded`, `failed` or `stopped`, not `{word}`{near}"
-                self.report_value("wrong-value", element, "outcome", message)
+                message = f"an act is `succeeded`, `failed` or `stopped`, not `{word}`"
+                self.report_value("wrong-value", element, "outcome", message, suggest(word, _OUTCOMES))
                 self.doubtful.add(self.file.element_location(element))
         return tuple(known for known in _OUTCOMES if known in words)
 
@@ -324,11 +323,12 @@ class _RuleReader(BlockReader):
             triggers = tuple(_triggers(transition))
             earlier = [always[trigger] for trigger in triggers if trigger in always]
             if triggers and len(earlier) == len(triggers):
+                first = earlier[0].location
                 message = (
-                    f"never taken in the state `{state.id}`: the transition in line {earlier[0].location.line} "
-                    "has the same trigger and no condition"
+                    f"never taken in the state `{state.id}`: the transition in line {first.line} has the same trigger "
+                    "and no condition"
                 )
-                self.diagnostics.warning("unreachable-transition", transition.location, message)
+                self.diagnostics.warning("unreachable-transition", transition.location, message, related=first)
             elif transition.condition is None:
                 for trigger in triggers:
                     always.setdefault(trigger, transition)

@@ -5,7 +5,7 @@ from __future__ import annotations
 from functools import partial
 from typing import Any
 
-from rise_engine.base.nearest_name import did_you_mean
+from rise_engine.base.nearest_name import suggest
 from rise_engine.expression import Assignment, ExpressionError
 from rise_engine.scenario.act_settings import read_act_tables, read_on_failure
 from rise_engine.scenario.conditions import read_conditions, read_private, read_study
@@ -28,9 +28,10 @@ from rise_engine.scenario.model import (
     normal_topic,
 )
 from rise_engine.scenario.suppressions import check_warning_code
-from rise_engine.scenario.toml_locations import TomlFile
-from rise_engine.scenario.toml_tables import TomlTable, quote_toml_key, read_seconds
+from rise_engine.scenario.toml_files import TomlFile
+from rise_engine.scenario.toml_tables import TomlTable, read_seconds
 from rise_engine.scenario.trials import read_trials
+from rise_engine.syntax.toml import toml_key
 
 TOP_KEYS = (
     "title",
@@ -112,7 +113,7 @@ class ScenarioSettings:
     def read_text(self, key: str, usual: str) -> str:
         value = self.table.values.get(key)
         if key == "acts" and isinstance(value, dict):
-            names = [quote_toml_key(name) for name in value] or ["NAME"]
+            names = [toml_key(name) for name in value] or ["NAME"]
             message = f"`acts` says where the acts are; settings of an act stand in [act.{names[0]}], not [acts...]"
             self.table.report_value("wrong-type", key, message)
             return usual
@@ -137,7 +138,7 @@ class ScenarioSettings:
                 message = 'which language the acts are in says `language = "en"` at the top of the file, not `default`'
                 table.report_key("unknown-key", message, key)
             elif key != "also":
-                table.report_key("unknown-key", f"unknown key `{key}`{did_you_mean(key, ('also',))}", key)
+                table.report_key("unknown-key", f"unknown key `{key}`", key, suggestion=suggest(key, ("also",)))
         also = table.read_texts("also", ())
         for index, tag in enumerate(also):
             if problem := language_problem(tag):
@@ -180,7 +181,8 @@ class ScenarioSettings:
             try:
                 key = bindable_key_name(written)
             except KeyRefusedError as refused:
-                table.report_key("key-taken" if refused.taken else "key-refused", str(refused), written)
+                code = "key-taken" if refused.taken else "key-refused"
+                table.report_key(code, str(refused), written, suggestion=refused.suggestion)
                 key = ""
             if key in bindings:
                 first = bindings[key]
@@ -193,7 +195,7 @@ class ScenarioSettings:
         return bindings
 
     def read_binding(self, table: TomlTable, written: str, key: str) -> KeyBinding | None:
-        example = f'write {quote_toml_key(written)} = {{ act = "..." }} (or {", ".join(list(BINDINGS)[1:])})'
+        example = f'write {toml_key(written)} = {{ act = "..." }} (or {", ".join(list(BINDINGS)[1:])})'
         if not isinstance(table.values[written], dict):
             table.report_value("binding", written, f"a key submits something; {example}")
             return None
@@ -227,7 +229,7 @@ class ScenarioSettings:
             except ExpressionError as error:
                 start = locate()  # the column counts in the text, which begins behind the quotation mark
                 location = SourceLocation(start.file, start.line, start.column + error.column)
-                inner.diagnostics.error("assignment", location, expression_message(error))
+                inner.diagnostics.error("assignment", location, expression_message(error), error.suggestion)
                 return None
         state, enter = self.read_start(inner, name, behavior)
         keep = self.read_keep(inner, name) if "keep" in inner.values else None

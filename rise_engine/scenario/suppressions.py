@@ -16,7 +16,7 @@ from operator import attrgetter
 
 from msgspec import UNSET, Struct
 
-from rise_engine.base.nearest_name import did_you_mean
+from rise_engine.base.nearest_name import suggest
 from rise_engine.base.text import match_end
 from rise_engine.scenario.diagnostics import WARNING_CODES, Diagnostic, Diagnostics, join_uses
 from rise_engine.scenario.model import SourceLocation, TemplateLocation
@@ -113,9 +113,8 @@ def check_warning_code(code: str, location: SourceLocation, diagnostics: Diagnos
     """Whether a code is one of a warning; a finding if not."""
     if code in WARNING_CODES:
         return True
-    diagnostics.warning(
-        "bad-allow", location, f"there is no warning `{code}` to silence{did_you_mean(code, WARNING_CODES, limit=0)}"
-    )
+    near = suggest(code, WARNING_CODES, limit=0)
+    diagnostics.warning("bad-allow", location, f"there is no warning `{code}` to silence", near)
     return False
 
 

@@ -7,11 +7,11 @@ from functools import partial
 from pathlib import Path
 from typing import Any, get_args
 
-from rise_engine.base.nearest_name import did_you_mean
+from rise_engine.base.nearest_name import suggest
 from rise_engine.scenario.diagnostics import Diagnostics
 from rise_engine.scenario.source_files import MAX_TOML_BYTES, FileReader, SourceFile
 from rise_engine.scenario.table_values import ColumnType, DecimalMark
-from rise_engine.scenario.toml_locations import TomlFile, read_toml
+from rise_engine.scenario.toml_files import TomlFile, read_toml
 from rise_engine.scenario.toml_tables import TomlTable
 
 _KEYS = ("separator", "decimal", "encoding", "types")
@@ -50,8 +50,8 @@ class TableSettings:
         types = TomlTable(self._table.file, (), self._table.values, diagnostics).section("types")
         for column in types.values:
             if column not in columns:
-                message = f"the table has no column `{column}`{did_you_mean(column, columns)}"
-                types.report_key("unknown-key", message, column)
+                message, near = f"the table has no column `{column}`", suggest(column, columns)
+                types.report_key("unknown-key", message, column, suggestion=near)
 
 
 def read_table_settings(path: Path, files: FileReader, diagnostics: Diagnostics) -> TableSettings:

@@ -15,6 +15,7 @@ from msgspec import Struct
 
 from rise_engine.base.errors import RiseError
 from rise_engine.base.json_codec import MAX_LEVELS
+from rise_engine.base.nearest_name import Correction
 from rise_engine.base.text import match_end
 from rise_engine.expression import Environment, EvaluationError, Expression, ExpressionError, MissingPartError, lookup
 from rise_engine.expression.tokens import path_end
@@ -33,11 +34,12 @@ _TYPOGRAPHIC = re.compile("[“”„‟«»″]")
 
 
 class TemplateError(RiseError, ValueError):
-    """A template that cannot be read. `column` counts from 1 within the text."""
+    """A template that cannot be read. `column` counts from 1 within the text; `suggestion` is what was meant there."""
 
-    def __init__(self, message: str, column: int) -> None:
+    def __init__(self, message: str, column: int, suggestion: Correction | None = None) -> None:
         super().__init__(message)
         self.column = column
+        self.suggestion = suggestion
 
 
 class MissingValueError(RiseError):
@@ -180,7 +182,7 @@ def _read_part(text: str, start: int) -> tuple[Expression, int]:
         part = Expression.parse(text[start:end])
     except ExpressionError as error:
         message = f"{error.message}; {error.hint}" if error.hint else error.message
-        raise TemplateError(message, start + error.column) from None
+        raise TemplateError(message, start + error.column, error.suggestion) from None
     if part.draws:
         message = (
             "chance cannot stand in braces, because a text is also shown before it is said; assign the number first"

@@ -5,10 +5,11 @@ from __future__ import annotations
 from collections.abc import Iterable
 from typing import Any
 
-from rise_engine.base.nearest_name import did_you_mean
+from rise_engine.base.nearest_name import Correction, suggest
 from rise_engine.scenario.diagnostics import Diagnostics
 from rise_engine.scenario.model import SourceLocation
-from rise_engine.scenario.toml_locations import KeyPath, TomlFile
+from rise_engine.scenario.toml_files import TomlFile
+from rise_engine.syntax.toml import KeyPath
 
 _KINDS: dict[type, str] = {str: "a text", bool: "true or false", dict: "a table"}
 
@@ -33,20 +34,20 @@ class TomlTable:
     def value_location(self, *keys: str) -> SourceLocation:
         return self.file.value_location(*self.path, *keys)
 
-    def report_key(self, code: str, message: str, *keys: str) -> None:
-        """An error where a key stands; without one, where the table does."""
-        self.diagnostics.error(code, self.key_location(*keys), message)
+    def report_key(self, code: str, message: str, *keys: str, suggestion: Correction | None = None) -> None:
+        """An error at a key; without one, at the table."""
+        self.diagnostics.error(code, self.key_location(*keys), message, suggestion)
 
-    def report_value(self, code: str, key: str, message: str) -> None:
-        """An error where the value of a key stands."""
-        self.diagnostics.error(code, self.value_location(key), message)
+    def report_value(self, code: str, key: str, message: str, suggestion: Correction | None = None) -> None:
+        """An error at the value of a key."""
+        self.diagnostics.error(code, self.value_location(key), message, suggestion)
 
     def report_unknown_keys(self, known: Iterable[str]) -> None:
         """An error for each key that nobody reads."""
         names = tuple(known)
         for key in self.values:
             if key not in names:
-                self.report_key("unknown-key", f"unknown key `{key}`{did_you_mean(key, names)}", key)
+                self.report_key("unknown-key", f"unknown key `{key}`", key, suggestion=suggest(key, names))
 
     def subtable(self, key: str, form: str = "") -> TomlTable | None:
         """The table at a key, an empty one when there is none; None, after a finding, for another value."""
@@ -98,11 +99,3 @@ def read_seconds(table: TomlTable, key: str, usual: float | None, least: float, 
         return value if value is None else float(value)
     table.report_value("out-of-range", key, f"`{key}` is from {least:g} to {most:g} seconds")
     return usual
-
-
-def quote_toml_key(key: str) -> str:
-    """A key as it is written in TOML: in quotation marks where it must be."""
-    bare = key.replace("_", "").replace("-", "")
-    if bare.isascii() and bare.isalnum():
-        return key
-    return '"' + key.replace("\\", "\\\\").replace('"', '\\"') + '"'

@@ -15,7 +15,7 @@ from pathlib import Path
 from msgspec import Struct, field
 from msgspec.structs import replace
 
-from rise_engine.base.nearest_name import did_you_mean
+from rise_engine.base.nearest_name import suggest
 from rise_engine.scenario.diagnostics import Diagnostics
 from rise_engine.scenario.draft import ScenarioDraft
 from rise_engine.scenario.file_names import TEXTS_FOLDER
@@ -27,7 +27,7 @@ from rise_engine.scenario.spoken_texts import SpokenText, own_language, spoken_t
 from rise_engine.scenario.ssml_checks import find_ssml_problems
 from rise_engine.scenario.table_texts import TableText, missing_sentences, table_texts
 from rise_engine.scenario.template import Template, TemplateError, parse_template
-from rise_engine.scenario.toml_locations import TomlFile, toml_of
+from rise_engine.scenario.toml_files import TomlFile, toml_of
 from rise_engine.scenario.toml_tables import TomlTable
 
 MAX_TEXTS_BYTES = 4_000_000
@@ -195,14 +195,15 @@ class TranslationReader:
         acts = self.draft.acts
         for act, location in found.acts.items():
             if act not in acts:
-                near = did_you_mean(act, acts, limit=0) or "; if it is gone, delete its translations"
-                self.diagnostics.error("unknown-text", location, f"there is no act `{act}`{near}")
+                near = suggest(act, acts, limit=0, otherwise="; if it is gone, delete its translations")
+                self.diagnostics.error("unknown-text", location, f"there is no act `{act}`", near)
         for (act, key), location in found.keys.items():
             text, translation = self.texts.get(f"{act}/{key}"), found.texts.get(f"{act}/{key}")
             if act in acts and text is None:
                 known = [each.key for each in self.texts.values() if each.act == act]
-                near = did_you_mean(key, known, limit=_LISTED) or "; if it is gone, delete its translation"
-                self.diagnostics.error("unknown-text", location, f"the act `{act}` has no text `{key}`{near}")
+                otherwise = "; if it is gone, delete its translation"
+                near = suggest(key, known, limit=_LISTED, otherwise=otherwise)
+                self.diagnostics.error("unknown-text", location, f"the act `{act}` has no text `{key}`", near)
             elif text is not None and translation is not None:
                 self._compare_text(text, translation, is_asked=found.language == self.asked)
 
@@ -333,7 +334,7 @@ def slot_problem(original: Template, translation: Template) -> str:
     if missing := sorted(keys - others):
         return f"the translation leaves out {', '.join(f'{{{key}}}' for key in missing)}, which the text has"
     if added := sorted(others - keys):
-        near = did_you_mean(added[0], sorted(keys), limit=0) if keys else ""
+        near = suggest(added[0], sorted(keys), limit=0).words if keys else ""
         return f"the translation has {', '.join(f'{{{key}}}' for key in added)}, which the text has not{near}"
     optional = {slot.key for slot in original.slots if slot.fallback is not None}
     needed = sorted({slot.key for slot in translation.slots if slot.fallback is None} & optional)

@@ -6,15 +6,15 @@ from collections.abc import Callable, Iterable, Mapping
 from functools import partial
 from typing import Any
 
-from rise_engine.base.nearest_name import did_you_mean
+from rise_engine.base.nearest_name import suggest
 from rise_engine.expression import Expression, ExpressionError
 from rise_engine.expression.nodes import Key, Part
 from rise_engine.scenario.diagnostics import Diagnostics, unknown_code
 from rise_engine.scenario.draft import Mention, ScenarioDraft
 from rise_engine.scenario.expression_checks import expression_message, note_property
 from rise_engine.scenario.model import Rule, SourceLocation
+from rise_engine.scenario.toml_files import character_location
 from rise_engine.scenario.toml_tables import TomlTable
-from rise_engine.scenario.toml_texts import character_location
 from rise_engine.scenario.trial_settings import MEASURES, PARTICIPANT, TRIAL_KEYS, TrialSettings, fits_state
 
 
@@ -78,7 +78,7 @@ def _read_value(table: TomlTable, path: tuple[str, ...], text: Any, draft: Scena
     try:
         value = Expression.parse(text)
     except ExpressionError as error:
-        table.diagnostics.error("condition", locate(error.column - 1), expression_message(error))
+        table.diagnostics.error("condition", locate(error.column - 1), expression_message(error), error.suggestion)
         return None
     if not isinstance(value.root, Key | Part):
         message = f"`{text}` is no memory key, and no part of a value such as `items[i].text`"
@@ -92,9 +92,8 @@ def _read_measure(table: TomlTable, columns: Iterable[Expression]) -> str:
     measure: str = table.read("measure", str, PARTICIPANT, form=f': measure = "{PARTICIPANT}"')
     known = [*MEASURES, *(column.text for column in columns)]
     if measure not in known:
-        near = did_you_mean(measure, known)
-        message = f"`{measure}` is no column of trials that is a number: {', '.join(known)}{near}"
-        table.report_value("unknown-name", "measure", message)
+        message = f"`{measure}` is no column of trials that is a number: {', '.join(known)}"
+        table.report_value("unknown-name", "measure", message, suggest(measure, known))
     return measure
 
 
@@ -111,9 +110,9 @@ def _check_state(
     if not found:
         names = {state for rule in rules.values() for state in rule.states}
         names |= {f"{rule.name}/{state}" for rule in rules.values() for state in rule.states}
-        near = did_you_mean(written, sorted(names), limit=0)
+        near = suggest(written, sorted(names), limit=0)
         code = unknown_code("unknown-state", written, names)
-        diagnostics.error(code, locate(), f"no rule has the state `{written}`, so no trial ever begins{near}")
+        diagnostics.error(code, locate(), f"no rule has the state `{written}`, so no trial ever begins", near)
     elif len({rule for rule, _ in found}) > 1 and "*" not in written:
         several = " and ".join(f"`{rule}/{state}`" for rule, state in found)
         diagnostics.error("wrong-value", locate(), f"several rules have this state: write one of {several}")

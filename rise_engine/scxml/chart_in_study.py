@@ -9,9 +9,9 @@ from xml.sax.saxutils import escape, quoteattr
 
 from rise_engine.scenario.diagnostics import Diagnostics
 from rise_engine.scenario.model import Function, Rule, Scenario, functions_in, normal_topic
-from rise_engine.scenario.toml_tables import quote_toml_key
 from rise_engine.scxml.content_translation import FunctionLine, Lines
 from rise_engine.scxml.rules_of_chart import MadeRules
+from rise_engine.syntax.toml import toml_key
 
 MADE_FROM = "made from "
 """What the head of a rules file that was made from a chart begins with."""
@@ -61,7 +61,7 @@ def new_study_files(made: MadeRules, title: str, rules: str) -> dict[str, str]:
     lines = [f"title = {_toml(title)}", 'robot = "generic"', "", "[keys]"]
     lines.append(f"b = {{ rule = {_toml(made.name)}, label = {_toml('begin')} }}")
     for key, event in zip(_KEYS, outside_events(made), strict=False):
-        lines.append(f"{quote_toml_key(key)} = {{ event = {_toml('/' + event)}, label = {_toml(event)} }}")
+        lines.append(f"{toml_key(key)} = {{ event = {_toml('/' + event)}, label = {_toml(event)} }}")
     return {
         "scenario.toml": "\n".join([*lines, ""]),
         "acts/acts.xml": _acts_text(called_acts(made)),

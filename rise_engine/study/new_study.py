@@ -15,12 +15,12 @@ from rise_engine.base.errors import StudyError
 from rise_engine.scenario.diagnostics import Diagnostic
 from rise_engine.scenario.model import Json
 from rise_engine.scenario.study_paths import why_no_name, why_not_read
-from rise_engine.scenario.toml_tables import quote_toml_key
 from rise_engine.session.disk import error_message
 from rise_engine.study.model import Level, Study, StudyCheck
 from rise_engine.study.participants import PARTICIPANTS_FILE, header_line
 from rise_engine.study.report_table import REPORT_ITEMS
 from rise_engine.study.study_toml import STUDY_FILE, load_study
+from rise_engine.syntax.toml import toml_key
 
 
 class NewStudy(Struct, frozen=True):
@@ -167,7 +167,7 @@ def _factor_lines(new: NewStudy) -> Iterable[str]:
 
 
 def _level_line(level: Level) -> str:
-    key = f"levels.{quote_toml_key(level.name)}"
+    key = f"levels.{toml_key(level.name)}"
     values: dict[str, Json] = {}
     if level.memory:
         values["memory"] = level.memory
@@ -284,4 +284,4 @@ def _value(value: Json) -> str:
 def _table(values: Mapping[str, Json]) -> str:
     if not values:
         return "{}"
-    return f"{{ {', '.join(f'{quote_toml_key(key)} = {_value(value)}' for key, value in values.items())} }}"
+    return f"{{ {', '.join(f'{toml_key(key)} = {_value(value)}' for key, value in values.items())} }}"

@@ -14,8 +14,11 @@ from rise_engine.syntax.xml import Element, XmlTree, pieces
 WIDTH = 120
 """Columns of a line, where that can be had."""
 _INDENT = "  "
-_WRAPPERS = ("Dialogs", "InteractionRules")
-"""Their children stand at the margin, with an empty line between those that take several lines."""
+ACT_WRAPPERS = ("Dialogs", "AgentDialogs", "CommunicationRobotActs")
+"""Elements that hold the acts of a file."""
+RULE_WRAPPERS = ("InteractionRules",)
+WRAPPERS = (*ACT_WRAPPERS, *RULE_WRAPPERS)
+"""Their children begin at the margin, with an empty line between those that take several lines."""
 
 
 class _Node:
@@ -112,7 +115,7 @@ def _write(node: _Node, indent: str, lines: list[str], *, first: bool, tall_befo
         lines.append(indent + written)
         return
     lines.append(indent + _tag(node, indent))
-    is_wrapper = node.element.tag in _WRAPPERS
+    is_wrapper = node.element.tag in WRAPPERS
     inside = indent if is_wrapper else indent + _INDENT
     tall = False
     for at, child in enumerate(node.children):

@@ -605,6 +605,7 @@ def test_every_code_is_documented() -> None:
             "unknown-rule",
             "unknown-name",
             "key-refused",
+            "key-taken",
             "unicode-form",
             "robot-profile",
         )

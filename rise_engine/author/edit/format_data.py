@@ -7,11 +7,11 @@ import re
 from typing import Any
 
 from rise_engine.author.edit.json_edits import MemoryFileNotEditable
-from rise_engine.author.edit.toml_edits import TomlText
 from rise_engine.base.json_codec import JsonArray, JsonError, JsonObject, read_json
 from rise_engine.scenario.memory import LIST_KEY
-from rise_engine.scenario.toml_syntax import TomlSection
 from rise_engine.syntax.changes import TextEdit, changed_text
+from rise_engine.syntax.toml import TomlSection
+from rise_engine.syntax.toml_edits import TomlText
 
 _WIDTH = 100
 """Columns of a value of the memory that stands in one line."""

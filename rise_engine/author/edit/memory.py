@@ -82,7 +82,7 @@ def plan_remove_start_value(edit: RemoveStartValue, study: StudyState) -> Plan:
 
 def value_text(value: Any) -> str:
     """A value in a sentence."""
-    text = json.dumps(value, ensure_ascii=False)
+    text = json.dumps(value, ensure_ascii=False, default=str)  # TOML has dates and times
     return text if len(text) <= _SHOWN else f"{text[: _SHOWN - 1]}…"
 
 

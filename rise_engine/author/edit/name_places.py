@@ -10,13 +10,12 @@ from msgspec import Struct
 
 from rise_engine.author.edit.plan import EditRefused, Files, Splice
 from rise_engine.author.edit.text_edits import EditedText
-from rise_engine.author.edit.toml_edits import TomlText
-from rise_engine.author.edit.toml_writing import toml_key
 from rise_engine.expression.errors import ExpressionError
 from rise_engine.expression.tokens import escape_text, unquote
 from rise_engine.scenario.source_files import SourceFile
-from rise_engine.scenario.toml_syntax import TomlKeyPart, TomlValue
 from rise_engine.scenario.uses import Use
+from rise_engine.syntax.toml import TomlKeyPart, TomlValue, toml_key
+from rise_engine.syntax.toml_edits import TomlText
 from rise_engine.syntax.xml import CDATA, ENTITY, XmlSyntaxError, XmlTree, read_entity
 
 

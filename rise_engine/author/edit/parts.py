@@ -14,10 +14,9 @@ from rise_engine.author.edit.following import follow_act
 from rise_engine.author.edit.outline import WrittenAct, WrittenRule
 from rise_engine.author.edit.plan import EditRefused, Files, Plan, Splice
 from rise_engine.author.edit.study_state import StudyState
-from rise_engine.scenario.acts import WRAPPERS as ACT_WRAPPERS
 from rise_engine.scenario.file_names import DEFAULT_PATHS
-from rise_engine.scenario.rules import WRAPPERS as RULE_WRAPPERS
 from rise_engine.syntax.xml import Element
+from rise_engine.syntax.xml_format import ACT_WRAPPERS, RULE_WRAPPERS
 from rise_engine.syntax.xml_layout import DEFAULT_UNIT, gap_behind, gap_in, has_own_lines, lead_start, removal, wrap
 from rise_engine.syntax.xml_writing import NewElement, set_value
 

@@ -25,12 +25,11 @@ from rise_engine.author.edit.outline import (
     WrittenValue,
 )
 from rise_engine.scenario.acts import COMMON
-from rise_engine.scenario.acts import WRAPPERS as ACT_WRAPPERS
 from rise_engine.scenario.blocks import FUNCTIONS
 from rise_engine.scenario.loader import WrittenParts
-from rise_engine.scenario.rules import WRAPPERS as RULE_WRAPPERS
 from rise_engine.scenario.xml import XmlFile, call_of, origin_of, text_pieces, written_here
 from rise_engine.syntax.xml import Element
+from rise_engine.syntax.xml_format import ACT_WRAPPERS, RULE_WRAPPERS
 
 _ID = re.compile(r"[^,;\s]+")
 

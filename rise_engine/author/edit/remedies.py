@@ -13,7 +13,7 @@ import tomllib
 from collections.abc import Callable, Iterable, Iterator, Mapping
 from string import ascii_lowercase, ascii_uppercase, digits
 
-from msgspec import Struct
+from msgspec import UNSET, Struct
 from msgspec.structs import replace
 
 from rise_engine.author.edit.edits import (
@@ -44,9 +44,8 @@ from rise_engine.author.edit.study_state import StudyState
 from rise_engine.author.edit.written_remedies import WRITTEN
 from rise_engine.scenario.diagnostics import Diagnostic
 from rise_engine.scenario.keys import KeyRefusedError, bindable_key_name
-from rise_engine.scenario.toml_syntax import KeyPath, toml_path_at
+from rise_engine.syntax.toml import KeyPath, toml_path_at
 
-_LINE = re.compile(r"the transition in line (\d+)")
 _NO_LETTER = re.compile(r"[^\w.]+")
 _LABEL = re.compile(r"""[^\r\n]*?label\s*=\s*["']([^"'\r\n]*)""")
 _FIRST_STATE = "Start"
@@ -185,16 +184,16 @@ def _reach_way(place: FindingPlace) -> Iterator[Remedy]:
     if way is None:
         return
     form = way.written.form
-    earlier = _LINE.search(place.finding.message)
-    if earlier is None and form.ended is not None and len(form.outcomes) < 2:  # its rule does not start the act
+    earlier = place.finding.related
+    if earlier is UNSET and form.ended is not None and len(form.outcomes) < 2:  # its rule does not start the act
         ending = form.outcomes[0] if form.outcomes else "end"
         heard = replace(form, ended=None, outcomes=(), event=f"/{form.ended}_{ending}")
         edit = SetTransition(way.rule.name, way.state.id, way.index, form, heard)
         yield Remedy(f"wait for {heard.event}, whoever starts the act", edit, is_likely=True)
-    if earlier is not None and form.condition is not None:
-        before = [index for index, each in enumerate(way.state.transitions) if each.line == int(earlier.group(1))]
+    if earlier is not UNSET and form.condition is not None:
+        before = [index for index, each in enumerate(way.state.transitions) if each.line == earlier.line]
         for index in before[:1]:
-            title = f"try it before the way in line {earlier.group(1)}"
+            title = f"try it before the way in line {earlier.line}"
             yield Remedy(title, MoveTransition(way.rule.name, way.state.id, way.index, form, index), is_likely=True)
     yield _without(way)
 

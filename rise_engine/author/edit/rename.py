@@ -20,7 +20,6 @@ from rise_engine.author.edit.rename_data import data_splices
 from rise_engine.author.edit.renaming import Renaming
 from rise_engine.author.edit.study_above import sets_key
 from rise_engine.author.edit.study_state import StudyState
-from rise_engine.author.edit.toml_writing import toml_key
 from rise_engine.base.nearest_name import did_you_mean
 from rise_engine.base.text import BLANKS, find_unseen, pluralize
 from rise_engine.scenario.act_settings import ActTables, read_act_tables
@@ -31,10 +30,11 @@ from rise_engine.scenario.file_names import SCENARIO_FILE
 from rise_engine.scenario.memory import is_writable_key
 from rise_engine.scenario.model import SESSION, TemplateLocation, normal_topic, result_topics
 from rise_engine.scenario.source_files import SourceFile
-from rise_engine.scenario.toml_locations import TomlFile
+from rise_engine.scenario.toml_files import TomlFile
 from rise_engine.scenario.toml_tables import TomlTable
 from rise_engine.scenario.uses import Use, UsedKind, Uses
 from rise_engine.scenario.xml import count_places
+from rise_engine.syntax.toml import toml_key
 
 _MOST_SHOWN = 5
 _KINDS = {"act": "the act", "rule": "the rule", "state": "the state", "event": "the event", "key": "the memory key"}

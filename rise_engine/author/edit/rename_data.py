@@ -9,10 +9,10 @@ from rise_engine.author.edit.plan import EditRefused, Files, Splice
 from rise_engine.author.edit.rename_task_files import task_splices
 from rise_engine.author.edit.renaming import Renaming
 from rise_engine.author.edit.text_edits import EditedText
-from rise_engine.author.edit.toml_edits import TomlText, rename_key, set_value
 from rise_engine.expression.key_places import keys_in_slots
-from rise_engine.scenario.toml_syntax import KeyPath
 from rise_engine.syntax.changes import edits_between
+from rise_engine.syntax.toml import KeyPath
+from rise_engine.syntax.toml_edits import TomlText, rename_key, set_value
 
 _STUDY = "study.toml"
 _TEXTS = "texts/"

@@ -12,11 +12,11 @@ from rise_engine.author.edit.plan import EditRefused, Plan
 from rise_engine.author.edit.rename_task_files import pressed_key_splices
 from rise_engine.author.edit.study_state import StudyState
 from rise_engine.author.edit.text_edits import EditedText
-from rise_engine.author.edit.toml_edits import TomlText, remove_value, rename_key, set_value
 from rise_engine.scenario.file_names import SCENARIO_FILE
 from rise_engine.scenario.study_paths import why_no_name
-from rise_engine.scenario.toml_syntax import KeyPath
 from rise_engine.syntax.changes import edits_between
+from rise_engine.syntax.toml import KeyPath
+from rise_engine.syntax.toml_edits import TomlText, remove_value, rename_key, set_value
 
 
 def plan_set_setting(edit: SetSetting, study: StudyState) -> Plan:

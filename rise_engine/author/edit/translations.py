@@ -2,12 +2,9 @@
 
 from __future__ import annotations
 
-import re
 import tomllib
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from typing import Any
-
-from msgspec import Struct
 
 from rise_engine.author.edit.edits import AddLanguage, Edit, SetSetting, SetTranslation
 from rise_engine.author.edit.plan import EditRefused, Plan, Splice
@@ -18,12 +15,11 @@ from rise_engine.base.nearest_name import did_you_mean
 from rise_engine.scenario.file_names import SCENARIO_FILE, TEXTS_FOLDER
 from rise_engine.scenario.languages import language_problem
 from rise_engine.scenario.spoken_texts import SpokenText
-from rise_engine.scenario.toml_syntax import KeyPath, TomlPair, TomlSection, TomlValue, read_sections
-from rise_engine.scenario.toml_tables import quote_toml_key
 from rise_engine.scenario.translations import language_file
-from rise_engine.syntax.changes import TextEdit, changed_text
+from rise_engine.syntax.changes import TextEdit, changed_text, edits_between
+from rise_engine.syntax.toml import KeyPath, toml_key, toml_value
+from rise_engine.syntax.toml_edits import TomlText, remove_value, rename_keys, set_value
 
-_CONTROL = re.compile("[\x00-\x1f\x7f]")
 _SHOWN = 60
 """Characters of a text that a sentence shows."""
 
@@ -45,16 +41,17 @@ def plan_set_translation(edit: SetTranslation, study: StudyState) -> Plan:
     entries = {"text": value, "of": text.text}
     says = f"{text.id} in {language}: “{_short(value)}”"
     if name not in study.files:
-        content = f"[{quote_toml_key(text.act)}]\n{_pair_text(text.key, entries)}\n"
+        content = f"[{toml_key(text.act)}]\n{_pair_text(text.key, entries)}\n"
         return Plan(written={name: content.encode()}, says=(f"{says} (the first in {language})",))
-    file = TranslationsFile(file_of(study.files, name))
-    found = file.entries.get((text.act, text.key))
-    if found is None:
-        edits, was = [file.insertion(text, entries, study.checked.texts)], " (new)"
+    file = file_of(study.files, name)
+    toml = _read(file)
+    found, before = toml.find((text.act, text.key))
+    if not found:
+        after, was = changed_text(file.text, [_insertion(toml, text, entries, study.checked.texts)]), " (new)"
     else:
-        edits, before = file.replacements(found, entries), file.string(found.values.get("text"))
-        was = ": it is right still" if before == value else f" (was “{_short(before)}”)"
-    return Plan(splices=file.splices(edits), says=(says + was,))
+        after, was = _replaced(toml, (text.act, text.key), entries), f" (was “{_short(_said(before))}”)"
+        was = ": it is right still" if _said(before) == value else was
+    return Plan(splices=_splices(file, after), says=(says + was,))
 
 
 def plan_add_language(edit: AddLanguage, study: StudyState) -> Plan:
@@ -105,24 +102,23 @@ def follow_texts(study: StudyState, moved: Mapping[tuple[str, str], str | None])
     for name in sorted(study.files):
         if not (name.startswith(f"{TEXTS_FOLDER}/") and name.endswith(".toml")):
             continue
-        file = TranslationsFile(file_of(study.files, name))
-        gone = [entry for of, entry in file.entries.items() if of in moved and moved[of] is None]
-        edits = file.removals(gone)
-        for of, entry in file.entries.items():
-            if (key := moved.get(of)) is not None:
-                edits.append(file.renaming(entry, key))
-        found += file.splices(edits) if edits else ()
+        file = file_of(study.files, name)
+        toml, after = _read(file), file.text
+        there = {of: key for of, key in moved.items() if toml.find(of)[0]}
+        for of in [of for of, key in there.items() if key is None]:
+            after = remove_value(after, of)
+        after = rename_keys(after, {of: key for of, key in there.items() if key is not None})
+        found += _splices(file, after)
     return tuple(found)
 
 
 def _plan_removal(edit: SetTranslation, study: StudyState, name: str) -> Plan:
-    file = TranslationsFile(file_of(study.files, name)) if name in study.files else None
-    found = file.entries.get((edit.act, edit.text)) if file is not None else None
-    if file is None or found is None:
+    file = file_of(study.files, name) if name in study.files else None
+    found, before = _read(file).find((edit.act, edit.text)) if file is not None else (False, None)
+    if file is None or not found:
         raise EditRefused(f"`{edit.act}/{edit.text}` has no translation into `{edit.language}`")
-    was = _short(file.string(found.values.get("text")))
-    says = f"{edit.act}/{edit.text} has no translation into {edit.language} any more (was “{was}”)"
-    return Plan(splices=file.splices([file.removal(found)]), says=(says,))
+    says = f"{edit.act}/{edit.text} has no translation into {edit.language} any more (was “{_short(_said(before))}”)"
+    return Plan(splices=_splices(file, remove_value(file.text, (edit.act, edit.text))), says=(says,))
 
 
 def _find_text(edit: SetTranslation, study: StudyState) -> SpokenText:
@@ -138,164 +134,72 @@ def _find_text(edit: SetTranslation, study: StudyState) -> SpokenText:
     raise EditRefused(f"the act `{edit.act}` has no text `{edit.text}`{did_you_mean(edit.text, keys)}")
 
 
-class TranslationEntry(Struct, frozen=True):
-    """A translation as it is written."""
-
-    section: TomlSection
-    pair: TomlPair | None
-    """The whole of it, `"2/1" = { ... }`; None: it is a section of its own, or lies in a larger value."""
-    whole: TomlValue | None
-    """Its value; None: it has none of its own."""
-    values: dict[str, TomlValue]
-    """`text` and `of`."""
+# --- the text of a file ----------------------------------------------------------------------------------------------
 
 
-class TranslationsFile:
-    """A file of translations, for changes that leave all else in it alone."""
-
-    def __init__(self, file: EditedText) -> None:
-        """:raises EditRefused: it is no TOML."""
-        self._file = file
-        self._text = file.text
-        self._line_end = "\r\n" if "\r\n" in file.text else "\n"
-        try:
-            tomllib.loads(file.text)
-        except (ValueError, RecursionError) as error:
-            raise EditRefused(f"{file.name} cannot be read, so it is not changed: {error}; mend it first") from None
-        self._sections = read_sections(file.text)
-        self.entries: dict[tuple[str, str], TranslationEntry] = {}
-        """By act and text."""
-        for section in self._sections:
-            self._read_section(section)
-
-    def _read_section(self, section: TomlSection) -> None:
-        if len(section.path) == 2:
-            values = {pair.names[0]: pair.value for pair in section.pairs if len(pair.names) == 1}
-            self.entries.setdefault((section.path[0], section.path[1]), TranslationEntry(section, None, None, values))
-            return
-        for pair in section.pairs:
-            for path, value in _walk((*section.path, *pair.names), pair.value):
-                if len(path) == 2:
-                    own = pair if path == (*section.path, *pair.names) else None
-                    values = {each.names[0]: each.value for each in value.pairs if len(each.names) == 1}
-                    self.entries.setdefault((path[0], path[1]), TranslationEntry(section, own, value, values))
-
-    def splices(self, edits: Sequence[TextEdit]) -> tuple[Splice, ...]:
-        """The edits in bytes. :raises EditRefused: the file would be no TOML any more, because it is written so."""
-        try:
-            tomllib.loads(changed_text(self._text, edits))
-        except (ValueError, RecursionError):
-            raise EditRefused(
-                f"{self._file.name} is written in a way in which this cannot be put in; change it in an editor"
-            ) from None
-        return self._file.splices(edits)
-
-    def string(self, value: TomlValue | None) -> str:
-        """What a value says; empty for none, and for another one than a text."""
-        if value is None:
-            return ""
-        found = tomllib.loads(f"_ = {self._text[value.start : value.end]}")["_"]
-        return " ".join(found.split()) if isinstance(found, str) else ""
-
-    def replacements(self, found: TranslationEntry, entries: Mapping[str, str]) -> list[TextEdit]:
-        """Other values in the place of those of a translation."""
-        whole = found.whole
-        if whole is not None and (whole.kind != "table" or not found.values):
-            return [TextEdit(whole.start, whole.end, _inline(entries))]
-        edits = []
-        last = max(value.end for value in found.values.values()) if found.values else found.section.header_end
-        for name, text in entries.items():
-            value = found.values.get(name)
-            if value is None:
-                between = ", " if whole is not None else self._line_end
-                edits.append(TextEdit(last, last, f"{between}{name} = {_quoted(text)}"))
-            elif self.string(value) != text:
-                edits.append(TextEdit(value.start, value.end, _quoted(text)))
-        return edits
-
-    def insertion(self, text: SpokenText, entries: Mapping[str, str], texts: Sequence[SpokenText]) -> TextEdit:
-        """A translation that is not there yet, where the order of the acts wants it."""
-        new = _pair_text(text.key, entries)
-        section = next((each for each in self._sections if each.path == (text.act,)), None)
-        if section is not None:
-            before = _before(text.key, [each.key for each in texts if each.act == text.act])
-            pairs = [pair for pair in section.pairs if pair.names and pair.names[0] in before]
-            at = self._line_behind(pairs[-1].value.end if pairs else section.header_end)
-            return TextEdit(at, at, f"{self._line_end}{new}")
-        head = f"[{quote_toml_key(text.act)}]{self._line_end}{new}"
-        before = _before(text.act, [each.act for each in texts])
-        sections = [each for each in self._sections if each.path and each.path[0] in before]
-        if sections:
-            at = self._line_behind(sections[-1].end)
-            return TextEdit(at, at, f"{self._line_end * 2}{head}")
-        following = next((each for each in self._sections if each.path), None)
-        if following is not None:
-            at = self._text.rfind("\n", 0, following.start) + 1
-            return TextEdit(at, at, f"{head}{self._line_end * 2}")
-        gap = "" if not self._text or self._text.endswith("\n") else self._line_end
-        gap += self._line_end if self._text.strip() else ""
-        return TextEdit(len(self._text), len(self._text), f"{gap}{head}{self._line_end}")
-
-    def removals(self, gone: Sequence[TranslationEntry]) -> list[TextEdit]:
-        """Several that go at once; a section of which nothing is left goes whole."""
-        edits: list[TextEdit] = []
-        emptied: list[TomlSection] = []
-        for entry in gone:
-            section = entry.section
-            if any(section is each for each in emptied):
-                continue
-            of_section = [each.pair for each in gone if each.section is section]
-            if entry.pair is not None and section.path and all(pair in of_section for pair in section.pairs):
-                emptied.append(section)
-                edits.append(self._lines_of(section.start, section.end))
-            else:
-                edits.append(self.removal(entry))
-        return edits
-
-    def renaming(self, entry: TranslationEntry, key: str) -> TextEdit:
-        """A translation under another key. :raises EditRefused: its key stands nowhere by itself."""
-        parts = entry.pair.parts if entry.pair is not None else entry.section.parts
-        if entry.pair is None and entry.whole is not None:
-            raise EditRefused(f"{self._file.name} is written in a way in which this cannot be changed by itself")
-        return TextEdit(parts[-1].start, parts[-1].end, quote_toml_key(key))
-
-    def removal(self, found: TranslationEntry) -> TextEdit:
-        """A translation that goes, with its line; with the last one of an act, the header, too.
-
-        :raises EditRefused: it does not stand on a line of its own.
-        """
-        section, pair = found.section, found.pair
-        if pair is None and found.whole is not None:
-            raise EditRefused(f"{self._file.name} is written in a way in which this cannot be taken out by itself")
-        start, end = (section.start, section.end) if pair is None else (pair.start, pair.value.end)
-        if pair is not None and section.path and section.pairs == [pair]:
-            start = section.start
-        return self._lines_of(start, end)
-
-    def _lines_of(self, start: int, end: int) -> TextEdit:
-        """Takes lines out, and the blank line before a header."""
-        start, end = self._text.rfind("\n", 0, start) + 1, self._line_behind(end)
-        if self._text[start:end].lstrip().startswith("[") and (gap := re.search(r"(\r?\n)\r?\n\Z", self._text[:start])):
-            start = gap.end(1)
-            return TextEdit(start, min(end + self._end_length(end), len(self._text)), "")
-        return TextEdit(start, end + self._end_length(end), "")
-
-    def _end_length(self, at: int) -> int:
-        """How many characters the line end there has."""
-        return 2 if self._text.startswith("\r\n", at) else int(at < len(self._text))
-
-    def _line_behind(self, at: int) -> int:
-        """Where the line ends, with its comment, in which a place is."""
-        end = self._text.find("\n", at)
-        end = len(self._text) if end < 0 else end
-        return end - 1 if end > at and self._text[end - 1] == "\r" else end
+def _read(file: EditedText) -> TomlText:
+    """:raises EditRefused: it is not TOML."""
+    try:
+        return TomlText(file.text)
+    except EditRefused as error:
+        raise EditRefused(f"{file.name} cannot be read, so it is not changed: {error}") from None
 
 
-def _walk(path: KeyPath, value: TomlValue) -> Iterator[tuple[KeyPath, TomlValue]]:
-    """A value and all that is in it, with their paths."""
-    yield path, value
-    for pair in value.pairs:
-        yield from _walk((*path, *pair.names), pair.value)
+def _splices(file: EditedText, after: str) -> tuple[Splice, ...]:
+    """:raises EditRefused: the file would not be TOML any more, because of how it is written."""
+    try:
+        TomlText(after)
+    except EditRefused:
+        message = f"{file.name} is written in a way in which this cannot be put in; change it in an editor"
+        raise EditRefused(message) from None
+    return file.splices(edits_between(file.text, after))
+
+
+def _said(translation: Any) -> str:
+    """The text of a translation; empty for another value."""
+    found = translation.get("text") if isinstance(translation, dict) else None
+    return " ".join(found.split()) if isinstance(found, str) else ""
+
+
+def _replaced(toml: TomlText, path: KeyPath, entries: Mapping[str, str]) -> str:
+    """A translation that is there says something else."""
+    whole = toml.entries.get(path)
+    if whole is not None and (whole.value.kind != "table" or not whole.value.pairs):
+        return changed_text(toml.text, [TextEdit(whole.value.start, whole.value.end, _inline(entries))])
+    changed = []
+    for name, text in entries.items():
+        entry, value = toml.entries.get((*path, name)), toml.find((*path, name))[1]
+        if entry is not None and not (isinstance(value, str) and " ".join(value.split()) == text):
+            changed.append(TextEdit(entry.value.start, entry.value.end, _quoted(text)))
+    after = changed_text(toml.text, changed)
+    for name, text in entries.items():
+        if not toml.find((*path, name))[0]:
+            after = set_value(after, (*path, name), text)
+    return after
+
+
+def _insertion(toml: TomlText, text: SpokenText, entries: Mapping[str, str], texts: Sequence[SpokenText]) -> TextEdit:
+    """A translation that is not there yet, where the order of the acts wants it."""
+    new, line_end = _pair_text(text.key, entries), toml.newline
+    section = next((each for each in toml.sections if each.path == (text.act,)), None)
+    if section is not None:
+        before = _before(text.key, [each.key for each in texts if each.act == text.act])
+        pairs = [pair for pair in section.pairs if pair.names and pair.names[0] in before]
+        at = toml.line_end(pairs[-1].value.end if pairs else section.header_end)
+        return TextEdit(at, at, f"{line_end}{new}")
+    head = f"[{toml_key(text.act)}]{line_end}{new}"
+    before = _before(text.act, [each.act for each in texts])
+    sections = [each for each in toml.sections if each.path and each.path[0] in before]
+    if sections:
+        at = toml.line_end(sections[-1].end)
+        return TextEdit(at, at, f"{line_end * 2}{head}")
+    following = next((each for each in toml.sections if each.path), None)
+    if following is not None:
+        at = toml.line_start(following.start)
+        return TextEdit(at, at, f"{head}{line_end * 2}")
+    gap = "" if not toml.text or toml.text.endswith("\n") else line_end
+    gap += line_end if toml.text.strip() else ""
+    return TextEdit(len(toml.text), len(toml.text), f"{gap}{head}{line_end}")
 
 
 def _before(name: str, names: Sequence[str]) -> set[str]:
@@ -303,7 +207,7 @@ def _before(name: str, names: Sequence[str]) -> set[str]:
 
 
 def _pair_text(key: str, entries: Mapping[str, str]) -> str:
-    return f"{quote_toml_key(key)} = {_inline(entries)}"
+    return f"{toml_key(key)} = {_inline(entries)}"
 
 
 def _inline(entries: Mapping[str, str]) -> str:
@@ -311,11 +215,8 @@ def _inline(entries: Mapping[str, str]) -> str:
 
 
 def _quoted(text: str) -> str:
-    """A text as TOML has it; one with many quotation marks in those in which they stand as they are."""
-    if '"' in text and "'" not in text and not _CONTROL.search(text):
-        return f"'{text}'"
-    escaped = text.replace("\\", "\\\\").replace('"', '\\"')
-    return '"' + _CONTROL.sub(lambda found: f"\\u{ord(found.group()):04X}", escaped) + '"'
+    """A text as TOML has it; one with double quotation marks is put in single ones if it can be."""
+    return toml_value(text, like="'" if '"' in text else "")
 
 
 def _short(text: str) -> str:

@@ -9,6 +9,8 @@ import re
 from collections.abc import Callable, Iterable, Iterator
 from xml.sax.saxutils import unescape
 
+from msgspec import UNSET
+
 from rise_engine.author.edit.acts import next_id
 from rise_engine.author.edit.edits import AnyEdit
 from rise_engine.author.edit.finding_place import FindingPlace
@@ -17,9 +19,7 @@ from rise_engine.syntax.xml_layout import gap_before, gap_in
 from rise_engine.syntax.xml_repair import RepairedText
 from rise_engine.syntax.xml_writing import NewElement, set_text
 
-_MEANT = re.compile(r"`([^`]+)`[^`]*; did you mean `([^`]+)`")
-_WRITE = re.compile(r"`([^`]+)` (?:has no meaning here|is no operator|is not known); write `([^`]+)`")
-_QUOTED_WORD = re.compile(r"write '([^']+)' in quotation marks")
+_OF_EXPRESSIONS = ("condition", "assignment", "time")
 _NUMBER = re.compile(r"\s*([\d.]+)\s*\Z")
 _ATTRIBUTE = re.compile(r"""[\w:.-]+\s*=\s*(?:"[^"]*"|'[^']*')""")
 _CONFLICT = re.compile(
@@ -34,11 +34,10 @@ Written = tuple[str, AnyEdit]
 
 def _meant_name(place: FindingPlace) -> Iterator[Written]:
     """The nearest right name."""
-    found = _MEANT.search(place.finding.message)
-    if found is None:
+    suggestion = place.finding.suggestion
+    if suggestion is UNSET or not suggestion.meant or place.finding.code in _OF_EXPRESSIONS:
         return
-    wrong, meant = found.groups()
-    written = place.written
+    wrong, meant, written = suggestion.written, suggestion.meant, place.written
     mark = "<" if written.startswith("<") else written[:1] if written[:1] in ("'", '"') else ""
     inner = written[1:-1] if mark and mark == written[-1:] else written.removeprefix(mark)
     if wrong.strip("/") != unescape(inner, {"&quot;": '"', "&apos;": "'"}).strip().strip("/"):
@@ -49,25 +48,24 @@ def _meant_name(place: FindingPlace) -> Iterator[Written]:
 
 
 def _meant_sign(place: FindingPlace) -> Iterator[Written]:
-    """What an expression writes otherwise: `AND`, `&`, `≥`."""
-    found = _WRITE.search(place.finding.message)
-    if place.finding.code not in ("condition", "assignment", "time") or found is None:
+    """What an expression has for `AND`, `&`, `≥` or a function that there is not."""
+    suggestion = place.finding.suggestion
+    if suggestion is UNSET or place.finding.code not in _OF_EXPRESSIONS:
         return
-    wrong, right = found.groups()
-    for written in dict.fromkeys((place.escaped(wrong), wrong)):
+    for written in dict.fromkeys((place.escaped(suggestion.written), suggestion.written)):
         if place.text.startswith(written, place.start):
-            edit = TextEdit(place.start, place.start + len(written), place.escaped(right))
-            yield f"write {right}", place.rewritten(edit)
+            edit = TextEdit(place.start, place.start + len(written), place.escaped(suggestion.meant))
+            yield f"write {suggestion.meant}", place.rewritten(edit)
             return
 
 
 def _quoted_word(place: FindingPlace) -> Iterator[Written]:
     """A word that is meant as a text."""
-    found = _QUOTED_WORD.search(place.finding.message)
-    if place.finding.code != "bare-word" or found is None:
+    suggestion = place.finding.suggestion
+    if place.finding.code != "bare-word" or suggestion is UNSET:
         return
     equals = place.text.find("=", place.start, place.end)
-    word = re.compile(rf"(?<![\w.'\"&]){re.escape(found.group(1))}(?![\w.'\";])")
+    word = re.compile(rf"(?<![\w.'\"&]){re.escape(suggestion.written)}(?![\w.'\";])")
     at = word.search(place.text, max(equals, place.start), place.end)
     if at is None or place.text[place.end : place.end + 1] == "'":
         return

@@ -18,6 +18,7 @@ from rise_engine.scenario.model import ActionSpec, SourceLocation
 from rise_engine.scenario.parameters import listed_names
 from rise_engine.scenario.source_files import SourceFile
 from rise_engine.scenario.trial_settings import MEASURES, TRIAL_KEYS
+from rise_engine.syntax.xml_format import ACT_WRAPPERS
 
 _TAG = re.compile(r"<!--.*?-->|<!\[CDATA\[.*?\]\]>|<(/?)([\w.:-]+)((?:[^<>\"']|\"[^\"]*\"|'[^']*')*?)(/?)>", re.DOTALL)
 _NAME = re.compile(r"""\s(?:name|id)\s*=\s*["']([^"']*)["']""")
@@ -41,7 +42,7 @@ _CHILDREN = {
     "transitions": ("transition",),
     "if": (*_STATEMENTS, "elseif", "else"),
     **dict.fromkeys(("onEntry", "onExit", "transition", "else", "elseif", "oneOf"), _STATEMENTS),
-    **dict.fromkeys(("Dialogs", "AgentDialogs", "CommunicationRobotActs"), ("Dialog",)),
+    **dict.fromkeys(ACT_WRAPPERS, ("Dialog",)),
 }
 _ATTRIBUTES = {
     "Dialog": ("name",),

@@ -85,7 +85,7 @@ def rename(folder: str, kind: NameKind, old: str, new: str, as_diff: bool, as_js
     try:
         sound_scenario(loaded)
     except Refused as refused:
-        raise refused.with_hint("mend that first: with errors nobody knows where names stand") from None
+        raise refused.with_hint("fix that first: a file with errors does not show where its names are") from None
     try:
         files = read_study_files(path)
         state = StudyState(files, loaded, path, read_study_above(path))

@@ -60,7 +60,7 @@ def test_a_study_without_memory_gets_a_file_where_it_names_it() -> None:
         ({}, SetStartValue("a", float("nan")), "cannot be the start value of `a`"),
         ({}, SetStartValue("a", 2**63), "more than 64 bits"),
         ({"tables/items.csv": b"a\n"}, SetStartValue("items.x", 2), "`items` is a table of this study"),
-        ({"scenario.toml": b"a = \n"}, SetSetting(("a",), 2), "scenario.toml: it is not TOML as it stands"),
+        ({"scenario.toml": b"a = \n"}, SetSetting(("a",), 2), "scenario.toml: it is not TOML"),
         ({"scenario.toml": b"a = 1\n"}, SetSetting(("a",), {"b": None}), "TOML file has no null"),
         ({"scenario.toml": b"a = 1\n"}, SetSetting(("a", "b"), 1), "`a` has no place for `b`"),
         ({"scenario.toml": b"a = [1]\n"}, SetSetting(("a", "3"), 1), "`a` has no place for `3`"),

@@ -16,7 +16,7 @@ from rise_engine.syntax.xml import comments_of
 from rise_engine.syntax.xml_format import format_xml
 from tests.author.edit.guard import changed_paths
 from tests.author.edit.samples import NAMES, SPELLINGS, state_of, study_files
-from tests.author.edit.test_toml_edits import documents
+from tests.syntax.test_toml_edits import documents
 
 
 @pytest.mark.parametrize("name", NAMES)

@@ -144,9 +144,10 @@ def test_a_file_that_is_no_toml_is_left_alone() -> None:
         plan(SetTranslation("de", "R_Yes", "2/1", "x"), broken)
 
 
-def test_what_is_written_so_that_it_cannot_be_changed_alone_is_refused() -> None:
-    with pytest.raises(EditRefused, match=r"change it in an editor|by itself"):
-        plan(SetTranslation("de", "R_Gone", "1", None), state("one table"))
+def test_a_translation_in_an_inline_table_of_its_act_is_removed_from_it() -> None:
+    study = state("one table")
+    after = apply_plan(study.files, plan(SetTranslation("de", "R_Gone", "1", None), study))
+    assert changed_lines(study.files, after) == (['R_Gone = { "1" = { text = "x", of = "y" } }'], ["R_Gone = {}"])
 
 
 @pytest.mark.parametrize("spelling", ["LF", "CRLF", "BOM", "comments"])

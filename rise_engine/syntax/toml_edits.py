@@ -13,9 +13,8 @@ from typing import Any
 
 from msgspec import Struct
 
-from rise_engine.author.edit.plan import EditRefused
-from rise_engine.author.edit.toml_writing import toml_key, toml_value
-from rise_engine.scenario.toml_syntax import KeyPath, TomlPair, TomlSection, TomlValue, read_sections
+from rise_engine.syntax.changes import EditRefused
+from rise_engine.syntax.toml import KeyPath, TomlPair, TomlSection, TomlValue, read_sections, toml_key, toml_value
 
 _PAIRS_IN_A_LINE = ("keys",)
 """Tables whose entries are tables in a line each: `n = { rule = "Next" }`."""
@@ -39,7 +38,7 @@ class TomlText:
         try:
             self.values: dict[str, Any] = tomllib.loads(text)
         except (ValueError, RecursionError) as error:
-            raise EditRefused(f"it is not TOML as it stands ({error}); mend that first") from None
+            raise EditRefused(f"it is not TOML ({error}); fix that first") from None
         self.sections = read_sections(text)
         self.entries: dict[KeyPath, _TomlEntry] = {}
         for section in self.sections:
@@ -375,16 +374,24 @@ def rename_key(text: str, path: KeyPath, name: str) -> str:
 
     :raises EditRefused: it is not TOML, there is no such entry, it is an element of a list, or the name is taken.
     """
+    return rename_keys(text, {path: name})
+
+
+def rename_keys(text: str, names: Mapping[KeyPath, str]) -> str:
+    """As `rename_key`, of several entries at once, which may take each other's names."""
     toml = TomlText(text)
-    if not path or not toml.find(path)[0]:
-        raise EditRefused(f"there is no `{'.'.join(path)}`")
-    holder = toml.find(path[:-1])[1]
-    if not isinstance(holder, dict):
-        raise EditRefused(f"`{'.'.join(path)}` is an element of a list and has no name")
-    if name in holder:
-        raise EditRefused(f"`{'.'.join((*path[:-1], name))}` is there already; choose another name")
-    for start, end, aligned in sorted(_written_names(toml, path), reverse=True):
-        new, old = toml_key(name), text[start:end]
+    written: list[tuple[int, int, bool, str]] = []
+    for path, name in names.items():
+        if not path or not toml.find(path)[0]:
+            raise EditRefused(f"there is no `{'.'.join(path)}`")
+        holder = toml.find(path[:-1])[1]
+        if not isinstance(holder, dict):
+            raise EditRefused(f"`{'.'.join(path)}` is an element of a list and has no name")
+        if name in holder and (*path[:-1], name) not in names:
+            raise EditRefused(f"`{'.'.join((*path[:-1], name))}` is there already; choose another name")
+        written += [(*place, toml_key(name)) for place in _written_names(toml, path)]
+    for start, end, aligned, new in sorted(written, reverse=True):
+        old = text[start:end]
         blanks = re.match(r" *(?==)", text[end:])
         if aligned and blanks is not None and blanks.end() > 1:
             kept = max(1, blanks.end() + len(old) - len(new))

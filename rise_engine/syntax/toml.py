@@ -1,24 +1,31 @@
-"""TOML files as they are written: where every table, key and value begins and ends, for changes that leave the rest.
+"""TOML as it is written: where every table, key and value begins and ends, and how new keys and values are written.
 
-The text is known to be valid (tomllib has read it), so that this only has to find things, in time that grows with its
-length.
+A text that is read here is valid (tomllib has read it). So this only has to find things, in time that grows with the
+length of the text.
 """
 
 from __future__ import annotations
 
+import json
 import re
 import tomllib
 from collections.abc import Iterable, Iterator
+from math import isfinite
+from typing import Any
 
 from msgspec import Struct
 
 from rise_engine.base.text import match_end
+from rise_engine.syntax.changes import EditRefused
 
 _SPACE = re.compile(r"[ \t]*")
 _BLANK = re.compile(r"(?:[ \t\r\n]|#[^\n]*)*")
-_PART = re.compile(r"""[A-Za-z0-9_-]+|"(?:[^"\\]|\\.)*"|'[^']*'""")
+KEY_PART = re.compile(r"""[A-Za-z0-9_-]+|"(?:[^"\\]|\\.)*"|'[^']*'""")
+"""One part of a dotted key."""
 _STRING = re.compile(r"""\"{3}(?:\\.|[^\\])*?"{3,5}|'{3}.*?'{3,5}|"(?:[^"\\]|\\.)*"|'[^']*'""", re.DOTALL)
 _BARE_VALUE = re.compile(r"[^,\]}\n#]*")
+_BARE_KEY = re.compile(r"[A-Za-z0-9_-]+")
+_CONTROL = re.compile(r"[\x00-\x1f\x7f]")
 
 KeyPath = tuple[str, ...]
 
@@ -81,12 +88,12 @@ class TomlSection(Struct):
 
 
 def read_sections(text: str) -> list[TomlSection]:
-    """The sections of a text that is valid TOML, in order; the first is what stands before any header."""
+    """The sections of a text that is valid TOML, in order; the first is what comes before any header."""
     return list(_SyntaxReader(text).read())
 
 
 def toml_path_at(text: str, at: int) -> KeyPath | None:
-    """The path of the entry or the table in whose name or value the character `at` of a valid TOML text stands.
+    """The path of the entry or the table whose name or value holds the character `at` of a valid TOML text.
 
     >>> toml_path_at('[keys]\\nb = { act = "R_Yes" }', 14)
     ('keys', 'b', 'act')
@@ -115,6 +122,39 @@ def _path_in_value(value: TomlValue, path: KeyPath, at: int) -> KeyPath:
         if item.start <= at < item.end:
             return _path_in_value(item, (*path, str(number)), at)
     return _path_in_pairs(value.pairs, path, at) or path
+
+
+def read_places(text: str) -> dict[KeyPath, tuple[int, int]]:
+    """Where the key and the value of each entry of a valid TOML text begin, by its path.
+
+    >>> read_places("[a]\\nb = [1, 2]")
+    {('a',): (1, 0), ('a', 'b'): (4, 8), ('a', 'b', '0'): (9, 9), ('a', 'b', '1'): (12, 12)}
+    """
+    found: dict[KeyPath, tuple[int, int]] = {}
+    for section in read_sections(text):
+        for number, part in enumerate(section.parts, 1):
+            names = tuple(each.name for each in section.parts[:number])
+            found.setdefault(names, (part.start, section.start))
+        found.setdefault(section.path, (section.start, section.start))
+        _note_pairs(section.pairs, section.path, found)
+    return found
+
+
+def _note_pairs(pairs: Iterable[TomlPair], path: KeyPath, found: dict[KeyPath, tuple[int, int]]) -> None:
+    for pair in pairs:
+        inside = path
+        for part in pair.parts:
+            inside = (*inside, part.name)
+            found.setdefault(inside, (part.start, part.start))
+        found[inside] = (found[inside][0], pair.value.start)
+        _note_value(pair.value, inside, found)
+
+
+def _note_value(value: TomlValue, path: KeyPath, found: dict[KeyPath, tuple[int, int]]) -> None:
+    for number, item in enumerate(value.items):
+        found[(*path, str(number))] = (item.start, item.start)
+        _note_value(item, (*path, str(number)), found)
+    _note_pairs(value.pairs, path, found)
 
 
 class _SyntaxReader:
@@ -156,7 +196,7 @@ class _SyntaxReader:
 
     def read_key(self, at: int) -> tuple[tuple[TomlKeyPart, ...], int]:
         parts: list[TomlKeyPart] = []
-        while (found := _PART.match(self.text, at)) is not None:
+        while (found := KEY_PART.match(self.text, at)) is not None:
             parts.append(TomlKeyPart(_key_text(found.group()), at, found.end()))
             at = match_end(_SPACE, self.text, found.end())
             if not self.text.startswith(".", at):
@@ -200,3 +240,51 @@ def _key_text(written: str) -> str:
     if written[0] == "'" or "\\" not in written:
         return written[1:-1]
     return next(iter(tomllib.loads(f"{written} = 0")))
+
+
+# --- writing ---------------------------------------------------------------------------------------------------------
+
+
+def toml_key(name: str) -> str:
+    """A key as TOML has it, in quotation marks where it must be."""
+    return name if _BARE_KEY.fullmatch(name) else _basic(name)
+
+
+def toml_value(value: Any, like: str = "") -> str:
+    """A value in one line.
+
+    :param value: what JSON has.
+    :param like: how the value before was written; its quotation marks are kept where they can be.
+    :raises EditRefused: TOML has no such value: null, NaN, a whole number of more than 64 bits.
+    """
+    match value:
+        case bool():
+            return "true" if value else "false"
+        case str():
+            return _written_text(value, like)
+        case int() if -(2**63) <= value < 2**63:
+            return str(value)
+        case float() if isfinite(value):
+            return repr(value)
+        case list() | tuple():
+            return f"[{', '.join(map(toml_value, value))}]"
+        case dict():
+            pairs = ", ".join(f"{toml_key(key)} = {toml_value(each)}" for key, each in value.items())
+            return f"{{ {pairs} }}" if pairs else "{}"
+        case None:
+            raise EditRefused("a TOML file has no null; leave the entry out instead")
+    raise EditRefused(f"a TOML file cannot hold {value}")
+
+
+def _written_text(value: str, like: str) -> str:
+    if like.startswith('"""') and "\n" in value:
+        newline = "\r\n" if "\r\n" in like else "\n"
+        opening = newline if like.startswith(("\n", "\r\n"), 3) else ""
+        return f'"""{opening}{newline.join(_basic(line)[1:-1] for line in value.split(chr(10)))}"""'
+    if like.startswith("'") and "'" not in value and _CONTROL.search(value) is None:
+        return f"'{value}'"
+    return _basic(value)
+
+
+def _basic(text: str) -> str:
+    return json.dumps(text, ensure_ascii=False).replace("\x7f", "\\u007f")

@@ -10,9 +10,9 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from rise_engine.author.edit.plan import EditRefused
-from rise_engine.author.edit.toml_edits import remove_value, rename_key, set_value
-from rise_engine.author.edit.toml_writing import toml_value
 from rise_engine.syntax.changes import changed_text, edits_between
+from rise_engine.syntax.toml import toml_value
+from rise_engine.syntax.toml_edits import remove_value, rename_key, set_value
 
 STUDY = """\
 # A study.

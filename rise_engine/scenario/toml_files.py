@@ -1,4 +1,4 @@
-"""TOML files with places: tomllib reads the values, one pass over the text tells where each key and value stands."""
+"""TOML files of a scenario: their values, and where each key, each value and each character of a text is written."""
 
 from __future__ import annotations
 
@@ -15,24 +15,20 @@ from rise_engine.base.typography import find_typographic_closing, typography_pro
 from rise_engine.scenario.diagnostics import Diagnostics
 from rise_engine.scenario.model import SourceLocation
 from rise_engine.scenario.source_files import FileReader, SourceFile
+from rise_engine.syntax.toml import KEY_PART, KeyPath, read_places
 
-_BLANK = re.compile(r"(?:[ \t\r\n]|#[^\n]*)*")
-_SPACE = re.compile(r"[ \t]*")
-_KEY = re.compile(r"""[A-Za-z0-9_-]+|"(?:[^"\\]|\\.)*"|'[^']*'""")
-_STRING = re.compile(r"""\"{3}(?:\\.|[^\\])*?"{3,5}|'{3}.*?'{3,5}|"(?:[^"\\]|\\.)*"|'[^']*'""", re.DOTALL)
-_BARE_VALUE = re.compile(r"[^,\]}\n#]*")
 _AT = re.compile(r"\(at (?:line (\d+), column (\d+)|end of document)\)")
 
 _TWICE = re.compile(r"overwrite|declare|redefine|Duplicate|immutable", re.IGNORECASE)
-_DOTTED = re.compile(rf"(?:{_KEY.pattern})(?:\s*\.\s*(?:{_KEY.pattern}))*")
+_DOTTED = re.compile(rf"(?:{KEY_PART.pattern})(?:\s*\.\s*(?:{KEY_PART.pattern}))*")
+_BASIC = re.compile(r"\\(?:u[0-9A-Fa-f]{4}|U[0-9A-Fa-f]{8}|[ \t]*\r?\n\s*|.)|\r\n|.", re.DOTALL)
+"""One character of a text in double quotation marks."""
 _MOST_MISTAKES = 20
 """How many lines of a file are left out before it is given up."""
 _MOST_READ = 2_000_000
 """Characters after which a file with mistakes is not read once more."""
 _LONG_KEY = re.compile(r"""(?<![\w.-])(?:(?:[A-Za-z0-9_-]++|"[^"\n]*+"|'[^'\n]*+')[ \t]*+\.[ \t]*+){64}""")
 """A key of more than 64 parts. No author writes one, and the standard library takes quadratic time for it."""
-
-KeyPath = tuple[str, ...]
 
 
 class TomlFile:
@@ -67,7 +63,7 @@ class TomlFile:
 
     def _offsets(self, path: KeyPath) -> tuple[int, int]:
         if self._offsets_by_path is None:
-            self._offsets_by_path = _Locator(self.source.text).locate_all()
+            self._offsets_by_path = read_places(self.source.text)
         while path:
             if path in self._offsets_by_path:
                 return self._offsets_by_path[path]
@@ -189,94 +185,43 @@ def _blank_out(text: str, line: int) -> str:
     return "\n".join(lines)
 
 
-class _Locator:
-    """Walks over a text that is known to be valid TOML."""
+# --- texts ----------------------------------------------------------------------------------------------------------
 
-    def __init__(self, text: str) -> None:
-        self.text = text
-        self.found: dict[KeyPath, tuple[int, int]] = {}
-        self.lengths: dict[KeyPath, int] = {}
-        """How many tables each `[[list]]` has so far."""
 
-    def locate_all(self) -> dict[KeyPath, tuple[int, int]]:
-        table: KeyPath = ()
-        position = match_end(_BLANK, self.text, 0)
-        while position < len(self.text):
-            if self.text.startswith("[", position):
-                opening = position
-                is_list = self.text.startswith("[[", position)
-                while self.text.startswith("[", position):
-                    position += 1
-                position, named = self.read_key(match_end(_SPACE, self.text, position), (), opening)
-                position = match_end(_SPACE, self.text, position)
-                table = self.enter_table(named, opening, is_list=is_list)
-                while self.text.startswith("]", position):
-                    position += 1
+class WrittenText:
+    """One text, with or without quotation marks."""
+
+    def __init__(self, source: SourceFile, offset: int, value: str) -> None:
+        """
+        :param source: the file.
+        :param offset: where the text begins, with its quotation marks.
+        :param value: what it says.
+        """
+        text = source.text
+        quotes = next((each for each in ('"""', "'''", '"', "'") if text.startswith(each, offset)), "")
+        at = offset + len(quotes)
+        if len(quotes) == 3:  # a line end directly behind them is none of the text's
+            at = match_end(re.compile(r"\r?\n"), text, at)
+        self.starts: list[int] = []
+        for _ in value:
+            self.starts.append(at)
+            if quotes.startswith('"') and (unit := _BASIC.match(text, at)) is not None:
+                while unit is not None and len(unit.group()) > 1 and unit.group()[1:].strip() == "":
+                    at = unit.end()  # a backslash at the end of a line joins it to the next
+                    unit = _BASIC.match(text, at)
+                self.starts[-1] = at
+                at = unit.end() if unit is not None else at
             else:
-                position = self.read_pair(position, table)
-            following = match_end(_BLANK, self.text, position)
-            if following == position and position < len(self.text):  # cannot happen in valid TOML; never loop
-                following = position + 1
-            position = following
-        return self.found
+                at += 2 if text.startswith("\r\n", at) else 1
+        self.starts.append(at)
 
-    def enter_table(self, named: KeyPath, opening: int, *, is_list: bool) -> KeyPath:
-        """The path of the table that a header begins: in a `[[list]]`, its number is a part of it."""
-        path: KeyPath = ()
-        for at, part in enumerate(named, start=1):
-            path = (*path, part)
-            if is_list and at == len(named):
-                self.lengths[path] = self.lengths.get(path, 0) + 1
-            if path in self.lengths:
-                path = (*path, str(self.lengths[path] - 1))
-        self.found.setdefault(path, (opening, opening))
-        return path
-
-    def read_key(self, position: int, path: KeyPath, value_at: int) -> tuple[int, KeyPath]:
-        """A dotted key: each part is noted. Returns the offset behind it and the whole path."""
-        while (part := _KEY.match(self.text, position)) is not None:
-            path = (*path, _key_text(part.group()))
-            self.found.setdefault(path, (position, value_at if value_at >= 0 else position))
-            position = match_end(_SPACE, self.text, part.end())
-            if not self.text.startswith(".", position):
-                break
-            position = match_end(_SPACE, self.text, position + 1)
-        return position, path
-
-    def read_pair(self, position: int, table: KeyPath) -> int:
-        behind, path = self.read_key(position, table, -1)
-        if not self.text.startswith("=", behind):
-            return behind
-        value_at = match_end(_SPACE, self.text, behind + 1)
-        if path in self.found:
-            self.found[path] = (self.found[path][0], value_at)
-        return self.read_value(value_at, path)
-
-    def read_value(self, position: int, path: KeyPath) -> int:
-        text = self.text
-        closing = {"[": "]", "{": "}"}.get(text[position : position + 1])
-        if closing is None:
-            end = match_end(_STRING, text, position)
-            return end if end > position else max(match_end(_BARE_VALUE, text, position), position + 1)
-        position = match_end(_BLANK, text, position + 1)
-        index = 0
-        while position < len(text) and not text.startswith(closing, position):
-            if closing == "]":
-                item = (*path, str(index))
-                self.found[item] = (position, position)
-                end = self.read_value(position, item)
-            else:
-                end = self.read_pair(position, path)
-            position = match_end(_BLANK, text, max(end, position + 1))
-            if text.startswith(",", position):
-                position = match_end(_BLANK, text, position + 1)
-            index += 1
-        return position + 1
+    def span(self, start: int, length: int) -> tuple[int, int]:
+        """From where, and over how many characters of the file, these characters of the value stand."""
+        return self.starts[start], self.starts[start + length] - self.starts[start]
 
 
-def _key_text(written: str) -> str:
-    if written[0] not in "\"'":
-        return written
-    if written[0] == "'" or "\\" not in written:
-        return written[1:-1]
-    return next(iter(tomllib.loads(f"{written} = 0")))
+def character_location(file: TomlFile, path: KeyPath, value: str, at: int) -> SourceLocation:
+    """Where a character of a text stands that is the value at a path; `at` counts from 0, and may be its end."""
+    start = file.value_location(*path)
+    written = WrittenText(file.source, file.source.offset(start.line, start.column), value)
+    return file.source.location(written.starts[min(at, len(value))])

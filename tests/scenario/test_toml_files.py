@@ -6,7 +6,7 @@ import pytest
 
 from rise_engine.scenario.diagnostics import Diagnostics
 from rise_engine.scenario.source_files import SourceFile
-from rise_engine.scenario.toml_locations import read_toml
+from rise_engine.scenario.toml_files import read_toml
 
 TEXT = """\
 a = 1
