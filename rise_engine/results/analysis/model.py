@@ -1,7 +1,7 @@
 """What happened in a session, in types. Every export and every report is made from these and from nothing else.
 
 Times are seconds on the session's clock (`t` of a record), None where something did not happen. What an export level
-does not tell (`rise_engine.session.levels`) is not in here at all: a level is applied once, when a session is read.
+does not tell (`rise_engine.privacy.levels`) is not in here at all: a level is applied once, when a session is read.
 """
 
 from __future__ import annotations
@@ -23,8 +23,8 @@ from rise_engine.kernel.records import (
     SyncRecord,
     TaskStatus,
 )
+from rise_engine.privacy.levels import ExportLevel
 from rise_engine.scenario.model import SIMULATED, Scenario
-from rise_engine.session.levels import ExportLevel
 from rise_engine.session.media import MediaFile
 
 ActorKind: TypeAlias = Literal["wizard", "rule", "program", "engine"]

@@ -24,6 +24,7 @@ from rise_engine.kernel.records import (
     StopRecord,
     SyncRecord,
 )
+from rise_engine.privacy.levels import ExportLevel
 from rise_engine.results.analysis.acts import ActCollector
 from rise_engine.results.analysis.coded import read_annotations
 from rise_engine.results.analysis.judgements import Judgement, read_judgements
@@ -34,7 +35,6 @@ from rise_engine.results.analysis.session_records import SessionRecords
 from rise_engine.scenario.model import SIMULATED, Scenario
 from rise_engine.session.folder import is_abandoned
 from rise_engine.session.labels import RelabelledError
-from rise_engine.session.levels import ExportLevel
 from rise_engine.session.media import MediaFile, read_media
 from rise_engine.study.labels import reassignment_of
 from rise_engine.study.sessions import GIVEN_UP
@@ -61,7 +61,7 @@ def read_session(
     Of a session that runs, is torn or damaged: whatever can be read, with a sentence in `problems` for what cannot.
 
     :param folder: the session's.
-    :param level: how much is told (`rise_engine.session.levels`).
+    :param level: how much is told (`rise_engine.privacy.levels`).
     :param private: further private memory keys, beside those that the session's scenario names.
     :param wizards: what to call each wizard at the other levels, by name; None: as the session's study says.
     :raises SessionError: nothing can be read, or, for less than everything, nobody can say what is private.
