@@ -10,7 +10,7 @@ from collections.abc import Iterable
 from pathlib import Path
 from typing import Any, Literal, TypeAlias
 
-from msgspec import Struct
+from msgspec import Struct, field
 
 from rise_engine.kernel.records import (
     ActionStatus,
@@ -18,8 +18,8 @@ from rise_engine.kernel.records import (
     CheckRecord,
     Mark,
     OutcomeStatus,
-    Purpose,
     RecordingRecord,
+    SessionIdentity,
     SyncRecord,
     TaskStatus,
 )
@@ -31,22 +31,11 @@ ActorKind: TypeAlias = Literal["wizard", "rule", "program", "engine"]
 """Who asked for something. program: a node, a client, the command line."""
 
 
-class SessionFacts(Struct, frozen=True, kw_only=True):
+class SessionFacts(SessionIdentity, frozen=True, kw_only=True):
     """What is true of a whole session; it stands in every row of a table."""
 
     session: str
     """The folder's name, as the level tells it: unique among the sessions that are exported together."""
-    participant: str = ""
-    condition: str = ""
-    factors: dict[str, Any] = {}
-    """The level of each factor."""
-    study: str = ""
-    """The study's id; empty: the session is of no study."""
-    study_hash: str = ""
-    slot: int | None = None
-    run: int = 0
-    attempt: int = 0
-    purpose: Purpose | Literal[""] = ""
     mode: str = ""
     """debug: the robot was simulated; this is no data of a participant."""
     outcome: OutcomeStatus | None = None
@@ -72,7 +61,7 @@ class SessionFacts(Struct, frozen=True, kw_only=True):
     downtime: float = 0.0
     """Seconds by the wall clock without an engine (`Outage`): session time does not count them."""
     recoveries: int = 0
-    versions: dict[str, str] = {}
+    versions: dict[str, str] = field(default_factory=dict)
 
     @property
     def is_simulated(self) -> bool:
