@@ -121,9 +121,7 @@ class SessionStarted(Input, frozen=True, tag="session_started", kw_only=True, gc
     participant: str = ""
     condition: str = ""
     factors: dict[str, Any] = {}
-    """What the condition is made of: the level of each factor of the study."""
     study: str = ""
-    """The study's id; empty: the session is of no study."""
     study_hash: str = ""
     slot: int | None = None
     run: int = 0

@@ -43,6 +43,7 @@ from rise_engine.kernel.records import (
     ScenarioRecord,
     SessionRecord,
     TaskRecord,
+    identity_of,
 )
 from rise_engine.kernel.reports import record_report
 from rise_engine.kernel.scenario_change import carry_over, changes_in_words, why_not_take_over
@@ -395,15 +396,7 @@ class Kernel:
             seed=self.seed,
             versions=versions,
             reason=reason,
-            participant=begun.participant,
-            condition=begun.condition,
-            study=begun.study,
-            study_hash=begun.study_hash,
-            slot=begun.slot,
-            run=begun.run,
-            attempt=begun.attempt,
-            purpose=begun.purpose,
-            factors=begun.factors,
+            **identity_of(begun),
             language=scenario.language,
             downtime=downtime,
             open=open,

@@ -66,6 +66,35 @@ def describe_open_goals(goals: Iterable[OpenGoal]) -> str:
     return "; ".join(f"{goal.part} may still be doing {goal.type} ({goal.reason})" for goal in goals)
 
 
+class SessionIdentity(Struct, frozen=True, kw_only=True):
+    """Whose session it is, and which of its study. Its first input, its first record and session.toml say it, too."""
+
+    participant: str = ""
+    """Who takes part, as the wizard named them; empty: nobody was named."""
+    condition: str = ""
+    factors: dict[str, Any] = {}
+    """What the condition is made of: the level of each factor."""
+    study: str = ""
+    """The study's id; empty: the session is of no study, and what follows is empty."""
+    study_hash: str = ""
+    """SHA-256 of its study.toml."""
+    slot: int | None = None
+    """The row of its plan; null: the session takes none."""
+    run: int = 0
+    """Which of the participant's runs it is, from 1 on."""
+    attempt: int = 0
+    """The number of this session among those of the same run, from 1 on."""
+    purpose: Purpose | Literal[""] = ""
+
+
+IDENTITY = SessionIdentity.__struct_fields__
+
+
+def identity_of(session: Any) -> dict[str, Any]:
+    """The fields of `SessionIdentity`, by their names, of anything that has them."""
+    return {name: getattr(session, name) for name in IDENTITY}
+
+
 class SessionRecord(Record, tag="session", kw_only=True):
     status: Literal["started", "recovered", "ended"]
     scenario: str = ""
@@ -76,21 +105,15 @@ class SessionRecord(Record, tag="session", kw_only=True):
     versions: dict[str, str] = field(default_factory=dict)
     reason: str = ""
     participant: str = ""
-    """Who takes part, as the wizard named them; empty: nobody was named."""
     condition: str = ""
     study: str = ""
-    """The study's id; empty: the session is of no study, and what follows is empty."""
     study_hash: str = ""
-    """SHA-256 of its study.toml."""
     slot: int | None = None
-    """The row of its plan; null: the session takes none."""
     run: int = 0
-    """Which of the participant's runs it is, from 1 on."""
     attempt: int = 0
-    """The how-manieth session of this run, from 1 on."""
     purpose: Purpose | Literal[""] = ""
     factors: dict[str, Any] = field(default_factory=dict)
-    """What the condition is made of: the level of each factor."""
+    """These nine are as in `SessionIdentity`."""
     language: str = ""
     """The language in which everything is said, by BCP 47; empty: the scenario does not say."""
     downtime: float | None = None

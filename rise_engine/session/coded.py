@@ -17,7 +17,6 @@ from msgspec.structs import replace
 from rise_engine.base.errors import SessionError
 from rise_engine.session.coded_formats import CodedClock, CodedSpan, read_coded_document, replace_words
 from rise_engine.session.disk import make_private_folder, write_private_file
-from rise_engine.session.levels import LevelFilter
 from rise_engine.session.listed_files import change_list, list_bytes, read_list
 
 CODED_FILE, CODED_FOLDER = "coded.json", "coded"
@@ -139,43 +138,6 @@ def coded_paths(folder: Path) -> list[Path]:
         return []
     theirs = (folder / CODED_FOLDER / each.name for each in files if each.sha256)
     return [folder / CODED_FILE, *theirs] if files else []
-
-
-def told_coded(folder: Path, level: LevelFilter) -> list[CodedFile]:
-    """The annotations of a session as a level below full tells them, for coded.json of a session that is given to
-    others: without the files. What cannot be read is left out.
-
-    :param folder: the session's.
-    :param level: which.
-    """
-    told: list[CodedFile] = []
-    try:
-        for number, file in enumerate(read_coded(folder), 1):
-            spans = tuple(told_span(each, file, level) for each in read_spans(folder, file))
-            told.append(
-                CodedFile(
-                    name=str(number),
-                    sha256="",
-                    clock=CodedClock(),
-                    clock_by=file.clock_by,
-                    tiers=file.tiers,
-                    speech=file.speech,
-                    spans=spans,
-                )
-            )
-    except SessionError:
-        return []
-    return told
-
-
-def told_span(span: CodedSpan, file: CodedFile, level: LevelFilter) -> CodedSpan:
-    """An annotation as a level tells it: of what the participant said, and of comments, how many words it had."""
-    return replace(
-        span,
-        annotator=level.name_of_coder(span.annotator),
-        value=level.count_typed_words(span.value) if span.tier in file.speech else span.value,
-        comment=level.count_typed_words(span.comment),
-    )
 
 
 def redacted_files(folder: Path, change: Callable[[str], str]) -> dict[Path, bytes]:

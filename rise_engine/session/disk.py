@@ -7,7 +7,11 @@ import fcntl
 import hashlib
 import os
 import sys
+from collections.abc import Iterable
 from pathlib import Path
+
+BLOCK = 1_000_000
+"""Bytes that are written, or copied, at once."""
 
 
 class Disk:
@@ -45,6 +49,39 @@ class Disk:
             os.close(descriptor)
 
 
+def write_new_file(path: Path, data: Iterable[bytes], disk: Disk) -> int:
+    """Write a new file, durably; its size.
+
+    Raises OSError, and then there is no such file.
+    """
+    descriptor = disk.open(path, create=True)
+    size, block = 0, bytearray()
+    try:
+        for piece in data:
+            block += piece
+            if len(block) >= BLOCK:
+                disk.write(descriptor, bytes(block), size)
+                size += len(block)
+                block.clear()
+        disk.write(descriptor, bytes(block), size)
+        disk.sync(descriptor)
+    except OSError:
+        path.unlink(missing_ok=True)  # half of what was to be kept would only confuse
+        raise
+    finally:
+        disk.close(descriptor)
+    return size + len(block)
+
+
+def replace_file(path: Path, data: bytes, disk: Disk) -> None:
+    """Put a file in the place of the one that is there, durably: whole or not at all. Raises OSError."""
+    new = path.with_name(f"{path.name}.new")
+    new.unlink(missing_ok=True)
+    write_new_file(new, [data], disk)
+    new.replace(path)
+    disk.sync_folder(path.parent)
+
+
 def write_private_file(path: Path, data: bytes) -> None:
     """Write a file that only its owner can read, durably, whatever the umask says. Raises OSError."""
     descriptor = os.open(path, os.O_WRONLY | os.O_CREAT | os.O_TRUNC | os.O_CLOEXEC, 0o600)
@@ -61,6 +98,10 @@ def make_private_folder(path: Path) -> None:
         make_private_folder(path.parent)
         path.mkdir(0o700, exist_ok=True)
 
+
+_SMALL = 5_000_000
+"""Bytes: of larger files that are no text, only the name is looked at."""
+_TEXTS = (".jsonl", ".csv", ".json", ".toml", ".txt", ".md")
 
 _MESSAGES = {
     errno.ENOSPC: "the disk is full",
@@ -93,3 +134,8 @@ def tree_hash(path: Path) -> str:
     for each in sorted(path.iterdir()):
         digest.update(f"{each.name!r} {tree_hash(each)}\n".encode("utf-8", "surrogateescape"))
     return digest.hexdigest()
+
+
+def is_searched(path: Path) -> bool:
+    """Whether words are looked for in a file, and not only in its name: a film is as large as no text is."""
+    return path.suffix in _TEXTS or path.stat().st_size <= _SMALL

@@ -31,7 +31,7 @@ from rise_engine.base.errors import SessionError
 from rise_engine.base.nearest_name import did_you_mean
 from rise_engine.base.text import escape_all_surrogates, restore_all_surrogates
 from rise_engine.kernel.inputs import SessionStarted
-from rise_engine.kernel.records import Purpose
+from rise_engine.kernel.records import Purpose, identity_of
 from rise_engine.ports.bridge import RosConnection, RosTransport
 from rise_engine.scenario.file_names import DEFAULT_PATHS
 from rise_engine.scenario.loader import load
@@ -160,18 +160,10 @@ def create_session(
         faults=faults,
         ros=connection.transport,
         ros_args=connection.arguments,
-        participant=begun.participant,
-        condition=begun.condition,
+        **{**identity_of(begun), "slot": begun.slot or 0},
         wizard=wizard,
-        study=begun.study,
-        study_hash=begun.study_hash,
-        slot=begun.slot or 0,
-        run=begun.run,
-        attempt=begun.attempt,
-        purpose=begun.purpose,
         language=language,
         allow_untranslated=allow_untranslated,
-        factors=dict(begun.factors),
         versions=dict(versions),
         machine={"system": platform.platform()} if real else _machine(),
     )

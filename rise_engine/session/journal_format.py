@@ -94,6 +94,16 @@ def with_checksum(encoded: bytes) -> bytes:
     return b'%b,"crc":"%08x"}\n' % (body, crc32(body))
 
 
+def encode_line(line: JournalLine) -> bytes:
+    """A line, with its line end, from what `read_line` gives."""
+    match line:
+        case JournalHeader():
+            return with_checksum(msgspec.json.encode(line))
+        case InputLine():
+            return encode_input(line.n, line.input)
+    return with_checksum(encode_record(line))
+
+
 def join_step(line: bytes, encoded: Iterable[bytes]) -> bytes:
     """All lines of a step: its `encode_input`, then those of its encoded records."""
     return b"".join((line, *map(with_checksum, encoded)))

@@ -15,11 +15,11 @@ import msgspec
 from rise_engine.base.errors import SessionError
 from rise_engine.base.json_codec import JsonError, decode
 from rise_engine.base.text import escape_surrogates
-from rise_engine.kernel.records import SessionRecord
+from rise_engine.kernel.records import IDENTITY, SessionRecord
 from rise_engine.session.journal_format import JOURNAL, LineError, read_line
 
 _LABELS = (
-    *("participant", "condition", "factors", "study", "study_hash", "slot", "run", "attempt", "purpose"),
+    *IDENTITY,
     *("mode", "robot", "seed", "scenario", "scenario_hash", "injected_faults"),
 )
 """Fields of a session's record that say what the session is."""

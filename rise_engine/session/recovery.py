@@ -17,7 +17,7 @@ from rise_engine.base.errors import SessionError
 from rise_engine.kernel import Kernel
 from rise_engine.kernel.view import SessionView
 from rise_engine.scenario.model import Scenario
-from rise_engine.session.disk import Disk, error_message
+from rise_engine.session.disk import BLOCK, Disk, error_message, write_new_file
 from rise_engine.session.folder import JOURNAL, SessionInfo, has_ended, read_info
 from rise_engine.session.journal_format import encode_header, encode_record, with_checksum
 from rise_engine.session.journal_reader import JournalContents, ProgressCallback, read_journal
@@ -25,8 +25,6 @@ from rise_engine.session.lock import JournalLock
 from rise_engine.session.replay import Replay, load_session_scenario
 
 CLOCK = "clock"
-BLOCK = 1_000_000
-"""Bytes that are copied at once."""
 _LATEST = 1e9
 """Seconds (some 30 years): a clock file that says more is damaged."""
 
@@ -208,7 +206,7 @@ def _replace_journal(path: Path, lines: Iterable[bytes], disk: Disk, lock: Journ
     """Put a journal of these lines in the place of the one that is there; its size."""
     fresh = path.with_name(f"{path.name}.new")
     fresh.unlink(missing_ok=True)  # of a repair that was interrupted
-    size = _write_new_file(fresh, lines, disk)
+    size = write_new_file(fresh, lines, disk)
     with lock.move_to(fresh):
         os.replace(fresh, path)  # noqa: PTH105  # as the other system calls here
     disk.sync_folder(path.parent)
@@ -220,30 +218,9 @@ def _save_aside(journal: Path, name: str, data: Iterable[bytes], disk: Disk) -> 
     number = 1
     while (kept := journal.with_name(f"{journal.stem}.{name.format(number)}")).exists():
         number += 1
-    _write_new_file(kept, data, disk)
+    write_new_file(kept, data, disk)
     disk.sync_folder(journal.parent)
     return kept.name
-
-
-def _write_new_file(path: Path, data: Iterable[bytes], disk: Disk) -> int:
-    """Write a new file, durably; its size."""
-    descriptor = disk.open(path, create=True)
-    size, block = 0, bytearray()
-    try:
-        for piece in data:
-            block += piece
-            if len(block) >= BLOCK:
-                disk.write(descriptor, bytes(block), size)
-                size += len(block)
-                block.clear()
-        disk.write(descriptor, bytes(block), size)
-        disk.sync(descriptor)
-    except OSError:
-        path.unlink(missing_ok=True)  # half of what was to be kept would only confuse
-        raise
-    finally:
-        disk.close(descriptor)
-    return size + len(block)
 
 
 def _read_clock(folder: Path) -> float:

@@ -92,8 +92,7 @@ def read_csv(
         return None
     header, *rest = records
     columns = reader.read_header(header, rest)
-    if reader.has_problems():
-        return None
+    is_wrong = reader.has_problems()
     if len(rest) > MAX_ROWS:
         reader.report(rest[MAX_ROWS].start, f"there are at most {MAX_ROWS:,} rows")
         return None
@@ -102,4 +101,4 @@ def read_csv(
         for record in rest
         if reader.check_length(record, len(columns))
     ]
-    return CsvTable(reader, header, columns, rows)
+    return None if is_wrong else CsvTable(reader, header, columns, rows)

@@ -202,11 +202,10 @@ class _AnswersReader:
     def read(self) -> tuple[tuple[Item, ...], tuple[Answers, ...]]:
         rows = self.rows_of_people()
         names = self.item_names()
-        if self.diagnostics.errors:
-            return (), ()
+        is_whole = not self.diagnostics.errors
         answers = tuple(found for row in rows if (found := self.read_row(row, names)) is not None)
         self.report_doubles(answers, rows)
-        return tuple(self.item(name, answers) for name in names), answers
+        return (tuple(self.item(name, answers) for name in names), answers) if is_whole else ((), ())
 
     def rows_of_people(self) -> list[CsvRow]:
         """Without the two lines behind the header in which Qualtrics says what its columns are."""
@@ -250,24 +249,30 @@ class _AnswersReader:
     def read_row(self, row: CsvRow, items: Iterable[str]) -> Answers | None:
         """A participant's answers; None, after a finding, for a row that is nobody's."""
         settings, table = self.settings, self.table
-        name = row.values[settings.key]
+        name = row.values.get(settings.key)
         for column, value in row.values.items():
             if mail := mail_address_in(value):
                 table.report(row, column, "personal-data", f"`{mail}` looks like a mail address: {WHY}")
+        if name is None:  # there is no such column
+            self.check_levels(row, items)
+            return None
         if name not in self.names or self.has_withdrawn(name):
             self.diagnostics.error("unknown-participant", table.location(row, settings.key), self.unknown(name))
             return None
-        run = self.read_run(row) if settings.run else None
+        self.check_levels(row, items)
+        run = self.read_run(row) if settings.run in table.columns else None
         if settings.run and run is None:
             return None
         values = {item: row.values[item] for item in items}
-        for item, value in values.items():
-            described = settings.columns.get(item)
+        return Answers(name, run, values, table.location(row, settings.key).line)
+
+    def check_levels(self, row: CsvRow, items: Iterable[str]) -> None:
+        for item in items:
+            value, described = row.values[item], self.settings.columns.get(item)
             if described is not None and described.levels and value and value not in described.levels:
                 levels = in_backquotes(described.levels)
                 message = f"`{item}` is one of {levels}, not `{value}`{did_you_mean(value, described.levels, limit=0)}"
-                table.report(row, item, "wrong-value", message)
-        return Answers(name, run, values, table.location(row, settings.key).line)
+                self.table.report(row, item, "wrong-value", message)
 
     def unknown(self, name: str) -> str:
         if not name:

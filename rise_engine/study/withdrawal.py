@@ -305,24 +305,6 @@ def _refuse_running(folder: Path) -> None:
         raise StudyError(f"{running_message(folder, read_holder(folder))}. Nothing was erased: end it first")
 
 
-def _why_not_erasable(path: Path) -> str:
-    """Why a registered recording is left to people, or empty."""
-    if not path.exists():
-        return f"{path} is not on this computer: erase it where it was recorded"
-    if path.is_dir() and not (path / "metadata.yaml").is_file():
-        return f"{path} is a folder, and no bag: erase what is theirs in it"
-    return ""
-
-
-def _why_elsewhere(study: Path, export: str) -> str:
-    """Why an export is left to people, or empty: the study may be a copy, and what lies elsewhere somebody else's."""
-    path = study / export
-    real = Path(os.path.normpath(Path(os.path.realpath(path.parent), path.name)))  # of a link, the link
-    if Path(os.path.realpath(study)) in real.parents:
-        return ""
-    return f"{path} was exported of them, and lies outside of the study's folder: erase it yourself"
-
-
 # --- what is left ---------------------------------------------------------------------------------------------------
 
 

@@ -97,6 +97,40 @@ def test_what_is_wrong_is_told_with_its_place(
     assert len(said) == 1 and said[0].startswith(f"{FILE}:{place}: ") and told in said[0], said
 
 
+# What stands in the file, and the places of all findings about it.
+@pytest.mark.parametrize(
+    ("data", "toml", "told"),
+    [
+        (
+            "participant,condition,q1\np01,x,9\nP01,x,a.b@c.example\nP02\n",
+            'columns.q1.levels = { 1 = "a" }\n',
+            ["1:13 `condition`", "2:1 `p01`", "3:7 mail address", "3:7 `q1` is one of", "4:4 this row has 1 values"],
+        ),
+        (
+            "subject,q1\nP01,9\nP02,a.b@c.example\n",
+            'columns.q1.levels = { 1 = "a" }\n',
+            ["1:1 `participant`", "2:5 `q1` is one of", "3:5 mail address", "3:5 `q1` is one of"],
+        ),
+        (
+            "participant,q1\nP9,3\nP01,3\nP01,4\n",
+            'run = "visit"\n',
+            ["1:1 `visit`", "2:1 `P9`"],
+        ),
+        ("participant,q1,q1\nP01,1\n", "", ["1:16 column 2 is called `q1`", "2:6 this row has 2 values"]),
+    ],
+    ids=["a bad name of a column", "no key", "no run", "a name twice"],
+)
+def test_a_wrong_header_does_not_hide_what_is_wrong_in_rows(
+    tmp_path: Path, data: str, toml: str, told: list[str]
+) -> None:
+    found, said = read(tmp_path, data, TABLE + toml)
+    assert found.rows == found.items == ()
+    assert len(said) == len(told), said
+    for sentence, expected in zip(said, told, strict=True):
+        place, _, words = expected.partition(" ")
+        assert sentence.startswith(f"{FILE}:{place}: ") and words in sentence
+
+
 # What study.toml says, and the findings about it.
 @pytest.mark.parametrize(
     ("toml", "told"),

@@ -16,12 +16,12 @@ from rise_engine.base.words import Words, parse_replacement
 from rise_engine.cli import main
 from rise_engine.cli.data.redact import redact_in_study
 from rise_engine.kernel.inputs import OutcomeReport, RecordingReport, SessionStarted
+from rise_engine.privacy.redaction import RedactionReport
 from rise_engine.results.export.format import ExportError
 from rise_engine.results.export.writing import new_export
 from rise_engine.session.disk import tree_hash
 from rise_engine.session.lock import JournalLock
 from rise_engine.session.media import MEDIA_FILE, MediaFile, register_media
-from rise_engine.session.redaction import RedactionReport
 from rise_engine.session.unfinished_files import private_folder
 from rise_engine.study.retention import due_retention
 from rise_engine.study.state import OpenStudy, read_state

@@ -16,12 +16,12 @@ from rise_engine.cli.data.agreement_text import agreement_csv, agreement_json, a
 from rise_engine.cli.data.export import level_option, select_sessions
 from rise_engine.cli.options import ALL_SESSIONS, STUDIES_OR_SESSIONS
 from rise_engine.cli.terminal import json_document, print_notes, refusing, write_bytes
+from rise_engine.privacy.levels import ExportLevel
 from rise_engine.results.analysis.judged_cues import JudgedSession, judge_session, wizards_of
 from rise_engine.results.analysis.reading import read_sessions
 from rise_engine.results.analysis.wizard_agreement import AgreementReport, compare_wizards
 from rise_engine.results.export.format import ExportError
 from rise_engine.results.export.writing import new_export
-from rise_engine.session.levels import ExportLevel
 from rise_engine.session.shadow import shadow_files
 from rise_engine.study.traces import study_of_session, wizard_names
 

@@ -11,9 +11,9 @@ from rise_engine.base.text import pluralize
 from rise_engine.cli.data.export import ended_by_signals, level_option, select_sessions
 from rise_engine.cli.options import PRIVATE, STUDY_OR_HERE
 from rise_engine.cli.terminal import print_lines
+from rise_engine.privacy.levels import ExportLevel
 from rise_engine.results.bundle.about import BundleOptions
 from rise_engine.results.bundle.making import make_bundle
-from rise_engine.session.levels import ExportLevel
 from rise_engine.study.state import read_state
 
 

@@ -18,6 +18,7 @@ from rise_engine.base.text import pluralize
 from rise_engine.cli.data.media import parse_moment, read_marks
 from rise_engine.cli.options import JSON, SESSION
 from rise_engine.cli.terminal import print_lines, print_notes, refusing, show
+from rise_engine.privacy.levels import LEVELS, LevelFilter
 from rise_engine.results.analysis.model import SessionData
 from rise_engine.results.analysis.reading import read_session
 from rise_engine.results.export.media_clock import clock_of_file
@@ -33,7 +34,6 @@ from rise_engine.session.coded import (
     remove_coded,
 )
 from rise_engine.session.coded_formats import CodedClock, CodedDocument, read_coded_document, tiers_taken
-from rise_engine.session.levels import LEVELS, LevelFilter
 from rise_engine.session.media import MediaFile
 
 

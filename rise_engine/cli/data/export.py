@@ -19,12 +19,12 @@ from rise_engine.base.nearest_name import did_you_mean
 from rise_engine.base.text import pluralize
 from rise_engine.cli.options import ALL_SESSIONS, PRIVATE, STUDIES_OR_SESSIONS, without_file
 from rise_engine.cli.terminal import print_notes, refusing, standard_output
+from rise_engine.privacy.levels import LEVELS, ExportLevel
 from rise_engine.results.export.format import ExportError, ExportFormat
 from rise_engine.results.export.formats import format_names, load_format
 from rise_engine.results.export.records import RecordFormat, SessionExport
 from rise_engine.results.export.writing import export_context, export_sessions, new_export
 from rise_engine.session.folder import find_session
-from rise_engine.session.levels import LEVELS, ExportLevel
 from rise_engine.study.model import StudyStanding
 from rise_engine.study.sessions import StudySession
 from rise_engine.study.state import read_state

@@ -13,8 +13,8 @@ from rise_engine.base.text import pluralize
 from rise_engine.base.words import Words, parse_replacement
 from rise_engine.cli.options import HERE, JSON, SESSION
 from rise_engine.cli.terminal import print_lines, refusing, show
-from rise_engine.session.redaction import RedactionReport, redact
-from rise_engine.session.suggestions import NameSuggestion, suggest_words
+from rise_engine.privacy.redaction import RedactionReport, redact
+from rise_engine.privacy.suggestions import NameSuggestion, suggest_words
 from rise_engine.study.study_log import LOG_FILE, LockedLog, LogEntry, StudyLogError
 from rise_engine.study.traces import study_of_session
 

@@ -15,12 +15,12 @@ from rise_engine.base.exit_status import OK, PARTIAL, USAGE
 from rise_engine.cli.data.export import LEVEL, select_sessions
 from rise_engine.cli.options import PRIVATE, without_file
 from rise_engine.cli.terminal import exit_with_usage, print_lines, print_notes, refusing
+from rise_engine.privacy.levels import ExportLevel
 from rise_engine.results.export.format import ExportError
 from rise_engine.results.export.writing import NewExport, new_export
 from rise_engine.results.report.making import MadeReport, make_session_report, make_study_report, report_folders
 from rise_engine.results.report.page import page_text
 from rise_engine.results.report.plain_text import WIDTH, text_lines
-from rise_engine.session.levels import ExportLevel
 from rise_engine.study.state import read_state
 from rise_engine.study.study_toml import STUDY_FILE, is_study
 

@@ -7,11 +7,11 @@ from collections.abc import Iterable, Sequence
 from pathlib import Path
 
 from rise_engine.base.errors import SessionError
+from rise_engine.privacy.levels import LevelFilter, told_span
 from rise_engine.results.analysis.model import CodedAnnotation, Outage, PlayedAct
 from rise_engine.results.analysis.outages import seconds_without_engine
-from rise_engine.session.coded import CodedFile, read_coded, read_spans, told_span
+from rise_engine.session.coded import CodedFile, read_coded, read_spans
 from rise_engine.session.coded_formats import CodedSpan
-from rise_engine.session.levels import LevelFilter
 
 Spans = Sequence[tuple[float, float]]
 

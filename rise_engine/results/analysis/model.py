@@ -1,7 +1,7 @@
 """What happened in a session, in types. Every export and every report is made from these and from nothing else.
 
 Times are seconds on the session's clock (`t` of a record), None where something did not happen. What an export level
-does not tell (`rise_engine.session.levels`) is not in here at all: a level is applied once, when a session is read.
+does not tell (`rise_engine.privacy.levels`) is not in here at all: a level is applied once, when a session is read.
 """
 
 from __future__ import annotations
@@ -10,7 +10,7 @@ from collections.abc import Iterable
 from pathlib import Path
 from typing import Any, Literal, TypeAlias
 
-from msgspec import Struct
+from msgspec import Struct, field
 
 from rise_engine.kernel.records import (
     ActionStatus,
@@ -18,35 +18,24 @@ from rise_engine.kernel.records import (
     CheckRecord,
     Mark,
     OutcomeStatus,
-    Purpose,
     RecordingRecord,
+    SessionIdentity,
     SyncRecord,
     TaskStatus,
 )
+from rise_engine.privacy.levels import ExportLevel
 from rise_engine.scenario.model import SIMULATED, Scenario
-from rise_engine.session.levels import ExportLevel
 from rise_engine.session.media import MediaFile
 
 ActorKind: TypeAlias = Literal["wizard", "rule", "program", "engine"]
 """Who asked for something. program: a node, a client, the command line."""
 
 
-class SessionFacts(Struct, frozen=True, kw_only=True):
+class SessionFacts(SessionIdentity, frozen=True, kw_only=True):
     """What is true of a whole session; it stands in every row of a table."""
 
     session: str
     """The folder's name, as the level tells it: unique among the sessions that are exported together."""
-    participant: str = ""
-    condition: str = ""
-    factors: dict[str, Any] = {}
-    """The level of each factor."""
-    study: str = ""
-    """The study's id; empty: the session is of no study."""
-    study_hash: str = ""
-    slot: int | None = None
-    run: int = 0
-    attempt: int = 0
-    purpose: Purpose | Literal[""] = ""
     mode: str = ""
     """debug: the robot was simulated; this is no data of a participant."""
     outcome: OutcomeStatus | None = None
@@ -72,7 +61,7 @@ class SessionFacts(Struct, frozen=True, kw_only=True):
     downtime: float = 0.0
     """Seconds by the wall clock without an engine (`Outage`): session time does not count them."""
     recoveries: int = 0
-    versions: dict[str, str] = {}
+    versions: dict[str, str] = field(default_factory=dict)
 
     @property
     def is_simulated(self) -> bool:

@@ -9,11 +9,13 @@ from __future__ import annotations
 from collections.abc import Callable, Iterable, Iterator, Mapping
 from datetime import datetime, timedelta
 from pathlib import Path
+from typing import Any
 
 from msgspec.structs import replace
 
 from rise_engine.base.errors import SessionError
 from rise_engine.kernel.records import (
+    IDENTITY,
     AnyRecord,
     CheckRecord,
     CueRecord,
@@ -24,6 +26,7 @@ from rise_engine.kernel.records import (
     StopRecord,
     SyncRecord,
 )
+from rise_engine.privacy.levels import ExportLevel
 from rise_engine.results.analysis.acts import ActCollector
 from rise_engine.results.analysis.coded import read_annotations
 from rise_engine.results.analysis.judgements import Judgement, read_judgements
@@ -34,7 +37,6 @@ from rise_engine.results.analysis.session_records import SessionRecords
 from rise_engine.scenario.model import SIMULATED, Scenario
 from rise_engine.session.folder import is_abandoned
 from rise_engine.session.labels import RelabelledError
-from rise_engine.session.levels import ExportLevel
 from rise_engine.session.media import MediaFile, read_media
 from rise_engine.study.labels import reassignment_of
 from rise_engine.study.sessions import GIVEN_UP
@@ -61,7 +63,7 @@ def read_session(
     Of a session that runs, is torn or damaged: whatever can be read, with a sentence in `problems` for what cannot.
 
     :param folder: the session's.
-    :param level: how much is told (`rise_engine.session.levels`).
+    :param level: how much is told (`rise_engine.privacy.levels`).
     :param private: further private memory keys, beside those that the session's scenario names.
     :param wizards: what to call each wizard at the other levels, by name; None: as the session's study says.
     :raises SessionError: nothing can be read, or, for less than everything, nobody can say what is private.
@@ -174,6 +176,11 @@ def _facts(
 ) -> SessionFacts:
     """What the journal says, or else, where an older one does not, session.toml."""
     begun, info = source.begun or SessionRecord(0, 0.0, "", status="started"), source.info
+
+    def said(name: str, in_info: str = "") -> Any:
+        value = getattr(begun, name)
+        return value if value or info is None else getattr(info, in_info or name) or value
+
     recovered = [each for each in few if isinstance(each, SessionRecord) and each.status == "recovered"]
     moved = reassignment_of(source.folder)
     started = ""
@@ -182,32 +189,24 @@ def _facts(
         started = _moment_of_zero(begun, speed) or (info.started if info is not None else "")
     facts = SessionFacts(
         session=source.name,
-        participant=begun.participant or (info.participant if info is not None else ""),
-        condition=begun.condition or (info.condition if info is not None else ""),
-        factors=dict(begun.factors or (info.factors if info is not None else {})),
-        study=begun.study or (info.study if info is not None else ""),
-        study_hash=begun.study_hash or (info.study_hash if info is not None else ""),
-        slot=begun.slot if begun.slot is not None else (info.slot or None if info is not None else None),
-        run=begun.run or (info.run if info is not None else 0),
-        attempt=begun.attempt or (info.attempt if info is not None else 0),
-        purpose=begun.purpose or (info.purpose if info is not None else ""),
+        **{name: said(name) for name in IDENTITY},
         mode=source.mode,
         outcome=judgement.status if judgement is not None else None,
         outcome_reason=judgement.reason if judgement is not None else "",
-        title=begun.scenario or (info.title if info is not None else ""),
-        scenario_hash=begun.scenario_hash or (info.scenario_hash if info is not None else ""),
-        language=begun.language or (info.language if info is not None else ""),
-        robot=begun.robot or (info.robot if info is not None else ""),
+        title=said("scenario", "title"),
+        scenario_hash=said("scenario_hash"),
+        language=said("language"),
+        robot=said("robot"),
         driver=begun.driver or (SIMULATED if source.mode == "debug" else ""),
-        injected_faults=begun.injected_faults or (info.faults if info is not None else ()),
-        seed=begun.seed or (info.seed if info is not None else 0),
+        injected_faults=said("injected_faults", "faults"),
+        seed=said("seed"),
         speed=info.speed if info is not None else 1.0,
         started=started,
         duration=end,
         ended=source.contents.ended,
         downtime=round(sum((each.seconds for each in outages), 0.0), 6),
         recoveries=len(recovered),
-        versions=dict(begun.versions) or (dict(info.versions) if info is not None else {}),
+        versions=said("versions"),
     )
     return facts if moved is None else replace(facts, **moved.labels)
 

@@ -14,11 +14,11 @@ import msgspec
 
 from rise_engine.base.errors import SessionError
 from rise_engine.kernel.records import AnyRecord, SessionRecord
+from rise_engine.privacy.levels import ExportLevel, LevelFilter
+from rise_engine.privacy.private_values import PrivateValues
 from rise_engine.scenario.model import Scenario
 from rise_engine.session.folder import INFO, JOURNAL, SCENARIO_COPY, SessionInfo, read_info
 from rise_engine.session.journal_reader import JournalContents, read_journal
-from rise_engine.session.levels import ExportLevel, LevelFilter
-from rise_engine.session.private_values import PrivateValues
 from rise_engine.session.replay import load_session_scenario
 from rise_engine.study.labels import refuse_relabelled
 
@@ -54,7 +54,7 @@ class SessionRecords:
         """Read the session in `folder`.
 
         :param folder: the session's.
-        :param level: how much is told (`rise_engine.session.levels`).
+        :param level: how much is told (`rise_engine.privacy.levels`).
         :param private: further private memory keys, beside those that the session's scenario names.
         :param wizards: what to call each at the other levels, by name.
         :raises RelabelledError: session.toml, or its study's log, says otherwise what it is.

@@ -8,8 +8,8 @@ import msgspec
 from msgspec import Struct
 
 from rise_engine import __version__
+from rise_engine.privacy.levels import ExportLevel
 from rise_engine.results.export.format import ExportError
-from rise_engine.session.levels import ExportLevel
 
 ABOUT_FILE = "bundle.json"
 

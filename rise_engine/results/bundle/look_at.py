@@ -11,10 +11,10 @@ from rise_engine.base.errors import SessionError
 from rise_engine.base.text import pluralize
 from rise_engine.kernel.records import TaskRecord
 from rise_engine.kernel.speech import SAY
+from rise_engine.privacy.levels import ExportLevel
+from rise_engine.privacy.sharing import SharedSession
+from rise_engine.privacy.suggestions import suggest_words
 from rise_engine.results.analysis.model import SessionData
-from rise_engine.session.levels import ExportLevel
-from rise_engine.session.sharing import SharedSession
-from rise_engine.session.suggestions import suggest_words
 from rise_engine.study.model import Participant, Study
 from rise_engine.study.study_toml import STUDY_FILE
 from rise_engine.study.traces import has_name

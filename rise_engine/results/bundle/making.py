@@ -13,6 +13,7 @@ from msgspec.structs import replace
 
 from rise_engine.base.errors import SessionError
 from rise_engine.base.text import pluralize
+from rise_engine.privacy.sharing import share_session
 from rise_engine.results.analysis.model import SessionData
 from rise_engine.results.analysis.reading import read_sessions
 from rise_engine.results.bundle.about import ABOUT_FILE, AboutBundle, BundleOptions, write_about
@@ -35,7 +36,6 @@ from rise_engine.session.folder import INFO, JOURNAL
 from rise_engine.session.media import MEDIA_FILE
 from rise_engine.session.scenario_copies import copy_folders
 from rise_engine.session.shadow import shadow_files
-from rise_engine.session.sharing import share_session
 from rise_engine.study.plan_file import PLAN_FILE
 from rise_engine.study.publishing import authors_of
 from rise_engine.study.state import StudyStatus, read_state

@@ -5,10 +5,10 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 from rise_engine import __version__
+from rise_engine.privacy.levels import ExportLevel
 from rise_engine.results.bundle.environment import ENVIRONMENT_FILE, PROGRAM, REQUIREMENTS
 from rise_engine.results.bundle.study_files import GIVEN
 from rise_engine.results.export.table_schema import UNSAFE
-from rise_engine.session.levels import ExportLevel
 from rise_engine.study.model import Study
 from rise_engine.study.publishing import license_url
 

@@ -9,8 +9,8 @@ from typing import Literal, TypeAlias
 from msgspec import Struct, field
 
 from rise_engine.base.errors import RiseError
+from rise_engine.privacy.levels import ExportLevel
 from rise_engine.results.analysis.model import SessionData
-from rise_engine.session.levels import ExportLevel
 from rise_engine.study.model import Study, StudyStanding
 
 Shape: TypeAlias = Literal["file", "file-per-session", "folder"]

@@ -9,10 +9,10 @@ from collections.abc import Iterable, Mapping, Sequence
 from msgspec import Struct
 from msgspec.structs import replace
 
+from rise_engine.privacy.levels import ExportLevel, LevelFilter
 from rise_engine.results.analysis.model import SessionFacts
 from rise_engine.results.export.format import ExportError
 from rise_engine.results.export.table_schema import Column, ColumnType
-from rise_engine.session.levels import ExportLevel, LevelFilter
 from rise_engine.study.model import QuestionnaireSettings, Study
 from rise_engine.study.participants import load_participants
 from rise_engine.study.questionnaires import Answers, Questionnaire, load_questionnaire

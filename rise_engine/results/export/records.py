@@ -15,13 +15,13 @@ from typing import Any, BinaryIO, Literal, TypeAlias
 
 import msgspec
 
-from rise_engine.kernel.records import AnyRecord
+from rise_engine.kernel.records import AnyRecord, identity_of
+from rise_engine.privacy.levels import ExportLevel
 from rise_engine.results.analysis.model import SessionData, SessionFacts
 from rise_engine.results.analysis.session_records import SessionRecords
 from rise_engine.results.export.format import ExportContext, ExportFormat
 from rise_engine.results.export.table_schema import safe_cell
 from rise_engine.session.journal_format import encode_record
-from rise_engine.session.levels import ExportLevel
 
 RecordFormat: TypeAlias = Literal["jsonl", "csv"]
 
@@ -146,15 +146,7 @@ def _facts_in_rows(facts: SessionFacts) -> dict[str, Any]:
     return {
         "session": facts.session,
         "mode": facts.mode,
-        "participant": facts.participant,
-        "condition": facts.condition,
-        "study": facts.study,
-        "study_hash": facts.study_hash,
-        "slot": facts.slot,
-        "run": facts.run,
-        "attempt": facts.attempt,
-        "purpose": facts.purpose,
-        "factors": facts.factors,
+        **identity_of(facts),
     }
 
 

@@ -14,13 +14,13 @@ from msgspec.structs import replace
 
 from rise_engine.base.errors import SessionError
 from rise_engine.base.text import pluralize
+from rise_engine.privacy.levels import ExportLevel
 from rise_engine.results.analysis.reading import read_session, read_sessions
 from rise_engine.results.report.document import Document
 from rise_engine.results.report.session_report import session_report
 from rise_engine.results.report.sheet import sheet_markdown
 from rise_engine.results.report.study_facts import study_figures
 from rise_engine.results.report.study_report import StudyReportInput, study_report
-from rise_engine.session.levels import ExportLevel
 from rise_engine.session.replay import ReplayComparison, compare_replay
 from rise_engine.study.checked import checks_after
 from rise_engine.study.sessions import StudySession

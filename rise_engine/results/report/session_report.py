@@ -7,6 +7,7 @@ from pathlib import PurePath
 
 from rise_engine import __version__
 from rise_engine.base.text import pluralize
+from rise_engine.privacy.levels import ExportLevel
 from rise_engine.results.analysis.model import PlayedAct, SessionData, SessionFacts
 from rise_engine.results.report.course import course_figure
 from rise_engine.results.report.document import (
@@ -33,7 +34,6 @@ from rise_engine.results.report.wording import (
     per_hundred,
     source_name,
 )
-from rise_engine.session.levels import ExportLevel
 from rise_engine.session.media import MediaFile
 
 LEVEL_WORDS = {

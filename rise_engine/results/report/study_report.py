@@ -9,6 +9,7 @@ from msgspec import Struct
 from msgspec.structs import replace
 
 from rise_engine.base.text import pluralize
+from rise_engine.privacy.levels import ExportLevel, count_words
 from rise_engine.results.analysis.statistics import Summary, summarise
 from rise_engine.results.report.charts import CourseOfSessions, DotRow, dot_plot, drift_figure
 from rise_engine.results.report.document import (
@@ -39,7 +40,6 @@ from rise_engine.results.report.sheet import (
 from rise_engine.results.report.study_facts import SessionRow, StudyFigures, WizardCourse
 from rise_engine.results.report.trials_section import TrialRow, trial_rows, trials_section, trials_summary
 from rise_engine.results.report.wording import interval_text, marks_text, per_hundred, source_name
-from rise_engine.session.levels import ExportLevel, count_words
 from rise_engine.study.design import factors_of
 from rise_engine.study.model import Study, StudyStanding
 from rise_engine.study.withdrawn import Withdrawn

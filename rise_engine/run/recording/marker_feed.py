@@ -23,14 +23,14 @@ from rise_engine.base.json_codec import encode
 from rise_engine.base.text import pluralize
 from rise_engine.kernel.records import AnyRecord
 from rise_engine.ports.outlet import OutletPlan
+from rise_engine.privacy.levels import LevelFilter
+from rise_engine.privacy.private_values import PrivateValues
 from rise_engine.results.analysis.markers import describe_session, live_words, source_id
 from rise_engine.results.analysis.model import SessionFacts
 from rise_engine.run.client import LinkLost, Session, connect
 from rise_engine.session.folder import JOURNAL
 from rise_engine.session.journal_format import encode_record
 from rise_engine.session.journal_reader import read_journal
-from rise_engine.session.levels import LevelFilter
-from rise_engine.session.private_values import PrivateValues
 from rise_engine.study.traces import study_of_session, wizard_names
 
 _LOG = logging.getLogger(__name__)

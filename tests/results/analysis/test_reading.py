@@ -11,6 +11,7 @@ from msgspec.structs import replace
 from rise_engine.base.errors import SessionError
 from rise_engine.kernel.inputs import SessionStarted
 from rise_engine.kernel.records import ENGINE, ActionRecord, SessionRecord, StopRecord, TimingRecord
+from rise_engine.privacy.levels import ExportLevel
 from rise_engine.results.analysis.model import PlayedAct, SessionData
 from rise_engine.results.analysis.outages import seconds_without_engine
 from rise_engine.results.analysis.phases import PointCollector
@@ -19,7 +20,6 @@ from rise_engine.results.analysis.session_records import SessionRecords
 from rise_engine.session.folder import INFO, JOURNAL, SCENARIO_COPY, mark_abandoned
 from rise_engine.session.journal_format import encode_record, read_line, with_checksum
 from rise_engine.session.journal_reader import JournalContents
-from rise_engine.session.levels import ExportLevel
 from rise_engine.session.media import MEDIA_FILE
 from rise_engine.session.replay import compare_replay
 from rise_engine.study.study_log import LockedLog

@@ -13,6 +13,7 @@ import pytest
 from click.testing import CliRunner
 
 from rise_engine.cli import main
+from rise_engine.privacy.levels import ExportLevel
 from rise_engine.results.bundle import archive
 from rise_engine.results.bundle.about import BundleOptions
 from rise_engine.results.bundle.archive import opened_bundle
@@ -20,7 +21,6 @@ from rise_engine.results.bundle.making import BundleReport, make_bundle
 from rise_engine.results.bundle.reproducing import check_bundle
 from rise_engine.results.bundle.study_files import log_text, participants_text, study_text
 from rise_engine.results.export.format import ExportError
-from rise_engine.session.levels import ExportLevel
 from rise_engine.study.proof import prove_sessions
 from rise_engine.study.state import read_state
 from rise_engine.study.study_log import LogEntry, read_log

@@ -14,12 +14,12 @@ import pytest
 from msgspec.structs import replace
 
 from rise_engine.kernel.records import NoteRecord
+from rise_engine.privacy.levels import ExportLevel
 from rise_engine.results.analysis.model import ActPart, Cue, Phase, PlayedAct, Point, SessionData, SessionFacts
 from rise_engine.results.export.bids import write_bids
 from rise_engine.results.export.bids_people import Labels
 from rise_engine.results.export.bids_tables import ENTITIES, trial_columns
 from rise_engine.results.export.format import ExportContext, ExportError
-from rise_engine.session.levels import ExportLevel
 from rise_engine.study.model import Study
 from rise_engine.study.study_toml import load_study
 from tests.study.studies import DESIGN, write_study

@@ -17,11 +17,11 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from jsonschema import Draft202012Validator
 
+from rise_engine.privacy.levels import ExportLevel
 from rise_engine.results.analysis.model import SessionData
 from rise_engine.results.analysis.reading import read_session, read_sessions
 from rise_engine.results.export.boris import write_boris
 from rise_engine.results.export.format import ExportContext
-from rise_engine.session.levels import ExportLevel
 from tests.chance import examples
 from tests.results.analysis.samples import make_study, play_session, sessions_of
 

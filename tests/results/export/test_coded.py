@@ -15,16 +15,16 @@ from pympi.Elan import Eaf
 from rise_engine.base.errors import SessionError
 from rise_engine.base.words import Words, parse_replacement
 from rise_engine.cli.program import main
+from rise_engine.privacy.levels import LevelFilter
+from rise_engine.privacy.redaction import redact
+from rise_engine.privacy.sharing import share_session
 from rise_engine.results.analysis.coded import coded_annotation, robot_speech
 from rise_engine.results.analysis.model import ActPart, Outage
 from rise_engine.results.analysis.reading import read_session
 from rise_engine.results.export.media_clock import session_clock
 from rise_engine.session.coded import CODED_FILE, CodedFile, read_coded
 from rise_engine.session.coded_formats import CodedClock, CodedSpan, parse_clock, read_coded_document
-from rise_engine.session.levels import LevelFilter
 from rise_engine.session.media import MediaFile, register_media
-from rise_engine.session.redaction import redact
-from rise_engine.session.sharing import share_session
 from tests.results.analysis.samples import play_session, recovered_session
 
 from .made_sessions import act

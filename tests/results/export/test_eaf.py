@@ -16,6 +16,7 @@ from hypothesis import given
 from lxml import etree
 from pympi.Elan import Eaf
 
+from rise_engine.privacy.levels import ExportLevel
 from rise_engine.results.analysis.model import SessionData
 from rise_engine.results.analysis.reading import read_session
 from rise_engine.results.export.eaf import FORMAT, write_eaf
@@ -24,7 +25,6 @@ from rise_engine.results.export.media_clock import session_clock
 from rise_engine.results.export.spans import spans_of
 from rise_engine.results.export.tiers import lay_out
 from rise_engine.results.export.writing import export_context, export_sessions
-from rise_engine.session.levels import ExportLevel
 from rise_engine.session.media import FoundMark
 from tests.results.analysis.samples import play_session
 

@@ -22,6 +22,7 @@ from rise_engine.kernel.records import (
     TaskStatus,
 )
 from rise_engine.ports.recorder import MediaKind
+from rise_engine.privacy.levels import ExportLevel
 from rise_engine.results.analysis.model import ActorKind, PointKind
 from rise_engine.results.analysis.reading import read_sessions
 from rise_engine.results.export import table_levels
@@ -30,7 +31,6 @@ from rise_engine.results.export.format import ExportError
 from rise_engine.results.export.tables import FORMAT, TABLES
 from rise_engine.results.export.writing import export_context, export_sessions
 from rise_engine.session.folder import INFO
-from rise_engine.session.levels import ExportLevel
 from rise_engine.session.media import MEDIA_FILE, AlignedBy
 from tests.results.analysis.samples import make_study, play_session, recovered_session, sessions_of, task, torn_session
 

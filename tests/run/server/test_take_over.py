@@ -14,6 +14,7 @@ import pytest
 from rise_engine.base.errors import SessionError
 from rise_engine.kernel.inputs import Submit
 from rise_engine.kernel.records import ScenarioRecord
+from rise_engine.privacy.sharing import share_session
 from rise_engine.run.protocol.client import LinkLost, Reply
 from rise_engine.run.server.take_over import ScenarioTakeover
 from rise_engine.session.disk import Disk
@@ -23,7 +24,6 @@ from rise_engine.session.journal_reader import read_journal
 from rise_engine.session.recovery import recover
 from rise_engine.session.replay import compare_replay
 from rise_engine.session.scenario_copies import copy_folders
-from rise_engine.session.sharing import share_session
 
 from .serving import GREETING, Follower, Served, served
 

@@ -7,8 +7,8 @@ from pathlib import Path
 
 from rise_adapters.ros2.transport.port import Message
 from rise_engine.base.text import escape_surrogates
+from rise_engine.privacy.private_values import PrivateValues
 from rise_engine.run.server.hub import SessionHub
-from rise_engine.session.private_values import PrivateValues
 
 TOPIC = "/diagnostics"
 TYPE = "diagnostic_msgs/msg/DiagnosticArray"

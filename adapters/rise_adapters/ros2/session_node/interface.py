@@ -28,9 +28,9 @@ from rise_engine.base.lag_meter import LagMeter
 from rise_engine.base.time_slicer import TimeSlicer
 from rise_engine.kernel.inputs import Note
 from rise_engine.kernel.records import TaskRecord
+from rise_engine.privacy.private_values import PrivateValues
 from rise_engine.run.protocol import client as client_protocol
 from rise_engine.run.server.hub import SessionHub
-from rise_engine.session.private_values import PrivateValues
 
 _LOG = logging.getLogger(__name__)
 

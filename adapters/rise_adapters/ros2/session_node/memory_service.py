@@ -7,8 +7,8 @@ import logging
 from rise_adapters.ros2.transport.port import Message, PortError, SendReply, Transport
 from rise_engine.base.json_codec import encode
 from rise_engine.expression import lookup
+from rise_engine.privacy.private_values import PrivateValues
 from rise_engine.run.server.hub import SessionHub
-from rise_engine.session.private_values import PrivateValues
 
 _LOG = logging.getLogger(__name__)
 

@@ -30,8 +30,8 @@ from rise_adapters.ros2.transport.port import Message, PortError, Publisher, QoS
 from rise_engine.base.text import escape_all_surrogates
 from rise_engine.kernel.inputs import Submit
 from rise_engine.kernel.records import AnyRecord, RuleRecord, TaskRecord
+from rise_engine.privacy.private_values import PrivateValues
 from rise_engine.run.server.hub import SessionHub
-from rise_engine.session.private_values import PrivateValues
 
 _LOG = logging.getLogger(__name__)
 

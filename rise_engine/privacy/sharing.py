@@ -1,15 +1,14 @@
 """A session as it can be given to others: told as far as an export level tells it, and it still replays.
 
 What people typed, who they are and what is private goes from the inputs; a fresh kernel makes the records of what is
-left. Told at the level, these must be the records of the session told at the level, else the words decided something,
-and the session cannot be shared. So a shared session says no more than the level's exports do, beside the scenario.
+left (`rise_engine.privacy.changed_session`). Told at the level, these must be the records of the session told at the
+level. So a shared session says no more than the level's exports do, beside the scenario.
 
 There are no times of day in it: `wall` is empty, and session.toml has no date, no paths and no machine.
 """
 
 from __future__ import annotations
 
-from collections import deque
 from collections.abc import Iterable, Iterator, Mapping
 from pathlib import Path
 from typing import Any
@@ -21,8 +20,12 @@ from msgspec.structs import replace
 from rise_engine.base.errors import SessionError
 from rise_engine.kernel import Kernel
 from rise_engine.kernel.inputs import AnyInput, Note, SessionStarted, Submit
-from rise_engine.kernel.records import ENGINE, AnyRecord, MemoryRecord, TaskRecord
-from rise_engine.session.coded import CODED_FILE, told_coded
+from rise_engine.kernel.records import ENGINE, TaskRecord
+from rise_engine.privacy.changed_session import ChangedSession, why_not_replayed
+from rise_engine.privacy.levels import ExportLevel, LevelFilter, told_coded
+from rise_engine.privacy.private_values import PrivateValues
+from rise_engine.privacy.stand_ins import StandIns
+from rise_engine.session.coded import CODED_FILE
 from rise_engine.session.disk import make_private_folder, write_private_file
 from rise_engine.session.folder import (
     INFO,
@@ -37,21 +40,12 @@ from rise_engine.session.journal_format import (
     FORMAT,
     InputLine,
     JournalHeader,
-    encode_header,
-    encode_input,
-    encode_record,
-    with_checksum,
+    encode_line,
 )
 from rise_engine.session.journal_reader import JournalContents, read_journal
-from rise_engine.session.levels import ExportLevel, LevelFilter
 from rise_engine.session.listed_files import list_bytes
-from rise_engine.session.private_values import PrivateValues
-from rise_engine.session.replay import compare_replay
-from rise_engine.session.scenario_copies import copy_folders, offer_changed
-from rise_engine.session.stand_ins import StandIns
+from rise_engine.session.scenario_copies import copy_folders
 
-_OWN_SENTENCES = frozenset({"reason", "error"})
-"""Fields of records in which the program says something about what happened, and quotes what was asked for."""
 _BY_NUMBER = frozenset(
     {"cancelTask", "moveTask", "markMistake", "goOn", "repeatAct", "stopRuleOfAct", "releaseStop"}
     | {"cancelOpenGoals", "releaseOpenGoals"}
@@ -117,6 +111,7 @@ class _Sharing:
         self._own_values = sorted(key for key in values.keys if self._scenario.memory.get(key) not in (None, ""))
         self._old = LevelFilter(level, values, wizards)
         self._rejected: set[int] = set()
+        self._inputs: dict[int, AnyInput] = {}
         self._note_everything(values)
         self._private = values
         self._stand_ins = StandIns(values, self._scenario.known_keys)
@@ -138,17 +133,16 @@ class _Sharing:
                     self._rejected.add(number)
 
     def write(self, target: Path) -> SharedSession:
-        inputs = [
-            (line.n, self._shared_input(line)) for _, _, line in self._contents.lines() if isinstance(line, InputLine)
-        ]
-        new = self._new_filter(inputs)
-        self._compare(inputs, new)
+        self._inputs = {
+            line.n: self._shared_input(line) for _, _, line in self._contents.lines() if isinstance(line, InputLine)
+        }
+        new = self._new_filter()
+        journal = b"".join(self._shared_lines(new))
         target.mkdir(0o700)
         try:
-            self._write(target, inputs)
-            comparison = compare_replay(target)
-            if not comparison.identical:
-                raise SessionError(f"what would be shared does not replay: {comparison.difference}")
+            self._write(target, journal)
+            if why := why_not_replayed(target):
+                raise SessionError(f"what would be shared is wrong: {why}")
         except BaseException:
             _remove(target)
             raise
@@ -197,7 +191,13 @@ class _Sharing:
 
     # --- is it the same session ---
 
-    def _new_filter(self, inputs: list[tuple[int, AnyInput]]) -> LevelFilter:
+    def _changed(self) -> ChangedSession:
+        kernel = Kernel(self._scenario, self._info.seed)
+        return ChangedSession(
+            self._folder, kernel, self._contents, lambda _, line: self._inputs[line.n], self._difference
+        )
+
+    def _new_filter(self) -> LevelFilter:
         """Tells the new records as the level does. It also knows what the old filter hides: where the scenario itself
         says such a word, both hide it."""
         values = PrivateValues(self._scenario, self._keys)
@@ -208,68 +208,27 @@ class _Sharing:
         people = self._old.people
         new = LevelFilter(self._level, values, {**people, **{name: name for name in people.values()}})
         new.note(self._contents.read_records())
-        new.note(record for records in self._replay(inputs) for record in records)
+        new.note(self._changed().records())
         return new
 
-    def _replay(self, inputs: list[tuple[int, AnyInput]]) -> Iterator[list[AnyRecord]]:
-        kernel = Kernel(self._scenario, self._info.seed)
-        for _, input in inputs:
-            try:
-                offer_changed(kernel, self._folder, input)
-                records, _ = kernel.handle(input)
-            except Exception as error:  # what the kernel never met
-                raise SessionError(f"without what is private, it cannot be carried out ({error})") from error
-            yield records
+    def _shared_lines(self, new: LevelFilter) -> Iterator[bytes]:
+        """The new journal. Raises SessionError unless it tells what the old one tells."""
+        for _, _, line in self._changed().lines(self._old.apply, new.apply):
+            if isinstance(line, JournalHeader):
+                line = JournalHeader(FORMAT, f"rise-tui {self._info.versions.get('rise-tui', '')}".strip())
+            elif not isinstance(line, InputLine):
+                line.wall = ""
+            yield encode_line(line)
 
-    def _compare(self, inputs: list[tuple[int, AnyInput]], new: LevelFilter) -> None:
-        made: deque[AnyRecord] = deque()
-        replay = self._replay(inputs)
-        for _, _, found in self._contents.lines():
-            if isinstance(found, JournalHeader):
-                continue
-            if isinstance(found, InputLine):
-                if made:
-                    raise self._difference(made[0], "is not there")
-                made.extend(next(replay))
-                continue
-            if not made or made[0].seq != found.seq:
-                raise self._difference(found, "would not be there")
-            record = made.popleft()
-            before: dict[str, Any] = self._old.apply(msgspec.json.decode(encode_record(found)))
-            after: dict[str, Any] = new.apply(msgspec.json.decode(encode_record(record)))
-            for name in dict.fromkeys([*before, *after]):
-                if name in _OWN_SENTENCES or (name == "text" and before.get("source") == ENGINE):
-                    continue  # what the program says depends on what was written, and nothing depends on that
-                if before.get(name) != after.get(name):
-                    raise self._difference(found, f"differs in `{name}`")
-        if made:
-            raise self._difference(made[0], "is not there")
-
-    def _difference(self, record: AnyRecord, what: str) -> SessionError:
-        kind = type(record).__name__.removesuffix("Record").lower()
-        try:
-            comparison = compare_replay(self._folder)
-        except SessionError as error:
-            return SessionError(str(error))
-        if not comparison.identical:
-            return SessionError(
-                f"it does not replay with this version of the program ({comparison.difference}), so nobody can prove "
-                "what it is without what is private"
-            )
-        key = f" (`{record.key}`)" if isinstance(record, MemoryRecord) else ""
-        return SessionError(
-            f"what is private, or was typed, decides what happened: without it record {record.seq} ({kind}{key}, at "
-            f"{record.t:.1f} s) {what}"
-        )
+    def _difference(self, _line: int, what: str) -> SessionError:
+        if why := why_not_replayed(self._folder):
+            return SessionError(f"{why}, so nobody can prove what it is without what is private")
+        return SessionError(f"what is private, or was typed, decides what happened: without it {what}")
 
     # --- files ---
 
-    def _write(self, target: Path, inputs: list[tuple[int, AnyInput]]) -> None:
-        parts = [encode_header(f"rise-tui {self._info.versions.get('rise-tui', '')}".strip())]
-        for (number, input), records in zip(inputs, self._replay(inputs), strict=True):
-            parts.append(encode_input(number, input))
-            parts += [with_checksum(encode_record(record)) for record in records]
-        write_private_file(target / JOURNAL, b"".join(parts))
+    def _write(self, target: Path, journal: bytes) -> None:
+        write_private_file(target / JOURNAL, journal)
         write_info(target / INFO, self._shared_info())
         for path in (path for copy in copy_folders(self._folder) for path in sorted(copy.rglob("*"))):
             if path.is_file() and not path.is_symlink():

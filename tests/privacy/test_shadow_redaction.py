@@ -8,7 +8,7 @@ import pytest
 
 from rise_engine.base.errors import SessionError
 from rise_engine.base.words import Words, parse_replacement
-from rise_engine.session.redaction import redact
+from rise_engine.privacy.redaction import redact
 from rise_engine.session.replay import compare_replay
 from rise_engine.session.shadow import ShadowKey, ShadowNote, ShadowWriter, read_shadow
 from tests.results.analysis.cues import ACT, make_session

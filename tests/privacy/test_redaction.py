@@ -18,19 +18,18 @@ from rise_engine.base.errors import SessionError
 from rise_engine.base.words import Words, parse_replacement
 from rise_engine.cli import main
 from rise_engine.kernel.inputs import ActionReport, Note, SessionEnded, SessionStarted, Submit
-from rise_engine.session import redaction
+from rise_engine.privacy import redaction
+from rise_engine.privacy.redaction import NEW_SUFFIX, redact
+from rise_engine.privacy.suggestions import suggest_words
 from rise_engine.session.disk import Disk
 from rise_engine.session.folder import INFO, JOURNAL, read_info
 from rise_engine.session.journal_format import with_checksum
 from rise_engine.session.journal_reader import read_journal
 from rise_engine.session.lock import JournalLock, JournalLockedError
-from rise_engine.session.redaction import NEW_SUFFIX, redact
 from rise_engine.session.replay import compare_replay
-from rise_engine.session.suggestions import suggest_words
 from tests.chance import examples
 from tests.kills import every_kill
-
-from .journals import TOML, Made, Recording
+from tests.session.journals import TOML, Made, Recording
 
 PRIVATE = TOML + 'private = ["name"]\n'
 

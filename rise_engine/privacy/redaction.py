@@ -1,18 +1,16 @@
 """Redaction: words leave a session's record, and the session still replays.
 
 The words go from the inputs; a fresh kernel makes the records of what is left, and each must be the old one without the
-words. So a word that decides anything (a condition, the length of a text) is noticed at the first record that differs,
-and then nothing is changed. The new journal is written beside the old one, replayed once more as it stands there, and
-only then put in its place. Nothing of the old one is kept.
+words (`rise_engine.privacy.changed_session`); where one differs, nothing is changed. The new journal is written beside
+the old one, replayed once more as it stands there, and only then put in its place. Nothing of the old one is kept.
 """
 
 from __future__ import annotations
 
 import os
 import re
-from collections import Counter, deque
+from collections import Counter
 from collections.abc import Callable, Iterator
-from contextlib import suppress
 from datetime import datetime
 from pathlib import Path
 from typing import Any, get_args
@@ -24,16 +22,15 @@ from rise_engine.base.errors import SessionError
 from rise_engine.base.words import WordError, Words
 from rise_engine.kernel import Kernel
 from rise_engine.kernel.inputs import AnyInput, TaskFunction
-from rise_engine.kernel.records import ENGINE, AnyRecord
+from rise_engine.privacy.changed_session import ChangedSession, why_not_replayed
 from rise_engine.session.coded import CODED_FILE, CODED_FOLDER, redacted_files
-from rise_engine.session.disk import Disk, error_message
+from rise_engine.session.disk import Disk, error_message, is_searched, write_new_file
 from rise_engine.session.erasure import has_other_names
 from rise_engine.session.folder import INFO, JOURNAL, SCENARIO_COPY, SessionInfo, read_info
-from rise_engine.session.journal_format import InputLine, JournalHeader, encode_input, encode_record, with_checksum
+from rise_engine.session.journal_format import InputLine, encode_line
 from rise_engine.session.journal_reader import JournalContents, read_journal
 from rise_engine.session.lock import HOLDER_FILE, JournalLock
-from rise_engine.session.replay import Replay, compare_replay, load_session_scenario, require_inputs
-from rise_engine.session.scenario_copies import offer_changed
+from rise_engine.session.replay import Replay, load_session_scenario, require_inputs
 from rise_engine.session.shadow import SHADOW_FOLDER, is_being_written, replace_words, shadow_files
 
 NEW_SUFFIX = ".redacting"
@@ -42,8 +39,6 @@ _KEPT_BY_RECOVERY = re.compile(r"journal\.(torn-\d+|damaged-\d+\.jsonl)")
 _OWN_WORDS: frozenset[str] = frozenset({*get_args(TaskFunction), "None", "Blocking", "Interrupt"})
 _FIXED_FIELDS = frozenset({"input", "n", "t", "versions", "study_hash", "purpose", "status", "result", "mark"})
 """Of inputs: what the program says, not people."""
-_OWN_SENTENCES = frozenset({"reason", "error"})
-"""Fields of records in which the program says something about what happened."""
 _OWN_SOURCES = frozenset({"engine", "file", "study", "condition"})
 _OF_STUDY = frozenset({"participant", "condition", "factors", "study"})
 """Fields of inputs and of session.toml by which a study knows its session; they are no text there."""
@@ -52,7 +47,6 @@ _BY = re.compile(r'(?<=by = )"(?:[^"\\]|\\.)*"')
 _INFO_FIELDS = frozenset({"participant", "condition", "wizard", "scenario_folder", "ros_args"})
 """Of session.toml: what is people's. The title and the robot are the scenario's, which is not changed."""
 _INFO_TABLES = frozenset({"[machine]", "[factors]", "[memory]"})
-BLOCK = 1_000_000
 
 
 class RedactionReport(Struct):
@@ -79,11 +73,6 @@ class RedactionReport(Struct):
     def changed(self) -> bool:
         """Whether anything is another than before, or would be."""
         return bool(self.lines or self.info_lines or self.shadow_lines or self.coded_files or self.log_lines)
-
-
-_SMALL = 5_000_000
-"""Bytes: of larger files that are no text, only the name is looked at."""
-_TEXTS = (".jsonl", ".csv", ".json", ".toml", ".txt", ".md")
 
 
 def redact(
@@ -148,7 +137,7 @@ class _Redaction:
             self._refuse_pseudonym(info)
             self._fixed = _FIXED_FIELDS | _OF_STUDY
         try:
-            self._write_journal(contents, info)
+            write_new_file(self._new, self._new_lines(contents, info), self._disk)
             self._prove_replay(info)
             self._write_shadows()
             self._write_coded()
@@ -192,62 +181,24 @@ class _Redaction:
 
     # --- the journal ---
 
-    def _write_journal(self, contents: JournalContents, info: SessionInfo) -> None:
-        """The new one, beside the old one. Raises SessionError at the first record that differs."""
-        notes: list[str] = []
-        kernel = Kernel(load_session_scenario(self._folder, info, notes), info.seed)
-        descriptor = self._disk.open(self._new, create=True)
-        try:
-            size, block = 0, bytearray()
-            for line in self._new_lines(contents, kernel):
-                block += line
-                if len(block) >= BLOCK:
-                    self._disk.write(descriptor, bytes(block), size)
-                    size += len(block)
-                    block.clear()
-            self._disk.write(descriptor, bytes(block), size)
-            self._disk.sync(descriptor)
-        finally:
-            self._disk.close(descriptor)
+    def _new_lines(self, contents: JournalContents, info: SessionInfo) -> Iterator[bytes]:
+        """Of the new journal. Raises SessionError at the first record that differs."""
 
-    def _new_lines(self, contents: JournalContents, kernel: Kernel) -> Iterator[bytes]:
-        made: deque[AnyRecord] = deque()
-        cause = 0
-        for number, line, found in contents.lines():
-            if isinstance(found, JournalHeader):
-                yield line + b"\n"
-            elif isinstance(found, InputLine):
-                if made:
-                    raise self._difference(number, f"record {made[0].seq} is not there")
-                cause = found.n
-                input = self._new_input(line, found.input)
-                try:
-                    offer_changed(kernel, self._folder, input)
-                    records, _ = kernel.handle(input)
-                except Exception as error:  # what the kernel never met before must not leave a trace of the words
-                    raise self._difference(number, f"input {cause} cannot be carried out ({error})") from error
-                made.extend(records)
-                yield self._changed(line, encode_input(found.n, input) if input is not found.input else line + b"\n")
-            else:
-                if not made or made[0].seq != found.seq:
-                    raise self._difference(number, f"record {found.seq} would not be there (of input {cause})")
-                record = made.popleft()
-                record.wall = found.wall
-                old, new = encode_record(found), encode_record(record)
-                if old == new:
-                    yield line + b"\n"
-                    continue
-                self._compare(number, cause, old, new)
-                yield self._changed(line, with_checksum(new))
+        def mask(record: dict[str, Any]) -> dict[str, Any]:
+            return {name: self._words.mask(each) for name, each in record.items()}
 
-    def _changed(self, before: bytes, after: bytes) -> bytes:
-        if after[:-1] != before:
-            self._report.lines += 1
-        return after
+        kernel = Kernel(load_session_scenario(self._folder, info, []), info.seed)
+        changed = ChangedSession(self._folder, kernel, contents, self._new_input, self._difference)
+        for line, found, new in changed.lines(mask, mask):
+            after = encode_line(new)
+            if after == encode_line(found):
+                after = line + b"\n"  # another release may have written the same in other words
+            self._report.lines += after[:-1] != line
+            yield after
 
-    def _new_input(self, line: bytes, input: AnyInput) -> AnyInput:
-        text = line.decode()
-        if not self._words.may_find(text):
+    def _new_input(self, line: bytes, found: InputLine) -> AnyInput:
+        input = found.input
+        if not self._words.may_find(line.decode()):
             return input
         body: dict[str, Any] = msgspec.json.decode(msgspec.json.encode(input))
         replaced = {name: self._new_value(name, value) for name, value in body.items()}
@@ -268,34 +219,15 @@ class _Redaction:
         self._longer.update(_longer_words_in(value, self._words))
         return self._words.replace_in(value)
 
-    def _compare(self, number: int, cause: int, before: bytes, after: bytes) -> None:
-        old: dict[str, Any] = msgspec.json.decode(before)
-        new: dict[str, Any] = msgspec.json.decode(after)
-        mask = self._words.mask
-        for name in dict.fromkeys([*old, *new]):
-            if name in _OWN_SENTENCES or (name == "text" and old.get("source") == ENGINE):
-                continue  # "did you mean" depends on what was written, and nothing depends on that
-            if name not in old or name not in new or mask(old[name]) != mask(new[name]):
-                raise self._difference(
-                    number,
-                    f"`{name}` of record {old['seq']} ({old['kind']}, of input {cause}) differs",
-                )
-
     def _difference(self, line: int, what: str) -> SessionError:
         """Why nothing was changed: the words decide something, or the session never replayed."""
-        with suppress(SessionError):
-            comparison = compare_replay(self._folder)
-            if not comparison.identical:
-                return SessionError(
-                    "the session does not replay as it is, with this version of the program "
-                    f"({comparison.difference}); redact it with the version that wrote it. Nothing was changed"
-                )
+        if why := why_not_replayed(self._folder):
+            return SessionError(f"{why}; redact it with the version that wrote it. Nothing was changed")
         sentence = f"{JOURNAL}:{line}: without the words {what}: they decide what happened, so the session would not "
         sentence += "replay. Nothing was changed"
         if longer := sorted(self._longer):
             sentence += (
-                f". They also stand within longer words ({', '.join(longer[:8])}): --whole-words leaves those as they "
-                "are"
+                f". They are also part of longer words ({', '.join(longer[:8])}): --whole-words leaves those unchanged"
             )
         return SessionError(sentence + ". What must not be kept and cannot be redacted has to be deleted")
 
@@ -337,16 +269,8 @@ class _Redaction:
             while at and not lines[at - 1].strip():
                 at -= 1
             lines.insert(at, f"redacted = [{entry}]")
-        self._write_new(self._new_info, "\n".join(lines).encode())
+        write_new_file(self._new_info, ["\n".join(lines).encode()], self._disk)
         return True
-
-    def _write_new(self, path: Path, data: bytes) -> None:
-        descriptor = self._disk.open(path, create=True)
-        try:
-            self._disk.write(descriptor, data, 0)
-            self._disk.sync(descriptor)
-        finally:
-            self._disk.close(descriptor)
 
     # --- what second wizards did ---
 
@@ -360,7 +284,7 @@ class _Redaction:
             if changed := sum(before != after for before, after in zip(old, new, strict=True)):
                 target = self._folder / f"{SHADOW_FOLDER}-{path.name}{NEW_SUFFIX}"
                 self._new_beside[target] = path
-                self._write_new(target, b"\n".join(new))
+                write_new_file(target, [b"\n".join(new)], self._disk)
                 self._report.shadow_lines += changed
 
     def _write_coded(self) -> None:
@@ -368,7 +292,7 @@ class _Redaction:
         for path, data in redacted_files(self._folder, self._words.replace).items():
             target = self._folder / f"{CODED_FOLDER}-{path.name}{NEW_SUFFIX}"
             self._new_beside[target] = path
-            self._write_new(target, data)
+            write_new_file(target, [data], self._disk)
             self._report.coded_files += path.name != CODED_FILE
 
     # --- into place ---
@@ -422,11 +346,6 @@ def find_words(folder: Path, words: Words) -> list[str]:
         where = ", ".join(map(str, places[:5])) + (f" and {len(places) - 5} more" if len(places) > 5 else "")
         found.append(f"{name}, line{'s' if len(places) > 1 else ''} {where}{_whose(name)}")
     return found
-
-
-def is_searched(path: Path) -> bool:
-    """Whether words are looked for in a file, and not only in its name: a film is as large as no text is."""
-    return path.suffix in _TEXTS or path.stat().st_size <= _SMALL
 
 
 def _whose(name: Path) -> str:

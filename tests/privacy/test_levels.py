@@ -20,14 +20,14 @@ from rise_engine.base.errors import SessionError
 from rise_engine.cli import main
 from rise_engine.kernel.inputs import CheckReport, Note, OutcomeReport, RecordingReport, SessionEnded, Submit
 from rise_engine.kernel.records import AnyRecord, MemoryRecord, NoteRecord, TaskRecord
+from rise_engine.privacy.levels import ExportLevel, without_dates
+from rise_engine.privacy.private_values import NAMES_FIELDS, PrivateValues
 from rise_engine.results.export.records import SessionExport
 from rise_engine.scenario.loader import load
-from rise_engine.session.levels import ExportLevel, without_dates
-from rise_engine.session.private_values import NAMES_FIELDS, PrivateValues
 from tests.chance import examples
 from tests.kernel.harness import Session
+from tests.session.journals import TOML, Made, Recording
 
-from .journals import TOML, Made, Recording
 from .test_redaction import finish
 
 PRIVATE = TOML + 'private = ["name"]\n'

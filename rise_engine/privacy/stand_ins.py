@@ -11,7 +11,7 @@ from typing import Any
 from rise_engine.expression import Assignment, ExpressionError
 from rise_engine.expression.environment import Environment
 from rise_engine.expression.errors import EvaluationError
-from rise_engine.session.private_values import PrivateValues
+from rise_engine.privacy.private_values import PrivateValues
 
 _FIRST_NUMBER = 90_001
 """Five digits: a number that is found wherever it stands (`private_values.WITHIN_NUMBERS`)."""

@@ -10,12 +10,12 @@ import pytest
 from rise_engine.base.errors import SessionError
 from rise_engine.kernel.inputs import Note, SessionStarted
 from rise_engine.kernel.records import RuleRecord, TaskRecord
+from rise_engine.privacy.levels import ExportLevel
+from rise_engine.privacy.sharing import share_session
 from rise_engine.results.analysis.model import SessionData
 from rise_engine.results.analysis.reading import read_session
 from rise_engine.session.folder import JOURNAL, read_info
-from rise_engine.session.levels import ExportLevel
 from rise_engine.session.replay import compare_replay
-from rise_engine.session.sharing import share_session
 from tests.results.analysis.samples import (
     Script,
     act,

@@ -11,12 +11,18 @@ from __future__ import annotations
 
 import re
 from collections.abc import Iterable, Mapping
+from pathlib import Path
 from typing import Any, Literal, TypeAlias
 
+from msgspec.structs import replace
+
+from rise_engine.base.errors import SessionError
 from rise_engine.base.text import pluralize
 from rise_engine.kernel.records import ENGINE, AnyRecord
 from rise_engine.kernel.speech import SAY
-from rise_engine.session.private_values import NAMES_FIELDS, PrivateValues
+from rise_engine.privacy.private_values import NAMES_FIELDS, PrivateValues
+from rise_engine.session.coded import CodedFile, read_coded, read_spans
+from rise_engine.session.coded_formats import CodedClock, CodedSpan
 
 ExportLevel: TypeAlias = Literal["full", "shared", "public"]
 LEVELS: tuple[ExportLevel, ...] = ("full", "shared", "public")
@@ -185,3 +191,40 @@ def count_words(what: str, text: str) -> str:
     ('[note, 3 words]', '[note, 3 words]')
     """
     return text if _COUNTED.fullmatch(text) else f"[{what}, {pluralize(len(text.split()), 'word')}]"
+
+
+def told_coded(folder: Path, level: LevelFilter) -> list[CodedFile]:
+    """The annotations of a session as a level below full tells them, for coded.json of a session that is given to
+    others: without the files. What cannot be read is left out.
+
+    :param folder: the session's.
+    :param level: which.
+    """
+    told: list[CodedFile] = []
+    try:
+        for number, file in enumerate(read_coded(folder), 1):
+            spans = tuple(told_span(each, file, level) for each in read_spans(folder, file))
+            told.append(
+                CodedFile(
+                    name=str(number),
+                    sha256="",
+                    clock=CodedClock(),
+                    clock_by=file.clock_by,
+                    tiers=file.tiers,
+                    speech=file.speech,
+                    spans=spans,
+                )
+            )
+    except SessionError:
+        return []
+    return told
+
+
+def told_span(span: CodedSpan, file: CodedFile, level: LevelFilter) -> CodedSpan:
+    """An annotation as a level tells it: of what the participant said, and of comments, how many words it had."""
+    return replace(
+        span,
+        annotator=level.name_of_coder(span.annotator),
+        value=level.count_typed_words(span.value) if span.tier in file.speech else span.value,
+        comment=level.count_typed_words(span.comment),
+    )
