@@ -11,7 +11,7 @@ from textual.widget import Widget
 
 from rise_engine.author.edit.edits import AddAction, AddVariant, RemoveAction, RemoveVariant, SetWaits
 from rise_engine.author.edit.outline import WrittenAct, WrittenAction
-from rise_tui.editor.form_page import FormPage
+from rise_tui.editor.form import FormPage
 from rise_tui.editor.model.act_form import act_choices, action_fields, new_action_parameters, wait_choices
 from rise_tui.editor.model.act_rows import action_rows, action_type, scale_line, what_text
 from rise_tui.editor.model.act_times import act_seconds
@@ -190,7 +190,7 @@ class ActPage(FormPage):
         if on_form and self.action is not None:
             if self.form.current is None or self.form.current.id == "type":  # what is changed is what is in it
                 self.form.rows.move_cursor(min(1, self.form.rows.count - 1), by_wizard=False)
-            self.form.say("")  # below the form stands what is to be known of this field
+            self.form.say()  # below the form stands what is to be known of this field
             self.screen.set_focus(self.form.rows)
         else:
             self.screen.set_focus(self.actions)

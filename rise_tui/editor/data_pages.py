@@ -12,7 +12,7 @@ from textual.widget import Widget
 
 from rise_engine.author.edit.edits import RemoveStartValue, Rename, RenameSetting, SetSetting, SetStartValue
 from rise_engine.author.edit.plan import EditRefused
-from rise_tui.editor.form_page import FormPage
+from rise_tui.editor.form import FormPage
 from rise_tui.editor.model.data_fields import (
     SCENARIO_FILE,
     Addition,

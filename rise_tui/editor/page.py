@@ -6,6 +6,7 @@ by `frame.open_page(KIND, NAME)`. Top line, findings, save, undo, `e`, drafts an
 
 from __future__ import annotations
 
+import asyncio
 from collections.abc import Callable, Coroutine, Mapping, Sequence
 from typing import Any, ClassVar, Protocol
 
@@ -13,11 +14,17 @@ from textual.containers import Vertical
 from textual.widget import Widget
 
 from rise_engine.author.edit.edits import AnyEdit
-from rise_tui.editor.model.draft import FilePlace, StudyDraft
+from rise_engine.author.edit.plan import EditRefused
+from rise_engine.base.text import clean
+from rise_tui.editor.model.draft import FilePlace, StudyDraft, first_new_finding
 from rise_tui.editor.model.explored import ExploredStudy
-from rise_tui.editor.model.fields import FieldChoice
+from rise_tui.editor.model.fields import FieldChoice, FieldNote, note_of
 from rise_tui.editor.study import EditedStudy
 from rise_tui.model.notice import Level
+from rise_tui.rendering.later import Later
+
+PAINTED = 0.02
+"""Seconds until a typed letter has been painted: the check of the study must not hold it up."""
 
 
 class EditFrame(Protocol):
@@ -76,6 +83,8 @@ class EditPage(Vertical):
 
     KIND: ClassVar[str]
     """By which it is opened."""
+    EXPECTED: ClassVar[tuple[str, ...]] = ()
+    """Codes of findings that typing brings here, and that need no remark."""
 
     def __init__(self, frame: EditFrame, name: str = "") -> None:
         super().__init__()
@@ -133,11 +142,26 @@ class EditPage(Vertical):
         return None
 
     @property
-    def is_opening(self) -> bool:
-        """Whether a field is about to open, to which the keys go that come now."""
-        return False
-
-    @property
     def is_typing(self) -> bool:
         """Whether a field is open; then what was changed outside waits."""
         return False
+
+    def preview(self, edits: Callable[[], tuple[AnyEdit, ...]], say: Callable[..., None]) -> None:
+        """While something is typed: `say` what would be wrong with the study then that is not wrong now."""
+        self.run_worker(Later(self._preview, edits, say), group="preview", exclusive=True)
+
+    async def _preview(self, edits: Callable[[], tuple[AnyEdit, ...]], say: Callable[..., None]) -> None:
+        await asyncio.sleep(PAINTED)
+        if self.is_typing:
+            say(*self.new_findings(edits))
+
+    def new_findings(self, edits: Callable[[], tuple[AnyEdit, ...]]) -> list[FieldNote]:
+        """The worst finding that edits would bring, or why they cannot be made."""
+        try:
+            made = edits()
+            if not made:
+                return []
+            checked = self.frame.study.preview(*made)
+            return note_of(first_new_finding(self.draft, checked, but=self.EXPECTED))
+        except EditRefused as refused:
+            return [FieldNote("error", clean(str(refused)))]

@@ -23,9 +23,9 @@ from rise_tui.editor.model.explored import findings_in_rules
 from rise_tui.editor.model.study_names import StudyNames, study_names
 from rise_tui.editor.model.trial_rows import standing_of
 from rise_tui.editor.page import EditFrame, EditPage
-from rise_tui.editor.rules.rule_editor import RuleEditor
+from rise_tui.editor.rule_editor import RuleEditor
 from rise_tui.editor.study_page import StudyPage
-from rise_tui.editor.trying.trial_view import TrialView
+from rise_tui.editor.trial_view import TrialView
 from rise_tui.model.notice import Level
 from rise_tui.widgets.row_list import RowList
 
@@ -34,10 +34,10 @@ BESIDE = 100
 
 
 class DraftStudy:
-    """The study of a frame, as the editor of a rule knows it (`rise_tui.editor.rules.rule_display.RuleStudy`)."""
+    """The study of a frame, as the editor of a rule knows it (`rise_tui.editor.rule_display.RuleStudy`)."""
 
-    def __init__(self, frame: EditFrame) -> None:
-        self._frame = frame
+    def __init__(self, frame: EditFrame, page: EditPage) -> None:
+        self._frame, self._page = frame, page
         self._names: tuple[StudyDraft, StudyNames] | None = None
 
     @property
@@ -70,6 +70,9 @@ class DraftStudy:
     def say(self, sentence: str, level: Level = "info") -> None:
         self._frame.say(sentence, level)
 
+    def preview(self, edits: Callable[[], tuple[AnyEdit, ...]], say: Callable[..., None]) -> None:
+        self._page.preview(edits, say)
+
 
 class RulePage(EditPage):
     """One rule. `t` tries it, `esc` leads back from the trial."""
@@ -87,7 +90,7 @@ class RulePage(EditPage):
         """`name`: the rule's; behind a zero character, the state on which the cursor begins."""
         rule, _, state = name.partition("\0")
         super().__init__(frame, rule)
-        self._study = DraftStudy(frame)
+        self._study = DraftStudy(frame, self)
         self.editor, self.trial = RuleEditor(self._study, rule, state), TrialView()
 
     def compose(self) -> ComposeResult:
@@ -106,10 +109,6 @@ class RulePage(EditPage):
     @property
     def still_there(self) -> bool:
         return self.draft.outline.rule(self.shown_name) is not None
-
-    @property
-    def is_opening(self) -> bool:
-        return self.editor.panel.is_opening
 
     @property
     def is_typing(self) -> bool:

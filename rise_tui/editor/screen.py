@@ -23,7 +23,6 @@ from rise_engine.base.text import clean
 from rise_tui.actions import IN_EDITOR, bindings_in, bindings_of
 from rise_tui.editor import external, overlays
 from rise_tui.editor.bars import BannerLine, EditHints, EditTopLine, FindingLine
-from rise_tui.editor.chooser import AskText, Chooser, ManyChooser
 from rise_tui.editor.exploring import Explorer, ExploringBeside
 from rise_tui.editor.finding_list import choose_finding
 from rise_tui.editor.model.draft import StudyDraft, count, is_study_alone
@@ -32,6 +31,7 @@ from rise_tui.editor.model.fields import FieldChoice
 from rise_tui.editor.model.study_rows import row_id
 from rise_tui.editor.page import EditPage
 from rise_tui.editor.pages import PAGES
+from rise_tui.editor.pick_list import AskText, Picked, PickList
 from rise_tui.editor.save_dialog import SaveDialog
 from rise_tui.editor.sessions import NoSessions, RunningHere, SessionWatch
 from rise_tui.editor.study import EditedStudy
@@ -231,20 +231,20 @@ class EditScreen(Screen[None]):
     def choose(
         self, title: str, choices: Sequence[FieldChoice], take: Callable[[str], None], *, now: str = "", new: str = ""
     ) -> None:
-        def taken(chosen: str | None) -> None:
-            if chosen is not None:
-                take(chosen)
+        def taken(picked: Picked | None) -> None:
+            if picked is not None:
+                take(picked.value)
 
-        self.app.push_screen(Chooser(title, choices, now=now, new=new), taken)
+        self.app.push_screen(PickList(title, choices, now=now, new=new), taken)
 
     def choose_many(
         self, title: str, choices: Sequence[FieldChoice], now: Sequence[str], take: Callable[[tuple[str, ...]], None]
     ) -> None:
-        def taken(chosen: tuple[str, ...] | None) -> None:
-            if chosen is not None:
-                take(chosen)
+        def taken(picked: Picked | None) -> None:
+            if picked is not None:
+                take(picked.ticked)
 
-        self.app.push_screen(ManyChooser(title, choices, now), taken)
+        self.app.push_screen(PickList(title, choices, ticked=now), taken)
 
     # --- drawing ----------------------------------------------------------------------------------------------------
 
@@ -290,7 +290,7 @@ class EditScreen(Screen[None]):
     @property
     def is_working(self) -> bool:
         """Whether something is being done that a key has begun, and that may open something."""
-        return self._works > 0 or self.page.is_opening
+        return self._works > 0
 
     def _work(self, work: Coroutine[Any, Any, None]) -> None:
         self._works += 1
@@ -436,7 +436,7 @@ class EditScreen(Screen[None]):
         if not self.study.draft.changed_files:
             self.say("nothing to save: the files are as you see them")
             return
-        diff = await self.study.diff()
+        diff = self.study.diff()
         self.app.push_screen(SaveDialog(self.study.draft, diff), self._save_if)
 
     def _save_if(self, yes: bool | None) -> None:

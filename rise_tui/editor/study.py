@@ -1,4 +1,4 @@
-"""The workspace of a study for a screen: its work is done beside the loop, one thing after the other."""
+"""The workspace of a study for a screen: work that touches the disk runs beside the loop, one thing after the other."""
 
 from __future__ import annotations
 
@@ -8,7 +8,6 @@ from typing import TypeVar
 
 from rise_engine.author.edit.drafts import Draft
 from rise_engine.author.edit.edits import AnyEdit
-from rise_engine.author.edit.plan import EditRefused
 from rise_engine.author.edit.remedies import Remedy, remedies
 from rise_engine.author.edit.workspace import Change, OutsideChange, SaveReport, Workspace
 from rise_engine.scenario.diagnostics import Diagnostic
@@ -40,20 +39,17 @@ class EditedStudy:
         """Make the step again that was taken back last."""
         return await self._do("redoing", self._workspace.redo)
 
-    async def preview(self, *edits: AnyEdit) -> LoadResult:
-        """The check of what the files would be. :raises EditRefused: an edit cannot be made."""
-        async with self._turn:
-            return await asyncio.to_thread(self._workspace.preview, *edits)
+    def preview(self, *edits: AnyEdit) -> LoadResult:
+        """The check of what the files would be, in some milliseconds. :raises EditRefused: an edit cannot be made."""
+        return self._workspace.preview(*edits)
 
-    async def remedies(self, finding: Diagnostic) -> list[Remedy]:
+    def remedies(self, finding: Diagnostic) -> list[Remedy]:
         """What can be done about a finding."""
-        async with self._turn:
-            return await asyncio.to_thread(lambda: remedies(finding, self._workspace.state))
+        return remedies(finding, self._workspace.state)
 
-    async def diff(self) -> str:
+    def diff(self) -> str:
         """What saving would change, line by line."""
-        async with self._turn:
-            return await asyncio.to_thread(self._workspace.diff)
+        return self._workspace.diff()
 
     async def notice_outside(self) -> OutsideChange | None:
         """Look whether somebody else has changed the files, and take it in."""
@@ -101,6 +97,3 @@ class EditedStudy:
             finally:
                 self.busy = ""
         return result
-
-
-__all__ = ["EditRefused", "EditedStudy"]

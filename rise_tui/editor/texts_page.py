@@ -13,17 +13,17 @@ from textual.binding import Binding, BindingType
 from textual.message import Message
 from textual.widget import Widget
 
-from rise_engine.author.edit.edits import AnyEdit
+from rise_engine.author.edit.edits import AddLanguage, AnyEdit, SetSetting
 from rise_engine.author.edit.plan import EditRefused
 from rise_engine.base.text import clean
-from rise_engine.scenario.loader import LoadResult
-from rise_tui.editor.language_choice import ask_for_language, choose_language
-from rise_tui.editor.model.draft import FilePlace, first_new_finding
+from rise_tui.editor.model.draft import FilePlace
+from rise_tui.editor.model.fields import FieldChoice, FieldNote
 from rise_tui.editor.model.text_rows import (
     ORIGINAL,
     TextEntry,
     TextsView,
     column_line,
+    count_texts,
     entry_head,
     folder_from,
     head_line,
@@ -44,10 +44,11 @@ from rise_tui.editor.model.text_rows import (
 from rise_tui.editor.page import EditFrame
 from rise_tui.editor.sentence_page import SAID, SentencePage
 from rise_tui.editor.study_page import StudyPage
-from rise_tui.rendering.text import ListRow, StyledLine, TextRole
+from rise_tui.rendering.text import ListRow, StyledLine
 from rise_tui.widgets.row_list import RowList, RowView
 from rise_tui.widgets.static_lines import StaticLines
 
+LANGUAGE_HINT = "Its tag: fr, pt-BR. Another way of speaking to people: de-x-sie."
 LEAST_ROWS, LEAST_DETAIL = 3, 6
 """Rows of the list, and of the text that is shown whole."""
 
@@ -74,6 +75,7 @@ class TextsPage(SentencePage):
     """Every text of the acts. Column 0 is what the acts say, 1 what it is in the language that is shown."""
 
     KIND: ClassVar[str] = "texts"
+    EXPECTED = ("stale-translation", "untranslated")
     DEFAULT_CSS = """
     TextsPage #head { background: $rise-bar; }
     TextsPage #parting { background: $rise-bar; }
@@ -240,8 +242,8 @@ class TextsPage(SentencePage):
             "edit.only": lambda: self._look_at(self.view._replace(only=not self.view.only)),
             "edit.still-right": self._still_right,
             "edit.go": self._go_to_act,
-            "edit.language": lambda: choose_language(self.frame, self.view.language, self._show_language),
-            "edit.add": lambda: ask_for_language(self.frame, self._show_language),
+            "edit.language": lambda: _choose_language(self.frame, self.view.language, self._show_language),
+            "edit.add": lambda: _ask_for_language(self.frame, self._show_language),
             "edit.remove": self._remove,
         }
         if action not in calls:
@@ -349,14 +351,53 @@ class TextsPage(SentencePage):
             self.rows.select(self._following)
             self.open_current()
 
-    def finding_of(self, checked: LoadResult, edits: tuple[AnyEdit, ...]) -> tuple[str, TextRole]:
-        found = first_new_finding(self.draft, checked, but=("stale-translation", "untranslated"))
-        if found is not None:
-            return found.message, "fault" if found.severity == "error" else "wait"
-        languages = self._translated_into(self._typing) if self.column == 0 and self._typing is not None else []
-        if languages:
-            return f"its translation into {', '.join(languages)} is of an earlier text then", "muted"
-        return "", "muted"
+    def new_findings(self, edits: Callable[[], tuple[AnyEdit, ...]]) -> list[FieldNote]:
+        found, entry = super().new_findings(edits), self._typing
+        if found or entry is None or self.column == 1 or not edits():
+            return found
+        languages = [tag for tag, each in self.draft.checked.translations.items() if entry.text.id in each.texts]
+        changed = f"the text will have changed since its translation into {', '.join(languages)}"
+        return [FieldNote("info", changed)] if languages else []
 
-    def _translated_into(self, entry: TextEntry) -> list[str]:
-        return [tag for tag, found in self.draft.checked.translations.items() if entry.text.id in found.texts]
+
+def _choose_language(frame: EditFrame, now: str, show: Callable[[str], None]) -> None:
+    """Let a language be chosen, or a new one be added; `show` is called with it."""
+    draft = frame.study.draft
+    languages = languages_of(draft)
+    if not languages:
+        _ask_for_language(frame, show)
+        return
+    choices = []
+    for language in languages:
+        counts = count_texts(text_entries(draft, language))
+        help = f"✓ {counts.there}  ▲ {counts.stale} changed since  ✗ {counts.missing} missing"
+        choices.append(FieldChoice(language, language, help))
+
+    def take(chosen: str) -> None:
+        if chosen in languages:
+            show(chosen)
+        else:
+            _add_language(frame, chosen, show)
+
+    title = f"From {own_language(draft) or 'the acts'} into; another tag adds a language"
+    frame.choose(title, choices, take, now=now, new="a new language")
+
+
+def _ask_for_language(frame: EditFrame, show: Callable[[str], None]) -> None:
+    """Ask for a new language and add it; `show` is called with it then."""
+    frame.ask_text("Another language", "", lambda tag: _add_language(frame, tag, show), hint=LANGUAGE_HINT)
+
+
+def _add_language(frame: EditFrame, language: str, show: Callable[[str], None]) -> None:
+    """With the first one, it is asked in which language the acts are."""
+
+    def make(*edits: AnyEdit) -> None:
+        frame.make(*edits, AddLanguage(language), then=lambda: show(language))
+
+    if own_language(frame.study.draft):
+        make()
+        return
+    frame.ask_text(
+        "In which language are the acts?", "en", lambda own: make(SetSetting(("language",), own)),
+        hint="Its tag: en, de, pt-BR.",
+    )  # fmt: skip

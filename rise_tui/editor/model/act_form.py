@@ -18,7 +18,7 @@ from rise_engine.author.edit.outline import WrittenAct, WrittenAction, WrittenCa
 from rise_engine.scenario.loader import LoadResult
 from rise_engine.scenario.model import ActionSpec, Parameter
 from rise_tui.editor.model.act_rows import action_type, what_text
-from rise_tui.editor.model.fields import EditField, FieldChoice
+from rise_tui.editor.model.fields import TYPED, EditField, FieldChoice
 
 FAILS, GOES_ON = "ends", "goes on"
 UNITS = {"m": "metres", "rad": "radians", "ms": "milliseconds", "s": "seconds", "deg": "degrees"}
@@ -132,8 +132,8 @@ def _parameter_field(label: str, parameter: Parameter | None, written: WrittenVa
     choices = parameter_choices(parameter)
     note = parameter_note(parameter, is_given=written is not None)
     return EditField(
-        "", label, "choice" if choices else "text", text, note=note, choices=choices, is_free=parameter.type == "name",
-        required=parameter.required, reason=reason,
+        "", label, "choice" if choices else "text", text, note=note, choices=choices,
+        new=TYPED if parameter.type == "name" else "", required=parameter.required, reason=reason,
     )  # fmt: skip
 
 

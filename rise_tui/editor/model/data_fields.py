@@ -16,7 +16,7 @@ from rise_engine.scenario.model import Json
 from rise_engine.scenario.robot_profiles import robot_names
 from rise_tui.editor.model.act_rows import said_text
 from rise_tui.editor.model.draft import StudyDraft, count, is_study_alone
-from rise_tui.editor.model.fields import EditField, FieldChoice, no_edits
+from rise_tui.editor.model.fields import TYPED, EditField, FieldChoice, no_edits
 from rise_tui.rendering.text import format_value, json_type_name, parse_typed_value
 
 SCENARIO_FILE, STUDY_FILE = "scenario.toml", "study.toml"
@@ -100,7 +100,7 @@ def key_fields(draft: StudyDraft) -> list[EditField]:
         note = f"“{label}”" if label else ""
         note += "".join(f"  {name} = {json.dumps(value, ensure_ascii=False)}" for name, value in more.items())
         fields.append(
-            EditField(key, key, "choice", text, choices=choices, required=False, is_free=True, note=note,
+            EditField(key, key, "choice", text, choices=choices, new=TYPED, note=note,
                       reason="" if kind else "it is written in a way that has no form: e",
                       edits=partial(_key_edits, key, entry))
         )  # fmt: skip
@@ -143,7 +143,7 @@ def setting_fields(draft: StudyDraft) -> list[EditField]:
         choices = tuple(FieldChoice(each, each) for each in names)
         fields.append(
             EditField(name, name, "choice" if choices else "text", None if value is None else _shown(value),
-                      note=help, choices=choices, is_free=name in ("robot", "on_failure"),
+                      note=help, choices=choices, new=TYPED if name in ("robot", "on_failure") else "",
                       edits=partial(_setting, SCENARIO_FILE, (name,), str))
         )  # fmt: skip
     fields += [_private_field(values.get("private")), *_keep_fields(values.get("keys"))]
@@ -324,6 +324,3 @@ def _setting(file: str, path: tuple[str, ...], kind: type, text: str | None) -> 
         article = "an" if wanted[0] in "aeiou" else "a"
         raise EditRefused(f"{'.'.join(path)} is {article} {wanted}; “{text}” is {name}")
     return (SetSetting(path, value, file=file),)
-
-
-# --- tables -----------------------------------------------------------------------------------------------------------

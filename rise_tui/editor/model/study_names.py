@@ -11,17 +11,10 @@ from rise_engine.author.edit.outline import Outline, WrittenRule, WrittenStateme
 from rise_engine.author.edit.plan import Files
 from rise_engine.scenario.cross_references import ACT_END_SUFFIXES
 from rise_engine.scenario.draft import ScenarioDraft
-from rise_engine.scenario.memory_paths import MemoryPaths
-from rise_engine.scenario.model import CUE_TOPICS, SESSION, Json, normal_topic
+from rise_engine.scenario.model import CUE_TOPICS, Json, normal_topic
+from rise_tui.editor.model.fields import FieldChoice
 
 SCENARIO_FILE = "scenario.toml"
-
-
-class NameChoice(NamedTuple):
-    """A name that can be chosen, and what is to be known of it."""
-
-    name: str
-    note: str = ""
 
 
 class StudyNames(NamedTuple):
@@ -46,10 +39,6 @@ class StudyNames(NamedTuple):
     @property
     def rules(self) -> list[str]:
         return list(dict.fromkeys(rule.name for rule in self.outline.rules if rule.name))
-
-    @property
-    def memory_paths(self) -> MemoryPaths:
-        return MemoryPaths({**self.memory, SESSION: None}, self.set_keys)
 
     def states_of(self, rule: str) -> list[str]:
         """The states of a rule, in the file's order; none for a rule that there is not."""
@@ -78,10 +67,8 @@ class StudyNames(NamedTuple):
             return by_itself
         return f"raised by {', '.join(self.raised[event])}" if self.raised[event] else "raised in this study"
 
-    def event_choices(self) -> list[NameChoice]:
+    def event_choices(self) -> list[FieldChoice]:
         """Every event that can be waited for: those of the study first, then those that the engine raises."""
-        own = sorted({*self.raised, *self.awaited}, key=str.casefold)
-        known = dict.fromkeys(own)
         engine = [*CUE_TOPICS]
         engine += [act + suffix for act in self.acts for suffix in ACT_END_SUFFIXES]
         engine += [f"{rule}_end" for rule in self.rules]
@@ -89,14 +76,23 @@ class StudyNames(NamedTuple):
             f"{rule.name}_{state.id}" for rule in self.outline.rules for state in rule.states if not state.transitions
         ]
         return [
-            NameChoice(f"/{event}", self.event_note(event) or "nothing in this study raises it")
-            for event in (*own, *(event for event in dict.fromkeys(engine) if event not in known))
+            FieldChoice(f"/{event}", f"/{event}", self.event_note(event) or "nothing in this study raises it")
+            for event in dict.fromkeys((*self._own_events, *engine))
         ]
 
-    def key_choices(self) -> list[NameChoice]:
+    def own_event_choices(self) -> list[FieldChoice]:
+        """The events of the study that can be raised."""
+        notes = {True: "a rule waits for it", False: "no rule waits for it"}
+        return [FieldChoice(f"/{event}", f"/{event}", notes[event in self.awaited]) for event in self._own_events]
+
+    @property
+    def _own_events(self) -> list[str]:
+        return sorted({*self.raised, *self.awaited}, key=str.casefold)
+
+    def key_choices(self) -> list[FieldChoice]:
         """Every memory key that a condition can ask for, with its value at the start."""
         names = dict.fromkeys((*self.memory, *sorted(self.set_keys)))
-        return [NameChoice(name, self.start_note(name)) for name in names]
+        return [FieldChoice(name, name, self.start_note(name)) for name in names]
 
     def start_note(self, key: str) -> str:
         """What a memory key is at the start, in words."""
@@ -104,20 +100,20 @@ class StudyNames(NamedTuple):
             return f"a table of {len(self.memory[key])} rows"
         return f"{short_value(self.memory[key])} at the start" if key in self.memory else "not there at the start"
 
-    def target_choices(self, rule: str) -> list[NameChoice]:
-        """The states of a rule that a way can lead to."""
+    def target_choices(self, rule: str) -> list[FieldChoice]:
+        """The states of a rule that a transition can lead to."""
         found = self.outline.rule(rule)
         states = found.states if found is not None else ()
-        return [NameChoice(state.id, "" if state.transitions else "ends the rule") for state in states]
+        return [FieldChoice(state.id, state.id, "" if state.transitions else "ends the rule") for state in states]
 
-    def act_choices(self, first: tuple[str, ...] = ()) -> list[NameChoice]:
+    def act_choices(self, first: tuple[str, ...] = ()) -> list[FieldChoice]:
         """The acts, those of `first` in front."""
         mine = [name for name in dict.fromkeys(first) if name in self.acts]
         names = (*mine, *(name for name in self.acts if name not in mine))
-        return [NameChoice(name, "started by this rule" if name in mine else "") for name in names]
+        return [FieldChoice(name, name, "started by this rule" if name in mine else "") for name in names]
 
-    def rule_choices(self) -> list[NameChoice]:
-        return [NameChoice(name, f"{len(self.states_of(name))} states") for name in self.rules]
+    def rule_choices(self) -> list[FieldChoice]:
+        return [FieldChoice(name, name, f"{len(self.states_of(name))} states") for name in self.rules]
 
 
 ENGINE_ENDINGS = {"_end": "ends", "_succeeded": "succeeds", "_failed": "fails", "_stopped": "is stopped"}

@@ -25,7 +25,7 @@ from rise_tui.editor.model.trial_rows import (
     play_again,
     trial_rows,
 )
-from rise_tui.editor.trying.trial_view import TrialView
+from rise_tui.editor.trial_view import TrialView
 from rise_tui.rendering.text import line_width, plain_text
 from tests.tui.editor.pages import PageApp
 

@@ -14,16 +14,15 @@ from rise_engine.author.edit.edits import (
     OneOfForm,
     RemoveState,
     RemoveStatement,
+    SetInitial,
     StatementAddress,
 )
 from rise_engine.author.edit.outline import WrittenRule, WrittenState
-from rise_tui.editor.model.call_draft import CallDraft
-from rise_tui.editor.model.form import RuleForm
-from rise_tui.editor.model.name_forms import EventKeyForm, NameForm, TemplateValueForm, make_first
-from rise_tui.editor.model.rule_forms import CallRuleForm, ConditionRuleForm, TransitionRuleForm
-from rise_tui.editor.model.rule_graph import (
-    GraphSpot,
-)
+from rise_tui.editor.form import FormPanel
+from rise_tui.editor.model.call_form import CallDraft, CallRuleForm, ConditionRuleForm
+from rise_tui.editor.model.fields import RuleForm
+from rise_tui.editor.model.name_forms import EventKeyForm, NameForm, TemplateValueForm
+from rise_tui.editor.model.rule_graph import GraphSpot
 from rise_tui.editor.model.state_parts import (
     PartRow,
     add_branch,
@@ -35,9 +34,13 @@ from rise_tui.editor.model.state_parts import (
     state_parts,
     use_of,
 )
-from rise_tui.editor.model.transition_draft import TransitionDraft, likely_way, why_not_editable
-from rise_tui.editor.rules.form_panel import FormPanel
-from rise_tui.editor.rules.rule_display import RuleDisplay
+from rise_tui.editor.model.transition_form import (
+    TransitionDraft,
+    TransitionRuleForm,
+    likely_transition,
+    why_not_editable,
+)
+from rise_tui.editor.rule_display import RuleDisplay
 
 STATE_HINTS = {
     "edit.open": "what it does", "edit.add": "way out", "edit.new-state": "new state", "edit.rename": "rename",
@@ -161,7 +164,7 @@ class RuleEditor(RuleDisplay):
 
     def close_form(self) -> None:
         """Back to the list, or the graph, where the form was opened."""
-        self.panel.close()
+        self.panel.close_form()
         self.remove_class("-form")
         self._opened_from.focus()
 
@@ -180,20 +183,20 @@ class RuleEditor(RuleDisplay):
     def _add_way(self) -> None:
         rule, state = self.rule, self.state
         if rule is not None and state is not None:
-            draft = likely_way(state)
-            form = TransitionRuleForm(self._study.names, rule, state.id, draft, ways=len(state.transitions))
+            draft = likely_transition(state)
+            form = TransitionRuleForm(self._study.names, rule, state.id, draft, count=len(state.transitions))
             self._open(form, "trigger")
 
     def _new_state(self) -> None:
         rule = self.rule
         if rule is not None:
             behind = self.spot.state if self.spot is not None else ""
-            self._open(NameForm(self._study.names, rule, "new state", "", behind))
+            self._open(NameForm(rule, "new state", "", behind))
 
     def _rename(self) -> None:
         rule, state = self.rule, self.state
         if rule is not None and state is not None:
-            self._open(NameForm(self._study.names, rule, "rename state", state.id, state.id))
+            self._open(NameForm(rule, "rename state", state.id, state.id))
 
     def _only_if(self) -> None:
         """The function at the cursor is to be done only if something is true."""
@@ -235,7 +238,7 @@ class RuleEditor(RuleDisplay):
     def _make_first(self) -> None:
         rule, state = self.rule, self.state
         if rule is not None and state is not None:
-            self._change(*make_first(rule, state.id))
+            self._change(*(() if rule.initial == state.id else (SetInitial(rule.name, state.id),)))
 
     def _remove(self) -> None:
         rule, state, spot = self.rule, self.state, self.spot
@@ -282,6 +285,12 @@ class RuleEditor(RuleDisplay):
 
     # --- changes ---
 
+    @on(FormPanel.FormChanged)
+    def _form_changed(self, event: FormPanel.FormChanged) -> None:
+        event.stop()
+        if not event.form.missing():
+            self._study.preview(event.form.edits, self.panel.say_finding)
+
     @on(FormPanel.FormLeft)
     def _form_left(self, event: FormPanel.FormLeft) -> None:
         event.stop()
@@ -298,7 +307,7 @@ class RuleEditor(RuleDisplay):
 
     def _form_done(self, form: RuleForm) -> None:
         """The form has become true: the cursor goes to what was made."""
-        if isinstance(form, NameForm) and form.purpose != "rename rule":
+        if isinstance(form, NameForm):
             self.spot = GraphSpot(form.name.strip())
         if isinstance(form, TransitionRuleForm) and form.index is None and (state := self.state) is not None:
             same = [number for number, way in enumerate(state.transitions) if way.form == form.draft.form()]
