@@ -10,6 +10,7 @@ import asyncio
 from collections.abc import Callable, Coroutine, Mapping, Sequence
 from typing import Any, ClassVar, Protocol
 
+from textual import events
 from textual.containers import Vertical
 from textual.widget import Widget
 
@@ -23,6 +24,7 @@ from rise_tui.editor.study import EditedStudy
 from rise_tui.model.notice import Level
 from rise_tui.rendering.later import Later
 
+TURNS = {"left": -1, "right": 1}
 PAINTED = 0.02
 """Seconds until a typed letter has been painted: the check of the study must not hold it up."""
 
@@ -83,12 +85,16 @@ class EditPage(Vertical):
 
     KIND: ClassVar[str]
     """By which it is opened."""
+    CAN_FILTER: ClassVar[bool] = False
+    """Whether the page has rows to search."""
     EXPECTED: ClassVar[tuple[str, ...]] = ()
     """Codes of findings that typing brings here, and that need no remark."""
 
     def __init__(self, frame: EditFrame, name: str = "") -> None:
         super().__init__()
         self.frame, self.shown_name = frame, name
+        self.wanted = ""
+        """The text that is searched."""
         self.back: tuple[str, str] | None = None
         """Kind and name of the page that opened it, to which `esc` leads; None: to the list of the study."""
 
@@ -110,16 +116,38 @@ class EditPage(Vertical):
         """Show the draft as it is now. Called after each change, and when the size has changed."""
         raise NotImplementedError
 
+    @property
+    def calls(self) -> Mapping[str, Callable[[], object]]:
+        """The actions of scope `edit` that the page carries out."""
+        return {}
+
     def carry_out(self, action: str) -> bool:
-        """Do what an action of scope `edit` means here; False: nothing."""
+        """Carry out an action of scope `edit`; False: it means nothing here."""
+        call = self.calls.get(action)
+        if call is not None:
+            call()
+        return call is not None
+
+    def turn(self, step: int) -> bool:
+        """`left` (-1) and `right` (1) while nothing is typed; False: they mean nothing here."""
         return False
+
+    def on_key(self, event: events.Key) -> None:
+        if event.key in TURNS and not self.is_typing and self.turn(TURNS[event.key]):
+            event.stop()
+            event.prevent_default()
 
     def leave(self) -> bool:
         """`esc`: whether there was something in the page to go back from."""
-        return False
+        had = bool(self.wanted)
+        if had:
+            self.filter("")
+        return had
 
     def filter(self, text: str) -> None:
         """Show only rows with this text."""
+        self.wanted = text
+        self.draw()
 
     @property
     def place(self) -> FilePlace | None:

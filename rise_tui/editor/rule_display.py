@@ -4,11 +4,10 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
-from typing import ClassVar, Protocol
+from typing import Protocol
 
-from textual import on
+from textual import events, on
 from textual.app import ComposeResult
-from textual.binding import Binding, BindingType
 from textual.containers import Vertical
 from textual.message import Message
 
@@ -17,19 +16,21 @@ from rise_engine.author.edit.edits import AnyEdit
 from rise_engine.author.edit.outline import Outline, WrittenRule, WrittenState
 from rise_engine.base.text import pluralize
 from rise_engine.scenario.diagnostics import Diagnostic
-from rise_tui.editor.form import FormPanel
-from rise_tui.editor.model.rule_findings import NO_FINDINGS, rule_findings
+from rise_tui.editor.form_panel import FormPanel
 from rise_tui.editor.model.rule_graph import (
+    NO_FINDINGS,
     SEVERITY_MARKS,
     GraphSpot,
     beside,
     draw_rule,
     lay_out_rule,
     parse_spot,
+    rule_findings,
     valid_spot,
 )
 from rise_tui.editor.model.state_parts import PartRow, state_parts, use_of
 from rise_tui.editor.model.study_names import StudyNames
+from rise_tui.editor.page import TURNS
 from rise_tui.model.notice import Level
 from rise_tui.rendering.text import (
     ListRow,
@@ -75,17 +76,6 @@ class RuleStudy(Protocol):
 class RuleGraphList(RowList):
     """The drawing. The cursor walks over states and ways; left and right go from a state to the way in its row."""
 
-    BINDINGS: ClassVar[list[BindingType]] = [
-        Binding("left", "beside(-1)", show=False),
-        Binding("right", "beside(1)", show=False),
-    ]
-
-    @dataclass
-    class GoBeside(Message):
-        """To the way in the row of a state, or back."""
-
-        step: int
-
     def move_cursor(self, index: int, *, by_wizard: bool = True) -> None:
         """Out of view it goes on by a third of it: what follows is seen, and not each row more paints all rows anew."""
         top, height = self.scroll_offset.y, self.size.height
@@ -94,9 +84,6 @@ class RuleGraphList(RowList):
             self.scroll_to(y=self.cursor - 2 * height // 3, animate=False)
         elif height and 0 <= self.cursor < top:
             self.scroll_to(y=self.cursor - height // 3, animate=False)
-
-    def action_beside(self, step: int) -> None:
-        self.post_message(self.GoBeside(step))
 
 
 class PartList(RowList):
@@ -277,11 +264,12 @@ class RuleDisplay(Vertical):
         elif (part := self.parts.part) is not None and self.spot is not None:
             self._go_to(GraphSpot(self.spot.state, part.way))
 
-    @on(RuleGraphList.GoBeside)
-    def _go_beside(self, event: RuleGraphList.GoBeside) -> None:
-        event.stop()
-        if self._layout is not None and self.spot is not None:
-            self._go_to(beside(self._layout, self.spot, event.step))
+    def on_key(self, event: events.Key) -> None:
+        """In a row with a state and a transition, left and right go from one to the other."""
+        if event.key in TURNS and self.graph.has_focus and self._layout is not None and self.spot is not None:
+            event.stop()
+            event.prevent_default()
+            self._go_to(beside(self._layout, self.spot, TURNS[event.key]))
             self._select_part()
 
     def _go_to(self, spot: GraphSpot | None) -> None:

@@ -18,7 +18,7 @@ from rise_engine.author.edit.edits import (
     StatementAddress,
 )
 from rise_engine.author.edit.outline import WrittenRule, WrittenState
-from rise_tui.editor.form import FormPanel
+from rise_tui.editor.form_panel import FormPanel
 from rise_tui.editor.model.call_form import CallDraft, CallRuleForm, ConditionRuleForm
 from rise_tui.editor.model.fields import RuleForm
 from rise_tui.editor.model.name_forms import EventKeyForm, NameForm, TemplateValueForm

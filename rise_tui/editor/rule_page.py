@@ -78,6 +78,7 @@ class RulePage(EditPage):
     """One rule. `t` tries it, `esc` leads back from the trial."""
 
     KIND: ClassVar[str] = "rule"
+    CAN_FILTER = True
     DEFAULT_CSS = """
     RulePage TrialView { display: none; }
     RulePage.-trying TrialView { display: block; }

@@ -21,10 +21,10 @@ from rise_engine.author.edit.plan import EditRefused
 from rise_engine.author.edit.workspace import Change
 from rise_engine.base.text import clean
 from rise_tui.actions import IN_EDITOR, bindings_in, bindings_of
-from rise_tui.editor import external, overlays
+from rise_tui.editor import dialogs, external
 from rise_tui.editor.bars import BannerLine, EditHints, EditTopLine, FindingLine
+from rise_tui.editor.dialogs import SaveDialog, choose_finding
 from rise_tui.editor.exploring import Explorer, ExploringBeside
-from rise_tui.editor.finding_list import choose_finding
 from rise_tui.editor.model.draft import StudyDraft, count, is_study_alone
 from rise_tui.editor.model.explored import ExploredStudy
 from rise_tui.editor.model.fields import FieldChoice
@@ -32,9 +32,7 @@ from rise_tui.editor.model.study_rows import row_id
 from rise_tui.editor.page import EditPage
 from rise_tui.editor.pages import PAGES
 from rise_tui.editor.pick_list import AskText, Picked, PickList
-from rise_tui.editor.save_dialog import SaveDialog
-from rise_tui.editor.sessions import NoSessions, RunningHere, SessionWatch
-from rise_tui.editor.study import EditedStudy
+from rise_tui.editor.study import EditedStudy, NoSessions, RunningHere, SessionWatch
 from rise_tui.editor.study_page import StudyPage
 from rise_tui.messages import RunAction
 from rise_tui.model.notice import Level
@@ -138,7 +136,7 @@ class EditScreen(Screen[None]):
             else:
                 self.close()
 
-        self.app.push_screen(overlays.draft_dialog(draft), answer)
+        self.app.push_screen(dialogs.draft_dialog(draft), answer)
 
     async def _take_up(self, draft: Draft) -> None:
         outside = await self.study.take_up(draft)
@@ -148,7 +146,7 @@ class EditScreen(Screen[None]):
             self._ask_about_clash(outside.clash)
 
     def _ask_about_clash(self, files: Sequence[str]) -> None:
-        overlays.ask_about_clash(self.app, files, lambda: self._work(self._take_outside(files)))
+        dialogs.ask_about_clash(self.app, files, lambda: self._work(self._take_outside(files)))
 
     async def _take_outside(self, files: Sequence[str]) -> None:
         self._said(await self.study.take_outside(files))
@@ -315,7 +313,7 @@ class EditScreen(Screen[None]):
             self.run_worker(Later(self._look), group="watch", exclusive=True)
 
     async def _look(self) -> None:
-        found = await asyncio.to_thread(self._sessions.find, overlays.folder_of(self.study))
+        found = await asyncio.to_thread(self._sessions.find, dialogs.folder_of(self.study))
         if found != self.running:
             self.running = found
             self.draw_bars()
@@ -354,17 +352,17 @@ class EditScreen(Screen[None]):
         if self.page.is_typing and action not in ("stop", "quit"):
             return
         calls: dict[str, Callable[[], object]] = {
-            "edit.undo": lambda: self._work(self._undo()),
-            "edit.redo": lambda: self._work(self._redo()),
+            "edit.undo": lambda: self._work(self._step(self.study.undo(), "taken back", "there is nothing to undo")),
+            "edit.redo": lambda: self._work(self._step(self.study.redo(), "made again", "nothing was taken back")),
             "edit.save": lambda: self._work(self._ask_to_save()),
             "edit.findings": lambda: choose_finding(self, self.app),
             "edit.file": lambda: self._work(self._open_file()),
             "edit.pages": self._go_home,
             "edit.leave": self._leave,
             "filter": self._open_find,
-            "help": lambda: overlays.open_help(self.app),
-            "palette": lambda: overlays.open_palette(self.app, self.action_do),
-            "theme": lambda: overlays.open_palette(self.app, None),
+            "help": lambda: dialogs.open_help(self.app),
+            "palette": lambda: dialogs.open_palette(self.app, self.action_do),
+            "theme": lambda: dialogs.open_palette(self.app, None),
             "redraw": self._redraw,
             "stop": self.stop_pressed,
             "quit": lambda: self.app.run_worker(self.app.run_action("quit")),
@@ -382,27 +380,19 @@ class EditScreen(Screen[None]):
         if self.opened is not None:
             self._work(self._close_page())
 
-    async def _undo(self) -> None:
-        change = await self.study.undo()
+    async def _step(self, step: Coroutine[Any, Any, Change | None], verb: str, nothing: str) -> None:
+        change = await step
         if change is None:
-            self.say("there is nothing to undo", "wait")
+            self.say(nothing, "wait")
         else:
-            self._said(change, "taken back: ")
-        self.draw()
-
-    async def _redo(self) -> None:
-        change = await self.study.redo()
-        if change is None:
-            self.say("nothing was taken back", "wait")
-        else:
-            self._said(change, "made again: ")
+            self._said(change, f"{verb}: ")
         self.draw()
 
     # --- find ---------------------------------------------------------------------------------------------------------
 
     def _open_find(self) -> None:
         """Search the page, or the list of the study where a page has nothing to search."""
-        if self.opened is not None and type(self.opened).filter is EditPage.filter:
+        if self.opened is not None and not self.opened.CAN_FILTER:
             self._work(self._find_in_list())
         else:
             self.find_bar.open("")
@@ -457,7 +447,7 @@ class EditScreen(Screen[None]):
         if place is None:
             self.say("nothing here stands in a file", "wait")
         elif not self._may_suspend or self.running is not None:
-            path = overlays.folder_of(self.study) / place.file
+            path = dialogs.folder_of(self.study) / place.file
             self.say(f"a session runs, and the stop key must work: open {path}, line {place.line}, elsewhere", "wait")
         else:
             await external.edit_file(self.app, self, place)

@@ -3,14 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
 from pathlib import Path
 from typing import ClassVar
 
 from textual import on
 from textual.app import ComposeResult
 from textual.binding import Binding, BindingType
-from textual.message import Message
 from textual.widget import Widget
 
 from rise_engine.author.edit.edits import AddLanguage, AnyEdit, SetSetting
@@ -53,28 +51,11 @@ LEAST_ROWS, LEAST_DETAIL = 3, 6
 """Rows of the list, and of the text that is shown whole."""
 
 
-class TextList(RowList):
-    """Texts, in which left and right go from one language to the next."""
-
-    BINDINGS: ClassVar[list[BindingType]] = [
-        Binding("left", "turn(-1)", show=False),
-        Binding("right", "turn(1)", show=False),
-    ]
-
-    @dataclass
-    class Turn(Message):
-        """To the language on the left (-1) or on the right (1)."""
-
-        step: int
-
-    def action_turn(self, step: int) -> None:
-        self.post_message(self.Turn(step))
-
-
 class TextsPage(SentencePage):
     """Every text of the acts. Column 0 is what the acts say, 1 what it is in the language that is shown."""
 
     KIND: ClassVar[str] = "texts"
+    CAN_FILTER = True
     EXPECTED = ("stale-translation", "untranslated")
     DEFAULT_CSS = """
     TextsPage #head { background: $rise-bar; }
@@ -87,7 +68,7 @@ class TextsPage(SentencePage):
         super().__init__(frame, name)
         self.view = view_named(name)
         self.head, self.columns = StaticLines(id="head"), StaticLines(id="columns")
-        self.rows = TextList(id="texts")
+        self.rows = RowList(id="texts")
         self.parting, self.detail = StaticLines(id="parting"), RowList(id="detail")
         self.detail.can_focus = False
         self.column = 1
@@ -235,8 +216,9 @@ class TextsPage(SentencePage):
             return True
         return False
 
-    def carry_out(self, action: str) -> bool:
-        calls: dict[str, Callable[[], None]] = {
+    @property
+    def calls(self) -> Mapping[str, Callable[[], object]]:
+        return {
             "edit.open": self.open_current,
             "edit.other": lambda: self._turn_to(1 - self.column),
             "edit.only": lambda: self._look_at(self.view._replace(only=not self.view.only)),
@@ -246,10 +228,6 @@ class TextsPage(SentencePage):
             "edit.add": lambda: _ask_for_language(self.frame, self._show_language),
             "edit.remove": self._remove,
         }
-        if action not in calls:
-            return False
-        calls[action]()
-        return True
 
     def _look_at(self, view: TextsView) -> None:
         """Show another part of the texts; the cursor stays on its text where it is still shown."""
@@ -264,18 +242,17 @@ class TextsPage(SentencePage):
         self.column = column
         self._look_at(self.view)
 
-    @on(TextList.Turn)
-    def _turn(self, event: TextList.Turn) -> None:
+    def turn(self, step: int) -> bool:
         """Over what the acts say, and then the languages in their order."""
-        event.stop()
         languages = languages_of(self.draft)
         at = languages.index(self.view.language) if self.view.language else 0
-        at = at + event.step if self.column == 1 else (0 if event.step > 0 and self.view.language else -1)
+        at = at + step if self.column == 1 else (0 if step > 0 and self.view.language else -1)
         if 0 <= at < len(languages):
             self.view, self.column = self.view._replace(language=languages[at]), 1
         elif at < 0:
             self.column = 0
         self._look_at(self.view)
+        return True
 
     def _still_right(self) -> None:
         if self.entry is not None:

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import json
-import tomllib
 from collections.abc import Callable, Iterator, Mapping
 from functools import partial
 from pathlib import Path
@@ -15,7 +14,7 @@ from rise_engine.author.edit.plan import EditRefused
 from rise_engine.scenario.model import Json
 from rise_engine.scenario.robot_profiles import robot_names
 from rise_tui.editor.model.act_rows import said_text
-from rise_tui.editor.model.draft import StudyDraft, count, is_study_alone
+from rise_tui.editor.model.draft import StudyDraft, count, is_study_alone, toml_values
 from rise_tui.editor.model.fields import TYPED, EditField, FieldChoice, no_edits
 from rise_tui.rendering.text import format_value, json_type_name, parse_typed_value
 
@@ -64,14 +63,6 @@ def _start_value(key: str, text: str | None) -> tuple[AnyEdit, ...]:
 # --- keys -------------------------------------------------------------------------------------------------------------
 
 
-def toml_values(draft: StudyDraft, file: str) -> dict[str, Any]:
-    """What a TOML file says; nothing while it cannot be read."""
-    try:
-        return tomllib.loads(draft.files.get(file, b"").decode("utf-8-sig"))
-    except (tomllib.TOMLDecodeError, UnicodeDecodeError):
-        return {}
-
-
 def key_choices(draft: StudyDraft) -> list[FieldChoice]:
     """All that a key can start or raise, each as `KIND NAME`."""
     outline = draft.outline
@@ -89,7 +80,7 @@ def key_choices(draft: StudyDraft) -> list[FieldChoice]:
 
 def key_fields(draft: StudyDraft) -> list[EditField]:
     """Each key of the keyboard with what it does and its label."""
-    keys, choices = toml_values(draft, SCENARIO_FILE).get("keys", {}), key_choices(draft)
+    keys, choices = draft.values_in(SCENARIO_FILE).get("keys", {}), key_choices(draft)
     fields = []
     for key, binding in keys.items() if isinstance(keys, dict) else ():
         entry: Mapping[str, Any] = binding if isinstance(binding, dict) else {}
@@ -134,8 +125,8 @@ def _key_edits(key: str, entry: Mapping[str, Any], text: str | None) -> tuple[An
 def setting_fields(draft: StudyDraft) -> list[EditField]:
     """What scenario.toml, and study.toml where there is one, say besides the keys."""
     if is_study_alone(draft):
-        return list(_leaves(STUDY_FILE, toml_values(draft, STUDY_FILE)))
-    values = toml_values(draft, SCENARIO_FILE)
+        return list(_leaves(STUDY_FILE, draft.values_in(STUDY_FILE)))
+    values = draft.values_in(SCENARIO_FILE)
     fields = []
     for name, help, options in USUAL_SETTINGS:
         value = values.get(name)
@@ -150,7 +141,7 @@ def setting_fields(draft: StudyDraft) -> list[EditField]:
     usual = {*(name for name, _, _ in USUAL_SETTINGS), "keys", "private"}
     fields += _leaves(SCENARIO_FILE, {name: value for name, value in values.items() if name not in usual})
     if STUDY_FILE in draft.files:
-        fields += _leaves(STUDY_FILE, toml_values(draft, STUDY_FILE))
+        fields += _leaves(STUDY_FILE, draft.values_in(STUDY_FILE))
     for path, data in draft.above.items():
         fields += _shown_only(path, data)
     return fields
@@ -185,9 +176,8 @@ def _keep(key: str, text: str | None) -> tuple[AnyEdit, ...]:
 def _shown_only(path: str, data: bytes) -> Iterator[EditField]:
     """What the study.toml of a folder above says: it belongs to the whole study, and a plan may be made from it."""
     yield EditField(path, "study", shown=path, note="of which this scenario is a part; e opens it")
-    try:
-        values = tomllib.loads(data.decode("utf-8-sig"))
-    except (ValueError, RecursionError):
+    values = toml_values(data)
+    if not values:
         yield EditField(f"{path}\0", "study", shown="it cannot be read", note="rise-engine study check says why")
         return
     for field in _leaves(path, values):
@@ -212,7 +202,7 @@ def additions(draft: StudyDraft) -> list[Addition]:
                  partial(_add, SCENARIO_FILE, ("act", each.name, setting), value))
         for each, setting, value, help in _missing_act_settings(draft)
     ]  # fmt: skip
-    return found + (list(_study_additions(toml_values(draft, STUDY_FILE))) if STUDY_FILE in draft.files else [])
+    return found + (list(_study_additions(draft.values_in(STUDY_FILE))) if STUDY_FILE in draft.files else [])
 
 
 def _add(file: str, path: tuple[str, ...], value: Json, _typed: str = "") -> tuple[SetSetting, str]:
@@ -221,7 +211,7 @@ def _add(file: str, path: tuple[str, ...], value: Json, _typed: str = "") -> tup
 
 def _missing_act_settings(draft: StudyDraft) -> Iterator[tuple[WrittenAct, str, Json, str]]:
     """What can be set for single acts and is not so yet."""
-    given = _table(toml_values(draft, SCENARIO_FILE).get("act"))
+    given = _table(draft.values_in(SCENARIO_FILE).get("act"))
     for act in draft.outline.acts:
         for setting, value, help in ACT_SETTINGS:
             if _table(given.get(act.name)).get(setting) != value:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import tomllib
 from collections.abc import Iterator, Mapping
 from typing import Any, NamedTuple
 
@@ -11,10 +10,10 @@ from rise_engine.author.edit.outline import Outline, WrittenRule, WrittenStateme
 from rise_engine.author.edit.plan import Files
 from rise_engine.scenario.cross_references import ACT_END_SUFFIXES
 from rise_engine.scenario.draft import ScenarioDraft
+from rise_engine.scenario.file_names import SCENARIO_FILE
 from rise_engine.scenario.model import CUE_TOPICS, Json, normal_topic
+from rise_tui.editor.model.draft import toml_values
 from rise_tui.editor.model.fields import FieldChoice
-
-SCENARIO_FILE = "scenario.toml"
 
 
 class StudyNames(NamedTuple):
@@ -128,7 +127,8 @@ def study_names(outline: Outline, draft: ScenarioDraft, files: Files) -> StudyNa
         for call in calls_of_rule(rule):
             if call.function == "raiseEventTopic":
                 raised.setdefault(normal_topic(call.argument), []).append(f"rule {rule.name}")
-    keyboard = _keyboard(files)
+    keyboard = toml_values(files.get(SCENARIO_FILE, b"")).get("keys", {})
+    keyboard = keyboard if isinstance(keyboard, dict) else {}
     for key, binding in keyboard.items():
         if isinstance(binding, dict) and isinstance(binding.get("event"), str):
             raised.setdefault(normal_topic(binding["event"]), []).append(f"key {key}")
@@ -182,13 +182,3 @@ def short_value(value: Json) -> str:
             return f"an object of {len(value)}"
         case _:
             return str(value)
-
-
-def _keyboard(files: Files) -> dict[str, Any]:
-    """The keys of the keyboard; none while scenario.toml cannot be read."""
-    try:
-        found = tomllib.loads(files.get(SCENARIO_FILE, b"").decode("utf-8-sig"))
-    except (tomllib.TOMLDecodeError, UnicodeDecodeError):
-        return {}
-    keys = found.get("keys", {})
-    return keys if isinstance(keys, dict) else {}

@@ -8,8 +8,7 @@ from collections.abc import Sequence
 from rise_engine.author.edit.outline import WrittenAct
 from rise_engine.scenario.file_names import PARTICIPANTS_FILE
 from rise_engine.scenario.model import KeyBinding
-from rise_tui.editor.model.act_rows import action_type, all_texts, what_text, when_text
-from rise_tui.editor.model.act_times import act_seconds
+from rise_tui.editor.model.act_rows import act_seconds, action_type, all_texts, what_text, when_text
 from rise_tui.editor.model.draft import StudyDraft, count, is_study_alone
 from rise_tui.editor.model.text_rows import find_text
 from rise_tui.rendering.text import ListRow, StyledLine, StyledSpan, clean, crop, fixed_span, format_seconds, wrap
@@ -184,7 +183,7 @@ def act_preview(draft: StudyDraft, act: WrittenAct, width: int) -> list[StyledLi
         ((f" {act.file}:{act.line}  ~{format_seconds(act_seconds(act, draft.checked))} s", "muted"),),
     ]
     for action in act.actions:  # one role: changing colours is most of what a moved cursor costs on the wire
-        head = f" {when_text(action):9}{action.id:>2} {action_type(action)[:9]:9} "
+        head = f" {when_text(action.wait_for):9}{action.id:>2} {action_type(action)[:9]:9} "
         lines.append(crop(((head + what_text(action), "plain"),), width))
     return [*lines, (), *used_lines(draft, "act", act.name, width)]
 

@@ -3,9 +3,7 @@
 from __future__ import annotations
 
 import shlex
-import tomllib
 from collections.abc import Sequence
-from functools import lru_cache
 from pathlib import Path
 from typing import Literal, NamedTuple, TypeAlias
 
@@ -21,6 +19,7 @@ from rise_engine.scenario.parameters import fill_parameters
 from rise_engine.scenario.spoken_texts import SpokenText
 from rise_engine.scenario.template import MissingValueError, Template
 from rise_engine.scenario.translations import Translation, slot_problem
+from rise_tui.editor.model.act_rows import when_text
 from rise_tui.editor.model.draft import FilePlace, StudyDraft, count
 from rise_tui.rendering.text import (
     ListRow,
@@ -103,16 +102,8 @@ def view_named(name: str) -> TextsView:
 
 
 def own_language(draft: StudyDraft) -> str:
-    """The one that the acts are in, also while something is wrong; empty: it is not said."""
-    return _language_in(draft.files.get(SCENARIO_FILE, b""))
-
-
-@lru_cache(maxsize=4)
-def _language_in(data: bytes) -> str:
-    try:
-        found = tomllib.loads(data.decode("utf-8-sig")).get("language", "")
-    except (ValueError, RecursionError):
-        return ""
+    """The language of the acts, also while something is wrong; empty: it is not given."""
+    found = draft.values_in(SCENARIO_FILE).get("language")
     return found.strip() if isinstance(found, str) else ""
 
 
@@ -236,7 +227,7 @@ def text_rows(draft: StudyDraft, view: TextsView, shown: Sequence[TextEntry], co
             fixed_span(text.key, cells.key, "accent"),
         ]
         if cells.when:
-            line += [fixed_span(when_said(text), cells.when, "muted")]
+            line += [fixed_span(when_text(text.action.wait_for), cells.when, "muted")]
             line += [fixed_span(said_with(draft.checked, text), cells.beside - 1, "muted"), (" ", "plain")]
         line.append(fixed_span(text.text, cells.text, "plain" if column == 0 else "muted"))
         if cells.said:
@@ -246,11 +237,6 @@ def text_rows(draft: StudyDraft, view: TextsView, shown: Sequence[TextEntry], co
         rows.append(ListRow(text.id, tuple(line), full=f"{text.id} {text.text} {each.said}"))
         before = act
     return rows
-
-
-def when_said(text: SpokenText) -> str:
-    """When it is said in its act."""
-    return "after " + " ".join(text.action.wait_for) if text.action.wait_for else "at once"
 
 
 def said_with(checked: LoadResult, text: SpokenText) -> str:
@@ -273,7 +259,7 @@ def entry_head(draft: StudyDraft, entry: TextEntry, width: int) -> StyledLine:
     beside = said_with(draft.checked, text)
     left: StyledLine = (
         (f" {clean(text.id)}", "accent"),
-        (f"  {when_said(text)}{f', with {clean(beside)}' if beside else ''}", "muted"),
+        (f"  {when_text(text.action.wait_for)}{f', with {clean(beside)}' if beside else ''}", "muted"),
     )
     return align_at_both_ends(left, ((f"{where.file}:{where.line} ", "muted"),), width)
 

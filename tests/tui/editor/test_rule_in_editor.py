@@ -16,8 +16,7 @@ from rise_engine.scenario.loader import load
 from rise_tui.editor.app import EditApp
 from rise_tui.editor.model.draft import draft_of
 from rise_tui.editor.rule_page import RulePage
-from rise_tui.editor.sessions import NoSessions
-from rise_tui.editor.study import EditedStudy
+from rise_tui.editor.study import EditedStudy, NoSessions
 
 SCENARIOS = Path(__file__).parents[3] / "scenarios"
 pytestmark = pytest.mark.slow

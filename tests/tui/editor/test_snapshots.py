@@ -12,11 +12,11 @@ from textual.pilot import Pilot
 
 from rise_engine.author.edit.workspace import Workspace
 from rise_tui.editor.app import EditApp
+from rise_tui.editor.dialogs import SaveDialog
 from rise_tui.editor.exploring import Explorer
 from rise_tui.editor.model.draft import draft_of
 from rise_tui.editor.pick_list import PickList
 from rise_tui.editor.rule_page import RulePage
-from rise_tui.editor.save_dialog import SaveDialog
 from rise_tui.editor.study import EditedStudy
 from tests.tui.editor.conftest import STUDIES, Editor, OneSession
 from tests.tui.editor.long_rule import long_rule_files

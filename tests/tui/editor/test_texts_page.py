@@ -13,12 +13,11 @@ from textual.pilot import Pilot
 from rise_engine.author.edit.workspace import Workspace
 from rise_tui.editor.act_page import ActPage
 from rise_tui.editor.app import EditApp
+from rise_tui.editor.dialogs import SaveDialog
 from rise_tui.editor.model.draft import draft_of
 from rise_tui.editor.model.text_rows import TextsView, languages_of
 from rise_tui.editor.pick_list import AskText, PickList
-from rise_tui.editor.save_dialog import SaveDialog
-from rise_tui.editor.sessions import RunningHere
-from rise_tui.editor.study import EditedStudy
+from rise_tui.editor.study import EditedStudy, RunningHere
 from rise_tui.editor.texts_page import TextsPage
 from tests.tui.editor.conftest import Editor, OneSession, editor
 from tests.tui.editor.texts_study import LABLINKING, MISSING, STALE, copy_lablinking
