@@ -229,7 +229,7 @@ class ActPage(FormPage):
     def _add_wording(self) -> None:
         action = self.action
         if action is None or not action.calls or "message" not in action.calls[0].parameters:
-            self.frame.say("only what is said has wordings", "wait")
+            self.frame.say("only texts have wordings", "wait")
             return
 
         def take(text: str) -> None:

@@ -115,7 +115,7 @@ class MemoryPage(DataPage):
                 return
             self.frame.make(SetStartValue(key, ""), then=lambda: self._type_value(key))
 
-        self.frame.ask_text("A new key", "", take, hint="Its name, as conditions and texts call it: score, side.")
+        self.frame.ask_text("A new key", "", take, hint="Its name for conditions and texts: score, side.")
 
     def _type_value(self, key: str) -> None:
         self.go_to(key)
@@ -127,7 +127,7 @@ class MemoryPage(DataPage):
             self.frame.ask_text(
                 f"Rename the key {field.id}", field.id,
                 lambda new: self.frame.make(*([Rename("key", field.id, new)] if new != field.id else [])),
-                hint=f"Also in the {count(number, 'place')} that name it.",
+                hint=f"Also in the {count(number, 'place')} that use it.",
             )  # fmt: skip
 
     def remove_field(self) -> bool:
@@ -200,7 +200,7 @@ class KeysPage(DataPage):
             self.frame.ask_text(
                 f"Label of {field.id}", now,
                 lambda label: self.frame.make(SetSetting(("keys", field.id, "label"), label)),
-                hint="One or two words, as the wizard's screen shows them.",
+                hint="One or two words for the wizard's screen.",
             )  # fmt: skip
 
 
@@ -236,7 +236,7 @@ class SettingsPage(DataPage):
         if found:
             self.frame.choose("What is added?", [each.choice for each in found.values()], take)
         else:
-            self.frame.say("there is no act yet whose treatment could be set", "wait")
+            self.frame.say("there are no acts yet", "wait")
 
     def _add(self, addition: Addition, typed: str) -> None:
         try:

@@ -65,8 +65,8 @@ def ask_about_clash(app: App[object], files: Sequence[str], take: Callable[[], N
     """
     named = ", ".join(map(clean, files))
     lines = [
-        f"Somebody has changed {named} on the disk, and you have changes there that are not saved.",
-        "Keep yours: saving then writes over what the other has written, and shows you first which lines.",
+        f"Somebody has changed {named} on the disk. You have unsaved changes in the same place.",
+        "Keep yours: saving then overwrites the other version, and shows you first which lines.",
         "Take the other's: undo (ctrl+u) brings yours back.",
     ]
     question = Dialog(
@@ -90,11 +90,11 @@ def draft_dialog(draft: Draft) -> Dialog:
     """What an earlier editor has not saved: it is taken up or forgotten; esc leaves the editor, so that it is kept."""
     says = [clean(sentence) for sentence in draft.says]
     lines = [
-        f"An editor has ended without saving ({_local_time(draft.kept)}):",
+        f"An editor ended without saving ({_local_time(draft.kept)}):",
         *(f"· {each}" for each in says[:_SHOWN]),
     ]
     lines += [f"· and {len(says) - _SHOWN} more"] if len(says) > _SHOWN else []
-    return Dialog("A draft is there", lines, DialogChoice("d", "Forget it"), DialogChoice("t", "Take it up"),
+    return Dialog("Unsaved changes", lines, DialogChoice("d", "Discard it"), DialogChoice("t", "Restore it"),
                   no="Leave the editor", default="t")  # fmt: skip
 
 
@@ -121,7 +121,7 @@ class SaveDialog(SingleDismissModal[bool]):
 
     def compose(self) -> ComposeResult:
         title = "Not saved: there is an error" if self._errors else f"Save {self._draft.title}?"
-        keys = "esc back to the draft" if self._errors else "enter saves · esc goes on editing · ↑↓ read"
+        keys = "esc keeps editing" if self._errors else "enter saves · esc keeps editing · ↑↓ read"
         with TitledBox(title, keys):
             yield self.list
 
@@ -150,7 +150,7 @@ def save_rows(draft: StudyDraft, diff: str, errors: Sequence[Diagnostic], width:
             rows.append(ListRow("", ((f"{indent}{'  ' if number else ''}{piece}", role),), selectable=False))
 
     if errors:
-        add(f"{count(len(errors), 'error')}: nothing is written until it is gone. Your changes stay in the draft.")
+        add(f"{count(len(errors), 'error')}: fix this first. Your changes stay in the draft.")
         for each in errors:
             add(f"✗ {each.location.file}:{each.location.line} {clean(each.message)}", "fault")
         rows.append(ListRow("", (), selectable=False))
@@ -239,7 +239,7 @@ def _show_remedies(frame: EditFrame, app: App[object], finding: Diagnostic) -> N
     found = frame.study.remedies(finding)
     text = clean(finding.message)
     if not found:
-        frame.say(f"only you can say what is right here: {text}", "wait")
+        frame.say(f"only you can decide what is right here: {text}", "wait")
         return
 
     def take(picked: Picked | None) -> None:

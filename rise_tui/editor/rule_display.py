@@ -2,9 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from typing import Protocol
 
 from textual import events, on
 from textual.app import ComposeResult
@@ -17,6 +16,8 @@ from rise_engine.author.edit.outline import Outline, WrittenRule, WrittenState
 from rise_engine.base.text import pluralize
 from rise_engine.scenario.diagnostics import Diagnostic
 from rise_tui.editor.form_panel import FormPanel
+from rise_tui.editor.model.draft import StudyDraft
+from rise_tui.editor.model.explored import findings_in_rules
 from rise_tui.editor.model.rule_graph import (
     NO_FINDINGS,
     SEVERITY_MARKS,
@@ -29,8 +30,8 @@ from rise_tui.editor.model.rule_graph import (
     valid_spot,
 )
 from rise_tui.editor.model.state_parts import PartRow, state_parts, use_of
-from rise_tui.editor.model.study_names import StudyNames
-from rise_tui.editor.page import TURNS
+from rise_tui.editor.model.study_names import StudyNames, study_names
+from rise_tui.editor.page import TURNS, EditFrame, EditPage
 from rise_tui.model.notice import Level
 from rise_tui.rendering.text import (
     ListRow,
@@ -48,29 +49,41 @@ from rise_tui.widgets.static_lines import StaticLines
 NO_MARK: StyledSpan = ("  ", "plain")
 
 
-class RuleStudy(Protocol):
-    """The study that is changed, as the page needs it."""
+class RuleStudy:
+    """The study as the editor of a rule needs it, with what exploring has found in its rules."""
+
+    def __init__(self, frame: EditFrame, page: EditPage) -> None:
+        self._frame, self._page = frame, page
+        self._names: tuple[StudyDraft, StudyNames] | None = None
 
     @property
-    def outline(self) -> Outline: ...
+    def draft(self) -> StudyDraft:
+        return self._frame.study.draft
 
     @property
-    def names(self) -> StudyNames: ...
+    def outline(self) -> Outline:
+        return self.draft.outline
 
     @property
-    def findings(self) -> Sequence[Diagnostic]: ...
+    def names(self) -> StudyNames:
+        """Made once for each state of the files."""
+        draft = self.draft
+        if self._names is None or self._names[0] is not draft:
+            self._names = (draft, study_names(draft.outline, draft.checked.draft, draft.files))
+        return self._names[1]
 
     @property
-    def files(self) -> Mapping[str, bytes]: ...
+    def findings(self) -> Sequence[Diagnostic]:
+        return [*self.draft.findings, *findings_in_rules(self._frame.explored, self.draft)]
 
     def make(self, *edits: AnyEdit, then: Callable[[], None] | None = None) -> None:
-        """Make edits as one step; `then` is called when they are made. What cannot be made is said."""
+        self._frame.make(*edits, then=then)
 
     def say(self, sentence: str, level: Level = "info") -> None:
-        """Tell the author something."""
+        self._frame.say(sentence, level)
 
     def preview(self, edits: Callable[[], tuple[AnyEdit, ...]], say: Callable[..., None]) -> None:
-        """While a form is filled in: `say` what would be wrong then that is not wrong now."""
+        self._page.preview(edits, say)
 
 
 class RuleGraphList(RowList):
@@ -87,7 +100,7 @@ class RuleGraphList(RowList):
 
 
 class PartList(RowList):
-    """What a state does, and its ways out."""
+    """What a state does, and its transitions."""
 
     def __init__(self) -> None:
         super().__init__(id="rule-parts")
@@ -115,13 +128,6 @@ class RuleDisplay(Vertical):
     RuleDisplay #rule-parts { height: 1fr; min-height: 3; max-height: 12; }
     RuleDisplay.-form #rule-parts, RuleDisplay.-form #state-heading { display: none; }
     """
-
-    @dataclass
-    class SpotMoved(Message):
-        """The cursor is elsewhere: the file's lines beside it follow."""
-
-        file: str
-        line: int
 
     @dataclass
     class TryRule(Message):
@@ -168,11 +174,6 @@ class RuleDisplay(Vertical):
             return None
         return next((state for state in rule.states if state.id == spot.state), None)
 
-    def show_rule(self, rule: str, state: str = "") -> None:
-        """Show another rule, from its beginning or from a state on."""
-        self._rule_name, self.spot = rule, GraphSpot(state) if state else None
-        self.redraw()
-
     def redraw(self) -> None:
         """Show the rule as it is now."""
         self.panel.is_waiting = False
@@ -180,16 +181,14 @@ class RuleDisplay(Vertical):
         if width <= 0:
             return
         if rule is None:
-            self.graph.show(
-                [ListRow("", ((" this rule is not there any more; esc leaves", "muted"),), selectable=False)]
-            )
+            self.graph.show([ListRow("", ((" this rule no longer exists; esc leaves", "muted"),), selectable=False)])
             return
         if self._laid_out != (rule, width):
             self._laid_out, self._layout = (rule, width), lay_out_rule(rule, width)
         self._findings = rule_findings(rule, self._study.findings)
         self.heading.show(self._heading_line(rule))
         if self._layout is None:
-            hint = " it has no state yet: n makes one"
+            hint = " this rule has no states yet: n adds one"
             self.graph.show([ListRow("", ((hint, "muted"),), selectable=False)])
             self.parts.show([])
             return
@@ -217,8 +216,8 @@ class RuleDisplay(Vertical):
         self.state_heading.show(self._state_line(rule, state, width))
 
     def _heading_line(self, rule: WrittenRule) -> StyledLine:
-        ways = sum(len(state.transitions) for state in rule.states)
-        notes = [f"{pluralize(len(rule.states), 'state')} {pluralize(ways, 'way')}"]
+        transitions = sum(len(state.transitions) for state in rule.states)
+        notes = [f"{pluralize(len(rule.states), 'state')} {pluralize(transitions, 'transition')}"]
         keys = [key for key, what in self._study.names.keyboard.items() if _starts(what, rule.name)]
         notes += [f"key {', '.join(keys)}"] if keys else []
         notes += [f"priority {rule.priority}"] if rule.priority is not None else []
@@ -230,7 +229,7 @@ class RuleDisplay(Vertical):
         return align_at_both_ends(left, ((right, "muted"),), width)
 
     def _state_line(self, rule: WrittenRule, state: WrittenState, width: int) -> StyledLine:
-        first = "  it begins here" if state.id == rule.initial else ""
+        first = "  the rule begins here" if state.id == rule.initial else ""
         template = f"  from the template {state.template}" if state.template else ""
         found = self._findings.of_spot.get(self.spot or GraphSpot(""), ())
         problem: StyledLine = ()
@@ -285,8 +284,6 @@ class RuleDisplay(Vertical):
             self._draw_parts()
         else:
             self.state_heading.show(self._state_line(rule, state, self.parts.row_width or self.size.width))
-        line = state.transitions[spot.way].line if spot.way >= 0 else state.line
-        self.post_message(self.SpotMoved(rule.file, line))
 
     def _select_part(self) -> None:
         """The list's cursor follows the graph's."""

@@ -140,7 +140,7 @@ class EditScreen(Screen[None]):
 
     async def _take_up(self, draft: Draft) -> None:
         outside = await self.study.take_up(draft)
-        self.say("the draft is here again: ctrl+o saves it")
+        self.say("your changes are restored: ctrl+o saves them")
         self.draw()
         if outside.clash:
             self._ask_about_clash(outside.clash)
@@ -424,7 +424,7 @@ class EditScreen(Screen[None]):
         if await self._look_outside():
             return
         if not self.study.draft.changed_files:
-            self.say("nothing to save: the files are as you see them")
+            self.say("nothing to save")
             return
         diff = self.study.diff()
         self.app.push_screen(SaveDialog(self.study.draft, diff), self._save_if)
@@ -445,10 +445,10 @@ class EditScreen(Screen[None]):
     async def _open_file(self) -> None:
         place = self.page.place
         if place is None:
-            self.say("nothing here stands in a file", "wait")
+            self.say("this row has no line in a file", "wait")
         elif not self._may_suspend or self.running is not None:
             path = dialogs.folder_of(self.study) / place.file
-            self.say(f"a session runs, and the stop key must work: open {path}, line {place.line}, elsewhere", "wait")
+            self.say(f"a session runs, and the stop key must work. Open {path}, line {place.line}, elsewhere", "wait")
         else:
             await external.edit_file(self.app, self, place)
             self.draw()
@@ -459,9 +459,9 @@ class EditScreen(Screen[None]):
     def stop_pressed(self) -> None:
         """The stop key, where the console below has none of its own."""
         if self.running is None:
-            self.say("nothing runs: no session of this study is going on here")
+            self.say("no session of this study runs here")
         else:
-            self.say("STOP is being sent …", "fault")
+            self.say("sending STOP …", "fault")
             self.run_worker(self._stop(self.running), group="stop")
 
     async def _stop(self, session: RunningHere) -> None:
@@ -483,10 +483,10 @@ class EditScreen(Screen[None]):
         number = count(len(self.study.draft.changes), "change")
         question = Dialog(
             "Leave the editor?",
-            [f"{number} not saved. They stay as a draft and are offered again the next time."],
+            [f"{number} not saved. They stay as a draft for the next time."],
             DialogChoice("s", "Save first"),
             DialogChoice("l", "Leave"),
-            no="Go on editing",
+            no="Keep editing",
         )
 
         def answer(key: str | None) -> None:

@@ -152,8 +152,8 @@ class StudyPage(EditPage):
         def take(typed: str) -> None:
             self.frame.make(AddAct(typed, after=after), then=lambda: self._open_new("act", typed))
 
-        where = f"It stands behind {after}." if after else "It stands at the end of the last file of acts."
-        self.frame.ask_text("A new act", "", take, hint=f"Its name, as rules and keys call it. {where}")
+        where = f"It is added after {after}." if after else "It is added at the end of the last file of acts."
+        self.frame.ask_text("A new act", "", take, hint=f"Its name for rules and keys. {where}")
 
     def _ask_for_rule(self, after: str) -> None:
         def take(typed: str) -> None:
@@ -176,7 +176,7 @@ class StudyPage(EditPage):
                 self.frame.make(edit, then=lambda: self._select(kind, typed))
 
         number = len(used_by(self.draft, kind, name))
-        self.frame.ask_text(f"Rename the {kind} {name}", name, take, hint=f"Also in the {number} places that name it.")
+        self.frame.ask_text(f"Rename the {kind} {name}", name, take, hint=f"Also in the {number} places that use it.")
 
     def _ask_to_copy(self, kind: str, name: str) -> None:
         if kind not in ("act", "rule"):
@@ -200,7 +200,7 @@ class StudyPage(EditPage):
         if choices:
             self.frame.choose(f"{name} is used by", choices, lambda chosen: None)
         else:
-            self.frame.say(f"{name}: nobody uses it" if name else "nothing is selected", "info")
+            self.frame.say(f"{name}: nothing uses it" if name else "nothing is selected", "info")
 
     def _select(self, kind: str, name: str) -> None:
         """Go to a row; what was searched has been found then."""

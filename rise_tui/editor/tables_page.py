@@ -37,7 +37,7 @@ from rise_tui.rendering.text import ListRow, StyledLine, crop, plain_text, wrap
 from rise_tui.widgets.row_list import RowView
 from rise_tui.widgets.static_lines import StaticLines
 
-EMPTY = "this study has no tables yet: n makes one"
+EMPTY = "this study has no tables yet: n adds one"
 CELL_ROWS = 4
 """Rows for the cell under the cursor, whole."""
 
@@ -323,10 +323,12 @@ class TablesPage(SentencePage):
                     return
                 self.frame.make(edit, then=lambda: self.grid.select(GridRow(name, -1)))
 
-            self.frame.ask_text(f"The columns of {name}", "", make, hint="Names with commas between: id, text, text.de")
+            self.frame.ask_text(
+                f"The columns of {name}", "", make, hint="Names with commas between them: id, text, text.de"
+            )
 
         self.frame.ask_text(
-            "A new table", "", lambda typed: ask_columns(typed.strip()), hint="Its name, as texts call it: items."
+            "A new table", "", lambda typed: ask_columns(typed.strip()), hint="Its name for texts: items."
         )
 
     def remove_row(self) -> None:

@@ -147,9 +147,9 @@ class TextsPage(SentencePage):
         width, entry = max(40, self.size.width), self._typing or self.entry
         if entry is None:
             if not self._entries:
-                nothing = "nothing is said in this study yet"
+                nothing = "this study has no texts yet"
             elif self.view.only and not self.view.wanted:
-                nothing = f"all is there in {self.view.language}, and of the text as it is now: m shows all"
+                nothing = f"every translation into {self.view.language} is there and up to date: m shows all"
             else:
                 nothing = "no such text: esc shows all"
             self.parting.show(((f" {nothing}", "muted"),))
@@ -237,7 +237,7 @@ class TextsPage(SentencePage):
 
     def _turn_to(self, column: int) -> None:
         if column == 1 and not self.view.language:
-            self.frame.say("the study is in one language: a adds another", "wait")
+            self.frame.say("the study has one language: a adds another", "wait")
             return
         self.column = column
         self._look_at(self.view)
@@ -261,7 +261,7 @@ class TextsPage(SentencePage):
     def _remove(self) -> None:
         """The translation goes."""
         if self.entry is None or self.column == 0 or self.entry.translation is None:
-            self.frame.say("only a translation is taken away here; a text goes with its action, on the act's page (j)",
+            self.frame.say("del removes only translations here; remove a text on its act's page (j)",
                            "wait")  # fmt: skip
             return
         self._make(lambda entry: translation_edits(entry, self.view.language, ""), self.entry)
@@ -323,7 +323,7 @@ class TextsPage(SentencePage):
     def go_on(self, step: int, *, changed: bool) -> None:
         entry = self.entry
         if not changed and entry is not None and entry.state == "stale" and self.column == 1:
-            self.frame.say("not changed, and of an earlier text: s says that it is right still")
+            self.frame.say("not changed; the text has changed since: press s if the translation is still right")
         if self._following:
             self.rows.select(self._following)
             self.open_current()
@@ -356,7 +356,7 @@ def _choose_language(frame: EditFrame, now: str, show: Callable[[str], None]) ->
         else:
             _add_language(frame, chosen, show)
 
-    title = f"From {own_language(draft) or 'the acts'} into; another tag adds a language"
+    title = f"Translate {own_language(draft) or 'the acts'} into; a new tag adds a language"
     frame.choose(title, choices, take, now=now, new="a new language")
 
 

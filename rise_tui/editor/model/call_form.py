@@ -152,7 +152,7 @@ class CallRuleForm(RuleForm):
         if expression is None or assignment.target is not None:
             return []
         if expression.draws:
-            return [FieldNote("info", "chance decides, each time anew")]
+            return [FieldNote("info", "chance decides each time")]
         try:
             key, value = assignment.entry(Environment(self.names.memory), self.names.set_keys)
         except EvaluationError:

@@ -119,17 +119,17 @@ def _evaluate(expression: Expression, memory: Mapping[str, Json]) -> tuple[str, 
     parts: dict[str, Json] = {}
     holds, why = None, ""
     if expression.draws:
-        why = "chance decides it, each time anew"
+        why = "chance decides each time"
     else:
         try:
             holds = expression.compiled_condition(Environment(memory, parts=parts))
         except EvaluationError as error:
-            why = f"with these values it cannot be worked out: {str(error).removeprefix(f'{MISSING_PART}: ')}"
+            why = f"these values give no result: {str(error).removeprefix(f'{MISSING_PART}: ')}"
     texts = {name: f"{name} is {short_value(value)}" for name, value in parts.items() if value is not None}
     for key in expression.keys - expression.keys_of_parts_only:
         found, value = lookup(memory, key)
         if not found and key.partition(".")[0] == SESSION:
-            holds, why = None, f"what `{key}` is, is known when a session runs"
+            holds, why = None, f"`{key}` is known when a session runs"
         texts[key] = f"{key} is {short_value(value)}" if found else f"{key} is not there"
     values = ", ".join(text for _, text in sorted(texts.items()))
     return values, holds, why

@@ -22,19 +22,19 @@ SCENARIO_FILE, STUDY_FILE = "scenario.toml", "study.toml"
 KEY_KINDS = ("act", "rule", "event", "set")
 """What a key of the keyboard can do, as [keys] calls it."""
 USUAL_SETTINGS: tuple[tuple[str, str, tuple[str, ...]], ...] = (
-    ("title", "what the study is called", ()),
+    ("title", "the name of the study", ()),
     ("robot", "the name of a profile", ()),
     ("mode", "debug: a simulated robot", ("debug", "real")),
-    ("language", "of what is said: en, de, …", ()),
+    ("language", "the language of the acts: en, de, …", ()),
     ("on_failure", "when an act fails", ("go_on", "ask", "repeat:1", "repeat:2")),
 )
 """Settings that are offered although they are not given: name, what it is, what can be chosen."""
 ACT_SETTINGS: tuple[tuple[str, Json, str], ...] = (
     ("calling_type", "None", "runs beside other acts and gives way to them"),
-    ("filler", True, "something small to bridge a pause: offered with the key ,"),
-    ("hold", True, "its key has to be pressed twice, so that no slip starts it"),
-    ("on_failure", "repeat:1", "a failure: it is started once more"),
-    ("on_failure", "ask", "a failure: the console asks what to do"),
+    ("filler", True, "a filler for a pause: offered with the key ,"),
+    ("hold", True, "its key must be pressed twice, so that a slip does not start it"),
+    ("on_failure", "repeat:1", "after a failure it starts once more"),
+    ("on_failure", "ask", "after a failure the console asks what to do"),
 )
 """What can be set for one act: setting, value, what that means."""
 
@@ -50,7 +50,7 @@ def memory_fields(draft: StudyDraft) -> list[EditField]:
 
 def _used(draft: StudyDraft, key: str) -> str:
     number = sum(not use.defines for use in draft.uses.of("key", key))
-    return f"named in {count(number, 'place')}" if number else "nobody names it"
+    return f"used in {count(number, 'place')}" if number else "not used"
 
 
 def _start_value(key: str, text: str | None) -> tuple[AnyEdit, ...]:
@@ -92,7 +92,7 @@ def key_fields(draft: StudyDraft) -> list[EditField]:
         note += "".join(f"  {name} = {json.dumps(value, ensure_ascii=False)}" for name, value in more.items())
         fields.append(
             EditField(key, key, "choice", text, choices=choices, new=TYPED, note=note,
-                      reason="" if kind else "it is written in a way that has no form: e",
+                      reason="" if kind else "no form for this: e opens the file",
                       edits=partial(_key_edits, key, entry))
         )  # fmt: skip
     return fields
@@ -112,7 +112,7 @@ def _key_edits(key: str, entry: Mapping[str, Any], text: str | None) -> tuple[An
         return (SetSetting(("keys", key), None),)
     kind, _, name = text.partition(" ")
     if kind not in KEY_KINDS or not name.strip():
-        raise EditRefused(f"a key is for an act, a rule, an event, or set: “act NAME”, “set score = 1”; not “{text}”")
+        raise EditRefused(f"write an act, a rule, an event or a value: “act NAME”, “set score = 1”; not “{text}”")
     before = next((each for each in KEY_KINDS if each in entry), "")
     if kind == before:
         return (SetSetting(("keys", key, kind), name.strip()),)
@@ -175,7 +175,7 @@ def _keep(key: str, text: str | None) -> tuple[AnyEdit, ...]:
 
 def _shown_only(path: str, data: bytes) -> Iterator[EditField]:
     """What the study.toml of a folder above says: it belongs to the whole study, and a plan may be made from it."""
-    yield EditField(path, "study", shown=path, note="of which this scenario is a part; e opens it")
+    yield EditField(path, "study", shown=path, note="this scenario is part of that study; e opens it")
     values = toml_values(data)
     if not values:
         yield EditField(f"{path}\0", "study", shown="it cannot be read", note="rise-engine study check says why")
@@ -253,10 +253,10 @@ def _study_additions(values: Mapping[str, Any]) -> Iterator[Addition]:
             raise EditRefused(problem or f"Write a memory key and its value: “distraction = true”; not “{typed}”")
         return _add(STUDY_FILE, ("factors", factor, "levels", level, "memory", key), value)
 
-    yield Addition(FieldChoice("check", "a check", "somebody confirms it before a session"), add_check, "A new check",
-                   "What somebody confirms before a session: The door is closed")  # fmt: skip
+    yield Addition(FieldChoice("check", "a check", "confirmed before each session"), add_check, "A new check",
+                   "The statement to confirm before a session: The door is closed")  # fmt: skip
     yield Addition(FieldChoice("factor", "a factor", "what differs between sessions"), add_factor, "A new factor",
-                   "Its name and its levels: noise: quiet, loud")  # fmt: skip
+                   "Its name and its levels, as noise: quiet, loud")  # fmt: skip
     factors = _table(values.get("factors"))
     for factor, table in factors.items():
         levels = _table(_table(table).get("levels"))

@@ -105,7 +105,7 @@ def draft_of(workspace: Workspace) -> StudyDraft:
 def count(number: int, thing: str, things: str = "") -> str:
     """A number and what is counted.
 
-    >>> count(1, "change"), count(2, "change"), count(3, "way", "ways out")
-    ('1 change', '2 changes', '3 ways out')
+    >>> count(1, "change"), count(2, "change"), count(3, "key", "keys")
+    ('1 change', '2 changes', '3 keys')
     """
     return f"{number} {thing if number == 1 else things or thing + 's'}"

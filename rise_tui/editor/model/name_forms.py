@@ -34,7 +34,7 @@ class TemplateValueForm(RuleForm):
         return replace(self, value=value)
 
     def notes(self, field: str) -> list[FieldNote]:
-        return [FieldNote("info", "everything that this use of the template brings changes with it")]
+        return [FieldNote("info", "everything from this use of the template changes with it")]
 
     def edits(self) -> tuple[AnyEdit, ...]:
         given = self.use.values.get(self.parameter)

@@ -26,7 +26,7 @@ SEVERITY_MARKS: dict[Severity, StyledSpan] = {"error": ("✗ ", "fault"), "warni
 
 
 class GraphSpot(NamedTuple):
-    """Where the cursor is: on a state, or on one of its ways out."""
+    """Where the cursor is: on a state, or on one of its transitions."""
 
     state: str
     way: int = -1

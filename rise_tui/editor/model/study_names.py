@@ -50,11 +50,11 @@ class StudyNames(NamedTuple):
         for suffix, when in ENGINE_ENDINGS.items():
             name = event.removesuffix(suffix)
             if name != event and (name in self.acts or (suffix == "_end" and name in self.rules)):
-                return f"raised by itself when {name} {when}"
+                return f"raised automatically when {name} {when}"
         for rule in self.outline.rules:
             state = event.removeprefix(f"{rule.name}_")
             if any(each.id == state and not each.transitions for each in rule.states):
-                return f"raised by itself when the rule {rule.name} ends in {state}"
+                return f"raised automatically when the rule {rule.name} ends in {state}"
         if event in CUE_TOPICS:
             return "the participant's cue" if event == CUE_TOPICS[0] else "raised when the cue is taken back"
         return ""

@@ -303,13 +303,12 @@ def note_lines(draft: StudyDraft, entry: TextEntry, language: str, folder: str, 
     notes: list[tuple[str, TextRole]] = []
     if entry.state == "stale" and entry.translation is not None:
         was = clean(entry.translation.of)
-        notes.append((f"▲ the text has changed since it was translated. It was “{was}”. s: it is right still", "wait"))
+        notes.append((f"▲ the text has changed since it was translated. It was “{was}”. s: it is still right", "wait"))
     if entry.state == "wrong" and entry.translation is not None:
         notes.append((f"✗ {slot_problem(entry.text.template, entry.translation.template)}", "fault"))
     slots = list(dict.fromkeys(f"{{{slot.key}}}" for slot in entry.text.template.slots))
     if slots:
-        notes.append((f"{', '.join(slots)}: from the memory; a translation has the same, and words behind a | in its "
-                      "language", "muted"))  # fmt: skip
+        notes.append((f"{', '.join(slots)}: from the memory. Keep it, and translate the words after |", "muted"))
     notes.append((session_note(draft, language, folder), "muted"))
     return [
         ((" " * (2 if not at else 4) + piece, role),)
@@ -324,7 +323,7 @@ def session_note(draft: StudyDraft, language: str, folder: str) -> str:
         return f"a session: rise-tui --config {shlex.quote(folder)}"
     command = f"rise-tui --config {shlex.quote(folder)} --language {language}"
     if "study.toml" in draft.files:
-        command = "the column `language` of participants.csv says it"
+        command = "from the column `language` of participants.csv"
     counts = count_texts(text_entries(draft, language))
     lacking = [f"{count(counts.missing, 'text is', 'texts are')} missing"] if counts.missing else []
     lacking += [f"{count(counts.wrong, 'text is', 'texts are')} wrong"] if counts.wrong else []
@@ -384,7 +383,7 @@ def original_edits(draft: StudyDraft, entry: TextEntry, said: str) -> tuple[AnyE
     if said == text.text:
         return ()
     if not said:
-        raise EditRefused("an act says something: an action or a wording is taken away on the act's page (j)")
+        raise EditRefused("a text cannot be empty: remove the action or the wording on the act's page (j)")
     try:
         return (edit_of_original(text, said, draft.outline),)
     except EditRefused as refused:
@@ -408,5 +407,5 @@ def still_right_edits(entry: TextEntry, language: str) -> tuple[AnyEdit, ...]:
     if entry.translation is None or entry.state != "stale":
         raise EditRefused(f"{entry.text.id} in {language or 'another language'} is not of an earlier text")
     if problem := slot_problem(entry.text.template, entry.translation.template):
-        raise EditRefused(f"it cannot be right still: {problem}")
+        raise EditRefused(f"it cannot still be right: {problem}")
     return (SetTranslation(language, entry.text.act, entry.text.key, entry.said),)

@@ -37,8 +37,8 @@ def test_brackets_are_shown_where_they_say_more_than_the_text() -> None:
     ("text", "expected"),
     [
         ("true", ("info", "always true")),
-        ("rand(6) > 3", ("info", "chance decides it, each time anew")),
-        ("session.speaking", ("info", "what `session.speaking` is, is known when a session runs")),
+        ("rand(6) > 3", ("info", "chance decides each time")),
+        ("session.speaking", ("info", "`session.speaking` is known when a session runs")),
         ("step =< 4", ("error", "`=<` is no operator; write `<=`")),
         ("words[0].word = 'a'", ("info", "words[0].word is “a” at the start: true")),
     ],
@@ -49,7 +49,7 @@ def test_what_is_said(text: str, expected: tuple[str, str]) -> None:
 
 def test_what_cannot_be_worked_out_says_why_in_a_sentence() -> None:
     (note,) = (note for note in notes("items[5] = 1"))
-    assert note.text.startswith("with these values it cannot be worked out: `items` has the entries 0 to 1, and no 5")
+    assert note.text.startswith("these values give no result: `items` has the entries 0 to 1, and no 5")
 
 
 @pytest.mark.parametrize(

@@ -204,7 +204,7 @@ async def test_a_key_of_the_keyboard_is_made_changed_and_renamed(study: Path) ->
             await it.until(lambda: not isinstance(it.pilot.app.screen, PickList))
 
         await add("z", "wave now")
-        await it.until(lambda: "a key is for an act" in it.notice, "what is nothing is said")
+        await it.until(lambda: "write an act, a rule" in it.notice, "what is nothing is said")
         await add("z", "set person_x = 3")
         await it.until(lambda: 'set = "person_x = 3"' in it.draft_text)
         await add("7", "set person_name = 'Kim'")

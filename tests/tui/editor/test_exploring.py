@@ -161,7 +161,7 @@ async def test_the_list_leads_to_the_state_the_act_the_key_and_shows_every_step(
         way = await it.shows(DetailScreen)
         await it.until(lambda: way.list.count)
         text = " ".join(" ".join(texts_of(way.list)).split())
-        assert text == f"{STUCK.text} HOW A SESSION COMES TO THAT 1. {STUCK.way[0]} 2. {STUCK.way[1]}"
+        assert text == f"{STUCK.text} HOW A SESSION GETS THERE 1. {STUCK.way[0]} 2. {STUCK.way[1]}"
         await it.press("escape")
         again = await it.shows(PickList)
         assert again is not listed and again.list.current_id == "0"
@@ -183,7 +183,7 @@ async def test_the_list_has_it_after_what_the_check_has_found(study: Path) -> No
 @pytest.mark.parametrize(
     ("found", "said"),
     [
-        (MENDED, "explored 1,300 situations: nothing found that is wrong"),
+        (MENDED, "explored 1,300 situations: no problem found"),
         (None, "could not be explored: `rise-engine explore` says why"),
     ],
 )

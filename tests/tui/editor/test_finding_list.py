@@ -50,7 +50,7 @@ async def test_what_only_the_author_can_say_is_said_and_enter_goes_there(study: 
     write_wrong(study, (RULE, 'target="Back to default"/>', 'target=""/>'))
     async with editor(study) as it:
         await show_remedies(it)
-        await it.until(lambda: "only you can say what is right here" in it.notice)
+        await it.until(lambda: "only you can decide what is right here" in it.notice)
         await it.press("f", "escape")
         await it.until(lambda: it.pilot.app.screen is it.screen)
         await it.press("f")

@@ -6,13 +6,13 @@ from pathlib import Path
 
 import pytest
 
-from rise_engine.author.edit.edits import AddRule, AddState, AddTransition, TransitionForm
+from rise_engine.author.edit.edits import AddRule
 from rise_engine.author.edit.study_above import scenarios_below
 from rise_engine.author.edit.workspace import Workspace
 from rise_tui.editor.act_page import ActPage
 from rise_tui.editor.data_pages import KeysPage
 from rise_tui.editor.model.draft import draft_of, toml_values
-from rise_tui.editor.model.study_rows import study_rows, used_by
+from rise_tui.editor.model.study_rows import study_rows
 from rise_tui.editor.rule_page import RulePage
 from tests.tui.editor.conftest import editor
 
@@ -88,18 +88,6 @@ def test_the_title_stays_while_there_is_an_error(study: Path) -> None:
     workspace.close()
 
 
-def test_a_use_is_told_with_the_word_of_the_editor(study: Path) -> None:
-    workspace = Workspace(study)
-    workspace.apply(
-        AddRule("Riddle", "Start"),
-        AddState("Riddle", "Guessed"),
-        AddTransition("Riddle", "Start", TransitionForm(event="/riddle_solved", target="Guessed")),
-    )
-    (use,) = used_by(draft_of(workspace), "event", "riddle_solved")
-    assert "way 1" in use and "transition" not in use
-    workspace.close()
-
-
 def test_all_wordings_are_searched(riddle: Path) -> None:
     workspace = Workspace(riddle)
     found = [row.id for row in study_rows(draft_of(workspace), 80, "BITES nobody") if row.selectable]
@@ -142,7 +130,7 @@ async def test_what_a_key_does_is_said_in_words_and_a_taken_one_says_by_what(stu
         await found.until(lambda: isinstance(found.screen.opened, KeysPage))
         await found.press("escape", "slash")
         await found.type("zzz")
-        await found.until(lambda: "nothing has this name" in found.screen.home.rows.text)
+        await found.until(lambda: "no name or text matches" in found.screen.home.rows.text)
         await found.press("escape")
         await found.send_together("slash", *"R_Introduction", "enter", "enter", "enter", "enter")
         await found.until(lambda: found.screen.page.is_typing)

@@ -151,7 +151,7 @@ def test_a_key_that_does_something_else_of_the_same_kind_keeps_its_label(study: 
     assert (field.text, field.note) == ("act R_Greeting", "“hello”")
     assert field.edits("act R_Other") == (SetSetting(("keys", "z", "act"), "R_Other"),)
     assert field.edits("event /go") == (SetSetting(("keys", "z"), {"event": "/go"}),)
-    with pytest.raises(EditRefused, match="a key is for an act, a rule, an event, or set"):
+    with pytest.raises(EditRefused, match="write an act, a rule, an event or a value"):
         field.edits("jump high")
 
 

@@ -99,7 +99,7 @@ def test_what_a_form_has_no_place_for() -> None:
         (TransitionDraft(event="/nxt"), "event", "warning", "did you mean `next`?"),
         (TransitionDraft(event="next"), "event", "info", "raised by key n"),
         (TransitionDraft(event="/cheer"), "event", "info", "raised by rule Course"),
-        (TransitionDraft(event="/R_Bye_failed"), "event", "info", "raised by itself when R_Bye fails"),
+        (TransitionDraft(event="/R_Bye_failed"), "event", "info", "raised automatically when R_Bye fails"),
         (TransitionDraft(event="/Other_Two"), "event", "info", "when the rule Other ends in Two"),
         (TransitionDraft("after", time="1s", held="happy"), "held", "info", "happy is false at the start: false"),
         (TransitionDraft("condition", condition="step <"), "condition", "error", "something is missing"),
@@ -140,7 +140,7 @@ def test_names_are_completed_and_offered() -> None:
     assert form.ending("condition", "step < 4 and hap") == "py"
     events = {choice.value: choice.help for choice in form.choices("event")}
     assert events["/skip"] == "nothing in this study raises it"
-    assert events["/R_Hello_end"] == "raised by itself when R_Hello ends"
+    assert events["/R_Hello_end"] == "raised automatically when R_Hello ends"
     assert events["/cue"] == "the participant's cue"
     assert {choice.value for choice in form.choices("condition")} >= {"step", "happy", "mood", "words"}
 

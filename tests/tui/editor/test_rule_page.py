@@ -269,9 +269,9 @@ async def test_findings_stand_beside_what_they_are_about_at_every_size() -> None
 async def test_a_rule_without_states_says_what_to_do() -> None:
     study = StudyInMemory({"rules/course.xml": b'<InteractionRule name="Empty" initial="A"/>'})
     async with opened(study, "Empty") as (pilot, page):
-        assert "n makes one" in page.graph.text
+        assert "n adds one" in page.graph.text
         await press(pilot, "n", "A", "enter")
         assert study.edits == [(AddState("Empty", "A", after=""),)]
         study.files = {}
         page.redraw()
-        assert "not there any more" in page.graph.text
+        assert "no longer exists" in page.graph.text

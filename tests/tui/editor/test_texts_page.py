@@ -100,7 +100,7 @@ async def test_the_original_is_changed_and_what_lacks_something_is_shown_and_tak
         await it.take_back(files)
         page = await open_at(it, STALE)
         await it.press("left", "delete")
-        assert "only a translation is taken away here" in it.notice
+        assert "del removes only translations here" in it.notice
         await it.press("right", "delete")
         await it.until(lambda: "Sehr gut!" not in german(it))
         assert page.entry is not None and page.entry.state == "missing"
@@ -266,7 +266,7 @@ async def test_a_study_that_says_nothing_and_one_that_cannot_be_read(tmp_path: P
     (empty / "scenario.toml").write_text('title = "x"\n')
     async with editor(empty) as it:
         await it.open("texts")
-        assert "nothing is said in this study yet" in page_of(it).parting.text
+        assert "this study has no texts yet" in page_of(it).parting.text
         await it.press("enter", "s", "j", "m", "delete", "tab", "right", "left", "space")
         assert it.screen.opened is not None
     shutil.copytree(LABLINKING, tmp_path / "broken")
