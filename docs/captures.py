@@ -34,8 +34,7 @@ from rise_tui.editor.app import EditApp
 from rise_tui.editor.model.draft import draft_of
 from rise_tui.editor.model.study_rows import row_id
 from rise_tui.editor.rule_page import RulePage
-from rise_tui.editor.sessions import NoSessions
-from rise_tui.editor.study import EditedStudy
+from rise_tui.editor.study import EditedStudy, NoSessions
 
 IMAGES = Path(__file__).parent / "images"
 SPEED = 10

@@ -22,7 +22,7 @@ from rise_engine.study.review import findings_of_files
 from rise_tui.cli.terminal import PlainTerminal
 from rise_tui.config.display import DisplayOptions, prepare_textual, with_detected_colors
 from rise_tui.config.paths import expand_home, key_file_path
-from rise_tui.editor.sessions import RunningHere
+from rise_tui.editor.study import RunningHere
 
 STOP_SECONDS = 5.0
 
@@ -37,7 +37,7 @@ def _participant(socket: str) -> str:
 
 
 class SessionsHere:
-    """Implements `rise_tui.editor.sessions.SessionWatch` over the sessions of this computer."""
+    """Implements `rise_tui.editor.study.SessionWatch` over the sessions of this computer."""
 
     def find(self, folder: Path) -> RunningHere | None:
         """The latest session that runs on this scenario."""

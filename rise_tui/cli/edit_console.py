@@ -18,8 +18,7 @@ from rise_tui.config.preferences import Preferences, load_saved
 from rise_tui.editor.app import EditApp
 from rise_tui.editor.exploring import explore_saved
 from rise_tui.editor.model.draft import draft_of
-from rise_tui.editor.sessions import SessionWatch
-from rise_tui.editor.study import EditedStudy
+from rise_tui.editor.study import EditedStudy, SessionWatch
 
 
 def run_editor(workspace: Workspace, sessions: SessionWatch, key_file: Path | None, display: DisplayOptions) -> int:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from typing import ClassVar
 
 from textual import on
@@ -11,12 +11,10 @@ from textual.widget import Widget
 
 from rise_engine.author.edit.edits import AddAction, AddVariant, RemoveAction, RemoveVariant, SetWaits
 from rise_engine.author.edit.outline import WrittenAct, WrittenAction
-from rise_tui.editor.form_page import FormPage
+from rise_tui.editor.form import FormPage
 from rise_tui.editor.model.act_form import act_choices, action_fields, new_action_parameters, wait_choices
-from rise_tui.editor.model.act_rows import action_rows, action_type, scale_line, what_text
-from rise_tui.editor.model.act_times import act_seconds
+from rise_tui.editor.model.act_rows import act_seconds, action_rows, action_type, file_lines, scale_line, what_text
 from rise_tui.editor.model.draft import FilePlace
-from rise_tui.editor.model.file_lines import file_lines
 from rise_tui.editor.model.study_rows import keys_by_name, used_lines, wrong_files
 from rise_tui.editor.page import EditFrame
 from rise_tui.rendering.text import StyledLine, align_at_both_ends, crop, format_seconds
@@ -147,29 +145,23 @@ class ActPage(FormPage):
 
     # --- what keys do -----------------------------------------------------------------------------------------------
 
-    def carry_out(self, action: str) -> bool:
-        if action == "edit.other":
-            self.set_form_focus(on_form=not self.form.rows.has_focus)
-            return True
-        if self.form.rows.has_focus and action in ("edit.open", "edit.remove") and (why := self._why_fixed()):
-            self.frame.say(why, "wait")
-            return True
-        if self.form.rows.has_focus and self.carry_out_in_form(action):
-            return True
-        calls = {
-            "edit.open": lambda: self.set_form_focus(on_form=True),
+    @property
+    def calls(self) -> Mapping[str, Callable[[], object]]:
+        on_form, act = self.form.rows.has_focus, self.act
+        calls: dict[str, Callable[[], object]] = {
             "edit.add": self._ask_for_action,
             "edit.remove": self._remove,
             "edit.waits": self._ask_for_waits,
             "edit.wording": self._add_wording,
         }
-        if action not in calls:
-            return False
-        if (act := self.act) is not None and act.reason and action != "edit.open":
-            self.frame.say(f"{act.name}: {act.reason}", "wait")
-        else:
-            calls[action]()
-        return True
+        if act is not None and act.reason:
+            calls = dict.fromkeys(calls, lambda: self.frame.say(f"{act.name}: {act.reason}", "wait"))
+        calls |= {"edit.open": lambda: self.set_form_focus(on_form=True)}
+        if on_form and (why := self._why_fixed()):
+            calls |= dict.fromkeys(self.form_calls, lambda: self.frame.say(why, "wait"))
+        elif on_form:
+            calls |= self.form_calls
+        return {**calls, "edit.other": lambda: self.set_form_focus(on_form=not on_form)}
 
     def leave(self) -> bool:
         if self.form.rows.has_focus:
@@ -190,7 +182,7 @@ class ActPage(FormPage):
         if on_form and self.action is not None:
             if self.form.current is None or self.form.current.id == "type":  # what is changed is what is in it
                 self.form.rows.move_cursor(min(1, self.form.rows.count - 1), by_wizard=False)
-            self.form.say("")  # below the form stands what is to be known of this field
+            self.form.say()  # below the form stands what is to be known of this field
             self.screen.set_focus(self.form.rows)
         else:
             self.screen.set_focus(self.actions)
@@ -237,7 +229,7 @@ class ActPage(FormPage):
     def _add_wording(self) -> None:
         action = self.action
         if action is None or not action.calls or "message" not in action.calls[0].parameters:
-            self.frame.say("only what is said has wordings", "wait")
+            self.frame.say("only texts have wordings", "wait")
             return
 
         def take(text: str) -> None:

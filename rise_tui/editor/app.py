@@ -9,8 +9,7 @@ from rise_tui.config.keymap import KeyFile, textual_keymap
 from rise_tui.editor import typed_ahead
 from rise_tui.editor.exploring import Explorer
 from rise_tui.editor.screen import EditScreen
-from rise_tui.editor.sessions import SessionWatch
-from rise_tui.editor.study import EditedStudy
+from rise_tui.editor.study import EditedStudy, SessionWatch
 from rise_tui.key_labels import use_own_keys
 from rise_tui.rendering import themes
 from rise_tui.rendering.terminal_app import TerminalApp

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from abc import abstractmethod
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from functools import partial
 from typing import ClassVar
 
@@ -12,7 +12,7 @@ from textual.widget import Widget
 
 from rise_engine.author.edit.edits import RemoveStartValue, Rename, RenameSetting, SetSetting, SetStartValue
 from rise_engine.author.edit.plan import EditRefused
-from rise_tui.editor.form_page import FormPage
+from rise_tui.editor.form import FormPage
 from rise_tui.editor.model.data_fields import (
     SCENARIO_FILE,
     Addition,
@@ -36,6 +36,7 @@ class DataPage(FormPage):
     DEFAULT_CSS = """
     DataPage #head { background: $rise-bar; }
     """
+    CAN_FILTER = True
     TITLE: ClassVar[str]
     EMPTY: ClassVar[str]
     """What is said, and how the first one is made, where there is nothing."""
@@ -43,7 +44,6 @@ class DataPage(FormPage):
     def __init__(self, frame: EditFrame, name: str = "") -> None:
         super().__init__(frame, name)
         self.head = StaticLines(id="head")
-        self._wanted = ""
 
     def compose(self) -> ComposeResult:
         yield self.head
@@ -63,39 +63,17 @@ class DataPage(FormPage):
 
     def draw(self) -> None:
         fields = self.make_fields()
-        note = self.EMPTY if not fields else self.count_text(fields) if not self._wanted else f"find {self._wanted}"
+        note = self.EMPTY if not fields else self.count_text(fields) if not self.wanted else f"find {self.wanted}"
         head: StyledLine = ((f" {self.TITLE}", "strong"), (f"  {note}", "muted"))
         self.head.show(crop(head, max(20, self.size.width)))
-        wanted = self._wanted.casefold()
+        wanted = self.wanted.casefold()
         self.form.show([each for each in fields if wanted in f"{each.label} {each.text} {each.note}".casefold()])
         if self.form.rows.cursor < 0:
             self.form.rows.move_cursor(0, by_wizard=False)
 
-    def filter(self, text: str) -> None:
-        self._wanted = text
-        self.draw()
-
-    def leave(self) -> bool:
-        had, self._wanted = bool(self._wanted), ""
-        if had:
-            self.draw()
-        return had
-
-    def carry_out(self, action: str) -> bool:
-        calls = {"edit.add": self.add, "edit.rename": self.rename, "edit.wording": self.relabel}
-        if action in calls and action in self.hints:
-            calls[action]()
-            return True
-        return self.carry_out_in_form(action)
-
-    def add(self) -> None:
-        """A new row."""
-
-    def rename(self) -> None:
-        """The row under the cursor under another name."""
-
-    def relabel(self) -> None:
-        """What the row under the cursor is called on the console."""
+    @property
+    def calls(self) -> Mapping[str, Callable[[], object]]:
+        return self.form_calls
 
     def go_to(self, id: str) -> None:
         """Put the cursor on a field."""
@@ -116,6 +94,10 @@ class MemoryPage(DataPage):
     def hints(self) -> Mapping[str, str]:
         return {"edit.open": "change", "edit.add": "add", "edit.rename": "rename", "edit.remove": "remove"}
 
+    @property
+    def calls(self) -> Mapping[str, Callable[[], object]]:
+        return {**self.form_calls, "edit.add": self._ask_to_add, "edit.rename": self._ask_to_rename}
+
     def make_fields(self) -> Sequence[EditField]:
         return memory_fields(self.draft)
 
@@ -125,7 +107,7 @@ class MemoryPage(DataPage):
         where = self.draft.checked.draft.memory_key_locations.get(field.id) if field is not None else None
         return FilePlace(where.file, where.line, where.line) if where is not None else FilePlace("memory.json", 1, 1)
 
-    def add(self) -> None:
+    def _ask_to_add(self) -> None:
         def take(key: str) -> None:
             if key in self.draft.checked.draft.memory:
                 self.frame.say(f"there is a key {key} already", "wait")
@@ -133,19 +115,19 @@ class MemoryPage(DataPage):
                 return
             self.frame.make(SetStartValue(key, ""), then=lambda: self._type_value(key))
 
-        self.frame.ask_text("A new key", "", take, hint="Its name, as conditions and texts call it: score, side.")
+        self.frame.ask_text("A new key", "", take, hint="Its name for conditions and texts: score, side.")
 
     def _type_value(self, key: str) -> None:
         self.go_to(key)
         self.form.open_current()
 
-    def rename(self) -> None:
+    def _ask_to_rename(self) -> None:
         if (field := self.form.current) is not None:
             number = sum(not use.defines for use in self.draft.uses.of("key", field.id))
             self.frame.ask_text(
                 f"Rename the key {field.id}", field.id,
                 lambda new: self.frame.make(*([Rename("key", field.id, new)] if new != field.id else [])),
-                hint=f"Also in the {count(number, 'place')} that name it.",
+                hint=f"Also in the {count(number, 'place')} that use it.",
             )  # fmt: skip
 
     def remove_field(self) -> bool:
@@ -168,6 +150,11 @@ class KeysPage(DataPage):
         words = {"edit.open": "change", "edit.add": "add", "edit.rename": "key"}
         return {**words, "edit.wording": "label", "edit.remove": "remove"}
 
+    @property
+    def calls(self) -> Mapping[str, Callable[[], object]]:
+        more = {"edit.add": self._ask_to_add, "edit.rename": self._ask_to_rename, "edit.wording": self._ask_for_label}
+        return {**self.form_calls, **more}
+
     def make_fields(self) -> Sequence[EditField]:
         return key_fields(self.draft)
 
@@ -179,7 +166,7 @@ class KeysPage(DataPage):
                 return FilePlace(key.location.file, key.location.line, key.location.line)
         return FilePlace(SCENARIO_FILE, 1, 1)
 
-    def add(self) -> None:
+    def _ask_to_add(self) -> None:
         def take(key: str) -> None:
             def chosen(value: str) -> None:
                 try:
@@ -199,7 +186,7 @@ class KeysPage(DataPage):
 
         self.frame.ask_text("A new key", "", take, hint="A letter, a digit or a sign: p, 7, .")
 
-    def rename(self) -> None:
+    def _ask_to_rename(self) -> None:
         if (field := self.form.current) is not None:
             self.frame.ask_text(
                 f"Another key instead of {field.id}", field.id,
@@ -207,13 +194,13 @@ class KeysPage(DataPage):
                 hint="A letter, a digit or a sign.",
             )  # fmt: skip
 
-    def relabel(self) -> None:
+    def _ask_for_label(self) -> None:
         if (field := self.form.current) is not None:
             now = field.note.partition("”")[0].lstrip("“") if field.note.startswith("“") else ""
             self.frame.ask_text(
                 f"Label of {field.id}", now,
                 lambda label: self.frame.make(SetSetting(("keys", field.id, "label"), label)),
-                hint="One or two words, as the wizard's screen shows them.",
+                hint="One or two words for the wizard's screen.",
             )  # fmt: skip
 
 
@@ -228,10 +215,14 @@ class SettingsPage(DataPage):
         add = "check, factor" if is_study_alone(self.draft) else "of an act"
         return {"edit.open": "change", "edit.add": add, "edit.remove": "clear"}
 
+    @property
+    def calls(self) -> Mapping[str, Callable[[], object]]:
+        return {**self.form_calls, "edit.add": self._ask_to_add}
+
     def make_fields(self) -> Sequence[EditField]:
         return setting_fields(self.draft)
 
-    def add(self) -> None:
+    def _ask_to_add(self) -> None:
         """How an act is treated; of a study, a check, a factor, a level, or what a level changes."""
         found = {each.choice.value: each for each in additions(self.draft)}
 
@@ -245,7 +236,7 @@ class SettingsPage(DataPage):
         if found:
             self.frame.choose("What is added?", [each.choice for each in found.values()], take)
         else:
-            self.frame.say("there is no act yet whose treatment could be set", "wait")
+            self.frame.say("there are no acts yet", "wait")
 
     def _add(self, addition: Addition, typed: str) -> None:
         try:

@@ -58,7 +58,7 @@ async def edit_file(app: App[Any], frame: EditFrame, place: FilePlace) -> None:
         await _run(app, frame, place.file, place.line)
         return
     if content is None:
-        frame.say(f"{place.file} is not there any more", "wait")
+        frame.say(f"{place.file} no longer exists", "wait")
         return
     if content == draft.saved.get(place.file):
         await _run(app, frame, str(Path(draft.folder, place.file)), place.line)
@@ -68,7 +68,7 @@ async def edit_file(app: App[Any], frame: EditFrame, place: FilePlace) -> None:
         try:
             text = written.decode("utf-8")
         except UnicodeDecodeError:
-            frame.say(f"{place.file} is not taken: what was written is no UTF-8", "fault")
+            frame.say(f"{place.file} was not read: it is not UTF-8", "fault")
             return
         frame.make(ReplaceFile(place.file, text))
 
@@ -88,6 +88,6 @@ async def _run(app: App[Any], frame: EditFrame, path: str, line: int) -> None:
         with app.suspend():
             await asyncio.to_thread(subprocess.run, arguments, check=False)
     except OSError as error:
-        frame.say(f"{arguments[0]} cannot be started ({error.strerror}): name your editor in $EDITOR", "fault")
+        frame.say(f"{arguments[0]} could not be started ({error.strerror}): name your editor in $EDITOR", "fault")
     if isinstance(app, TerminalApp):
         app.repaint_everything()

@@ -6,18 +6,27 @@ by `frame.open_page(KIND, NAME)`. Top line, findings, save, undo, `e`, drafts an
 
 from __future__ import annotations
 
+import asyncio
 from collections.abc import Callable, Coroutine, Mapping, Sequence
 from typing import Any, ClassVar, Protocol
 
+from textual import events
 from textual.containers import Vertical
 from textual.widget import Widget
 
 from rise_engine.author.edit.edits import AnyEdit
-from rise_tui.editor.model.draft import FilePlace, StudyDraft
+from rise_engine.author.edit.plan import EditRefused
+from rise_engine.base.text import clean
+from rise_tui.editor.model.draft import FilePlace, StudyDraft, first_new_finding
 from rise_tui.editor.model.explored import ExploredStudy
-from rise_tui.editor.model.fields import FieldChoice
+from rise_tui.editor.model.fields import FieldChoice, FieldNote, note_of
 from rise_tui.editor.study import EditedStudy
 from rise_tui.model.notice import Level
+from rise_tui.rendering.later import Later
+
+TURNS = {"left": -1, "right": 1}
+PAINTED = 0.02
+"""Seconds until a typed letter has been painted: the check of the study must not hold it up."""
 
 
 class EditFrame(Protocol):
@@ -76,10 +85,16 @@ class EditPage(Vertical):
 
     KIND: ClassVar[str]
     """By which it is opened."""
+    CAN_FILTER: ClassVar[bool] = False
+    """Whether the page has rows to search."""
+    EXPECTED: ClassVar[tuple[str, ...]] = ()
+    """Codes of findings that typing brings here, and that need no remark."""
 
     def __init__(self, frame: EditFrame, name: str = "") -> None:
         super().__init__()
         self.frame, self.shown_name = frame, name
+        self.wanted = ""
+        """The text that is searched."""
         self.back: tuple[str, str] | None = None
         """Kind and name of the page that opened it, to which `esc` leads; None: to the list of the study."""
 
@@ -101,16 +116,38 @@ class EditPage(Vertical):
         """Show the draft as it is now. Called after each change, and when the size has changed."""
         raise NotImplementedError
 
+    @property
+    def calls(self) -> Mapping[str, Callable[[], object]]:
+        """The actions of scope `edit` that the page carries out."""
+        return {}
+
     def carry_out(self, action: str) -> bool:
-        """Do what an action of scope `edit` means here; False: nothing."""
+        """Carry out an action of scope `edit`; False: it means nothing here."""
+        call = self.calls.get(action)
+        if call is not None:
+            call()
+        return call is not None
+
+    def turn(self, step: int) -> bool:
+        """`left` (-1) and `right` (1) while nothing is typed; False: they mean nothing here."""
         return False
+
+    def on_key(self, event: events.Key) -> None:
+        if event.key in TURNS and not self.is_typing and self.turn(TURNS[event.key]):
+            event.stop()
+            event.prevent_default()
 
     def leave(self) -> bool:
         """`esc`: whether there was something in the page to go back from."""
-        return False
+        had = bool(self.wanted)
+        if had:
+            self.filter("")
+        return had
 
     def filter(self, text: str) -> None:
         """Show only rows with this text."""
+        self.wanted = text
+        self.draw()
 
     @property
     def place(self) -> FilePlace | None:
@@ -133,11 +170,26 @@ class EditPage(Vertical):
         return None
 
     @property
-    def is_opening(self) -> bool:
-        """Whether a field is about to open, to which the keys go that come now."""
-        return False
-
-    @property
     def is_typing(self) -> bool:
         """Whether a field is open; then what was changed outside waits."""
         return False
+
+    def preview(self, edits: Callable[[], tuple[AnyEdit, ...]], say: Callable[..., None]) -> None:
+        """While something is typed: `say` what would be wrong with the study then that is not wrong now."""
+        self.run_worker(Later(self._preview, edits, say), group="preview", exclusive=True)
+
+    async def _preview(self, edits: Callable[[], tuple[AnyEdit, ...]], say: Callable[..., None]) -> None:
+        await asyncio.sleep(PAINTED)
+        if self.is_typing:
+            say(*self.new_findings(edits))
+
+    def new_findings(self, edits: Callable[[], tuple[AnyEdit, ...]]) -> list[FieldNote]:
+        """The worst finding that edits would bring, or why they cannot be made."""
+        try:
+            made = edits()
+            if not made:
+                return []
+            checked = self.frame.study.preview(*made)
+            return note_of(first_new_finding(self.draft, checked, but=self.EXPECTED))
+        except EditRefused as refused:
+            return [FieldNote("error", clean(str(refused)))]

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import asyncio
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import ClassVar
 
@@ -12,69 +12,29 @@ from textual.app import ComposeResult
 from textual.containers import Horizontal
 from textual.widget import Widget
 
-from rise_engine.author.edit.edits import AnyEdit, ReplaceFile
-from rise_engine.author.edit.outline import Outline, Written
+from rise_engine.author.edit.edits import ReplaceFile
+from rise_engine.author.edit.outline import Written
 from rise_engine.author.trial.keeping import path_of_test, text_of_test
 from rise_engine.author.trial.trial import Trial
-from rise_engine.scenario.diagnostics import Diagnostic
 from rise_engine.scenario.model import Scenario
-from rise_tui.editor.model.draft import FilePlace, StudyDraft
-from rise_tui.editor.model.explored import findings_in_rules
-from rise_tui.editor.model.study_names import StudyNames, study_names
+from rise_tui.editor.model.draft import FilePlace
 from rise_tui.editor.model.trial_rows import standing_of
 from rise_tui.editor.page import EditFrame, EditPage
-from rise_tui.editor.rules.rule_editor import RuleEditor
+from rise_tui.editor.rule_display import RuleStudy
+from rise_tui.editor.rule_editor import RuleEditor
 from rise_tui.editor.study_page import StudyPage
-from rise_tui.editor.trying.trial_view import TrialView
-from rise_tui.model.notice import Level
+from rise_tui.editor.trial_view import TrialView
 from rise_tui.widgets.row_list import RowList
 
 BESIDE = 100
 """Columns from which the trial stands beside the rule; below it takes its place."""
 
 
-class DraftStudy:
-    """The study of a frame, as the editor of a rule knows it (`rise_tui.editor.rules.rule_display.RuleStudy`)."""
-
-    def __init__(self, frame: EditFrame) -> None:
-        self._frame = frame
-        self._names: tuple[StudyDraft, StudyNames] | None = None
-
-    @property
-    def draft(self) -> StudyDraft:
-        return self._frame.study.draft
-
-    @property
-    def outline(self) -> Outline:
-        return self.draft.outline
-
-    @property
-    def names(self) -> StudyNames:
-        """Made once for each state of the files."""
-        draft = self.draft
-        if self._names is None or self._names[0] is not draft:
-            self._names = (draft, study_names(draft.outline, draft.checked.draft, draft.files))
-        return self._names[1]
-
-    @property
-    def findings(self) -> Sequence[Diagnostic]:
-        return [*self.draft.findings, *findings_in_rules(self._frame.explored, self.draft)]
-
-    @property
-    def files(self) -> Mapping[str, bytes]:
-        return self.draft.files
-
-    def make(self, *edits: AnyEdit, then: Callable[[], None] | None = None) -> None:
-        self._frame.make(*edits, then=then)
-
-    def say(self, sentence: str, level: Level = "info") -> None:
-        self._frame.say(sentence, level)
-
-
 class RulePage(EditPage):
     """One rule. `t` tries it, `esc` leads back from the trial."""
 
     KIND: ClassVar[str] = "rule"
+    CAN_FILTER = True
     DEFAULT_CSS = """
     RulePage TrialView { display: none; }
     RulePage.-trying TrialView { display: block; }
@@ -87,7 +47,7 @@ class RulePage(EditPage):
         """`name`: the rule's; behind a zero character, the state on which the cursor begins."""
         rule, _, state = name.partition("\0")
         super().__init__(frame, rule)
-        self._study = DraftStudy(frame)
+        self._study = RuleStudy(frame, self)
         self.editor, self.trial = RuleEditor(self._study, rule, state), TrialView()
 
     def compose(self) -> ComposeResult:
@@ -106,10 +66,6 @@ class RulePage(EditPage):
     @property
     def still_there(self) -> bool:
         return self.draft.outline.rule(self.shown_name) is not None
-
-    @property
-    def is_opening(self) -> bool:
-        return self.editor.panel.is_opening
 
     @property
     def is_typing(self) -> bool:
@@ -187,7 +143,7 @@ class RulePage(EditPage):
         if scenario is None:
             error = next((each for each in self.draft.findings if each.severity == "error"), None)
             what = f": {error.message}" if error is not None else ""
-            self.frame.say(f"it can be tried when there is no error{what}", "wait")
+            self.frame.say(f"fix the error first{what}", "wait")
             return
         self._open_trial(scenario, event)
 
@@ -234,8 +190,8 @@ class RulePage(EditPage):
     @on(TrialView.KeepAsked)
     def _ask_to_keep(self, event: TrialView.KeepAsked) -> None:
         event.stop()
-        hint = "What is tested, in a few words. Saved with the study; `rise-engine test` plays it."
-        self.frame.ask_text("Keep these steps as a test", "", lambda title: self._keep(event.trial, title), hint=hint)
+        hint = "What it tests, in a few words. `rise-engine test` runs it."
+        self.frame.ask_text("Save these steps as a test", "", lambda title: self._keep(event.trial, title), hint=hint)
 
     def _keep(self, trial: Trial, title: str) -> None:
         self.run_worker(self._write_test(trial, title), group="keep")
@@ -244,7 +200,7 @@ class RulePage(EditPage):
         text = await asyncio.to_thread(text_of_test, trial, title)
         folder = Path(self.draft.folder)
         file = path_of_test(folder, title).relative_to(folder).as_posix()
-        self.frame.make(ReplaceFile(file, text), then=lambda: self.frame.say(f"{file} is kept with the next save"))
+        self.frame.make(ReplaceFile(file, text), then=lambda: self.frame.say(f"new file: {file}"))
 
 
 def _lines_of(written: Written) -> FilePlace:

@@ -21,20 +21,18 @@ from rise_engine.author.edit.plan import EditRefused
 from rise_engine.author.edit.workspace import Change
 from rise_engine.base.text import clean
 from rise_tui.actions import IN_EDITOR, bindings_in, bindings_of
-from rise_tui.editor import external, overlays
+from rise_tui.editor import dialogs, external
 from rise_tui.editor.bars import BannerLine, EditHints, EditTopLine, FindingLine
-from rise_tui.editor.chooser import AskText, Chooser, ManyChooser
+from rise_tui.editor.dialogs import SaveDialog, choose_finding
 from rise_tui.editor.exploring import Explorer, ExploringBeside
-from rise_tui.editor.finding_list import choose_finding
 from rise_tui.editor.model.draft import StudyDraft, count, is_study_alone
 from rise_tui.editor.model.explored import ExploredStudy
 from rise_tui.editor.model.fields import FieldChoice
 from rise_tui.editor.model.study_rows import row_id
 from rise_tui.editor.page import EditPage
 from rise_tui.editor.pages import PAGES
-from rise_tui.editor.save_dialog import SaveDialog
-from rise_tui.editor.sessions import NoSessions, RunningHere, SessionWatch
-from rise_tui.editor.study import EditedStudy
+from rise_tui.editor.pick_list import AskText, Picked, PickList
+from rise_tui.editor.study import EditedStudy, NoSessions, RunningHere, SessionWatch
 from rise_tui.editor.study_page import StudyPage
 from rise_tui.messages import RunAction
 from rise_tui.model.notice import Level
@@ -138,17 +136,17 @@ class EditScreen(Screen[None]):
             else:
                 self.close()
 
-        self.app.push_screen(overlays.draft_dialog(draft), answer)
+        self.app.push_screen(dialogs.draft_dialog(draft), answer)
 
     async def _take_up(self, draft: Draft) -> None:
         outside = await self.study.take_up(draft)
-        self.say("the draft is here again: ctrl+o saves it")
+        self.say("your changes are restored: ctrl+o saves them")
         self.draw()
         if outside.clash:
             self._ask_about_clash(outside.clash)
 
     def _ask_about_clash(self, files: Sequence[str]) -> None:
-        overlays.ask_about_clash(self.app, files, lambda: self._work(self._take_outside(files)))
+        dialogs.ask_about_clash(self.app, files, lambda: self._work(self._take_outside(files)))
 
     async def _take_outside(self, files: Sequence[str]) -> None:
         self._said(await self.study.take_outside(files))
@@ -231,20 +229,20 @@ class EditScreen(Screen[None]):
     def choose(
         self, title: str, choices: Sequence[FieldChoice], take: Callable[[str], None], *, now: str = "", new: str = ""
     ) -> None:
-        def taken(chosen: str | None) -> None:
-            if chosen is not None:
-                take(chosen)
+        def taken(picked: Picked | None) -> None:
+            if picked is not None:
+                take(picked.value)
 
-        self.app.push_screen(Chooser(title, choices, now=now, new=new), taken)
+        self.app.push_screen(PickList(title, choices, now=now, new=new), taken)
 
     def choose_many(
         self, title: str, choices: Sequence[FieldChoice], now: Sequence[str], take: Callable[[tuple[str, ...]], None]
     ) -> None:
-        def taken(chosen: tuple[str, ...] | None) -> None:
-            if chosen is not None:
-                take(chosen)
+        def taken(picked: Picked | None) -> None:
+            if picked is not None:
+                take(picked.ticked)
 
-        self.app.push_screen(ManyChooser(title, choices, now), taken)
+        self.app.push_screen(PickList(title, choices, ticked=now), taken)
 
     # --- drawing ----------------------------------------------------------------------------------------------------
 
@@ -290,7 +288,7 @@ class EditScreen(Screen[None]):
     @property
     def is_working(self) -> bool:
         """Whether something is being done that a key has begun, and that may open something."""
-        return self._works > 0 or self.page.is_opening
+        return self._works > 0
 
     def _work(self, work: Coroutine[Any, Any, None]) -> None:
         self._works += 1
@@ -315,7 +313,7 @@ class EditScreen(Screen[None]):
             self.run_worker(Later(self._look), group="watch", exclusive=True)
 
     async def _look(self) -> None:
-        found = await asyncio.to_thread(self._sessions.find, overlays.folder_of(self.study))
+        found = await asyncio.to_thread(self._sessions.find, dialogs.folder_of(self.study))
         if found != self.running:
             self.running = found
             self.draw_bars()
@@ -354,17 +352,17 @@ class EditScreen(Screen[None]):
         if self.page.is_typing and action not in ("stop", "quit"):
             return
         calls: dict[str, Callable[[], object]] = {
-            "edit.undo": lambda: self._work(self._undo()),
-            "edit.redo": lambda: self._work(self._redo()),
+            "edit.undo": lambda: self._work(self._step(self.study.undo(), "taken back", "there is nothing to undo")),
+            "edit.redo": lambda: self._work(self._step(self.study.redo(), "made again", "nothing was taken back")),
             "edit.save": lambda: self._work(self._ask_to_save()),
             "edit.findings": lambda: choose_finding(self, self.app),
             "edit.file": lambda: self._work(self._open_file()),
             "edit.pages": self._go_home,
             "edit.leave": self._leave,
             "filter": self._open_find,
-            "help": lambda: overlays.open_help(self.app),
-            "palette": lambda: overlays.open_palette(self.app, self.action_do),
-            "theme": lambda: overlays.open_palette(self.app, None),
+            "help": lambda: dialogs.open_help(self.app),
+            "palette": lambda: dialogs.open_palette(self.app, self.action_do),
+            "theme": lambda: dialogs.open_palette(self.app, None),
             "redraw": self._redraw,
             "stop": self.stop_pressed,
             "quit": lambda: self.app.run_worker(self.app.run_action("quit")),
@@ -382,27 +380,19 @@ class EditScreen(Screen[None]):
         if self.opened is not None:
             self._work(self._close_page())
 
-    async def _undo(self) -> None:
-        change = await self.study.undo()
+    async def _step(self, step: Coroutine[Any, Any, Change | None], verb: str, nothing: str) -> None:
+        change = await step
         if change is None:
-            self.say("there is nothing to undo", "wait")
+            self.say(nothing, "wait")
         else:
-            self._said(change, "taken back: ")
-        self.draw()
-
-    async def _redo(self) -> None:
-        change = await self.study.redo()
-        if change is None:
-            self.say("nothing was taken back", "wait")
-        else:
-            self._said(change, "made again: ")
+            self._said(change, f"{verb}: ")
         self.draw()
 
     # --- find ---------------------------------------------------------------------------------------------------------
 
     def _open_find(self) -> None:
         """Search the page, or the list of the study where a page has nothing to search."""
-        if self.opened is not None and type(self.opened).filter is EditPage.filter:
+        if self.opened is not None and not self.opened.CAN_FILTER:
             self._work(self._find_in_list())
         else:
             self.find_bar.open("")
@@ -434,9 +424,9 @@ class EditScreen(Screen[None]):
         if await self._look_outside():
             return
         if not self.study.draft.changed_files:
-            self.say("nothing to save: the files are as you see them")
+            self.say("nothing to save")
             return
-        diff = await self.study.diff()
+        diff = self.study.diff()
         self.app.push_screen(SaveDialog(self.study.draft, diff), self._save_if)
 
     def _save_if(self, yes: bool | None) -> None:
@@ -455,10 +445,10 @@ class EditScreen(Screen[None]):
     async def _open_file(self) -> None:
         place = self.page.place
         if place is None:
-            self.say("nothing here stands in a file", "wait")
+            self.say("this row has no line in a file", "wait")
         elif not self._may_suspend or self.running is not None:
-            path = overlays.folder_of(self.study) / place.file
-            self.say(f"a session runs, and the stop key must work: open {path}, line {place.line}, elsewhere", "wait")
+            path = dialogs.folder_of(self.study) / place.file
+            self.say(f"a session runs, and the stop key must work. Open {path}, line {place.line}, elsewhere", "wait")
         else:
             await external.edit_file(self.app, self, place)
             self.draw()
@@ -469,9 +459,9 @@ class EditScreen(Screen[None]):
     def stop_pressed(self) -> None:
         """The stop key, where the console below has none of its own."""
         if self.running is None:
-            self.say("nothing runs: no session of this study is going on here")
+            self.say("no session of this study runs here")
         else:
-            self.say("STOP is being sent …", "fault")
+            self.say("sending STOP …", "fault")
             self.run_worker(self._stop(self.running), group="stop")
 
     async def _stop(self, session: RunningHere) -> None:
@@ -493,10 +483,10 @@ class EditScreen(Screen[None]):
         number = count(len(self.study.draft.changes), "change")
         question = Dialog(
             "Leave the editor?",
-            [f"{number} not saved. They stay as a draft and are offered again the next time."],
+            [f"{number} not saved. They stay as a draft for the next time."],
             DialogChoice("s", "Save first"),
             DialogChoice("l", "Leave"),
-            no="Go on editing",
+            no="Keep editing",
         )
 
         def answer(key: str | None) -> None:

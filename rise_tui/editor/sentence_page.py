@@ -3,27 +3,94 @@
 from __future__ import annotations
 
 from abc import abstractmethod
+from dataclasses import dataclass
+from typing import ClassVar
 
-from textual import on
+from textual import events, on
 from textual.app import ComposeResult
+from textual.binding import Binding, BindingType
 from textual.containers import Horizontal
+from textual.message import Message
 from textual.widgets import TextArea
 
 from rise_engine.author.edit.edits import AnyEdit
 from rise_engine.author.edit.plan import EditRefused
 from rise_engine.base.text import clean
-from rise_engine.scenario.loader import LoadResult
-from rise_tui.editor.model.draft import first_new_finding
+from rise_tui.editor.model.fields import FieldNote, note_lines
 from rise_tui.editor.page import EditFrame, EditPage
-from rise_tui.editor.sentence_field import SentenceField
-from rise_tui.rendering.later import Later
-from rise_tui.rendering.text import TextRole, crop, shorten, wrap
+from rise_tui.rendering.text import crop, shorten
+from rise_tui.rendering.typing_fields import TakesText
 from rise_tui.widgets.static_lines import StaticLines
 
 LABEL = 8
 """Cells before what is typed."""
 SAID = 2
 """Rows for what is said of it."""
+
+
+STEPS = {"enter": 0, "tab": 1, "shift+tab": -1}
+"""Keys that take what is typed, and to which text it goes on."""
+
+
+class SentenceField(TextArea, TakesText):
+    """Enter, tab and shift+tab take it, esc leaves it as it was. A line end that is pasted is a blank."""
+
+    DEFAULT_CSS = """
+    SentenceField, SentenceField:focus {
+        height: auto; min-height: 1; border: none; padding: 0; background: $panel; scrollbar-size-vertical: 1;
+        & .text-area--cursor-line { background: $panel; }
+    }
+    """
+    BINDINGS: ClassVar[list[BindingType]] = [Binding("home", "cursor_text_start", show=False),
+                                             Binding("end", "cursor_text_end", show=False)]  # fmt: skip
+
+    @dataclass
+    class TakeSentence(Message):
+        """It is to be as typed; `step`: to which text it goes on, 0: to none."""
+
+        text: str
+        step: int
+
+    class LeaveSentence(Message):
+        """It is to be as it was."""
+
+    def __init__(self, *, exact: bool = False) -> None:
+        """`exact`: whether blanks and line ends that stand there count."""
+        super().__init__(compact=True, highlight_cursor_line=False)
+        self._is_exact = exact
+
+    def begin(self, text: str) -> None:
+        """Type in this."""
+        self.load_text(text)
+        self.action_cursor_text_end()
+
+    @property
+    def sentence(self) -> str:
+        """What is typed; on one line, where nothing else counts."""
+        return self.text if self._is_exact else " ".join(self.text.split())
+
+    def action_cursor_text_start(self) -> None:
+        """To the first character."""
+        self.move_cursor((0, 0))
+
+    def action_cursor_text_end(self) -> None:
+        """Behind the last character."""
+        self.move_cursor(self.document.end)
+
+    async def on_key(self, event: events.Key) -> None:
+        if event.key in STEPS:
+            self.post_message(self.TakeSentence(self.sentence, STEPS[event.key]))
+        elif event.key == "escape":
+            self.post_message(self.LeaveSentence())
+        else:
+            return
+        event.stop()
+        event.prevent_default()
+
+    async def on_paste(self, event: events.Paste) -> None:
+        event.prevent_default()
+        event.stop()
+        self.replace(clean(" ".join(event.text.split())), *self.selection, maintain_selection_offset=False)
 
 
 class SentencePage(EditPage):
@@ -65,13 +132,6 @@ class SentencePage(EditPage):
         """Called when what is typed is taken, before it is made: gives what `go_on` is called with."""
         return step
 
-    def finding_of(self, checked: LoadResult, edits: tuple[AnyEdit, ...]) -> tuple[str, TextRole]:
-        """What is said of what is typed, from the check of the study as it would be."""
-        found = first_new_finding(self.draft, checked)
-        if found is None:
-            return "", "muted"
-        return found.message, "fault" if found.severity == "error" else "wait"
-
     @property
     def is_typing(self) -> bool:
         return self._is_open
@@ -84,7 +144,7 @@ class SentencePage(EditPage):
         with self.field.prevent(TextArea.Changed):
             self.field.begin(text)
         self.field.focus()
-        self.say_typed("")
+        self.say_typed()
         self.frame.draw_bars()
 
     def close_field(self) -> None:
@@ -94,11 +154,10 @@ class SentencePage(EditPage):
         self.focus_list()
         self.frame.draw_bars()
 
-    def say_typed(self, sentence: str, role: TextRole = "muted") -> None:
-        """Say something of what is typed."""
-        mark = {"fault": "✗ ", "wait": "▲ "}.get(role, "")
-        pieces = wrap(f"{mark}{sentence}", max(20, self.size.width - LABEL - 2))[:SAID] if sentence else []
-        self.said.show(*(crop(((" " * LABEL + piece, role),), self.size.width) for piece in pieces))
+    def say_typed(self, *notes: FieldNote) -> None:
+        """Show remarks about what is typed."""
+        lines = note_lines(notes, max(20, self.size.width - LABEL - 2), SAID)
+        self.said.show(*(crop(((" " * LABEL, "plain"), *line), self.size.width) for line in lines))
 
     @on(SentenceField.LeaveSentence)
     def _left(self, event: SentenceField.LeaveSentence) -> None:
@@ -113,7 +172,7 @@ class SentencePage(EditPage):
         try:
             edits = self.edits_typed(event.text)
         except EditRefused as refused:
-            self.say_typed(clean(str(refused)), "fault")
+            self.say_typed(FieldNote("error", clean(str(refused))))
             return
         step = self.step_over(event.step)
         self.close_field()
@@ -126,15 +185,5 @@ class SentencePage(EditPage):
     def _typed(self, event: TextArea.Changed) -> None:
         event.stop()
         if self.is_typing:
-            self.run_worker(Later(self._preview, self.field.sentence), group="preview", exclusive=True)
-
-    async def _preview(self, said: str) -> None:
-        """Say what would be wrong with the files then that is not wrong now."""
-        found: tuple[str, TextRole] = ("", "muted")
-        try:
-            if edits := self.edits_typed(said):
-                found = self.finding_of(await self.frame.study.preview(*edits), edits)
-        except EditRefused as refused:
-            found = str(refused), "fault"
-        if self.is_typing:
-            self.say_typed(clean(found[0]), found[1])
+            said = self.field.sentence
+            self.preview(lambda: self.edits_typed(said), self.say_typed)

@@ -1,14 +1,14 @@
-"""The workspace of a study for a screen: its work is done beside the loop, one thing after the other."""
+"""The workspace of a study for a screen: work that touches the disk runs beside the loop, one thing after the other."""
 
 from __future__ import annotations
 
 import asyncio
 from collections.abc import Callable, Sequence
-from typing import TypeVar
+from pathlib import Path
+from typing import NamedTuple, Protocol, TypeVar
 
 from rise_engine.author.edit.drafts import Draft
 from rise_engine.author.edit.edits import AnyEdit
-from rise_engine.author.edit.plan import EditRefused
 from rise_engine.author.edit.remedies import Remedy, remedies
 from rise_engine.author.edit.workspace import Change, OutsideChange, SaveReport, Workspace
 from rise_engine.scenario.diagnostics import Diagnostic
@@ -40,20 +40,17 @@ class EditedStudy:
         """Make the step again that was taken back last."""
         return await self._do("redoing", self._workspace.redo)
 
-    async def preview(self, *edits: AnyEdit) -> LoadResult:
-        """The check of what the files would be. :raises EditRefused: an edit cannot be made."""
-        async with self._turn:
-            return await asyncio.to_thread(self._workspace.preview, *edits)
+    def preview(self, *edits: AnyEdit) -> LoadResult:
+        """The check of what the files would be, in some milliseconds. :raises EditRefused: an edit cannot be made."""
+        return self._workspace.preview(*edits)
 
-    async def remedies(self, finding: Diagnostic) -> list[Remedy]:
+    def remedies(self, finding: Diagnostic) -> list[Remedy]:
         """What can be done about a finding."""
-        async with self._turn:
-            return await asyncio.to_thread(lambda: remedies(finding, self._workspace.state))
+        return remedies(finding, self._workspace.state)
 
-    async def diff(self) -> str:
+    def diff(self) -> str:
         """What saving would change, line by line."""
-        async with self._turn:
-            return await asyncio.to_thread(self._workspace.diff)
+        return self._workspace.diff()
 
     async def notice_outside(self) -> OutsideChange | None:
         """Look whether somebody else has changed the files, and take it in."""
@@ -103,4 +100,34 @@ class EditedStudy:
         return result
 
 
-__all__ = ["EditRefused", "EditedStudy"]
+class RunningHere(NamedTuple):
+    """A session that runs on the scenario that is being edited."""
+
+    socket: str
+    participant: str
+
+    @property
+    def sentence(self) -> str:
+        """For the line above the key hints."""
+        who = f"a session with {self.participant}" if self.participant else "a session"
+        return f"{who} runs on its own copy; what you save counts for the next one"
+
+
+class SessionWatch(Protocol):
+    """Finds such a session, and stops it. Both block."""
+
+    def find(self, folder: Path) -> RunningHere | None:
+        """The latest one of this scenario on this computer."""
+
+    def stop(self, session: RunningHere) -> str:
+        """Stop everything there; says what came of it."""
+
+
+class NoSessions:
+    """Where somebody else takes care of the session: over a console, which has the stop key itself."""
+
+    def find(self, folder: Path) -> RunningHere | None:
+        return None
+
+    def stop(self, session: RunningHere) -> str:
+        return ""

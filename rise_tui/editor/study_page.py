@@ -36,6 +36,7 @@ class StudyPage(EditPage):
     """Acts, rules, and what else there is."""
 
     KIND: ClassVar[str] = "study"
+    CAN_FILTER = True
     DEFAULT_CSS = """
     StudyPage #list { width: 1fr; }
     StudyPage #beside { width: 1fr; display: none; border-left: solid $rise-muted; }
@@ -47,7 +48,6 @@ class StudyPage(EditPage):
         self.rows = RowList(id="list")
         self.beside = RowList(id="beside")
         self.beside.can_focus = False
-        self._wanted = ""
         self._rows: list[ListRow] = []
         self._made_from: tuple[LoadResult, int, str] | None = None
         """What the rows were made from."""
@@ -91,7 +91,7 @@ class StudyPage(EditPage):
 
     def draw(self) -> None:
         self.set_class(self.size.width >= BESIDE, "-beside")
-        made_from = self.draft.checked, max(20, self.rows.row_width), self._wanted
+        made_from = self.draft.checked, max(20, self.rows.row_width), self.wanted
         if self._made_from is None or made_from[0] is not self._made_from[0] or made_from[1:] != self._made_from[1:]:
             self._made_from = made_from
             self._rows = study_rows(self.draft, *made_from[1:])
@@ -110,31 +110,23 @@ class StudyPage(EditPage):
         self.beside.show([ListRow("", line, selectable=False) for line in lines])
 
     def filter(self, text: str) -> None:
-        self._wanted = text
-        self.draw()
+        super().filter(text)
         if text:
             self.rows.select(best_row(self._rows, text))
 
-    def leave(self) -> bool:
-        had, self._wanted = bool(self._wanted), ""
-        if had:
-            self.draw()
-        return had
-
-    def carry_out(self, action: str) -> bool:
+    @property
+    def calls(self) -> Mapping[str, Callable[[], object]]:
         kind, name = self.current
-        calls: dict[str, Callable[[], None]] = {
-            "edit.open": lambda: self._open(kind, name),
-            "edit.add": self._ask_for_new,
-            "edit.rename": lambda: self._ask_to_rename(kind, name),
-            "edit.copy": lambda: self._ask_to_copy(kind, name),
-            "edit.remove": lambda: self._remove(kind, name),
-            "edit.uses": lambda: self._show_uses(kind, name),
-        }
-        if action not in calls or (is_study_alone(self.draft) and action != "edit.open"):
-            return False
-        calls[action]()
-        return True
+        calls: dict[str, Callable[[], object]] = {"edit.open": lambda: self._open(kind, name)}
+        if not is_study_alone(self.draft):
+            calls |= {
+                "edit.add": self._ask_for_new,
+                "edit.rename": lambda: self._ask_to_rename(kind, name),
+                "edit.copy": lambda: self._ask_to_copy(kind, name),
+                "edit.remove": lambda: self._remove(kind, name),
+                "edit.uses": lambda: self._show_uses(kind, name),
+            }
+        return calls
 
     def _open(self, kind: str, name: str) -> None:
         if kind == "file":
@@ -146,7 +138,7 @@ class StudyPage(EditPage):
     def _found_in(self, kind: str, name: str) -> str:
         """What is opened: of an act that was found by its words, the action that has them."""
         act = self.draft.outline.act(name) if kind == "act" else None
-        found = action_with(act, self._wanted) if act is not None and self._wanted else ""
+        found = action_with(act, self.wanted) if act is not None and self.wanted else ""
         return f"{name}\0{found}" if found else name
 
     def _ask_for_new(self) -> None:
@@ -160,8 +152,8 @@ class StudyPage(EditPage):
         def take(typed: str) -> None:
             self.frame.make(AddAct(typed, after=after), then=lambda: self._open_new("act", typed))
 
-        where = f"It stands behind {after}." if after else "It stands at the end of the last file of acts."
-        self.frame.ask_text("A new act", "", take, hint=f"Its name, as rules and keys call it. {where}")
+        where = f"It is added after {after}." if after else "It is added at the end of the last file of acts."
+        self.frame.ask_text("A new act", "", take, hint=f"Its name for rules and keys. {where}")
 
     def _ask_for_rule(self, after: str) -> None:
         def take(typed: str) -> None:
@@ -184,7 +176,7 @@ class StudyPage(EditPage):
                 self.frame.make(edit, then=lambda: self._select(kind, typed))
 
         number = len(used_by(self.draft, kind, name))
-        self.frame.ask_text(f"Rename the {kind} {name}", name, take, hint=f"Also in the {number} places that name it.")
+        self.frame.ask_text(f"Rename the {kind} {name}", name, take, hint=f"Also in the {number} places that use it.")
 
     def _ask_to_copy(self, kind: str, name: str) -> None:
         if kind not in ("act", "rule"):
@@ -208,7 +200,7 @@ class StudyPage(EditPage):
         if choices:
             self.frame.choose(f"{name} is used by", choices, lambda chosen: None)
         else:
-            self.frame.say(f"{name}: nobody uses it" if name else "nothing is selected", "info")
+            self.frame.say(f"{name}: nothing uses it" if name else "nothing is selected", "info")
 
     def _select(self, kind: str, name: str) -> None:
         """Go to a row; what was searched has been found then."""

@@ -3,14 +3,11 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
 from typing import ClassVar
 
 from textual import on
 from textual.app import ComposeResult
-from textual.binding import Binding, BindingType
 from textual.geometry import Size
-from textual.message import Message
 from textual.widget import Widget
 
 from rise_engine.author.edit.edits import AddRow, AnyEdit, RemoveRow
@@ -18,7 +15,6 @@ from rise_engine.author.edit.plan import EditRefused
 from rise_engine.author.edit.tables import WrittenCells, table_names
 from rise_engine.base.text import clean
 from rise_engine.scenario.file_names import PARTICIPANTS_FILE, STUDY_FILE
-from rise_tui.editor.model.data_fields import toml_values
 from rise_tui.editor.model.draft import FilePlace, count, is_study_alone
 from rise_tui.editor.model.table_grid import (
     Grid,
@@ -41,24 +37,13 @@ from rise_tui.rendering.text import ListRow, StyledLine, crop, plain_text, wrap
 from rise_tui.widgets.row_list import RowView
 from rise_tui.widgets.static_lines import StaticLines
 
-EMPTY = "this study has no tables yet: n makes one"
+EMPTY = "this study has no tables yet: n adds one"
 CELL_ROWS = 4
 """Rows for the cell under the cursor, whole."""
 
 
 class TableGrid(RowView):
     """Rows of all tables, made as they are painted; left and right go through the columns."""
-
-    BINDINGS: ClassVar[list[BindingType]] = [
-        Binding("left", "turn(-1)", show=False),
-        Binding("right", "turn(1)", show=False),
-    ]
-
-    @dataclass
-    class TurnColumn(Message):
-        """To the column on the left (-1) or on the right (1)."""
-
-        step: int
 
     def __init__(self) -> None:
         super().__init__(id="grid")
@@ -100,14 +85,12 @@ class TableGrid(RowView):
             self.move_cursor(self.grid.rows.index(row), by_wizard=False)
             self.refresh()
 
-    def action_turn(self, step: int) -> None:
-        self.post_message(self.TurnColumn(step))
-
 
 class TablesPage(SentencePage):
     """All tables under each other."""
 
     KIND: ClassVar[str] = "tables"
+    CAN_FILTER = True
     DEFAULT_CSS = """
     TablesPage #head, TablesPage #parting { background: $rise-bar; }
     TablesPage #cell { height: 4; }
@@ -119,7 +102,7 @@ class TablesPage(SentencePage):
         super().__init__(frame, name, exact=True)
         self.head, self.grid = StaticLines(id="head"), TableGrid()
         self.parting, self.cell = StaticLines(id="parting"), StaticLines(id="cell")
-        self._wanted, self._begins_at = "", name
+        self._begins_at = name
 
     def compose(self) -> ComposeResult:
         yield self.head
@@ -179,15 +162,15 @@ class TablesPage(SentencePage):
     # --- what is shown ----------------------------------------------------------------------------------------------
 
     def draw(self) -> None:
-        self.grid.show(grid_of(self.draft, self._wanted))
+        self.grid.show(grid_of(self.draft, self.wanted))
         grid = self.grid.grid
         if (begin := row_at_line(grid, self._begins_at)) is not None:
             self.grid.select(begin)
         self._begins_at = ""
         number = len(grid.tables) + len(grid.problems)
-        note = EMPTY if not number else f"find {self._wanted}" if self._wanted else count(number, "table")
+        note = EMPTY if not number else f"find {self.wanted}" if self.wanted else count(number, "table")
         title = " PARTICIPANTS" if self.is_of_study else " TABLES"
-        head: StyledLine = ((title, "strong"), (f"  {clean(note)}", "wait" if self._wanted else "muted"))
+        head: StyledLine = ((title, "strong"), (f"  {clean(note)}", "wait" if self.wanted else "muted"))
         self.head.show(crop(head, max(20, self.size.width)))
         if self.is_typing and self.row is None:
             self.close_field()
@@ -222,10 +205,9 @@ class TablesPage(SentencePage):
 
     # --- what keys do -----------------------------------------------------------------------------------------------
 
-    @on(TableGrid.TurnColumn)
-    def _turn(self, event: TableGrid.TurnColumn) -> None:
-        event.stop()
-        self._go_to_column(self.column + event.step)
+    def turn(self, step: int) -> bool:
+        self._go_to_column(self.column + step)
+        return True
 
     def _go_to_column(self, column: int) -> None:
         if self.row is not None and 0 <= column < len(self.row[1].columns):
@@ -234,37 +216,23 @@ class TablesPage(SentencePage):
             self._draw_cell()
             self.frame.draw_bars()
 
-    def filter(self, text: str) -> None:
-        self._wanted = text
-        self.draw()
-
-    def leave(self) -> bool:
-        had, self._wanted = bool(self._wanted), ""
-        if had:
-            self.draw()
-        return had
-
-    def carry_out(self, action: str) -> bool:
-        calls: dict[str, Callable[[], None]] = {
-            "edit.open": self.open_current,
-            "edit.add": self.add,
-            "edit.remove": self.remove_row,
-            "edit.behind": self.add_column,
-            "edit.new-state": self.add_table,
+    @property
+    def calls(self) -> Mapping[str, Callable[[], object]]:
+        current, refuse = self.grid.current, lambda: self.frame.say(self._why_not, "wait")
+        calls: dict[str, Callable[[], object]] = {
+            "edit.open": self.open_current if self.row is not None else refuse,
+            "edit.remove": self.remove_row if self.row is not None else refuse,
+            "edit.behind": self.add_column if current is not None else refuse,
+            "edit.add": self.add if current is not None else refuse,
         }
-        if action not in calls or (action == "edit.new-state" and self.is_of_study):
-            return False
-        if self.row is not None or action == "edit.new-state":
-            calls[action]()
-        elif action == "edit.add" and self.grid.current is not None:
-            self._add_to(self.grid.current.table, -1)
-        elif action == "edit.behind" and self.grid.current is not None:
-            self.add_column()
-        elif action == "edit.add" and not self.grid.grid.rows:
-            self.add_table()
-        else:
-            self.frame.say(EMPTY if not self.grid.grid.rows else "there is no row under the cursor", "wait")
-        return True
+        if not self.is_of_study:
+            calls["edit.new-state"] = self.add_table
+            calls["edit.add"] = calls["edit.add"] if self.grid.grid.rows else self.add_table
+        return calls
+
+    @property
+    def _why_not(self) -> str:
+        return "there is no row under the cursor" if self.grid.grid.rows else EMPTY
 
     def open_current(self) -> None:
         """Change the cell under the cursor."""
@@ -302,10 +270,10 @@ class TablesPage(SentencePage):
 
     def add(self) -> None:
         """A row behind the one under the cursor, which begins as that one."""
-        if self.row is not None:
-            self._add_to(self.row[0].table, self.row[0].number)
-
-    def _add_to(self, name: str, after: int) -> None:
+        current = self.grid.current
+        if current is None or current.table not in self.grid.grid.tables:
+            return
+        name, after = current.table, max(current.number, -1)
         table = self.grid.grid.tables[name].cells
         if name == PARTICIPANTS_FILE:
             end = len(table.rows)
@@ -335,7 +303,7 @@ class TablesPage(SentencePage):
             return
         name, width = current.table, len(self.grid.grid.tables[current.table].cells.columns)
         at = min(self.grid.column, width - 1) + 1
-        participants = toml_values(self.draft, STUDY_FILE).get("participants", {})
+        participants = self.draft.values_in(STUDY_FILE).get("participants", {})
         further = participants.get("columns", []) if isinstance(participants, dict) else []
         self.frame.ask_text(
             f"A new column of {name}", "",
@@ -355,10 +323,12 @@ class TablesPage(SentencePage):
                     return
                 self.frame.make(edit, then=lambda: self.grid.select(GridRow(name, -1)))
 
-            self.frame.ask_text(f"The columns of {name}", "", make, hint="Names with commas between: id, text, text.de")
+            self.frame.ask_text(
+                f"The columns of {name}", "", make, hint="Names with commas between them: id, text, text.de"
+            )
 
         self.frame.ask_text(
-            "A new table", "", lambda typed: ask_columns(typed.strip()), hint="Its name, as texts call it: items."
+            "A new table", "", lambda typed: ask_columns(typed.strip()), hint="Its name for texts: items."
         )
 
     def remove_row(self) -> None:

@@ -3,27 +3,25 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
 from pathlib import Path
 from typing import ClassVar
 
 from textual import on
 from textual.app import ComposeResult
 from textual.binding import Binding, BindingType
-from textual.message import Message
 from textual.widget import Widget
 
-from rise_engine.author.edit.edits import AnyEdit
+from rise_engine.author.edit.edits import AddLanguage, AnyEdit, SetSetting
 from rise_engine.author.edit.plan import EditRefused
 from rise_engine.base.text import clean
-from rise_engine.scenario.loader import LoadResult
-from rise_tui.editor.language_choice import ask_for_language, choose_language
-from rise_tui.editor.model.draft import FilePlace, first_new_finding
+from rise_tui.editor.model.draft import FilePlace
+from rise_tui.editor.model.fields import FieldChoice, FieldNote
 from rise_tui.editor.model.text_rows import (
     ORIGINAL,
     TextEntry,
     TextsView,
     column_line,
+    count_texts,
     entry_head,
     folder_from,
     head_line,
@@ -44,36 +42,21 @@ from rise_tui.editor.model.text_rows import (
 from rise_tui.editor.page import EditFrame
 from rise_tui.editor.sentence_page import SAID, SentencePage
 from rise_tui.editor.study_page import StudyPage
-from rise_tui.rendering.text import ListRow, StyledLine, TextRole
+from rise_tui.rendering.text import ListRow, StyledLine
 from rise_tui.widgets.row_list import RowList, RowView
 from rise_tui.widgets.static_lines import StaticLines
 
+LANGUAGE_HINT = "Its tag: fr, pt-BR. Another way of speaking to people: de-x-sie."
 LEAST_ROWS, LEAST_DETAIL = 3, 6
 """Rows of the list, and of the text that is shown whole."""
-
-
-class TextList(RowList):
-    """Texts, in which left and right go from one language to the next."""
-
-    BINDINGS: ClassVar[list[BindingType]] = [
-        Binding("left", "turn(-1)", show=False),
-        Binding("right", "turn(1)", show=False),
-    ]
-
-    @dataclass
-    class Turn(Message):
-        """To the language on the left (-1) or on the right (1)."""
-
-        step: int
-
-    def action_turn(self, step: int) -> None:
-        self.post_message(self.Turn(step))
 
 
 class TextsPage(SentencePage):
     """Every text of the acts. Column 0 is what the acts say, 1 what it is in the language that is shown."""
 
     KIND: ClassVar[str] = "texts"
+    CAN_FILTER = True
+    EXPECTED = ("stale-translation", "untranslated")
     DEFAULT_CSS = """
     TextsPage #head { background: $rise-bar; }
     TextsPage #parting { background: $rise-bar; }
@@ -85,7 +68,7 @@ class TextsPage(SentencePage):
         super().__init__(frame, name)
         self.view = view_named(name)
         self.head, self.columns = StaticLines(id="head"), StaticLines(id="columns")
-        self.rows = TextList(id="texts")
+        self.rows = RowList(id="texts")
         self.parting, self.detail = StaticLines(id="parting"), RowList(id="detail")
         self.detail.can_focus = False
         self.column = 1
@@ -164,9 +147,9 @@ class TextsPage(SentencePage):
         width, entry = max(40, self.size.width), self._typing or self.entry
         if entry is None:
             if not self._entries:
-                nothing = "nothing is said in this study yet"
+                nothing = "this study has no texts yet"
             elif self.view.only and not self.view.wanted:
-                nothing = f"all is there in {self.view.language}, and of the text as it is now: m shows all"
+                nothing = f"every translation into {self.view.language} is there and up to date: m shows all"
             else:
                 nothing = "no such text: esc shows all"
             self.parting.show(((f" {nothing}", "muted"),))
@@ -233,21 +216,18 @@ class TextsPage(SentencePage):
             return True
         return False
 
-    def carry_out(self, action: str) -> bool:
-        calls: dict[str, Callable[[], None]] = {
+    @property
+    def calls(self) -> Mapping[str, Callable[[], object]]:
+        return {
             "edit.open": self.open_current,
             "edit.other": lambda: self._turn_to(1 - self.column),
             "edit.only": lambda: self._look_at(self.view._replace(only=not self.view.only)),
             "edit.still-right": self._still_right,
             "edit.go": self._go_to_act,
-            "edit.language": lambda: choose_language(self.frame, self.view.language, self._show_language),
-            "edit.add": lambda: ask_for_language(self.frame, self._show_language),
+            "edit.language": lambda: _choose_language(self.frame, self.view.language, self._show_language),
+            "edit.add": lambda: _ask_for_language(self.frame, self._show_language),
             "edit.remove": self._remove,
         }
-        if action not in calls:
-            return False
-        calls[action]()
-        return True
 
     def _look_at(self, view: TextsView) -> None:
         """Show another part of the texts; the cursor stays on its text where it is still shown."""
@@ -257,23 +237,22 @@ class TextsPage(SentencePage):
 
     def _turn_to(self, column: int) -> None:
         if column == 1 and not self.view.language:
-            self.frame.say("the study is in one language: a adds another", "wait")
+            self.frame.say("the study has one language: a adds another", "wait")
             return
         self.column = column
         self._look_at(self.view)
 
-    @on(TextList.Turn)
-    def _turn(self, event: TextList.Turn) -> None:
+    def turn(self, step: int) -> bool:
         """Over what the acts say, and then the languages in their order."""
-        event.stop()
         languages = languages_of(self.draft)
         at = languages.index(self.view.language) if self.view.language else 0
-        at = at + event.step if self.column == 1 else (0 if event.step > 0 and self.view.language else -1)
+        at = at + step if self.column == 1 else (0 if step > 0 and self.view.language else -1)
         if 0 <= at < len(languages):
             self.view, self.column = self.view._replace(language=languages[at]), 1
         elif at < 0:
             self.column = 0
         self._look_at(self.view)
+        return True
 
     def _still_right(self) -> None:
         if self.entry is not None:
@@ -282,7 +261,7 @@ class TextsPage(SentencePage):
     def _remove(self) -> None:
         """The translation goes."""
         if self.entry is None or self.column == 0 or self.entry.translation is None:
-            self.frame.say("only a translation is taken away here; a text goes with its action, on the act's page (j)",
+            self.frame.say("del removes only translations here; remove a text on its act's page (j)",
                            "wait")  # fmt: skip
             return
         self._make(lambda entry: translation_edits(entry, self.view.language, ""), self.entry)
@@ -344,19 +323,58 @@ class TextsPage(SentencePage):
     def go_on(self, step: int, *, changed: bool) -> None:
         entry = self.entry
         if not changed and entry is not None and entry.state == "stale" and self.column == 1:
-            self.frame.say("not changed, and of an earlier text: s says that it is right still")
+            self.frame.say("not changed; the text has changed since: press s if the translation is still right")
         if self._following:
             self.rows.select(self._following)
             self.open_current()
 
-    def finding_of(self, checked: LoadResult, edits: tuple[AnyEdit, ...]) -> tuple[str, TextRole]:
-        found = first_new_finding(self.draft, checked, but=("stale-translation", "untranslated"))
-        if found is not None:
-            return found.message, "fault" if found.severity == "error" else "wait"
-        languages = self._translated_into(self._typing) if self.column == 0 and self._typing is not None else []
-        if languages:
-            return f"its translation into {', '.join(languages)} is of an earlier text then", "muted"
-        return "", "muted"
+    def new_findings(self, edits: Callable[[], tuple[AnyEdit, ...]]) -> list[FieldNote]:
+        found, entry = super().new_findings(edits), self._typing
+        if found or entry is None or self.column == 1 or not edits():
+            return found
+        languages = [tag for tag, each in self.draft.checked.translations.items() if entry.text.id in each.texts]
+        changed = f"the text will have changed since its translation into {', '.join(languages)}"
+        return [FieldNote("info", changed)] if languages else []
 
-    def _translated_into(self, entry: TextEntry) -> list[str]:
-        return [tag for tag, found in self.draft.checked.translations.items() if entry.text.id in found.texts]
+
+def _choose_language(frame: EditFrame, now: str, show: Callable[[str], None]) -> None:
+    """Let a language be chosen, or a new one be added; `show` is called with it."""
+    draft = frame.study.draft
+    languages = languages_of(draft)
+    if not languages:
+        _ask_for_language(frame, show)
+        return
+    choices = []
+    for language in languages:
+        counts = count_texts(text_entries(draft, language))
+        help = f"✓ {counts.there}  ▲ {counts.stale} changed since  ✗ {counts.missing} missing"
+        choices.append(FieldChoice(language, language, help))
+
+    def take(chosen: str) -> None:
+        if chosen in languages:
+            show(chosen)
+        else:
+            _add_language(frame, chosen, show)
+
+    title = f"Translate {own_language(draft) or 'the acts'} into; a new tag adds a language"
+    frame.choose(title, choices, take, now=now, new="a new language")
+
+
+def _ask_for_language(frame: EditFrame, show: Callable[[str], None]) -> None:
+    """Ask for a new language and add it; `show` is called with it then."""
+    frame.ask_text("Another language", "", lambda tag: _add_language(frame, tag, show), hint=LANGUAGE_HINT)
+
+
+def _add_language(frame: EditFrame, language: str, show: Callable[[str], None]) -> None:
+    """With the first one, it is asked in which language the acts are."""
+
+    def make(*edits: AnyEdit) -> None:
+        frame.make(*edits, AddLanguage(language), then=lambda: show(language))
+
+    if own_language(frame.study.draft):
+        make()
+        return
+    frame.ask_text(
+        "In which language are the acts?", "en", lambda own: make(SetSetting(("language",), own)),
+        hint="Its tag: en, de, pt-BR.",
+    )  # fmt: skip

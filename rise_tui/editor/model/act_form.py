@@ -18,7 +18,7 @@ from rise_engine.author.edit.outline import WrittenAct, WrittenAction, WrittenCa
 from rise_engine.scenario.loader import LoadResult
 from rise_engine.scenario.model import ActionSpec, Parameter
 from rise_tui.editor.model.act_rows import action_type, what_text
-from rise_tui.editor.model.fields import EditField, FieldChoice
+from rise_tui.editor.model.fields import TYPED, EditField, FieldChoice
 
 FAILS, GOES_ON = "ends", "goes on"
 UNITS = {"m": "metres", "rad": "radians", "ms": "milliseconds", "s": "seconds", "deg": "degrees"}
@@ -28,14 +28,14 @@ def act_choices(checked: LoadResult) -> list[FieldChoice]:
     """What this robot can do."""
     return [
         FieldChoice(
-            spec.name, spec.name, spec.help if spec.supported else "not with this robot" + _instead(spec.substitute)
+            spec.name, spec.name, spec.help if spec.supported else "not on this robot" + _instead(spec.substitute)
         )
         for spec in sorted(checked.robot.actions.values(), key=lambda each: (not each.supported, each.name))
     ]
 
 
 def _instead(substitute: str | None) -> str:
-    return f": {substitute} is done instead" if substitute else ""
+    return f": it does {substitute} instead" if substitute else ""
 
 
 def wait_choices(act: WrittenAct, action: WrittenAction) -> list[FieldChoice]:
@@ -55,11 +55,11 @@ def action_fields(act: WrittenAct, action: WrittenAction, checked: LoadResult) -
     if not action.is_variants and action.calls:
         fields.append(
             EditField("type", "action", "choice", action_type(action), note=spec.help if spec else "",
-                      choices=act_choices(checked), reason=reason or ("" if spec else "this robot does not know it"),
+                      choices=act_choices(checked), reason=reason or ("" if spec else "this robot cannot do it"),
                       edits=lambda text: (SetActionType(act.name, action.id, text),) if text else ())
         )  # fmt: skip
         if not reason and spec is None:
-            fields[-1] = fields[-1]._replace(reason="", note="this robot does not know it: choose another")
+            fields[-1] = fields[-1]._replace(reason="", note="this robot cannot do it: choose another")
     for number, call in enumerate(action.calls):
         known = checked.robot.actions.get(call.type)
         fields += _call_fields(act, action, call, number, known)
@@ -71,8 +71,8 @@ def action_fields(act: WrittenAct, action: WrittenAction, checked: LoadResult) -
                   edits=lambda text: (SetWaits(act.name, action.id, tuple(filter(None, (text or "").split(",")))),))
     )  # fmt: skip
     outcomes = (
-        FieldChoice(FAILS, "the act ends", "what waits for it does not begin"),
-        FieldChoice(GOES_ON, "the others go on", "as if it had ended well"),
+        FieldChoice(FAILS, "the act ends", "actions that wait for it do not begin"),
+        FieldChoice(GOES_ON, "the others go on", "as if it had succeeded"),
     )
     fields.append(
         EditField("failure", "on failure", "choice", GOES_ON if action.continues else FAILS, choices=outcomes,
@@ -127,13 +127,13 @@ def _parameter_field(label: str, parameter: Parameter | None, written: WrittenVa
     text = written.text if written is not None else None
     reason = written.reason if written is not None else ""
     if parameter is None:
-        return EditField("", label, "text", text, note="the robot knows no such parameter: del takes it away",
+        return EditField("", label, "text", text, note="the robot has no such parameter: del removes it",
                          reason=reason)  # fmt: skip
     choices = parameter_choices(parameter)
     note = parameter_note(parameter, is_given=written is not None)
     return EditField(
-        "", label, "choice" if choices else "text", text, note=note, choices=choices, is_free=parameter.type == "name",
-        required=parameter.required, reason=reason,
+        "", label, "choice" if choices else "text", text, note=note, choices=choices,
+        new=TYPED if parameter.type == "name" else "", required=parameter.required, reason=reason,
     )  # fmt: skip
 
 

@@ -1,14 +1,75 @@
-"""An act as rows: when each action begins, what it is, and how long it takes as a bar."""
+"""An act as rows: when each action begins, what it is, how long it takes; and the lines of its file."""
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
+from difflib import SequenceMatcher
 from typing import NamedTuple
 
 from rise_engine.author.edit.outline import WrittenAct, WrittenAction
+from rise_engine.scenario.durations import expected_seconds
 from rise_engine.scenario.loader import LoadResult
-from rise_tui.editor.model.act_times import ActionTime, action_times
-from rise_tui.rendering.text import ListRow, StyledLine, clean, crop, fixed_span, line_width
+from rise_engine.scenario.model import ActionCall, ActionSpec, Json
+from rise_engine.scenario.parameters import fill_parameters
+from rise_engine.scenario.template import MissingValueError
+from rise_tui.editor.model.draft import FilePlace, StudyDraft
+from rise_tui.rendering.text import ListRow, StyledLine, TextRole, clean, crop, fixed_span, line_width
+
+
+class ActionTime(NamedTuple):
+    """Seconds from the act's beginning."""
+
+    begin: float
+    end: float
+
+
+def action_times(act: WrittenAct, checked: LoadResult) -> dict[str, ActionTime]:
+    """By the ids of the actions, with the memory's start values; those that wait for each other count as at once."""
+    waits = {action.id: action.wait_for for action in act.actions}
+    seconds = _action_seconds(act, checked)
+    times: dict[str, ActionTime] = {}
+
+    def end_of(id: str, on_way: frozenset[str]) -> float:
+        if id in times:
+            return times[id].end
+        if id in on_way or id not in waits:
+            return 0.0
+        begin = max((end_of(before, on_way | {id}) for before in waits[id]), default=0.0)
+        times[id] = ActionTime(begin, begin + seconds[id])
+        return times[id].end
+
+    for action in act.actions:
+        end_of(action.id, frozenset())
+    return times
+
+
+def act_seconds(act: WrittenAct, checked: LoadResult) -> float:
+    """How long the whole act will probably take."""
+    return max((each.end for each in action_times(act, checked).values()), default=0.0)
+
+
+def _action_seconds(act: WrittenAct, checked: LoadResult) -> dict[str, float]:
+    read = checked.draft.acts.get(act.name)
+    calls = {action.id: action.calls for action in read.actions} if read is not None else {}
+    specs, memory = checked.robot.actions, checked.draft.memory
+    found: dict[str, float] = {}
+    for action in act.actions:
+        known = [_seconds(each, specs.get(each.type), memory) for each in calls.get(action.id, ())]
+        if not known:  # it cannot be read: what its declaration says
+            spec = specs.get(action.calls[0].type) if action.calls else None
+            known = [spec.seconds if spec is not None else 0.0]
+        found[action.id] = sum(known) / len(known)
+    return found
+
+
+def _seconds(call: ActionCall, spec: ActionSpec | None, memory: Mapping[str, Json]) -> float:
+    if spec is None:
+        return 0.0
+    try:
+        return expected_seconds(spec, fill_parameters(call, spec, memory))
+    except (MissingValueError, ValueError):
+        return expected_seconds(spec, {})
+
 
 WHEN, BAR = 11, 26
 
@@ -21,9 +82,9 @@ class ActScale(NamedTuple):
     """Of the whole act; at least a little."""
 
 
-def when_text(action: WrittenAction) -> str:
-    """When it begins."""
-    return "after " + " ".join(action.wait_for) if action.wait_for else "at once"
+def when_text(wait_for: Sequence[str]) -> str:
+    """When an action begins that waits for these."""
+    return "after " + " ".join(wait_for) if wait_for else "at once"
 
 
 def what_text(action: WrittenAction) -> str:
@@ -104,7 +165,7 @@ def _action_line(
     mark = (" ✗ ", "fault") if wrong else ("   ", "plain")
     line: StyledLine = (
         (mark[0], "fault" if wrong else "plain"),
-        fixed_span(when_text(action), WHEN - 1, "muted"),
+        fixed_span(when_text(action.wait_for), WHEN - 1, "muted"),
         (" ", "plain"),
         (f"{action.id:>2} ", "accent"),
         fixed_span(action_type(action), 10, "strong"),
@@ -120,3 +181,35 @@ def _bar(time: ActionTime, scale: ActScale, room: int) -> StyledLine:
     begin = round(time.begin / scale.seconds * (scale.cells - 1))
     end = max(begin + 1, round(time.end / scale.seconds * (scale.cells - 1)) + (1 if time.end > time.begin else 0))
     return ((" " * (room + 1 + begin), "plain"), ("█" * (end - begin), "accent"))
+
+
+MOST_COMPARED = 4_000
+"""Lines; longer files show no differences, which would take too long to find for each key."""
+
+
+def file_lines(draft: StudyDraft, place: FilePlace, width: int, most: int) -> list[StyledLine]:
+    """At most `most` lines: those of the place; `+` and `-` before what differs from what is saved."""
+    now = _lines(draft.files.get(place.file, b""))
+    was = _lines(draft.saved.get(place.file, b""))
+    first, last = max(0, place.line - 1), min(len(now), place.end)
+    marked: list[tuple[int, str, str]] = []
+    if now == was or max(len(now), len(was)) > MOST_COMPARED:
+        marked = [(number + 1, " ", now[number]) for number in range(first, last)]
+    else:
+        for tag, i1, i2, j1, j2 in SequenceMatcher(None, was, now, autojunk=False).get_opcodes():
+            near = j2 >= first and j1 <= last
+            if tag != "equal" and near:
+                marked += [(i + 1, "-", was[i]) for i in range(i1, i2)]
+            sign = " " if tag == "equal" else "+"
+            marked += [(j + 1, sign, now[j]) for j in range(j1, j2) if first <= j < last]
+    changed = next((at for at, (_, sign, _) in enumerate(marked) if sign != " "), 0)
+    begin = max(0, min(changed - most // 2, len(marked) - most))
+    lines: list[StyledLine] = []
+    for number, sign, text in marked[begin : begin + most]:
+        role: TextRole = "strong" if sign == "+" else "muted" if sign == "-" else "plain"
+        lines.append(crop(((f" {number:>4}{sign}", "muted"), ("| ", "muted"), (clean(text), role)), width))
+    return lines
+
+
+def _lines(data: bytes) -> list[str]:
+    return data.decode("utf-8", "replace").expandtabs(4).splitlines()

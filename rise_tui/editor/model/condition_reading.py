@@ -6,17 +6,15 @@ The same for the value on the right of an assignment. Pure, and fast enough for 
 from __future__ import annotations
 
 import re
-from collections.abc import Iterator, Mapping
-from typing import Literal, NamedTuple, TypeAlias
+from collections.abc import Mapping
+from typing import NamedTuple
 
-from rise_engine.base.nearest_name import did_you_mean
 from rise_engine.expression import Environment, EvaluationError, Expression, ExpressionError, lookup
 from rise_engine.expression.errors import MISSING_PART
 from rise_engine.expression.signatures import SIGNATURES
 from rise_engine.scenario.model import SESSION, Json
+from rise_tui.editor.model.fields import FieldNote
 from rise_tui.editor.model.study_names import StudyNames, short_value
-
-NoteLevel: TypeAlias = Literal["error", "warning", "info"]
 
 MOST_CUTS = 60
 """How many words are taken away from the end of a text that cannot be read, until the rest of it can."""
@@ -24,13 +22,6 @@ _WORD = re.compile(r"""[\w.]+|"(?:[^"\\]|\\.)*"|'(?:[^'\\]|\\.)*'|\S""")
 _LAST_WORD = re.compile(r"[^\W\d][\w.]*\Z")
 _TEXTS = re.compile(r""""(?:[^"\\]|\\.)*"|'(?:[^'\\]|\\.)*'""")
 WORDS = ("and", "or", "not", "true", "false", "contains", "starts with", "ends with")
-
-
-class FieldNote(NamedTuple):
-    """What is to be said about a field while it is filled in."""
-
-    level: NoteLevel
-    text: str
 
 
 class TypedCondition(NamedTuple):
@@ -50,23 +41,11 @@ class TypedCondition(NamedTuple):
     holds: bool | None = None
     """Whether it holds with these values; None: that cannot be said, because of `why_unknown`."""
     why_unknown: str = ""
-    unknown_keys: tuple[str, ...] = ()
-    """Sentences about keys that nothing in the study sets."""
-
-    @property
-    def expression(self) -> Expression | None:
-        """What was read, or of an unfinished text its beginning."""
-        readable = self.text if not self.problem else self.so_far
-        return Expression.parse(readable) if readable else None
 
 
-def read_condition(text: str, names: StudyNames, *, memory: Mapping[str, Json] | None = None) -> TypedCondition:
-    """How a condition is read.
-
-    :param memory: the values to look at; without it, those of the start.
-    """
-    text = text.strip()
-    memory = names.memory if memory is None else memory
+def read_condition(text: str, names: StudyNames) -> TypedCondition:
+    """How a condition is read, with the values of the start."""
+    text, memory = text.strip(), names.memory
     try:
         expression = Expression.parse(text)
     except ExpressionError as error:
@@ -84,37 +63,23 @@ def read_condition(text: str, names: StudyNames, *, memory: Mapping[str, Json] |
         values=values,
         holds=holds,
         why_unknown=why,
-        unknown_keys=tuple(unknown_key_notes(expression, names)),
     )
 
 
-def reading_notes(reading: TypedCondition, basis: str = "at the start") -> list[FieldNote]:
-    """The lines below a condition's field, the most important first.
-
-    :param basis: of when the values are, in words.
-    """
+def condition_notes(text: str, names: StudyNames) -> list[FieldNote]:
+    """The lines below a condition's field, the most important first; none while it is empty."""
+    if not text.strip():
+        return []
+    reading = read_condition(text, names)
     notes: list[FieldNote] = []
     if reading.problem:
         notes.append(FieldNote("error", reading.problem))
         if reading.so_far:
-            notes.append(FieldNote("info", f"so far read as {reading.so_far}; {_truth_text(reading, basis)}"))
+            notes.append(FieldNote("info", f"so far read as {reading.so_far}; {_truth_text(reading)}"))
         return notes
     if reading.explicit:
         notes.append(FieldNote("info", f"read as {reading.explicit}"))
-    notes.append(FieldNote("info", _truth_text(reading, basis)))
-    notes += [FieldNote("warning", text) for text in reading.unknown_keys]
-    return notes
-
-
-def unknown_key_notes(expression: Expression, names: StudyNames) -> Iterator[str]:
-    """A sentence for each key that is read and that nothing in the study sets."""
-    paths = names.memory_paths
-    for key in sorted(expression.keys_read):
-        if not paths.is_known(key):
-            remedy = did_you_mean(key, (*names.memory, *names.set_keys), limit=0)
-            yield f"nothing in this study sets the memory key `{key}`{remedy}"
-        elif problem := paths.reading_problem(key):
-            yield problem
+    return [*notes, FieldNote("info", _truth_text(reading))]
 
 
 def suggest_ending(text: str, names: StudyNames) -> str:
@@ -142,11 +107,11 @@ def values_text(expression: Expression, memory: Mapping[str, Json]) -> str:
     return _evaluate(expression, memory)[0]
 
 
-def _truth_text(reading: TypedCondition, basis: str) -> str:
+def _truth_text(reading: TypedCondition) -> str:
     if reading.holds is None:
         return reading.why_unknown
     truth = "true" if reading.holds else "false"
-    return f"{reading.values} {basis}: {truth}" if reading.values else f"always {truth}"
+    return f"{reading.values} at the start: {truth}" if reading.values else f"always {truth}"
 
 
 def _evaluate(expression: Expression, memory: Mapping[str, Json]) -> tuple[str, bool | None, str]:
@@ -154,17 +119,17 @@ def _evaluate(expression: Expression, memory: Mapping[str, Json]) -> tuple[str, 
     parts: dict[str, Json] = {}
     holds, why = None, ""
     if expression.draws:
-        why = "chance decides it, each time anew"
+        why = "chance decides each time"
     else:
         try:
             holds = expression.compiled_condition(Environment(memory, parts=parts))
         except EvaluationError as error:
-            why = f"with these values it cannot be worked out: {str(error).removeprefix(f'{MISSING_PART}: ')}"
+            why = f"these values give no result: {str(error).removeprefix(f'{MISSING_PART}: ')}"
     texts = {name: f"{name} is {short_value(value)}" for name, value in parts.items() if value is not None}
     for key in expression.keys - expression.keys_of_parts_only:
         found, value = lookup(memory, key)
         if not found and key.partition(".")[0] == SESSION:
-            holds, why = None, f"what `{key}` is, is known when a session runs"
+            holds, why = None, f"`{key}` is known when a session runs"
         texts[key] = f"{key} is {short_value(value)}" if found else f"{key} is not there"
     values = ", ".join(text for _, text in sorted(texts.items()))
     return values, holds, why

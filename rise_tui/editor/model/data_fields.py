@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import json
-import tomllib
 from collections.abc import Callable, Iterator, Mapping
 from functools import partial
 from pathlib import Path
@@ -15,27 +14,27 @@ from rise_engine.author.edit.plan import EditRefused
 from rise_engine.scenario.model import Json
 from rise_engine.scenario.robot_profiles import robot_names
 from rise_tui.editor.model.act_rows import said_text
-from rise_tui.editor.model.draft import StudyDraft, count, is_study_alone
-from rise_tui.editor.model.fields import EditField, FieldChoice, no_edits
+from rise_tui.editor.model.draft import StudyDraft, count, is_study_alone, toml_values
+from rise_tui.editor.model.fields import TYPED, EditField, FieldChoice, no_edits
 from rise_tui.rendering.text import format_value, json_type_name, parse_typed_value
 
 SCENARIO_FILE, STUDY_FILE = "scenario.toml", "study.toml"
 KEY_KINDS = ("act", "rule", "event", "set")
 """What a key of the keyboard can do, as [keys] calls it."""
 USUAL_SETTINGS: tuple[tuple[str, str, tuple[str, ...]], ...] = (
-    ("title", "what the study is called", ()),
+    ("title", "the name of the study", ()),
     ("robot", "the name of a profile", ()),
     ("mode", "debug: a simulated robot", ("debug", "real")),
-    ("language", "of what is said: en, de, …", ()),
+    ("language", "the language of the acts: en, de, …", ()),
     ("on_failure", "when an act fails", ("go_on", "ask", "repeat:1", "repeat:2")),
 )
 """Settings that are offered although they are not given: name, what it is, what can be chosen."""
 ACT_SETTINGS: tuple[tuple[str, Json, str], ...] = (
     ("calling_type", "None", "runs beside other acts and gives way to them"),
-    ("filler", True, "something small to bridge a pause: offered with the key ,"),
-    ("hold", True, "its key has to be pressed twice, so that no slip starts it"),
-    ("on_failure", "repeat:1", "a failure: it is started once more"),
-    ("on_failure", "ask", "a failure: the console asks what to do"),
+    ("filler", True, "a filler for a pause: offered with the key ,"),
+    ("hold", True, "its key must be pressed twice, so that a slip does not start it"),
+    ("on_failure", "repeat:1", "after a failure it starts once more"),
+    ("on_failure", "ask", "after a failure the console asks what to do"),
 )
 """What can be set for one act: setting, value, what that means."""
 
@@ -51,7 +50,7 @@ def memory_fields(draft: StudyDraft) -> list[EditField]:
 
 def _used(draft: StudyDraft, key: str) -> str:
     number = sum(not use.defines for use in draft.uses.of("key", key))
-    return f"named in {count(number, 'place')}" if number else "nobody names it"
+    return f"used in {count(number, 'place')}" if number else "not used"
 
 
 def _start_value(key: str, text: str | None) -> tuple[AnyEdit, ...]:
@@ -62,14 +61,6 @@ def _start_value(key: str, text: str | None) -> tuple[AnyEdit, ...]:
 
 
 # --- keys -------------------------------------------------------------------------------------------------------------
-
-
-def toml_values(draft: StudyDraft, file: str) -> dict[str, Any]:
-    """What a TOML file says; nothing while it cannot be read."""
-    try:
-        return tomllib.loads(draft.files.get(file, b"").decode("utf-8-sig"))
-    except (tomllib.TOMLDecodeError, UnicodeDecodeError):
-        return {}
 
 
 def key_choices(draft: StudyDraft) -> list[FieldChoice]:
@@ -89,7 +80,7 @@ def key_choices(draft: StudyDraft) -> list[FieldChoice]:
 
 def key_fields(draft: StudyDraft) -> list[EditField]:
     """Each key of the keyboard with what it does and its label."""
-    keys, choices = toml_values(draft, SCENARIO_FILE).get("keys", {}), key_choices(draft)
+    keys, choices = draft.values_in(SCENARIO_FILE).get("keys", {}), key_choices(draft)
     fields = []
     for key, binding in keys.items() if isinstance(keys, dict) else ():
         entry: Mapping[str, Any] = binding if isinstance(binding, dict) else {}
@@ -100,8 +91,8 @@ def key_fields(draft: StudyDraft) -> list[EditField]:
         note = f"“{label}”" if label else ""
         note += "".join(f"  {name} = {json.dumps(value, ensure_ascii=False)}" for name, value in more.items())
         fields.append(
-            EditField(key, key, "choice", text, choices=choices, required=False, is_free=True, note=note,
-                      reason="" if kind else "it is written in a way that has no form: e",
+            EditField(key, key, "choice", text, choices=choices, new=TYPED, note=note,
+                      reason="" if kind else "no form for this: e opens the file",
                       edits=partial(_key_edits, key, entry))
         )  # fmt: skip
     return fields
@@ -121,7 +112,7 @@ def _key_edits(key: str, entry: Mapping[str, Any], text: str | None) -> tuple[An
         return (SetSetting(("keys", key), None),)
     kind, _, name = text.partition(" ")
     if kind not in KEY_KINDS or not name.strip():
-        raise EditRefused(f"a key is for an act, a rule, an event, or set: “act NAME”, “set score = 1”; not “{text}”")
+        raise EditRefused(f"write an act, a rule, an event or a value: “act NAME”, “set score = 1”; not “{text}”")
     before = next((each for each in KEY_KINDS if each in entry), "")
     if kind == before:
         return (SetSetting(("keys", key, kind), name.strip()),)
@@ -134,8 +125,8 @@ def _key_edits(key: str, entry: Mapping[str, Any], text: str | None) -> tuple[An
 def setting_fields(draft: StudyDraft) -> list[EditField]:
     """What scenario.toml, and study.toml where there is one, say besides the keys."""
     if is_study_alone(draft):
-        return list(_leaves(STUDY_FILE, toml_values(draft, STUDY_FILE)))
-    values = toml_values(draft, SCENARIO_FILE)
+        return list(_leaves(STUDY_FILE, draft.values_in(STUDY_FILE)))
+    values = draft.values_in(SCENARIO_FILE)
     fields = []
     for name, help, options in USUAL_SETTINGS:
         value = values.get(name)
@@ -143,14 +134,14 @@ def setting_fields(draft: StudyDraft) -> list[EditField]:
         choices = tuple(FieldChoice(each, each) for each in names)
         fields.append(
             EditField(name, name, "choice" if choices else "text", None if value is None else _shown(value),
-                      note=help, choices=choices, is_free=name in ("robot", "on_failure"),
+                      note=help, choices=choices, new=TYPED if name in ("robot", "on_failure") else "",
                       edits=partial(_setting, SCENARIO_FILE, (name,), str))
         )  # fmt: skip
     fields += [_private_field(values.get("private")), *_keep_fields(values.get("keys"))]
     usual = {*(name for name, _, _ in USUAL_SETTINGS), "keys", "private"}
     fields += _leaves(SCENARIO_FILE, {name: value for name, value in values.items() if name not in usual})
     if STUDY_FILE in draft.files:
-        fields += _leaves(STUDY_FILE, toml_values(draft, STUDY_FILE))
+        fields += _leaves(STUDY_FILE, draft.values_in(STUDY_FILE))
     for path, data in draft.above.items():
         fields += _shown_only(path, data)
     return fields
@@ -184,10 +175,9 @@ def _keep(key: str, text: str | None) -> tuple[AnyEdit, ...]:
 
 def _shown_only(path: str, data: bytes) -> Iterator[EditField]:
     """What the study.toml of a folder above says: it belongs to the whole study, and a plan may be made from it."""
-    yield EditField(path, "study", shown=path, note="of which this scenario is a part; e opens it")
-    try:
-        values = tomllib.loads(data.decode("utf-8-sig"))
-    except (ValueError, RecursionError):
+    yield EditField(path, "study", shown=path, note="this scenario is part of that study; e opens it")
+    values = toml_values(data)
+    if not values:
         yield EditField(f"{path}\0", "study", shown="it cannot be read", note="rise-engine study check says why")
         return
     for field in _leaves(path, values):
@@ -212,7 +202,7 @@ def additions(draft: StudyDraft) -> list[Addition]:
                  partial(_add, SCENARIO_FILE, ("act", each.name, setting), value))
         for each, setting, value, help in _missing_act_settings(draft)
     ]  # fmt: skip
-    return found + (list(_study_additions(toml_values(draft, STUDY_FILE))) if STUDY_FILE in draft.files else [])
+    return found + (list(_study_additions(draft.values_in(STUDY_FILE))) if STUDY_FILE in draft.files else [])
 
 
 def _add(file: str, path: tuple[str, ...], value: Json, _typed: str = "") -> tuple[SetSetting, str]:
@@ -221,7 +211,7 @@ def _add(file: str, path: tuple[str, ...], value: Json, _typed: str = "") -> tup
 
 def _missing_act_settings(draft: StudyDraft) -> Iterator[tuple[WrittenAct, str, Json, str]]:
     """What can be set for single acts and is not so yet."""
-    given = _table(toml_values(draft, SCENARIO_FILE).get("act"))
+    given = _table(draft.values_in(SCENARIO_FILE).get("act"))
     for act in draft.outline.acts:
         for setting, value, help in ACT_SETTINGS:
             if _table(given.get(act.name)).get(setting) != value:
@@ -263,10 +253,10 @@ def _study_additions(values: Mapping[str, Any]) -> Iterator[Addition]:
             raise EditRefused(problem or f"Write a memory key and its value: “distraction = true”; not “{typed}”")
         return _add(STUDY_FILE, ("factors", factor, "levels", level, "memory", key), value)
 
-    yield Addition(FieldChoice("check", "a check", "somebody confirms it before a session"), add_check, "A new check",
-                   "What somebody confirms before a session: The door is closed")  # fmt: skip
+    yield Addition(FieldChoice("check", "a check", "confirmed before each session"), add_check, "A new check",
+                   "The statement to confirm before a session: The door is closed")  # fmt: skip
     yield Addition(FieldChoice("factor", "a factor", "what differs between sessions"), add_factor, "A new factor",
-                   "Its name and its levels: noise: quiet, loud")  # fmt: skip
+                   "Its name and its levels, as noise: quiet, loud")  # fmt: skip
     factors = _table(values.get("factors"))
     for factor, table in factors.items():
         levels = _table(_table(table).get("levels"))
@@ -324,6 +314,3 @@ def _setting(file: str, path: tuple[str, ...], kind: type, text: str | None) -> 
         article = "an" if wanted[0] in "aeiou" else "a"
         raise EditRefused(f"{'.'.join(path)} is {article} {wanted}; “{text}” is {name}")
     return (SetSetting(path, value, file=file),)
-
-
-# --- tables -----------------------------------------------------------------------------------------------------------

@@ -3,9 +3,9 @@
 from __future__ import annotations
 
 import tomllib
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from functools import lru_cache
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 from msgspec import Struct
 
@@ -18,14 +18,13 @@ from rise_engine.scenario.loader import LoadResult
 from rise_engine.scenario.uses import Uses
 
 
-@lru_cache(maxsize=4)
-def written_title(data: bytes) -> str:
-    """The title in a scenario.toml: also while there is an error elsewhere. Empty: it has none, or cannot be read."""
+@lru_cache(maxsize=8)
+def toml_values(data: bytes) -> Mapping[str, Any]:
+    """The values in a TOML file; none while it cannot be read."""
     try:
-        title = tomllib.loads(data.decode("utf-8-sig")).get("title")
+        return tomllib.loads(data.decode("utf-8-sig"))
     except (ValueError, RecursionError):
-        return ""
-    return title if isinstance(title, str) else ""
+        return {}
 
 
 class StudyDraft(Struct, frozen=True):
@@ -45,10 +44,14 @@ class StudyDraft(Struct, frozen=True):
     def title(self) -> str:
         """What the study is called."""
         scenario = self.checked.scenario
-        title = scenario.title if scenario is not None else written_title(self.files.get(SCENARIO_FILE, b""))
+        title = scenario.title if scenario is not None else self.values_in(SCENARIO_FILE).get("title")
         if is_study_alone(self):
-            title = written_title(self.files[STUDY_FILE])
-        return title or self.folder.rstrip("/").rpartition("/")[2]
+            title = self.values_in(STUDY_FILE).get("title")
+        return title if isinstance(title, str) and title else self.folder.rstrip("/").rpartition("/")[2]
+
+    def values_in(self, file: str) -> Mapping[str, Any]:
+        """The values in one of its TOML files; none while it cannot be read."""
+        return toml_values(self.files.get(file, b""))
 
     @property
     def findings(self) -> list[Diagnostic]:
@@ -102,7 +105,7 @@ def draft_of(workspace: Workspace) -> StudyDraft:
 def count(number: int, thing: str, things: str = "") -> str:
     """A number and what is counted.
 
-    >>> count(1, "change"), count(2, "change"), count(3, "way", "ways out")
-    ('1 change', '2 changes', '3 ways out')
+    >>> count(1, "change"), count(2, "change"), count(3, "key", "keys")
+    ('1 change', '2 changes', '3 keys')
     """
     return f"{number} {thing if number == 1 else things or thing + 's'}"

@@ -90,7 +90,7 @@ class ExploredStudy(Struct, frozen=True):
     def sentence(self, draft: StudyDraft) -> str:
         """What came of it; empty: nothing was explored."""
         if self.has_failed:
-            return "what is saved could not be explored: `rise-engine explore` says why"
+            return "the saved study could not be explored: `rise-engine explore` says why"
         again = "; exploring again" if self.is_asked_again else ""
         return f"{self.seen(draft)}: {self._found}{again}" if self.at else ""
 
@@ -100,7 +100,7 @@ class ExploredStudy(Struct, frozen=True):
         warnings = len(self.findings) - problems
         found = [pluralize(problems, "problem")] if problems else []
         found += [pluralize(warnings, "warning")] if warnings else []
-        return " and ".join(found) or "nothing found that is wrong"
+        return " and ".join(found) or "no problem found"
 
 
 def read_explored(document: bytes, at: str) -> ExploredStudy | None:
@@ -129,7 +129,7 @@ def explored_rows(finding: ExploredPlace, width: int) -> list[ListRow]:
     """All of a finding: its sentence, and how a session comes to that, step by step."""
     rows = [ListRow("", ((f" {line}", finding.role),), selectable=False) for line in wrap(finding.text, width - 2)]
     rows.append(ListRow("", (), selectable=False))
-    rows.append(ListRow("", ((" HOW A SESSION COMES TO THAT", "accent"),), selectable=False))
+    rows.append(ListRow("", ((" HOW A SESSION GETS THERE", "accent"),), selectable=False))
     for number, step in enumerate(finding.way, 1):
         for at, line in enumerate(wrap(step, max(20, width - 6))):
             head = f" {number:>2}. " if at == 0 else "     "

@@ -1,19 +1,40 @@
-"""A form as plain data: fields with what stands in them, what can stand there, and the edits that change it."""
+"""A form as plain data: fields with their values, what can be chosen for them, and the edits that change them. Pure.
+
+A list of fields changes a study field by field (`EditField.edits`). A `RuleForm` is filled in as a whole.
+"""
 
 from __future__ import annotations
 
+from abc import abstractmethod
 from collections.abc import Callable, Sequence
 from typing import Literal, NamedTuple, TypeAlias
 
 from rise_engine.author.edit.edits import AnyEdit
-from rise_tui.rendering.text import ListRow, StyledLine, StyledSpan, cell_width, clean, crop, fixed_span
+from rise_engine.scenario.diagnostics import Diagnostic
+from rise_tui.rendering.text import (
+    ListRow,
+    StyledLine,
+    StyledSpan,
+    TextRole,
+    cell_width,
+    clean,
+    crop,
+    fixed_span,
+    line_width,
+    wrap,
+)
 
-FieldKind: TypeAlias = Literal["text", "choice", "many", "fixed"]
-"""Typed in its place; one of `choices`; any number of them; only shown."""
+FieldKind: TypeAlias = Literal["text", "choice", "many", "fixed", "option", "ticks"]
+"""Typed in its row; one or any number of `choices`, in a list that opens; only shown; one or any number of `choices`,
+all of them in the form."""
+NoteLevel: TypeAlias = Literal["error", "warning", "info"]
 NOT_GIVEN = "–"
+TYPED = "as it is typed"
+"""What is made of a value that is none of the choices."""
 MakeEdits: TypeAlias = Callable[[str | None], tuple[AnyEdit, ...]]
 LEAST_LABEL, MOST_VALUE = 13, 24
 """Cells of the labels, at least, and of values behind which the notes stand below each other, at most."""
+NOTE_MARKS: dict[NoteLevel, StyledSpan] = {"error": ("✗ ", "fault"), "warning": ("▲ ", "wait"), "info": ("", "muted")}
 
 
 class FieldChoice(NamedTuple):
@@ -24,35 +45,113 @@ class FieldChoice(NamedTuple):
     help: str = ""
 
 
+class FieldNote(NamedTuple):
+    """A remark about a field while it is filled in."""
+
+    level: NoteLevel
+    text: str
+
+
 def no_edits(text: str | None) -> tuple[AnyEdit, ...]:
     """Of a field that cannot be changed."""
     return ()
 
 
 class EditField(NamedTuple):
-    """One row of a form."""
+    """One field of a form."""
 
     id: str
     label: str
     kind: FieldKind = "fixed"
     text: str | None = None
-    """What stands there, unescaped; None: nothing is given. Of `many`, the chosen values joined by commas."""
+    """The value, unescaped; None: nothing is given. Of `many`, the chosen values joined by commas; of `ticks`, by
+    blanks."""
     shown: str = ""
     """Instead of `text`, where that reads better."""
     note: str = ""
-    """What is beside it: unit, range, what holds when nothing is given."""
+    """Beside the value: unit, range, the default."""
     choices: Sequence[FieldChoice] = ()
-    is_free: bool = False
-    """Whether something else than a choice may be typed."""
+    new: str = ""
+    """What is made of a value that is none of the choices; empty: it must be one of them."""
     required: bool = False
     reason: str = ""
     """Why it cannot be changed here."""
     edits: MakeEdits = no_edits
-    """What makes it this text; None: takes it away. May raise EditRefused for a text that cannot be meant."""
+    """The edits that give it this text; None: take it away. May raise EditRefused for a text that makes no sense."""
+    empty: str = NOT_GIVEN
+    """Shown when nothing is given."""
+
+
+def text_field(id: str, label: str, value: str, empty: str = NOT_GIVEN, *, note: str = "", new: str = "") -> EditField:
+    """A field of a `RuleForm` that is typed."""
+    return EditField(id, label, "text", value or None, empty=empty, note=note, new=new)
+
+
+class RuleForm:
+    """A form that is filled in as a whole. It is immutable: typing gives another one. Subclasses are dataclasses."""
+
+    title: str
+
+    @property
+    @abstractmethod
+    def fields(self) -> tuple[EditField, ...]:
+        """The fields, in their order."""
+
+    @abstractmethod
+    def with_value(self, field: str, value: str) -> RuleForm:
+        """The form with another value."""
+
+    @abstractmethod
+    def edits(self) -> tuple[AnyEdit, ...]:
+        """The edits that carry the form out; none when nothing was changed."""
+
+    def notes(self, field: str) -> list[FieldNote]:
+        """Remarks about a field, the most important first. The check of the previewed edits finds the mistakes."""
+        return []
+
+    def choices(self, field: str) -> list[FieldChoice]:
+        """What can be chosen for a field."""
+        return []
+
+    def ending(self, field: str, text: str) -> str:
+        """A sure ending for what is typed; empty: there is none."""
+        return complete_name(text, self.choices(field))
+
+    def missing(self) -> str:
+        """Why the form cannot be carried out yet, not even as a draft; empty: it can."""
+        return ""
+
+
+def complete_name(text: str, choices: Sequence[FieldChoice]) -> str:
+    """The rest of the first name that begins with what is typed."""
+    begun = text.casefold()
+    found = next((each.value for each in choices if begun and each.value.casefold().startswith(begun)), "")
+    return found[len(text) :]
+
+
+def note_of(finding: Diagnostic | None) -> list[FieldNote]:
+    """What a check would say."""
+    return [FieldNote(finding.severity, clean(finding.message))] if finding is not None else []
+
+
+def note_lines(notes: Sequence[FieldNote], width: int, most: int) -> list[StyledLine]:
+    """The notes in at most so many lines, the last one cut off."""
+    lines: list[StyledLine] = []
+    for note in notes:
+        mark = NOTE_MARKS[note.level]
+        lead = line_width((mark,))
+        for number, piece in enumerate(wrap(note.text, max(10, width - lead))):
+            lines.append((mark if number == 0 else (" " * lead, "plain"), (piece, mark[1])))
+    if len(lines) > most:
+        lines[most - 1] = crop((*lines[most - 1], (" …" + " " * width, "muted")), width)
+    return lines[:most]
+
+
+# --- rows -------------------------------------------------------------------------------------------------------------
 
 
 class FormColumns(NamedTuple):
-    """Where what stands in a form, so that all its rows line up."""
+    """Columns of a form, so that all its rows line up."""
 
     value: int
     """Cells before the values."""
@@ -68,13 +167,22 @@ def form_columns(fields: Sequence[EditField], width: int) -> FormColumns:
     return FormColumns(value, value + max((each for each in values if each <= MOST_VALUE), default=0) + 2)
 
 
-def field_rows(fields: Sequence[EditField], width: int) -> list[ListRow]:
-    """A form's rows."""
+def field_rows(fields: Sequence[EditField], width: int, at: tuple[str, int] = ("", -1)) -> list[ListRow]:
+    """A form's rows.
+
+    :param at: id of the field whose options the keys choose from, and which of them they are at.
+    """
     columns = form_columns(fields, width)
-    return [
-        ListRow(each.id, crop(field_line(each, columns), width), full=f"{each.label} {each.text or ''}")
-        for each in fields
-    ]
+    rows: list[ListRow] = []
+    for each in fields:
+        full = f"{each.label} {each.text or ''}"
+        if each.kind in ("option", "ticks"):
+            lines = _option_lines(each, columns, width, at[1] if at[0] == each.id else -1)
+            rows.append(ListRow(each.id, lines[0], full=full))
+            rows += [ListRow("", line, selectable=False) for line in lines[1:]]
+        else:
+            rows.append(ListRow(each.id, crop(field_line(each, columns), width), full=full))
+    return rows
 
 
 def field_line(field: EditField, columns: FormColumns) -> StyledLine:
@@ -91,9 +199,33 @@ def field_line(field: EditField, columns: FormColumns) -> StyledLine:
     return tuple(pieces)
 
 
+def ticked(field: EditField) -> list[str]:
+    """The options that are chosen."""
+    return (field.text or "").split() if field.kind == "ticks" else [field.text or ""]
+
+
+def _option_lines(field: EditField, columns: FormColumns, width: int, at: int) -> list[StyledLine]:
+    """All options, as many beside each other as there is room for, below each other in columns."""
+    on, signs = ticked(field), ("[ ]", "[x]") if field.kind == "ticks" else ("( )", "(•)")
+    cells = max(len(each.title) for each in field.choices) + 6
+    beside = max(1, min(len(field.choices), (width - columns.value) // cells))
+    lines: list[StyledLine] = []
+    for first in range(0, len(field.choices), beside):
+        label = fixed_span(_label(field) if first == 0 else "", columns.value, "plain")
+        line: list[StyledSpan] = [label]
+        for index, each in enumerate(field.choices[first : first + beside], first):
+            is_on = each.value in on
+            role: TextRole = "key" if index == at else "plain" if is_on else "muted"
+            line.append(fixed_span(f"{signs[is_on]} {each.title}", cells, role))
+        lines.append(tuple(line))
+    if field.note:
+        lines[-1] = (*lines[-1], (f"  {field.note}", "muted"))
+    return [crop(line, width) for line in lines]
+
+
 def _label(field: EditField) -> str:
     return f"   {field.label}{' *' if field.required else ''}"
 
 
 def _value(field: EditField) -> str:
-    return clean(field.shown or (field.text if field.text is not None else NOT_GIVEN)) or "“”"
+    return clean(field.shown or (field.text if field.text is not None else field.empty)) or "“”"

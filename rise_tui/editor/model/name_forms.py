@@ -1,23 +1,14 @@
-"""The small forms of a rule: names, what is given to a template, a key of the keyboard for an event. Pure."""
+"""The small forms of a rule: names, the parameters of a template, a key of the keyboard for an event. Pure."""
 
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
 from typing import Literal, TypeAlias
 
-from rise_engine.author.edit.edits import (
-    AddState,
-    AnyEdit,
-    Rename,
-    SetInitial,
-    SetSetting,
-    SetUseParameter,
-)
+from rise_engine.author.edit.edits import AddState, AnyEdit, Rename, SetSetting, SetUseParameter
 from rise_engine.author.edit.outline import WrittenRule, WrittenUse
-from rise_engine.base.nearest_name import did_you_mean
 from rise_engine.scenario.keys import KeyRefusedError, bindable_key_name
-from rise_tui.editor.model.condition_reading import FieldNote
-from rise_tui.editor.model.form import RuleField, RuleForm
+from rise_tui.editor.model.fields import EditField, FieldNote, RuleForm, text_field
 from rise_tui.editor.model.study_names import StudyNames
 
 
@@ -34,18 +25,16 @@ class TemplateValueForm(RuleForm):
         return f"the template {self.use.template}, used in line {self.use.line}"
 
     @property
-    def fields(self) -> tuple[RuleField, ...]:
+    def fields(self) -> tuple[EditField, ...]:
         default = self.use.parameters.get(self.parameter)
-        placeholder = f"as the template says: {default}" if default else ""
-        return (RuleField("value", self.parameter, self.value, placeholder=placeholder, notes=2),)
+        empty = f"as the template says: {default}" if default else ""
+        return (text_field("parameter", self.parameter, self.value, empty),)
 
     def with_value(self, field: str, value: str) -> TemplateValueForm:
         return replace(self, value=value)
 
-    def notes(self) -> dict[str, list[FieldNote]]:
-        if not self.value.strip() and self.use.parameters.get(self.parameter) is None:
-            return {"value": [FieldNote("error", "this parameter must be given")]}
-        return {"value": [FieldNote("info", "everything that this use of the template brings changes with it")]}
+    def notes(self, field: str) -> list[FieldNote]:
+        return [FieldNote("info", "everything from this use of the template changes with it")]
 
     def edits(self) -> tuple[AnyEdit, ...]:
         given = self.use.values.get(self.parameter)
@@ -55,66 +44,47 @@ class TemplateValueForm(RuleForm):
         return (SetUseParameter(self.use.file, self.use.line, self.use.template, self.parameter, value),)
 
 
-NamePurpose: TypeAlias = Literal["new state", "rename state", "rename rule"]
+NamePurpose: TypeAlias = Literal["new state", "rename state"]
 
 
 @dataclass(frozen=True)
 class NameForm(RuleForm):
-    """A new name: of a state that is made, of a state or a rule that is called otherwise everywhere."""
+    """The name of a new state, or another name for a state."""
 
-    names: StudyNames
     rule: WrittenRule
     purpose: NamePurpose
     name: str
     state: str = ""
-    """The state that is renamed, or behind which the new one stands."""
+    """The state to rename, or the one before the new one."""
 
     @property
     def title(self) -> str:  # type: ignore[override]
-        words = {"new state": "a new state", "rename state": f"{self.state}: another name", "rename rule": ""}
-        return words[self.purpose] or f"the rule {self.rule.name}: another name"
+        return "a new state" if self.purpose == "new state" else f"{self.state}: another name"
 
     @property
-    def fields(self) -> tuple[RuleField, ...]:
-        return (RuleField("name", "name", self.name),)
+    def fields(self) -> tuple[EditField, ...]:
+        return (text_field("name", "name", self.name, ""),)
 
     def with_value(self, field: str, value: str) -> NameForm:
         return replace(self, name=value)
 
-    @property
-    def _taken(self) -> list[str]:
-        if self.purpose == "rename rule":
-            return [name for name in self.names.rules if name != self.rule.name]
-        return [state.id for state in self.rule.states if self.purpose == "new state" or state.id != self.state]
-
-    def notes(self) -> dict[str, list[FieldNote]]:
-        name = self.name.strip()
-        if name in self._taken:
-            return {"name": [FieldNote("error", "there is one of this name already")]}
-        if self.purpose == "new state":
-            near = did_you_mean(name, self._taken, limit=0) if name else ""
-            return {"name": [FieldNote("info", f"no way leads to it yet{near}")] if name else []}
-        return {"name": [FieldNote("info", "every place that names it changes with it")]}
+    def notes(self, field: str) -> list[FieldNote]:
+        new = "no transition leads to it yet"
+        return [FieldNote("info", new if self.purpose == "new state" else "it is renamed everywhere")]
 
     def edits(self) -> tuple[AnyEdit, ...]:
         name = self.name.strip()
-        match self.purpose:
-            case "new state":
-                return (AddState(self.rule.name, name, after=self.state),)
-            case "rename state":
-                return () if name == self.state else (Rename("state", f"{self.rule.name}/{self.state}", name),)
-            case "rename rule":
-                return () if name == self.rule.name else (Rename("rule", self.rule.name, name),)
+        if self.purpose == "new state":
+            return (AddState(self.rule.name, name, after=self.state),)
+        return () if name == self.state else (Rename("state", f"{self.rule.name}/{self.state}", name),)
 
     def missing(self) -> str:
-        if not self.name.strip():
-            return "it needs a name"
-        return "there is one of this name already" if self.name.strip() in self._taken else ""
+        return "" if self.name.strip() else "it needs a name"
 
 
 @dataclass(frozen=True)
 class EventKeyForm(RuleForm):
-    """A key of the keyboard for an event that nobody raises."""
+    """A key of the keyboard for an event that nothing raises."""
 
     names: StudyNames
     event: str
@@ -126,16 +96,21 @@ class EventKeyForm(RuleForm):
         return f"a key that raises /{self.event}"
 
     @property
-    def fields(self) -> tuple[RuleField, ...]:
+    def fields(self) -> tuple[EditField, ...]:
         return (
-            RuleField("key", "key", self.key, placeholder="a letter, a digit, F5"),
-            RuleField("label", "means", self.label, placeholder="what the wizard reads beside it; may stay empty"),
+            text_field("key", "key", self.key, "a letter, a digit, F5"),
+            text_field("label", "means", self.label, "the wizard reads it beside the key; may stay empty"),
         )
 
     def with_value(self, field: str, value: str) -> EventKeyForm:
         return replace(self, key=value) if field == "key" else replace(self, label=value)
 
-    def _problem(self) -> str:
+    def edits(self) -> tuple[AnyEdit, ...]:
+        binding = {"event": f"/{self.event}"} | ({"label": self.label.strip()} if self.label.strip() else {})
+        return (SetSetting(("keys", self.key.strip()), binding),)
+
+    def missing(self) -> str:
+        """Also why the key cannot be this one: setting it would take it from what it does now."""
         key = self.key.strip()
         if not key:
             return "which key?"
@@ -143,26 +118,14 @@ class EventKeyForm(RuleForm):
             name = bindable_key_name(key)
         except KeyRefusedError as error:
             return str(error)
-        for other in self.names.keyboard:
+        return f"the key {key} does something else already" if name in self._taken() else ""
+
+    def _taken(self) -> set[str]:
+        """The keys of the keyboard that do something, by their names."""
+        found: set[str] = set()
+        for key in self.names.keyboard:
             try:
-                if bindable_key_name(other) == name:
-                    return f"the key {other} does something else already"
+                found.add(bindable_key_name(key))
             except KeyRefusedError:
                 continue
-        return ""
-
-    def notes(self) -> dict[str, list[FieldNote]]:
-        problem = self._problem()
-        return {"key": [FieldNote("error", problem)] if problem else [FieldNote("info", "it is free")]}
-
-    def edits(self) -> tuple[AnyEdit, ...]:
-        binding = {"event": f"/{self.event}"} | ({"label": self.label.strip()} if self.label.strip() else {})
-        return (SetSetting(("keys", self.key.strip()), binding),)
-
-    def missing(self) -> str:
-        return self._problem()
-
-
-def make_first(rule: WrittenRule, state: str) -> tuple[AnyEdit, ...]:
-    """The rule begins in this state."""
-    return () if rule.initial == state else (SetInitial(rule.name, state),)
+        return found

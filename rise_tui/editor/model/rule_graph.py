@@ -5,16 +5,17 @@ The drawing is the console's; here it is made of what is written, right or wrong
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterable, Iterator, Mapping
 from typing import NamedTuple
 
 from rise_engine.author.drawing.state_graph import GraphLayout, GraphRow, edge_path, lay_out_graph
 from rise_engine.author.edit.outline import WrittenRule, WrittenTransition
 from rise_engine.expression import Expression
 from rise_engine.expression.nodes import Literal as LiteralNode
-from rise_engine.scenario.diagnostics import Severity
+from rise_engine.scenario.diagnostics import Diagnostic, Severity
 from rise_engine.scenario.durations import parse_time
 from rise_engine.scenario.model import Delay, Rule, State, Transition, normal_topic
+from rise_engine.scenario.source_files import SourceFile
 from rise_engine.syntax.xml_writing import one_line
 from rise_tui.model.state_drawing import GraphPosition, draw_state_graph
 from rise_tui.rendering.text import ListRow, StyledLine, StyledSpan, TextRole, crop
@@ -25,7 +26,7 @@ SEVERITY_MARKS: dict[Severity, StyledSpan] = {"error": ("✗ ", "fault"), "warni
 
 
 class GraphSpot(NamedTuple):
-    """Where the cursor is: on a state, or on one of its ways out."""
+    """Where the cursor is: on a state, or on one of its transitions."""
 
     state: str
     way: int = -1
@@ -150,3 +151,51 @@ def _emphasize(line: StyledLine, *, way: bool) -> StyledLine:
     name = next((index for index, (text, role) in enumerate(line[:at]) if role == "plain" and text.strip()), at)
     kept = [(text, "accent" if index == name else role) for index, (text, role) in enumerate(line[:at])]
     return (*kept, *((text, muted) for text, _ in line[at:]))
+
+
+class RuleFindings(NamedTuple):
+    """The findings of a rule, in the order of the file."""
+
+    of_rule: tuple[Diagnostic, ...]
+    """All of them."""
+    of_spot: Mapping[GraphSpot, tuple[Diagnostic, ...]]
+    """Of each state what stands in it outside of its ways, and of each way what stands in it."""
+
+    @property
+    def marks(self) -> dict[GraphSpot, Severity]:
+        """For each place the worst there is."""
+        return {
+            spot: "error" if any(each.severity == "error" for each in found) else "warning"
+            for spot, found in self.of_spot.items()
+        }
+
+
+NO_FINDINGS = RuleFindings((), {})
+
+
+def rule_findings(rule: WrittenRule, findings: Iterable[Diagnostic]) -> RuleFindings:
+    """The findings that stand in a rule."""
+    source = SourceFile(rule.file, b"", rule.node.tree.text)
+    every: list[Diagnostic] = []
+    spots: dict[GraphSpot, list[Diagnostic]] = {}
+    for finding in findings:
+        if finding.location.file != rule.file:
+            continue
+        offset = source.offset(finding.location.line, finding.location.column)
+        if not rule.holds(offset):
+            continue
+        every.append(finding)
+        for spot in _spots_at(rule, offset):
+            spots.setdefault(spot, []).append(finding)
+    return RuleFindings(tuple(every), {spot: tuple(found) for spot, found in spots.items()})
+
+
+def _spots_at(rule: WrittenRule, offset: int) -> Iterator[GraphSpot]:
+    """The innermost places that hold a character: several, where states share a way or come from one template."""
+    ways = [
+        GraphSpot(state.id, number)
+        for state in rule.states
+        for number, way in enumerate(state.transitions)
+        if way.node is not state.node and way.holds(offset)
+    ]
+    yield from ways or (GraphSpot(state.id) for state in rule.states if state.holds(offset))

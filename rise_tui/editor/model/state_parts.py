@@ -1,4 +1,4 @@
-"""A state of a rule as one list: what it does when it is entered, its ways out, what it does when it is left. Pure.
+"""A state of a rule as one list: what it does on entry, its transitions, what it does on exit. Pure.
 
 Blocks are an indented list with a line for each condition. Each row knows what it stands for, so that a key can add,
 change, move or remove it.
@@ -51,7 +51,7 @@ class PartRow(NamedTuple):
     at: StatementAddress | None = None
     """Of a statement or a branch; of a heading, a way or an empty place, where one more in it would stand."""
     way: int = -1
-    """The number of the way out that the row is, or belongs to."""
+    """The number of the transition that the row is, or belongs to."""
     siblings: int = 0
     """How many stand beside it."""
     reason: str = ""
@@ -81,7 +81,9 @@ def state_parts(rule: str, state: WrittenState, use: WrittenUse | None = None) -
     """
     rows = [*_parameters(use)] if use is not None else []
     rows += [*_block(rule, state, "onEntry", state.on_entry, "WHEN IT IS ENTERED")]
-    rows.append(PartRow("heading", "WAYS OUT" if state.transitions else "WAYS OUT   none: here the rule ends", way=-1))
+    rows.append(
+        PartRow("heading", "TRANSITIONS" if state.transitions else "TRANSITIONS   none: the rule ends here", way=-1)
+    )
     for number, way in enumerate(state.transitions):
         rows += _way(rule, state, number, way)
     rows += _block(rule, state, "onExit", state.on_exit, "WHEN IT IS LEFT")
@@ -196,7 +198,10 @@ def block_of(state: WrittenState, address: StatementAddress) -> tuple[WrittenSta
 def _parameters(use: WrittenUse) -> Iterator[PartRow]:
     """What is given to a template, by which its states differ."""
     yield PartRow(
-        "heading", f"FROM THE TEMPLATE {use.template}", reason="a template's name stands in the file", line=use.line
+        "heading",
+        f"FROM THE TEMPLATE {use.template}",
+        reason="the name of a template is changed in the file",
+        line=use.line,
     )
     for name in dict.fromkeys((*use.parameters, *use.values)):
         value, default = use.values.get(name), use.parameters.get(name)
@@ -253,7 +258,7 @@ def _statements(
         elif statement.branches:
             yield from _branches(statement, row)
         elif statement.template:
-            yield row._replace(text=f"the template {statement.template} brings")
+            yield row._replace(text=f"from the template {statement.template}")
             yield from _statements(statement.brings, at, depth + 1, way, why)
         elif statement.choices or not statement.reason:
             yield row._replace(kind="choice", text=ONE_OF)

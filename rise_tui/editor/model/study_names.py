@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import tomllib
 from collections.abc import Iterator, Mapping
 from typing import Any, NamedTuple
 
@@ -11,17 +10,10 @@ from rise_engine.author.edit.outline import Outline, WrittenRule, WrittenStateme
 from rise_engine.author.edit.plan import Files
 from rise_engine.scenario.cross_references import ACT_END_SUFFIXES
 from rise_engine.scenario.draft import ScenarioDraft
-from rise_engine.scenario.memory_paths import MemoryPaths
-from rise_engine.scenario.model import CUE_TOPICS, SESSION, Json, normal_topic
-
-SCENARIO_FILE = "scenario.toml"
-
-
-class NameChoice(NamedTuple):
-    """A name that can be chosen, and what is to be known of it."""
-
-    name: str
-    note: str = ""
+from rise_engine.scenario.file_names import SCENARIO_FILE
+from rise_engine.scenario.model import CUE_TOPICS, Json, normal_topic
+from rise_tui.editor.model.draft import toml_values
+from rise_tui.editor.model.fields import FieldChoice
 
 
 class StudyNames(NamedTuple):
@@ -47,10 +39,6 @@ class StudyNames(NamedTuple):
     def rules(self) -> list[str]:
         return list(dict.fromkeys(rule.name for rule in self.outline.rules if rule.name))
 
-    @property
-    def memory_paths(self) -> MemoryPaths:
-        return MemoryPaths({**self.memory, SESSION: None}, self.set_keys)
-
     def states_of(self, rule: str) -> list[str]:
         """The states of a rule, in the file's order; none for a rule that there is not."""
         found = self.outline.rule(rule)
@@ -62,11 +50,11 @@ class StudyNames(NamedTuple):
         for suffix, when in ENGINE_ENDINGS.items():
             name = event.removesuffix(suffix)
             if name != event and (name in self.acts or (suffix == "_end" and name in self.rules)):
-                return f"raised by itself when {name} {when}"
+                return f"raised automatically when {name} {when}"
         for rule in self.outline.rules:
             state = event.removeprefix(f"{rule.name}_")
             if any(each.id == state and not each.transitions for each in rule.states):
-                return f"raised by itself when the rule {rule.name} ends in {state}"
+                return f"raised automatically when the rule {rule.name} ends in {state}"
         if event in CUE_TOPICS:
             return "the participant's cue" if event == CUE_TOPICS[0] else "raised when the cue is taken back"
         return ""
@@ -78,10 +66,8 @@ class StudyNames(NamedTuple):
             return by_itself
         return f"raised by {', '.join(self.raised[event])}" if self.raised[event] else "raised in this study"
 
-    def event_choices(self) -> list[NameChoice]:
+    def event_choices(self) -> list[FieldChoice]:
         """Every event that can be waited for: those of the study first, then those that the engine raises."""
-        own = sorted({*self.raised, *self.awaited}, key=str.casefold)
-        known = dict.fromkeys(own)
         engine = [*CUE_TOPICS]
         engine += [act + suffix for act in self.acts for suffix in ACT_END_SUFFIXES]
         engine += [f"{rule}_end" for rule in self.rules]
@@ -89,14 +75,23 @@ class StudyNames(NamedTuple):
             f"{rule.name}_{state.id}" for rule in self.outline.rules for state in rule.states if not state.transitions
         ]
         return [
-            NameChoice(f"/{event}", self.event_note(event) or "nothing in this study raises it")
-            for event in (*own, *(event for event in dict.fromkeys(engine) if event not in known))
+            FieldChoice(f"/{event}", f"/{event}", self.event_note(event) or "nothing in this study raises it")
+            for event in dict.fromkeys((*self._own_events, *engine))
         ]
 
-    def key_choices(self) -> list[NameChoice]:
+    def own_event_choices(self) -> list[FieldChoice]:
+        """The events of the study that can be raised."""
+        notes = {True: "a rule waits for it", False: "no rule waits for it"}
+        return [FieldChoice(f"/{event}", f"/{event}", notes[event in self.awaited]) for event in self._own_events]
+
+    @property
+    def _own_events(self) -> list[str]:
+        return sorted({*self.raised, *self.awaited}, key=str.casefold)
+
+    def key_choices(self) -> list[FieldChoice]:
         """Every memory key that a condition can ask for, with its value at the start."""
         names = dict.fromkeys((*self.memory, *sorted(self.set_keys)))
-        return [NameChoice(name, self.start_note(name)) for name in names]
+        return [FieldChoice(name, name, self.start_note(name)) for name in names]
 
     def start_note(self, key: str) -> str:
         """What a memory key is at the start, in words."""
@@ -104,20 +99,20 @@ class StudyNames(NamedTuple):
             return f"a table of {len(self.memory[key])} rows"
         return f"{short_value(self.memory[key])} at the start" if key in self.memory else "not there at the start"
 
-    def target_choices(self, rule: str) -> list[NameChoice]:
-        """The states of a rule that a way can lead to."""
+    def target_choices(self, rule: str) -> list[FieldChoice]:
+        """The states of a rule that a transition can lead to."""
         found = self.outline.rule(rule)
         states = found.states if found is not None else ()
-        return [NameChoice(state.id, "" if state.transitions else "ends the rule") for state in states]
+        return [FieldChoice(state.id, state.id, "" if state.transitions else "ends the rule") for state in states]
 
-    def act_choices(self, first: tuple[str, ...] = ()) -> list[NameChoice]:
+    def act_choices(self, first: tuple[str, ...] = ()) -> list[FieldChoice]:
         """The acts, those of `first` in front."""
         mine = [name for name in dict.fromkeys(first) if name in self.acts]
         names = (*mine, *(name for name in self.acts if name not in mine))
-        return [NameChoice(name, "started by this rule" if name in mine else "") for name in names]
+        return [FieldChoice(name, name, "started by this rule" if name in mine else "") for name in names]
 
-    def rule_choices(self) -> list[NameChoice]:
-        return [NameChoice(name, f"{len(self.states_of(name))} states") for name in self.rules]
+    def rule_choices(self) -> list[FieldChoice]:
+        return [FieldChoice(name, name, f"{len(self.states_of(name))} states") for name in self.rules]
 
 
 ENGINE_ENDINGS = {"_end": "ends", "_succeeded": "succeeds", "_failed": "fails", "_stopped": "is stopped"}
@@ -132,7 +127,8 @@ def study_names(outline: Outline, draft: ScenarioDraft, files: Files) -> StudyNa
         for call in calls_of_rule(rule):
             if call.function == "raiseEventTopic":
                 raised.setdefault(normal_topic(call.argument), []).append(f"rule {rule.name}")
-    keyboard = _keyboard(files)
+    keyboard = toml_values(files.get(SCENARIO_FILE, b"")).get("keys", {})
+    keyboard = keyboard if isinstance(keyboard, dict) else {}
     for key, binding in keyboard.items():
         if isinstance(binding, dict) and isinstance(binding.get("event"), str):
             raised.setdefault(normal_topic(binding["event"]), []).append(f"key {key}")
@@ -186,13 +182,3 @@ def short_value(value: Json) -> str:
             return f"an object of {len(value)}"
         case _:
             return str(value)
-
-
-def _keyboard(files: Files) -> dict[str, Any]:
-    """The keys of the keyboard; none while scenario.toml cannot be read."""
-    try:
-        found = tomllib.loads(files.get(SCENARIO_FILE, b"").decode("utf-8-sig"))
-    except (tomllib.TOMLDecodeError, UnicodeDecodeError):
-        return {}
-    keys = found.get("keys", {})
-    return keys if isinstance(keys, dict) else {}

@@ -2,20 +2,18 @@
 
 from __future__ import annotations
 
-import re
 from collections.abc import Sequence
 
 from rise_engine.author.edit.outline import WrittenAct
 from rise_engine.scenario.file_names import PARTICIPANTS_FILE
 from rise_engine.scenario.model import KeyBinding
-from rise_tui.editor.model.act_rows import action_type, all_texts, what_text, when_text
-from rise_tui.editor.model.act_times import act_seconds
+from rise_tui.editor.model.act_rows import act_seconds, action_type, all_texts, what_text, when_text
 from rise_tui.editor.model.draft import StudyDraft, count, is_study_alone
 from rise_tui.editor.model.text_rows import find_text
 from rise_tui.rendering.text import ListRow, StyledLine, StyledSpan, clean, crop, fixed_span, format_seconds, wrap
 
 ALSO = (
-    ("texts", "Texts", "what is said, in each language"),
+    ("texts", "Texts", "the texts of the acts in each language"),
     ("memory", "Memory", "start values"),
     ("keys", "Keys", "what each key does"),
     ("settings", "Settings", "title, robot, fillers, conditions"),
@@ -23,7 +21,7 @@ ALSO = (
 )
 """Pages besides acts and rules, by their kinds."""
 OF_STUDY = (
-    ("tables", "People", "participants.csv: who takes part"),
+    ("tables", "People", "participants.csv"),
     ("settings", "Design", "study.toml: factors, plan, checks"),
 )
 """The pages of a study of participants, whose scenarios are edited apart."""
@@ -81,8 +79,10 @@ def study_rows(draft: StudyDraft, width: int, wanted: str = "") -> list[ListRow]
     rules = [rule for rule in draft.outline.rules if fits(rule.name, *(state.id for state in rule.states))]
     rows.append(heading("RULES", len(rules)))
     for rule in rules:
-        ways = sum(len(state.transitions) for state in rule.states)
-        note = f"{count(len(rule.states), 'state'):>9}" + (f" {count(ways, 'way')}" if width >= 50 else "")
+        transitions = sum(len(state.transitions) for state in rule.states)
+        note = f"{count(len(rule.states), 'state'):>9}" + (
+            f" {count(transitions, 'transition')}" if width >= 50 else ""
+        )
         key = keys[("rule", rule.name)][0].label if ("rule", rule.name) in keys else ""
         rows.append(ListRow(row_id("rule", rule.name), _line(key, rule.name, note, width, bad=False)))
     also = [(kind, title, help) for kind, title, help in ALSO if fits(title, help)]
@@ -90,7 +90,7 @@ def study_rows(draft: StudyDraft, width: int, wanted: str = "") -> list[ListRow]
         rows.append(ListRow("", ((" ALSO", "accent"),), selectable=False))
     rows += [ListRow(row_id(kind), _also_line(title, help, width)) for kind, title, help in also]
     if wanted and not acts and not rules and not also:
-        rows.append(ListRow("", ((" nothing has this name, or says this", "muted"),), selectable=False))
+        rows.append(ListRow("", ((" no name or text matches", "muted"),), selectable=False))
     for file, why in draft.outline.unreadable.items():
         text = f" ✗ {file}: {clean(why)}"
         rows.append(ListRow(row_id("file", file), crop(((text, "fault"),), width)))
@@ -168,13 +168,7 @@ def used_by(draft: StudyDraft, kind: str, name: str) -> list[str]:
     if known is None:
         return []
     found = (use for use in draft.uses.of(known, name) if not use.defines)  # type: ignore[arg-type]
-    return list(dict.fromkeys(f"{_in_words(use.where)}  {use.location.file}:{use.location.line}" for use in found))
-
-
-def _in_words(where: str) -> str:
-    """With the words of the editor, where the check names the elements of the file."""
-    where = where.replace(", transitions of several states", ", ways out of several states")
-    return re.sub(r", transition (\d+)", r", way \1", where)
+    return list(dict.fromkeys(f"{use.where}  {use.location.file}:{use.location.line}" for use in found))
 
 
 def act_preview(draft: StudyDraft, act: WrittenAct, width: int) -> list[StyledLine]:
@@ -184,7 +178,7 @@ def act_preview(draft: StudyDraft, act: WrittenAct, width: int) -> list[StyledLi
         ((f" {act.file}:{act.line}  ~{format_seconds(act_seconds(act, draft.checked))} s", "muted"),),
     ]
     for action in act.actions:  # one role: changing colours is most of what a moved cursor costs on the wire
-        head = f" {when_text(action):9}{action.id:>2} {action_type(action)[:9]:9} "
+        head = f" {when_text(action.wait_for):9}{action.id:>2} {action_type(action)[:9]:9} "
         lines.append(crop(((head + what_text(action), "plain"),), width))
     return [*lines, (), *used_lines(draft, "act", act.name, width)]
 
@@ -193,7 +187,7 @@ def used_lines(draft: StudyDraft, kind: str, name: str, width: int) -> list[Styl
     """USED BY, and a row for each."""
     found = used_by(draft, kind, name)
     lines: list[StyledLine] = [((" USED BY", "accent"),)]
-    for text in found or ["nobody: no rule, no key starts it"]:
+    for text in found or ["nothing: no rule and no key starts it"]:
         lines += [((f" {'  ' if number else ''}{piece}", "plain" if found else "muted"),)
                   for number, piece in enumerate(wrap(text, max(20, width - 4)))]  # fmt: skip
     return lines

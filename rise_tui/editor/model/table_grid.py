@@ -198,7 +198,7 @@ def hidden_columns(table: GridTable, column: int, width: int) -> tuple[int, int]
 
 def cell_problem(value: str) -> str:
     """Why a value is changed in its file only; empty: it can be here."""
-    return "" if clean(value, keep="\n") == value else "it has characters that cannot be seen"
+    return "" if clean(value, keep="\n") == value else "it has invisible characters"
 
 
 def cell_edits(table: str, row: int, column: str, was: str, said: str) -> tuple[AnyEdit, ...]:

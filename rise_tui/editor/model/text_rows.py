@@ -3,9 +3,7 @@
 from __future__ import annotations
 
 import shlex
-import tomllib
 from collections.abc import Sequence
-from functools import lru_cache
 from pathlib import Path
 from typing import Literal, NamedTuple, TypeAlias
 
@@ -21,6 +19,7 @@ from rise_engine.scenario.parameters import fill_parameters
 from rise_engine.scenario.spoken_texts import SpokenText
 from rise_engine.scenario.template import MissingValueError, Template
 from rise_engine.scenario.translations import Translation, slot_problem
+from rise_tui.editor.model.act_rows import when_text
 from rise_tui.editor.model.draft import FilePlace, StudyDraft, count
 from rise_tui.rendering.text import (
     ListRow,
@@ -103,16 +102,8 @@ def view_named(name: str) -> TextsView:
 
 
 def own_language(draft: StudyDraft) -> str:
-    """The one that the acts are in, also while something is wrong; empty: it is not said."""
-    return _language_in(draft.files.get(SCENARIO_FILE, b""))
-
-
-@lru_cache(maxsize=4)
-def _language_in(data: bytes) -> str:
-    try:
-        found = tomllib.loads(data.decode("utf-8-sig")).get("language", "")
-    except (ValueError, RecursionError):
-        return ""
+    """The language of the acts, also while something is wrong; empty: it is not given."""
+    found = draft.values_in(SCENARIO_FILE).get("language")
     return found.strip() if isinstance(found, str) else ""
 
 
@@ -236,7 +227,7 @@ def text_rows(draft: StudyDraft, view: TextsView, shown: Sequence[TextEntry], co
             fixed_span(text.key, cells.key, "accent"),
         ]
         if cells.when:
-            line += [fixed_span(when_said(text), cells.when, "muted")]
+            line += [fixed_span(when_text(text.action.wait_for), cells.when, "muted")]
             line += [fixed_span(said_with(draft.checked, text), cells.beside - 1, "muted"), (" ", "plain")]
         line.append(fixed_span(text.text, cells.text, "plain" if column == 0 else "muted"))
         if cells.said:
@@ -246,11 +237,6 @@ def text_rows(draft: StudyDraft, view: TextsView, shown: Sequence[TextEntry], co
         rows.append(ListRow(text.id, tuple(line), full=f"{text.id} {text.text} {each.said}"))
         before = act
     return rows
-
-
-def when_said(text: SpokenText) -> str:
-    """When it is said in its act."""
-    return "after " + " ".join(text.action.wait_for) if text.action.wait_for else "at once"
 
 
 def said_with(checked: LoadResult, text: SpokenText) -> str:
@@ -273,7 +259,7 @@ def entry_head(draft: StudyDraft, entry: TextEntry, width: int) -> StyledLine:
     beside = said_with(draft.checked, text)
     left: StyledLine = (
         (f" {clean(text.id)}", "accent"),
-        (f"  {when_said(text)}{f', with {clean(beside)}' if beside else ''}", "muted"),
+        (f"  {when_text(text.action.wait_for)}{f', with {clean(beside)}' if beside else ''}", "muted"),
     )
     return align_at_both_ends(left, ((f"{where.file}:{where.line} ", "muted"),), width)
 
@@ -317,13 +303,12 @@ def note_lines(draft: StudyDraft, entry: TextEntry, language: str, folder: str, 
     notes: list[tuple[str, TextRole]] = []
     if entry.state == "stale" and entry.translation is not None:
         was = clean(entry.translation.of)
-        notes.append((f"▲ the text has changed since it was translated. It was “{was}”. s: it is right still", "wait"))
+        notes.append((f"▲ the text has changed since it was translated. It was “{was}”. s: it is still right", "wait"))
     if entry.state == "wrong" and entry.translation is not None:
         notes.append((f"✗ {slot_problem(entry.text.template, entry.translation.template)}", "fault"))
     slots = list(dict.fromkeys(f"{{{slot.key}}}" for slot in entry.text.template.slots))
     if slots:
-        notes.append((f"{', '.join(slots)}: from the memory; a translation has the same, and words behind a | in its "
-                      "language", "muted"))  # fmt: skip
+        notes.append((f"{', '.join(slots)}: from the memory. Keep it, and translate the words after |", "muted"))
     notes.append((session_note(draft, language, folder), "muted"))
     return [
         ((" " * (2 if not at else 4) + piece, role),)
@@ -338,7 +323,7 @@ def session_note(draft: StudyDraft, language: str, folder: str) -> str:
         return f"a session: rise-tui --config {shlex.quote(folder)}"
     command = f"rise-tui --config {shlex.quote(folder)} --language {language}"
     if "study.toml" in draft.files:
-        command = "the column `language` of participants.csv says it"
+        command = "from the column `language` of participants.csv"
     counts = count_texts(text_entries(draft, language))
     lacking = [f"{count(counts.missing, 'text is', 'texts are')} missing"] if counts.missing else []
     lacking += [f"{count(counts.wrong, 'text is', 'texts are')} wrong"] if counts.wrong else []
@@ -398,7 +383,7 @@ def original_edits(draft: StudyDraft, entry: TextEntry, said: str) -> tuple[AnyE
     if said == text.text:
         return ()
     if not said:
-        raise EditRefused("an act says something: an action or a wording is taken away on the act's page (j)")
+        raise EditRefused("a text cannot be empty: remove the action or the wording on the act's page (j)")
     try:
         return (edit_of_original(text, said, draft.outline),)
     except EditRefused as refused:
@@ -422,5 +407,5 @@ def still_right_edits(entry: TextEntry, language: str) -> tuple[AnyEdit, ...]:
     if entry.translation is None or entry.state != "stale":
         raise EditRefused(f"{entry.text.id} in {language or 'another language'} is not of an earlier text")
     if problem := slot_problem(entry.text.template, entry.translation.template):
-        raise EditRefused(f"it cannot be right still: {problem}")
+        raise EditRefused(f"it cannot still be right: {problem}")
     return (SetTranslation(language, entry.text.act, entry.text.key, entry.said),)

@@ -56,9 +56,7 @@ def standing_of(trial: Trial, rule: str) -> RuleStanding | None:
 def head_lines(trial: Trial, rule: str, width: int) -> tuple[StyledLine, StyledLine]:
     """That nothing of it is real, the virtual time, and where the rule stands."""
     time: StyledLine = (("virtual time ", "muted"), (f"{clock_text(trial.now)} ", "strong"))
-    first = align_at_both_ends(
-        ((" TRY IT", "accent"), ("   no robot, no record, nothing is kept", "muted")), time, width
-    )
+    first = align_at_both_ends(((" TRY IT", "accent"), ("   no robot, no record", "muted")), time, width)
     standing = standing_of(trial, rule)
     if standing is None:
         return first, crop(((f" {rule}", "strong"), ("  does not run", "muted")), width)
@@ -74,7 +72,7 @@ def trial_rows(trial: Trial, rule: str, width: int) -> list[ListRow]:
     rows = [ListRow(GO_ON, crop(_go_on_line(trial), width))]
     rows += _running_rows(trial, width)
     if standing is not None:
-        rows.append(_heading("WAYS OUT" if standing.ways else "WAYS OUT   none: the rule ends here"))
+        rows.append(_heading("TRANSITIONS" if standing.ways else "TRANSITIONS   none: the rule ends here"))
         for way in standing.ways:
             rows += _way_rows(way, width)
     keys = key_choices(trial)
@@ -93,7 +91,7 @@ def happened_rows(lines: Sequence[HappenedLine], width: int) -> list[ListRow]:
     rows = []
     left_out = len(lines) - MOST_LINES
     if left_out > 0:
-        rows.append(_heading(f"{left_out} lines before"))
+        rows.append(_heading(f"{left_out} earlier lines"))
     before = None
     for number, line in enumerate(lines[-MOST_LINES:]):
         time = clock_text(line.t)
@@ -142,8 +140,8 @@ def begin(trial: Trial, rule: str, state: str = "") -> None:
 
 def _go_on_line(trial: Trial) -> StyledLine:
     if trial.next_at is None:
-        return ((" nothing goes on by itself: it waits for you", "muted"),)
-    return ((" let time go on until something waits", "plain"),)
+        return ((" nothing happens by itself: it waits for you", "muted"),)
+    return ((" let time pass until something waits", "plain"),)
 
 
 def _running_rows(trial: Trial, width: int) -> Iterator[ListRow]:
@@ -200,12 +198,12 @@ def _key_row(choice: KeyChoice, width: int) -> ListRow:
 def _memory_rows(trial: Trial, rule: str, width: int) -> Iterator[ListRow]:
     lines = memory_that_counts(trial, rule)
     if lines:
-        yield _heading("MEMORY THAT COUNTS HERE   enter sets a value")
+        yield _heading("MEMORY USED HERE   enter sets a value")
     for line in lines:
         value = short_value(line.value) if line.exists else "not there"
         when = f" {clock_text(line.changed)}" if line.changed else ""
         left: StyledLine = ((f"   {line.key} ", "plain"), (f"= {value}", "strong" if line.exists else "wait"))
-        source = f"{line.source}{when} " if line.exists else "nothing has set it "
+        source = f"{line.source}{when} " if line.exists else "never set "
         yield ListRow(f"set:{line.key}", align_at_both_ends(left, ((source, "muted"),), width))
 
 

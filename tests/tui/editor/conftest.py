@@ -15,8 +15,7 @@ from rise_tui.editor.app import EditApp
 from rise_tui.editor.exploring import Explorer
 from rise_tui.editor.model.draft import draft_of
 from rise_tui.editor.screen import EditScreen
-from rise_tui.editor.sessions import RunningHere
-from rise_tui.editor.study import EditedStudy
+from rise_tui.editor.study import EditedStudy, RunningHere
 from rise_tui.rendering.terminal_reader import mark_together
 from tests.patience import PATIENCE
 from tests.tui.conftest import Shown

@@ -12,7 +12,7 @@ from rise_engine.author.edit.outline import Outline
 from rise_engine.scenario.diagnostics import Diagnostic
 from rise_tui.actions import bindings_in
 from rise_tui.editor.model.study_names import StudyNames
-from rise_tui.editor.rules.rule_editor import RuleEditor
+from rise_tui.editor.rule_editor import RuleEditor
 from rise_tui.model.notice import Level
 from rise_tui.rendering import themes
 from rise_tui.rendering.terminal_app import TerminalApp
@@ -46,6 +46,9 @@ class StudyInMemory:
 
     def say(self, sentence: str, level: Level = "info") -> None:
         self.said.append(sentence)
+
+    def preview(self, edits: Callable[[], tuple[AnyEdit, ...]], say: Callable[..., None]) -> None:
+        """Nothing is ever wrong in memory."""
 
 
 class PageApp(TerminalApp):

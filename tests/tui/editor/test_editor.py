@@ -9,13 +9,13 @@ import pytest
 
 from rise_engine.author.edit.edits import AddRule, AddStatement, CallForm, StatementAddress
 from rise_tui.editor.act_page import ActPage
-from rise_tui.editor.chooser import Chooser, ManyChooser
 from rise_tui.editor.data_pages import DataPage, SettingsPage
+from rise_tui.editor.dialogs import SaveDialog
 from rise_tui.editor.model.fields import FieldChoice
-from rise_tui.editor.model.rule_forms import TransitionRuleForm
+from rise_tui.editor.model.transition_form import TransitionRuleForm
+from rise_tui.editor.pick_list import PickList
 from rise_tui.editor.rule_page import RulePage
-from rise_tui.editor.save_dialog import SaveDialog
-from rise_tui.editor.sessions import RunningHere
+from rise_tui.editor.study import RunningHere
 from rise_tui.screens.dialog import Dialog
 from tests.tui.editor.conftest import Editor, OneSession, editor
 
@@ -134,7 +134,7 @@ async def test_an_action_is_chosen_waits_for_others_and_is_taken_back(study: Pat
         page.actions.select(last)
         page.draw()
         await it.press("a")
-        await it.shows(Chooser)
+        await it.shows(PickList)
         await it.type("Wait")
         await it.press("enter")
         await it.until(lambda: page.act is not None and len(page.act.actions) == len(ids) + 1)
@@ -142,7 +142,7 @@ async def test_an_action_is_chosen_waits_for_others_and_is_taken_back(study: Pat
         assert (new.calls[0].type, new.wait_for) == ("Wait", (last,))
         await it.until(lambda: page.is_typing, "its first value is asked for")
         await it.press("escape", "escape", "w")
-        await it.shows(ManyChooser)
+        await it.shows(PickList)
         await it.press("enter", "ctrl+u")
         await it.until(lambda: it.screen.study.draft.files == before)
         await it.open("act", "R_Introduction")
@@ -156,12 +156,12 @@ async def test_an_action_is_chosen_waits_for_others_and_is_taken_back(study: Pat
         page.draw()
         assert waits() == ("2",)
         await it.press("w")
-        await it.shows(ManyChooser)
+        await it.shows(PickList)
         await it.press("space", "down", "space", "enter")  # taken in and out
         await it.until(lambda: waits() == ("1",))
         await it.open("act", "R_Smile")
         await it.press("a")
-        await it.shows(Chooser)
+        await it.shows(PickList)
         await it.type("LookAt")
         await it.press("enter")
         await it.until(lambda: act_page(it).is_typing)
@@ -181,7 +181,7 @@ async def test_an_action_is_chosen_waits_for_others_and_is_taken_back(study: Pat
         choices = [FieldChoice("SocialExpression", "SocialExpression"), FieldChoice("Speech", "Speech")]
         found: list[str] = []
         it.screen.choose("Which?", choices, found.append)
-        await it.shows(Chooser)
+        await it.shows(PickList)
         await it.type("Spe")
         await it.press("enter")
         await it.until(lambda: found == ["Speech"], "a name that begins so comes before one in whose words it stands")
@@ -198,13 +198,13 @@ async def test_a_key_of_the_keyboard_is_made_changed_and_renamed(study: Path) ->
             await it.press("a")
             await it.type(key)
             await it.press("enter")
-            await it.shows(Chooser)
+            await it.shows(PickList)
             await it.type(does)
             await it.press("enter")
-            await it.until(lambda: not isinstance(it.pilot.app.screen, Chooser))
+            await it.until(lambda: not isinstance(it.pilot.app.screen, PickList))
 
         await add("z", "wave now")
-        await it.until(lambda: "a key is for an act" in it.notice, "what is nothing is said")
+        await it.until(lambda: "write an act, a rule" in it.notice, "what is nothing is said")
         await add("z", "set person_x = 3")
         await it.until(lambda: 'set = "person_x = 3"' in it.draft_text)
         await add("7", "set person_name = 'Kim'")
@@ -231,14 +231,14 @@ async def test_how_an_act_is_treated_is_set_and_a_robot_is_chosen(study: Path) -
         page = it.screen.opened
         assert isinstance(page, SettingsPage)
         await it.press("a")
-        await it.shows(Chooser)
+        await it.shows(PickList)
         await it.type("R_Greeting hold")
         await it.press("enter")
         await it.until(lambda: it.screen.study.draft.checked.scenario is not None)
         await it.until(lambda: it.screen.study.draft.checked.scenario.settings_of("R_Greeting").hold)
         page.go_to("robot")
         await it.press("enter")
-        await it.shows(Chooser)
+        await it.shows(PickList)
         await it.type("nao")
         await it.press("enter")
         await it.until(lambda: it.screen.study.draft.checked.robot.name == "nao")
@@ -364,7 +364,7 @@ async def test_a_way_out_of_a_state_that_starts_an_act_begins_with_its_end(study
         page = found.screen.opened
         assert isinstance(page, RulePage)
         await found.press("a")
-        await found.until(lambda: page.editor.panel.is_open and not page.editor.panel.is_opening)
+        await found.until(lambda: page.editor.panel.is_open)
         form = page.editor.panel.form
         assert isinstance(form, TransitionRuleForm) and (form.draft.trigger, form.draft.act) == ("ended", "R_Nod")
         await found.press("right")

@@ -14,7 +14,6 @@ import pytest
 from rise_engine.author.edit.workspace import Workspace
 from rise_tui.editor.bars import FindingLine
 from rise_tui.editor.exploring import explore_saved
-from rise_tui.editor.finding_list import FindingChooser
 from rise_tui.editor.model.draft import StudyDraft, draft_of
 from rise_tui.editor.model.explored import (
     ExploredPlace,
@@ -23,6 +22,7 @@ from rise_tui.editor.model.explored import (
     findings_in_rules,
     read_explored,
 )
+from rise_tui.editor.pick_list import PickList
 from rise_tui.editor.rule_page import RulePage
 from rise_tui.screens.detail import DetailScreen
 from rise_tui.widgets.row_list import RowList
@@ -85,9 +85,9 @@ def on_a_state(it: Editor, state: str) -> bool:
     return isinstance(it.screen.opened, RulePage) and it.screen.opened.shown_state == state
 
 
-async def open_list(it: Editor) -> FindingChooser:
+async def open_list(it: Editor) -> PickList:
     await it.press("f")
-    found = await it.shows(FindingChooser)
+    found = await it.shows(PickList)
     await it.until(lambda: found.list.count)
     return found
 
@@ -161,9 +161,9 @@ async def test_the_list_leads_to_the_state_the_act_the_key_and_shows_every_step(
         way = await it.shows(DetailScreen)
         await it.until(lambda: way.list.count)
         text = " ".join(" ".join(texts_of(way.list)).split())
-        assert text == f"{STUCK.text} HOW A SESSION COMES TO THAT 1. {STUCK.way[0]} 2. {STUCK.way[1]}"
+        assert text == f"{STUCK.text} HOW A SESSION GETS THERE 1. {STUCK.way[0]} 2. {STUCK.way[1]}"
         await it.press("escape")
-        again = await it.shows(FindingChooser)
+        again = await it.shows(PickList)
         assert again is not listed and again.list.current_id == "0"
 
 
@@ -183,7 +183,7 @@ async def test_the_list_has_it_after_what_the_check_has_found(study: Path) -> No
 @pytest.mark.parametrize(
     ("found", "said"),
     [
-        (MENDED, "explored 1,300 situations: nothing found that is wrong"),
+        (MENDED, "explored 1,300 situations: no problem found"),
         (None, "could not be explored: `rise-engine explore` says why"),
     ],
 )

@@ -6,7 +6,7 @@ from pathlib import Path
 
 import pytest
 
-from rise_tui.editor.finding_list import FindingChooser, RemedyChooser
+from rise_tui.editor.pick_list import PickList
 from tests.tui.editor.conftest import Editor, editor
 
 RULE = "rules/gaze.xml"
@@ -22,9 +22,9 @@ def write_wrong(study: Path, *wrong: tuple[str, str, str]) -> None:
 async def show_remedies(it: Editor) -> None:
     """Of the first finding."""
     await it.press("f")
-    await it.until(lambda: isinstance(it.pilot.app.screen, FindingChooser))
+    findings = await it.shows(PickList)
     await it.press("tab")
-    await it.until(lambda: not isinstance(it.pilot.app.screen, FindingChooser))
+    await it.until(lambda: it.pilot.app.screen is not findings)
 
 
 @pytest.mark.slow
@@ -33,7 +33,7 @@ async def test_a_finding_is_mended_with_three_keys_and_taken_back_with_one(study
     async with editor(study) as it:
         wrong = it.screen.study.draft.files
         await show_remedies(it)
-        await it.shows(RemedyChooser)
+        await it.shows(PickList)
         await it.press("enter")
         await it.until(lambda: "R_FolowGaze" not in it.draft_text)
         await it.until(lambda: "rules/gaze.xml, line 10, is" in it.notice)
@@ -41,7 +41,7 @@ async def test_a_finding_is_mended_with_three_keys_and_taken_back_with_one(study
         await it.press("ctrl+u")
         await it.until(lambda: it.screen.study.draft.files == wrong)
         await show_remedies(it)
-        await it.shows(RemedyChooser)
+        await it.shows(PickList)
         await it.press("down", "enter")  # another remedy than the first
         await it.until(lambda: it.screen.study.draft.outline.act("R_FolowGaze") is not None)
 
@@ -50,10 +50,10 @@ async def test_what_only_the_author_can_say_is_said_and_enter_goes_there(study: 
     write_wrong(study, (RULE, 'target="Back to default"/>', 'target=""/>'))
     async with editor(study) as it:
         await show_remedies(it)
-        await it.until(lambda: "only you can say what is right here" in it.notice)
+        await it.until(lambda: "only you can decide what is right here" in it.notice)
         await it.press("f", "escape")
         await it.until(lambda: it.pilot.app.screen is it.screen)
         await it.press("f")
-        await it.shows(FindingChooser)
+        await it.shows(PickList)
         await it.press("enter")
         await it.until(lambda: it.screen.opened is not None and it.screen.opened.KIND == "rule")

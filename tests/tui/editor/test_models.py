@@ -11,14 +11,12 @@ from rise_engine.author.edit.plan import EditRefused
 from rise_engine.author.edit.workspace import Workspace
 from rise_engine.scenario.model import Parameter
 from rise_engine.study.study_toml import load_study
+from rise_tui.editor.bars import top_line
 from rise_tui.editor.model.act_form import action_fields, new_action_parameters, parameter_note
-from rise_tui.editor.model.act_rows import action_rows, scale_line
-from rise_tui.editor.model.act_times import action_times
+from rise_tui.editor.model.act_rows import action_rows, action_times, file_lines, scale_line
 from rise_tui.editor.model.data_fields import additions, key_fields, setting_fields
 from rise_tui.editor.model.draft import FilePlace, StudyDraft, draft_of
-from rise_tui.editor.model.file_lines import file_lines
 from rise_tui.editor.model.study_rows import find_at, study_rows, used_by
-from rise_tui.editor.model.top_line import top_line
 from rise_tui.rendering.text import line_width, plain_text
 from tests.study.studies import DESIGN, write_study
 
@@ -153,7 +151,7 @@ def test_a_key_that_does_something_else_of_the_same_kind_keeps_its_label(study: 
     assert (field.text, field.note) == ("act R_Greeting", "“hello”")
     assert field.edits("act R_Other") == (SetSetting(("keys", "z", "act"), "R_Other"),)
     assert field.edits("event /go") == (SetSetting(("keys", "z"), {"event": "/go"}),)
-    with pytest.raises(EditRefused, match="a key is for an act, a rule, an event, or set"):
+    with pytest.raises(EditRefused, match="write an act, a rule, an event or a value"):
         field.edits("jump high")
 
 

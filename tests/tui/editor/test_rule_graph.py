@@ -125,7 +125,7 @@ def test_the_list_of_a_state() -> None:
         "  one of these, by chance",
         "    start the act R_Hello",
         "    start the rule Other, in the state Two, without what it does on entry",
-        "WAYS OUT",
+        "TRANSITIONS",
         "1 as soon as R_Hello has failed or stopped",
         "2 as soon as /skip happens",
         "    stop the act R_Hello",
@@ -169,7 +169,7 @@ def test_where_something_new_stands() -> None:
     assert new(part("2 as soon as")) == at("transition", 1, way=1)
     assert new(part("stop the act")) == at("transition", 1, way=1)
     assert new(part("WHEN IT IS LEFT")) == at("onExit", 0)
-    assert add_statement(part("WAYS OUT"), NOD) is None
+    assert add_statement(part("TRANSITIONS"), NOD) is None
 
 
 def test_an_arm_stands_before_the_last_otherwise() -> None:
@@ -184,7 +184,7 @@ def test_what_is_taken_away_and_moved() -> None:
     assert removal(part("if step"), START, "Course") == RemoveStatement(at("onEntry", 1))
     skip = START.transitions[1].form
     assert removal(part("2 as soon as"), START, "Course") == RemoveTransition("Course", "Start", 1, skip)
-    assert removal(part("WAYS OUT"), START, "Course") is None
+    assert removal(part("TRANSITIONS"), START, "Course") is None
     assert movement(part("2 as soon as"), START, "Course", -1) == MoveTransition("Course", "Start", 1, skip, 0)
     assert movement(part("1 as soon as"), START, "Course", -1) is None
     assert movement(part("if step"), START, "Course", 1) == MoveStatement(at("onEntry", 1), 2)

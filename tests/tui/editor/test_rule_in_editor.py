@@ -16,8 +16,7 @@ from rise_engine.scenario.loader import load
 from rise_tui.editor.app import EditApp
 from rise_tui.editor.model.draft import draft_of
 from rise_tui.editor.rule_page import RulePage
-from rise_tui.editor.sessions import NoSessions
-from rise_tui.editor.study import EditedStudy
+from rise_tui.editor.study import EditedStudy, NoSessions
 
 SCENARIOS = Path(__file__).parents[3] / "scenarios"
 pytestmark = pytest.mark.slow
@@ -86,7 +85,7 @@ async def test_a_trial_goes_with_the_changes_is_kept_as_a_test_and_not_made_of_a
         assert any(row.startswith("✗") for row in page.editor.graph.text.splitlines())
         await press(pilot, "t")
         assert not page.is_trying
-        assert "it can be tried when there is no error" in app.edit_screen.notice.text
+        assert "fix the error first" in app.edit_screen.notice.text
         await press(pilot, "ctrl+u", "t")
         assert page.has_class("-trying") and page.editor.display and page.trial.rows.has_focus
         assert state_of(page) == "Nobody", "the cursor follows the trial"

@@ -12,11 +12,11 @@ from textual.pilot import Pilot
 
 from rise_engine.author.edit.workspace import Workspace
 from rise_tui.editor.app import EditApp
-from rise_tui.editor.chooser import Chooser
+from rise_tui.editor.dialogs import SaveDialog
 from rise_tui.editor.exploring import Explorer
 from rise_tui.editor.model.draft import draft_of
+from rise_tui.editor.pick_list import PickList
 from rise_tui.editor.rule_page import RulePage
-from rise_tui.editor.save_dialog import SaveDialog
 from rise_tui.editor.study import EditedStudy
 from tests.tui.editor.conftest import STUDIES, Editor, OneSession
 from tests.tui.editor.long_rule import long_rule_files
@@ -102,7 +102,7 @@ def test_a_chooser(looks_as_before: Compare, lablinking: Path) -> None:
     async def steps(it: Editor) -> None:
         await it.open("act", "R_Yes")
         await it.press("a")
-        await is_open(it, Chooser)
+        await is_open(it, PickList)
 
     assert looks_as_before(lablinking, "small", steps)
 
@@ -126,7 +126,7 @@ def test_the_form_of_a_way(looks_as_before: Compare, lablinking: Path) -> None:
         assert isinstance(page, RulePage)
         page.editor.go_to_state("After task 1, step 1")
         await it.press("a")
-        await it.until(lambda: page.is_typing and page.editor.panel.rows)
+        await it.until(lambda: page.is_typing)
 
     assert looks_as_before(lablinking, "small", steps)
 
@@ -178,7 +178,7 @@ def test_what_is_wrong(looks_as_before: Compare, lablinking: Path) -> None:
         await it.press("enter")
         await it.until(lambda: it.screen.study.draft.checked.errors)
         it.screen.action_do("edit.findings")
-        await is_open(it, Chooser)
+        await is_open(it, PickList)
 
     assert looks_as_before(lablinking, "small", steps)
 
@@ -189,6 +189,6 @@ def test_what_exploring_has_found(looks_as_before: Compare, study: Path) -> None
         await it.open("rule", "Greeting\0Nobody")
         await it.until(lambda: on_a_state(it, "Nobody"))
         await it.press("f")
-        await is_open(it, Chooser)
+        await is_open(it, PickList)
 
     assert looks_as_before(study, "usual", steps, Explorers(FOUND))

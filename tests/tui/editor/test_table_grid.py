@@ -236,7 +236,7 @@ async def test_a_study_without_tables_says_so_and_makes_one(study: Path) -> None
     async with editor(study) as it:
         await it.open("tables")
         await it.press("enter", "delete", "left", "right", "tab")
-        assert "this study has no tables yet: n makes one" in page_of(it).head.text and "no tables yet" in it.notice
+        assert "this study has no tables yet: n adds one" in page_of(it).head.text and "no tables yet" in it.notice
         await it.press("a")
         await it.type("items")
         await it.press("enter")

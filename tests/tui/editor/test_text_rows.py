@@ -131,13 +131,13 @@ def test_rows_have_their_marks_and_an_act_is_named_once(draft: StudyDraft) -> No
 
 def test_a_stale_text_says_of_what_it_was_and_how_a_session_is_started(draft: StudyDraft) -> None:
     text = " ".join(plain_text(line).strip() for line in note_lines(draft, entry(draft, STALE), "de", "my lab", 80))
-    assert "It was “Very good!”. s: it is right still" in text
+    assert "It was “Very good!”. s: it is still right" in text
     assert "rise-tui --config 'my lab' --language de; refused while 1 text is missing" in text
 
 
 def test_in_a_study_of_many_sessions_the_list_of_participants_says_the_language(folder: Path) -> None:
     (folder / "study.toml").write_text('[study]\nname = "x"\n')
-    assert "the column `language` of participants.csv says it" in session_note(draft_of(Workspace(folder)), "de", "lab")
+    assert "from the column `language` of participants.csv" in session_note(draft_of(Workspace(folder)), "de", "lab")
 
 
 @pytest.mark.parametrize(
@@ -221,7 +221,7 @@ def test_only_a_stale_translation_with_the_same_slots_is_right_still(folder: Pat
         with pytest.raises(EditRefused, match="is not of an earlier text"):
             still_right_edits(entry(draft, id), "de")
     replace(folder / "acts" / "feedback.xml", "Very well done!", "Very well done, {person_name}!")
-    with pytest.raises(EditRefused, match=r"cannot be right still: the translation leaves out \{person_name\}"):
+    with pytest.raises(EditRefused, match=r"cannot still be right: the translation leaves out \{person_name\}"):
         still_right_edits(entry(draft_of(Workspace(folder)), STALE), "de")
 
 

@@ -13,12 +13,11 @@ from textual.pilot import Pilot
 from rise_engine.author.edit.workspace import Workspace
 from rise_tui.editor.act_page import ActPage
 from rise_tui.editor.app import EditApp
-from rise_tui.editor.chooser import AskText, Chooser
+from rise_tui.editor.dialogs import SaveDialog
 from rise_tui.editor.model.draft import draft_of
 from rise_tui.editor.model.text_rows import TextsView, languages_of
-from rise_tui.editor.save_dialog import SaveDialog
-from rise_tui.editor.sessions import RunningHere
-from rise_tui.editor.study import EditedStudy
+from rise_tui.editor.pick_list import AskText, PickList
+from rise_tui.editor.study import EditedStudy, RunningHere
 from rise_tui.editor.texts_page import TextsPage
 from tests.tui.editor.conftest import Editor, OneSession, editor
 from tests.tui.editor.texts_study import LABLINKING, MISSING, STALE, copy_lablinking
@@ -93,7 +92,7 @@ async def test_the_original_is_changed_and_what_lacks_something_is_shown_and_tak
         await it.press("tab", "enter")
         assert page.field.text == "Well done!"
         await it.type(" Really.")
-        await it.until(lambda: "its translation into de is of an earlier text then" in page.said.text)
+        await it.until(lambda: "the text will have changed since its translation into de" in page.said.text)
         await it.press("enter")
         await it.until(lambda: "Well done! Really." in it.draft_text)
         assert page.entry is not None and page.entry.state == "stale"
@@ -101,7 +100,7 @@ async def test_the_original_is_changed_and_what_lacks_something_is_shown_and_tak
         await it.take_back(files)
         page = await open_at(it, STALE)
         await it.press("left", "delete")
-        assert "only a translation is taken away here" in it.notice
+        assert "del removes only translations here" in it.notice
         await it.press("right", "delete")
         await it.until(lambda: "Sehr gut!" not in german(it))
         assert page.entry is not None and page.entry.state == "missing"
@@ -154,7 +153,7 @@ async def test_what_is_wrong_is_said_while_it_is_typed_what_is_pasted_is_one_lin
 async def test_j_opens_the_act_at_its_action_and_a_finding_leads_to_its_text(lab: Path) -> None:
     async with editor(lab) as it:
         await it.press("f")
-        await it.shows(Chooser)
+        await it.shows(PickList)
         await it.type("changed since")
         await it.press("enter")
         await it.until(lambda: isinstance(it.screen.opened, TextsPage) and page_of(it).entry is not None)
@@ -190,7 +189,7 @@ async def test_a_language_is_added_and_left_and_right_go_through_all(lab: Path) 
         await it.press("enter")
         await it.until(lambda: "write fr" in it.notice)
         await it.press("L")
-        await it.shows(Chooser)
+        await it.shows(PickList)
         await it.type("fr")
         await it.press("enter")
         await it.until(lambda: page.view.language == "fr")
@@ -267,7 +266,7 @@ async def test_a_study_that_says_nothing_and_one_that_cannot_be_read(tmp_path: P
     (empty / "scenario.toml").write_text('title = "x"\n')
     async with editor(empty) as it:
         await it.open("texts")
-        assert "nothing is said in this study yet" in page_of(it).parting.text
+        assert "this study has no texts yet" in page_of(it).parting.text
         await it.press("enter", "s", "j", "m", "delete", "tab", "right", "left", "space")
         assert it.screen.opened is not None
     shutil.copytree(LABLINKING, tmp_path / "broken")

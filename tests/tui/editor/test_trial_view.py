@@ -25,7 +25,7 @@ from rise_tui.editor.model.trial_rows import (
     play_again,
     trial_rows,
 )
-from rise_tui.editor.trying.trial_view import TrialView
+from rise_tui.editor.trial_view import TrialView
 from rise_tui.rendering.text import line_width, plain_text
 from tests.tui.editor.pages import PageApp
 
@@ -55,15 +55,15 @@ def rows_of(trial: Trial, width: int = 78) -> list[str]:
 def test_it_says_where_the_rule_stands_and_what_it_waits_for() -> None:
     trial = begun()
     first, second = (plain_text(line) for line in head_lines(trial, RULE, 80))
-    assert "no robot, no record, nothing is kept" in first and first.rstrip().endswith("00:00")
+    assert "no robot, no record" in first and first.rstrip().endswith("00:00")
     assert second.startswith(" Table setting  in Welcome   from Start")
     rows = rows_of(trial)
-    assert rows[0].strip() == "let time go on until something waits"
+    assert rows[0].strip() == "let time pass until something waits"
     assert "says “Hello, and welcome!" in rows[1]
     assert rows[3].strip().startswith("1 R_Welcome ended → After the welcome")
     trial.go_on()
     rows = rows_of(trial)
-    assert rows[0].strip() == "nothing goes on by itself: it waits for you"
+    assert rows[0].strip() == "nothing happens by itself: it waits for you"
     ids = [row.id for row in trial_rows(trial, RULE, 78)]
     assert ids[0] == GO_ON and f"way:0:{RULE}" in ids and "key:n" in ids
     assert any(row.strip().startswith("1 next → Task 1, introduction") and row.endswith("key n") for row in rows)

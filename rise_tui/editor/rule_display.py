@@ -2,68 +2,121 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from typing import Protocol
 
-from textual import on
+from textual import events, on
 from textual.app import ComposeResult
 from textual.containers import Vertical
 from textual.message import Message
 
 from rise_engine.author.drawing.state_graph import GraphLayout
-from rise_engine.author.edit.edits import (
-    AnyEdit,
-)
+from rise_engine.author.edit.edits import AnyEdit
 from rise_engine.author.edit.outline import Outline, WrittenRule, WrittenState
 from rise_engine.base.text import pluralize
 from rise_engine.scenario.diagnostics import Diagnostic
-from rise_tui.editor.model.rule_findings import NO_FINDINGS, rule_findings
+from rise_tui.editor.form_panel import FormPanel
+from rise_tui.editor.model.draft import StudyDraft
+from rise_tui.editor.model.explored import findings_in_rules
 from rise_tui.editor.model.rule_graph import (
+    NO_FINDINGS,
     SEVERITY_MARKS,
     GraphSpot,
     beside,
     draw_rule,
     lay_out_rule,
     parse_spot,
+    rule_findings,
     valid_spot,
 )
-from rise_tui.editor.model.state_parts import (
-    PartRow,
-    state_parts,
-    use_of,
-)
-from rise_tui.editor.model.study_names import StudyNames
-from rise_tui.editor.rules.form_panel import FormPanel
-from rise_tui.editor.rules.rule_lists import PartList, RuleGraphList
+from rise_tui.editor.model.state_parts import PartRow, state_parts, use_of
+from rise_tui.editor.model.study_names import StudyNames, study_names
+from rise_tui.editor.page import TURNS, EditFrame, EditPage
 from rise_tui.model.notice import Level
-from rise_tui.rendering.text import ListRow, StyledLine, StyledSpan, align_at_both_ends, cell_width, crop
-from rise_tui.widgets.row_list import RowView
+from rise_tui.rendering.text import (
+    ListRow,
+    StyledLine,
+    StyledSpan,
+    TextRole,
+    align_at_both_ends,
+    cell_width,
+    crop,
+    shorten,
+)
+from rise_tui.widgets.row_list import RowList, RowView
 from rise_tui.widgets.static_lines import StaticLines
 
 NO_MARK: StyledSpan = ("  ", "plain")
 
 
-class RuleStudy(Protocol):
-    """The study that is changed, as the page needs it."""
+class RuleStudy:
+    """The study as the editor of a rule needs it, with what exploring has found in its rules."""
+
+    def __init__(self, frame: EditFrame, page: EditPage) -> None:
+        self._frame, self._page = frame, page
+        self._names: tuple[StudyDraft, StudyNames] | None = None
 
     @property
-    def outline(self) -> Outline: ...
+    def draft(self) -> StudyDraft:
+        return self._frame.study.draft
 
     @property
-    def names(self) -> StudyNames: ...
+    def outline(self) -> Outline:
+        return self.draft.outline
 
     @property
-    def findings(self) -> Sequence[Diagnostic]: ...
+    def names(self) -> StudyNames:
+        """Made once for each state of the files."""
+        draft = self.draft
+        if self._names is None or self._names[0] is not draft:
+            self._names = (draft, study_names(draft.outline, draft.checked.draft, draft.files))
+        return self._names[1]
 
     @property
-    def files(self) -> Mapping[str, bytes]: ...
+    def findings(self) -> Sequence[Diagnostic]:
+        return [*self.draft.findings, *findings_in_rules(self._frame.explored, self.draft)]
 
     def make(self, *edits: AnyEdit, then: Callable[[], None] | None = None) -> None:
-        """Make edits as one step; `then` is called when they are made. What cannot be made is said."""
+        self._frame.make(*edits, then=then)
 
     def say(self, sentence: str, level: Level = "info") -> None:
-        """Tell the author something."""
+        self._frame.say(sentence, level)
+
+    def preview(self, edits: Callable[[], tuple[AnyEdit, ...]], say: Callable[..., None]) -> None:
+        self._page.preview(edits, say)
+
+
+class RuleGraphList(RowList):
+    """The drawing. The cursor walks over states and ways; left and right go from a state to the way in its row."""
+
+    def move_cursor(self, index: int, *, by_wizard: bool = True) -> None:
+        """Out of view it goes on by a third of it: what follows is seen, and not each row more paints all rows anew."""
+        top, height = self.scroll_offset.y, self.size.height
+        super().move_cursor(index, by_wizard=by_wizard)
+        if height and self.cursor >= top + height:
+            self.scroll_to(y=self.cursor - 2 * height // 3, animate=False)
+        elif height and 0 <= self.cursor < top:
+            self.scroll_to(y=self.cursor - height // 3, animate=False)
+
+
+class PartList(RowList):
+    """What a state does, and its transitions."""
+
+    def __init__(self) -> None:
+        super().__init__(id="rule-parts")
+        self._parts: Sequence[PartRow] = ()
+
+    def show_parts(self, parts: Sequence[PartRow], width: int, marks: Sequence[StyledSpan]) -> None:
+        """
+        :param marks: for each part the mark of a finding.
+        """
+        self._parts = parts
+        self.show([ListRow(part.id, part_line(part, mark, width)) for part, mark in zip(parts, marks, strict=True)])
+
+    @property
+    def part(self) -> PartRow | None:
+        """What is under the cursor."""
+        return self._parts[self.cursor] if 0 <= self.cursor < len(self._parts) else None
 
 
 class RuleDisplay(Vertical):
@@ -75,13 +128,6 @@ class RuleDisplay(Vertical):
     RuleDisplay #rule-parts { height: 1fr; min-height: 3; max-height: 12; }
     RuleDisplay.-form #rule-parts, RuleDisplay.-form #state-heading { display: none; }
     """
-
-    @dataclass
-    class SpotMoved(Message):
-        """The cursor is elsewhere: the file's lines beside it follow."""
-
-        file: str
-        line: int
 
     @dataclass
     class TryRule(Message):
@@ -128,11 +174,6 @@ class RuleDisplay(Vertical):
             return None
         return next((state for state in rule.states if state.id == spot.state), None)
 
-    def show_rule(self, rule: str, state: str = "") -> None:
-        """Show another rule, from its beginning or from a state on."""
-        self._rule_name, self.spot = rule, GraphSpot(state) if state else None
-        self.redraw()
-
     def redraw(self) -> None:
         """Show the rule as it is now."""
         self.panel.is_waiting = False
@@ -140,16 +181,14 @@ class RuleDisplay(Vertical):
         if width <= 0:
             return
         if rule is None:
-            self.graph.show(
-                [ListRow("", ((" this rule is not there any more; esc leaves", "muted"),), selectable=False)]
-            )
+            self.graph.show([ListRow("", ((" this rule no longer exists; esc leaves", "muted"),), selectable=False)])
             return
         if self._laid_out != (rule, width):
             self._laid_out, self._layout = (rule, width), lay_out_rule(rule, width)
         self._findings = rule_findings(rule, self._study.findings)
         self.heading.show(self._heading_line(rule))
         if self._layout is None:
-            hint = " it has no state yet: n makes one"
+            hint = " this rule has no states yet: n adds one"
             self.graph.show([ListRow("", ((hint, "muted"),), selectable=False)])
             self.parts.show([])
             return
@@ -177,8 +216,8 @@ class RuleDisplay(Vertical):
         self.state_heading.show(self._state_line(rule, state, width))
 
     def _heading_line(self, rule: WrittenRule) -> StyledLine:
-        ways = sum(len(state.transitions) for state in rule.states)
-        notes = [f"{pluralize(len(rule.states), 'state')} {pluralize(ways, 'way')}"]
+        transitions = sum(len(state.transitions) for state in rule.states)
+        notes = [f"{pluralize(len(rule.states), 'state')} {pluralize(transitions, 'transition')}"]
         keys = [key for key, what in self._study.names.keyboard.items() if _starts(what, rule.name)]
         notes += [f"key {', '.join(keys)}"] if keys else []
         notes += [f"priority {rule.priority}"] if rule.priority is not None else []
@@ -190,7 +229,7 @@ class RuleDisplay(Vertical):
         return align_at_both_ends(left, ((right, "muted"),), width)
 
     def _state_line(self, rule: WrittenRule, state: WrittenState, width: int) -> StyledLine:
-        first = "  it begins here" if state.id == rule.initial else ""
+        first = "  the rule begins here" if state.id == rule.initial else ""
         template = f"  from the template {state.template}" if state.template else ""
         found = self._findings.of_spot.get(self.spot or GraphSpot(""), ())
         problem: StyledLine = ()
@@ -224,11 +263,12 @@ class RuleDisplay(Vertical):
         elif (part := self.parts.part) is not None and self.spot is not None:
             self._go_to(GraphSpot(self.spot.state, part.way))
 
-    @on(RuleGraphList.GoBeside)
-    def _go_beside(self, event: RuleGraphList.GoBeside) -> None:
-        event.stop()
-        if self._layout is not None and self.spot is not None:
-            self._go_to(beside(self._layout, self.spot, event.step))
+    def on_key(self, event: events.Key) -> None:
+        """In a row with a state and a transition, left and right go from one to the other."""
+        if event.key in TURNS and self.graph.has_focus and self._layout is not None and self.spot is not None:
+            event.stop()
+            event.prevent_default()
+            self._go_to(beside(self._layout, self.spot, TURNS[event.key]))
             self._select_part()
 
     def _go_to(self, spot: GraphSpot | None) -> None:
@@ -244,8 +284,6 @@ class RuleDisplay(Vertical):
             self._draw_parts()
         else:
             self.state_heading.show(self._state_line(rule, state, self.parts.row_width or self.size.width))
-        line = state.transitions[spot.way].line if spot.way >= 0 else state.line
-        self.post_message(self.SpotMoved(rule.file, line))
 
     def _select_part(self) -> None:
         """The list's cursor follows the graph's."""
@@ -275,3 +313,21 @@ def _spot_of(state: WrittenState, part: PartRow) -> GraphSpot | None:
 def _starts(binding: object, rule: str) -> bool:
     """Whether a key of the keyboard starts this rule."""
     return isinstance(binding, dict) and binding.get("rule") == rule
+
+
+def part_line(part: PartRow, mark: StyledSpan, width: int) -> StyledLine:
+    """One row: indented, with its target at the end, which is seen whatever else is cut."""
+    indent = " " * (2 * part.depth)
+    if part.kind == "heading":
+        return (mark, (part.text, "strong"))
+    role: TextRole = "muted" if part.reason else "plain"
+    if part.kind == "way":
+        target = f" → {part.target}" if part.target is not None else "  stays here"
+        end: StyledLine = ((shorten(target, max(8, width // 2)), "muted" if part.target is None else role),)
+        guard: StyledLine = ((f" but only if {part.guard}", "muted"),) if part.guard else ()
+        return align_at_both_ends((mark, (f" {part.text}", role), *guard), end, width)
+    if part.kind == "parameter":
+        return (mark, (indent + part.text, role), (f"   {part.guard}" if part.guard else "", "muted"))
+    if part.kind in ("if", "branch", "choice"):
+        return (mark, (indent + part.text, "muted" if part.reason else "accent"))
+    return (mark, (indent + part.text, "muted" if part.kind == "empty" else role))

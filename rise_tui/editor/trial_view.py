@@ -178,7 +178,7 @@ class TrialView(Vertical):
         if self.value_bar.is_open:
             return (("enter", "sets it"), ("esc", "as it was"))
         return (
-            ("enter", "goes on, does this"), ("←", "a step back"), ("^K", "keep as a test"),
+            ("enter", "continue, or do this"), ("←", "a step back"), ("^K", "save as a test"),
             ("home", "from the start"), ("space", "the cue"),
         )  # fmt: skip
 

@@ -14,16 +14,15 @@ from rise_engine.author.edit.edits import (
     OneOfForm,
     RemoveState,
     RemoveStatement,
+    SetInitial,
     StatementAddress,
 )
 from rise_engine.author.edit.outline import WrittenRule, WrittenState
-from rise_tui.editor.model.call_draft import CallDraft
-from rise_tui.editor.model.form import RuleForm
-from rise_tui.editor.model.name_forms import EventKeyForm, NameForm, TemplateValueForm, make_first
-from rise_tui.editor.model.rule_forms import CallRuleForm, ConditionRuleForm, TransitionRuleForm
-from rise_tui.editor.model.rule_graph import (
-    GraphSpot,
-)
+from rise_tui.editor.form_panel import FormPanel
+from rise_tui.editor.model.call_form import CallDraft, CallRuleForm, ConditionRuleForm
+from rise_tui.editor.model.fields import RuleForm
+from rise_tui.editor.model.name_forms import EventKeyForm, NameForm, TemplateValueForm
+from rise_tui.editor.model.rule_graph import GraphSpot
 from rise_tui.editor.model.state_parts import (
     PartRow,
     add_branch,
@@ -35,16 +34,20 @@ from rise_tui.editor.model.state_parts import (
     state_parts,
     use_of,
 )
-from rise_tui.editor.model.transition_draft import TransitionDraft, likely_way, why_not_editable
-from rise_tui.editor.rules.form_panel import FormPanel
-from rise_tui.editor.rules.rule_display import RuleDisplay
+from rise_tui.editor.model.transition_form import (
+    TransitionDraft,
+    TransitionRuleForm,
+    likely_transition,
+    why_not_editable,
+)
+from rise_tui.editor.rule_display import RuleDisplay
 
 STATE_HINTS = {
-    "edit.open": "what it does", "edit.add": "way out", "edit.new-state": "new state", "edit.rename": "rename",
+    "edit.open": "what it does", "edit.add": "transition", "edit.new-state": "new state", "edit.rename": "rename",
     "edit.try": "try", "edit.remove": "remove", "edit.first": "begins here",
 }  # fmt: skip
 WAY_HINTS = {
-    "edit.open": "change", "edit.add": "another way", "edit.try": "try", "edit.remove": "remove",
+    "edit.open": "change", "edit.add": "transition", "edit.try": "try", "edit.remove": "remove",
     "edit.earlier": "earlier", "edit.later": "later",
 }  # fmt: skip
 PART_HINTS = {
@@ -77,52 +80,51 @@ class RuleEditor(RuleDisplay):
         return self.panel.is_open
 
     def carry_out(self, action: str) -> bool:
-        """Do what an action of the editor means here; False: nothing."""
+        """Carry out an action of the editor; False: it means nothing here."""
         calls: dict[str, Callable[[], None]] = {
-            "edit.open": self._open_here,
-            "edit.add": lambda: self._add(behind=False),
-            "edit.behind": lambda: self._add(behind=True),
             "edit.new-state": self._new_state,
-            "edit.rename": self._rename,
+            "edit.try": self._try_rule,
+            "edit.other": self.action_other_list,
+        }
+        at_cursor: dict[str, Callable[[WrittenRule, WrittenState, GraphSpot], None]] = {
+            "edit.open": self._open_here,
+            "edit.add": lambda rule, state, spot: self._add(rule, state, behind=False),
+            "edit.behind": lambda rule, state, spot: self._add(rule, state, behind=True),
+            "edit.rename": lambda rule, state, spot: self._open(NameForm(rule, "rename state", state.id, state.id)),
             "edit.only-if": self._only_if,
             "edit.otherwise": self._otherwise,
             "edit.chance": self._by_chance,
             "edit.first": self._make_first,
             "edit.remove": self._remove,
-            "edit.earlier": lambda: self._move(-1),
-            "edit.later": lambda: self._move(1),
-            "edit.try": self._try_rule,
-            "edit.other": self.action_other_list,
+            "edit.earlier": lambda rule, state, spot: self._move(rule, state, spot, -1),
+            "edit.later": lambda rule, state, spot: self._move(rule, state, spot, 1),
         }
-        if (call := calls.get(action)) is None:
-            return False
-        call()
-        return True
+        rule, state, spot = self.rule, self.state, self.spot
+        if action in calls:
+            calls[action]()
+        elif action in at_cursor and rule is not None and state is not None and spot is not None:
+            at_cursor[action](rule, state, spot)
+        return action in calls or action in at_cursor
 
     # --- forms ---
 
-    def _open_here(self) -> None:
-        rule, state, spot = self.rule, self.state, self.spot
-        if rule is None or state is None or spot is None:
-            return
-        if self.graph.has_focus:
-            if spot.way >= 0:
-                self._open_way(rule, state, spot.way)
-            else:
-                self.parts.focus()
-            return
+    def _open_here(self, rule: WrittenRule, state: WrittenState, spot: GraphSpot) -> None:
         part = self.parts.part
-        if part is not None:
+        if self.graph.has_focus and spot.way >= 0:
+            self._open_transition(rule, state, spot.way)
+        elif self.graph.has_focus:
+            self.parts.focus()
+        elif part is not None:
             self._open_part(rule, state, part)
 
     def _open_part(self, rule: WrittenRule, state: WrittenState, part: PartRow) -> None:
         names = self._study.names
         if part.kind == "heading" and part.at is None and not part.reason:
-            self._add_way()
+            self._add_transition(rule, state)
         elif part.reason:
             self._refuse(f"{part.reason}; e opens the file there")
         elif part.kind == "way":
-            self._open_way(rule, state, part.way)
+            self._open_transition(rule, state, part.way)
         elif part.kind == "call" and part.at is not None and (call := call_at(state, part)) is not None:
             self._open(CallRuleForm(names, CallDraft.of(call), part.at, call))
         elif part.kind in ("if", "branch") and part.at is not None and part.guard:
@@ -133,9 +135,9 @@ class RuleEditor(RuleDisplay):
             given = use.values.get(name)
             self._open(TemplateValueForm(use, name, given.text if given is not None else ""))
         else:
-            self._add(behind=False)
+            self._add(rule, state, behind=False)
 
-    def _open_way(self, rule: WrittenRule, state: WrittenState, number: int) -> None:
+    def _open_transition(self, rule: WrittenRule, state: WrittenState, number: int) -> None:
         way = state.transitions[number]
         if reason := way.reason or why_not_editable(way.form):
             self._refuse(f"{reason}; e opens the file there")
@@ -161,55 +163,54 @@ class RuleEditor(RuleDisplay):
 
     def close_form(self) -> None:
         """Back to the list, or the graph, where the form was opened."""
-        self.panel.close()
+        self.panel.close_form()
         self.remove_class("-form")
         self._opened_from.focus()
 
-    def _add(self, *, behind: bool) -> None:
-        """A function at the cursor of the list; in the graph, a way out of the state."""
+    def _add(self, rule: WrittenRule, state: WrittenState, *, behind: bool) -> None:
+        """A function at the cursor of the list; in the graph, a transition of the state."""
         part = self.parts.part
         if self.graph.has_focus or part is None or (part.kind == "heading" and part.at is None):
-            self._add_way()
+            self._add_transition(rule, state)
             return
         edit = add_statement(part, CallForm("startCommunicationRobotAct", ""), behind=behind)
         if edit is None:
-            self._refuse(part.reason or "nothing can stand here")
+            self._refuse(part.reason or "nothing can be added here")
             return
         self._open(CallRuleForm(self._study.names, CallDraft(), edit.at))
 
-    def _add_way(self) -> None:
-        rule, state = self.rule, self.state
-        if rule is not None and state is not None:
-            draft = likely_way(state)
-            form = TransitionRuleForm(self._study.names, rule, state.id, draft, ways=len(state.transitions))
-            self._open(form, "trigger")
+    def _add_transition(self, rule: WrittenRule, state: WrittenState) -> None:
+        draft, count = likely_transition(state), len(state.transitions)
+        self._open(TransitionRuleForm(self._study.names, rule, state.id, draft, count=count), "trigger")
 
     def _new_state(self) -> None:
         rule = self.rule
         if rule is not None:
             behind = self.spot.state if self.spot is not None else ""
-            self._open(NameForm(self._study.names, rule, "new state", "", behind))
+            self._open(NameForm(rule, "new state", "", behind))
 
-    def _rename(self) -> None:
-        rule, state = self.rule, self.state
-        if rule is not None and state is not None:
-            self._open(NameForm(self._study.names, rule, "rename state", state.id, state.id))
-
-    def _only_if(self) -> None:
-        """The function at the cursor is to be done only if something is true."""
-        state, part = self.state, self.parts.part
-        call = call_at(state, part) if state is not None and part is not None else None
+    def _function_here(self, state: WrittenState, key: str) -> tuple[StatementAddress, CallForm] | None:
+        """The function at the cursor of the list; None: the reason was said. :param key: what the key does with it."""
+        part = self.parts.part
+        call = call_at(state, part) if part is not None else None
         if not self.parts.has_focus or part is None or part.at is None or call is None:
-            self._refuse("o puts a function into a condition: go to one in the list below the graph (tab)")
+            self._refuse(f"{key}: go to one in the list below the graph (tab)")
         elif part.reason:
             self._refuse(f"{part.reason}; e opens the file there")
         else:
-            self._open(ConditionRuleForm(self._study.names, part.at, "wrap", call=call))
+            return part.at, call
+        return None
 
-    def _otherwise(self) -> None:
-        part, parts = self.parts.part, self._parts_now()
+    def _only_if(self, rule: WrittenRule, state: WrittenState, spot: GraphSpot) -> None:
+        """Do the function at the cursor only if something is true."""
+        if (found := self._function_here(state, "o puts a function into a condition")) is not None:
+            at, call = found
+            self._open(ConditionRuleForm(self._study.names, at, "wrap", call=call))
+
+    def _otherwise(self, rule: WrittenRule, state: WrittenState, spot: GraphSpot) -> None:
+        part, parts = self.parts.part, state_parts(rule.name, state)
         if not self.parts.has_focus or part is None:
-            self._refuse("l says what happens otherwise: go to a condition in the list below the graph (tab)")
+            self._refuse("l adds what happens otherwise: go to a condition in the list below the graph (tab)")
             return
         without, with_condition = add_branch(part, parts, None), add_branch(part, parts, "x")
         edit = without or with_condition
@@ -219,44 +220,39 @@ class RuleEditor(RuleDisplay):
         form = ConditionRuleForm(self._study.names, edit.at, "otherwise", can_be_else=without is not None)
         self._open(form)
 
-    def _by_chance(self) -> None:
-        """The function at the cursor becomes one of several, of which one is picked."""
-        state, part = self.state, self.parts.part
-        call = call_at(state, part) if state is not None and part is not None else None
-        if not self.parts.has_focus or part is None or part.at is None or call is None:
-            self._refuse("b makes a function one of several: go to one in the list below the graph (tab)")
-        elif part.reason:
-            self._refuse(f"{part.reason}; e opens the file there")
-        else:
-            first = structs.replace(part.at, path=(*part.at.path, 0))
-            edits = (RemoveStatement(part.at), AddStatement(part.at, OneOfForm((call,))))
+    def _by_chance(self, rule: WrittenRule, state: WrittenState, spot: GraphSpot) -> None:
+        """Make the function at the cursor one of several; chance picks one of them."""
+        if (found := self._function_here(state, "b makes a function one of several")) is not None:
+            at, call = found
+            first = structs.replace(at, path=(*at.path, 0))
+            edits = (RemoveStatement(at), AddStatement(at, OneOfForm((call,))))
             self._change(*edits, then=lambda: self.parts.select(id_of_call(first)))
 
-    def _make_first(self) -> None:
-        rule, state = self.rule, self.state
-        if rule is not None and state is not None:
-            self._change(*make_first(rule, state.id))
+    def _make_first(self, rule: WrittenRule, state: WrittenState, spot: GraphSpot) -> None:
+        self._change(*(() if rule.initial == state.id else (SetInitial(rule.name, state.id),)))
 
-    def _remove(self) -> None:
-        rule, state, spot = self.rule, self.state, self.spot
-        if rule is None or state is None or spot is None:
-            return
+    def _part_here(self, rule: WrittenRule, state: WrittenState, spot: GraphSpot) -> PartRow | None:
+        """The row at the cursor of the list; in the graph, the row of the transition under the cursor."""
+        if self.parts.has_focus:
+            return self.parts.part
+        parts = state_parts(rule.name, state)
+        return next((part for part in parts if part.kind == "way" and part.way == spot.way), None)
+
+    def _remove(self, rule: WrittenRule, state: WrittenState, spot: GraphSpot) -> None:
         if self.graph.has_focus and spot.way < 0:
             self._change(RemoveState(rule.name, state.id))
             return
-        part = self.parts.part if self.parts.has_focus else self._way_part(spot.way)
+        part = self._part_here(rule, state, spot)
         edit = removal(part, state, rule.name) if part is not None else None
-        if edit is None or (part is not None and part.reason):
-            reason = part.reason if part is not None else ""
-            self._refuse(f"{reason}; e opens the file there" if reason else "there is nothing to take away here")
+        if part is not None and part.reason:
+            self._refuse(f"{part.reason}; e opens the file there")
+        elif edit is None:
+            self._refuse("there is nothing to remove here")
         else:
             self._change(edit)
 
-    def _move(self, step: int) -> None:
-        rule, state, spot = self.rule, self.state, self.spot
-        if rule is None or state is None or spot is None:
-            return
-        part = self.parts.part if self.parts.has_focus else self._way_part(spot.way)
+    def _move(self, rule: WrittenRule, state: WrittenState, spot: GraphSpot, step: int) -> None:
+        part = self._part_here(rule, state, spot)
         edit = movement(part, state, rule.name, step) if part is not None else None
         if part is None or edit is None:
             self._refuse((part.reason if part is not None else "") or "it cannot be moved further")
@@ -270,17 +266,15 @@ class RuleEditor(RuleDisplay):
             self._select_part()
         elif part.at is not None:
             moved = (*part.at.path[:-1], part.at.path[-1] + step)
-            at = StatementAddress(part.at.rule, part.at.state, part.at.place, part.at.transition, moved)
-            self.parts.select(part._replace(at=at).id)
-
-    def _parts_now(self) -> list[PartRow]:
-        rule, state = self.rule, self.state
-        return state_parts(rule.name, state) if rule is not None and state is not None else []
-
-    def _way_part(self, number: int) -> PartRow | None:
-        return next((part for part in self._parts_now() if part.kind == "way" and part.way == number), None)
+            self.parts.select(part._replace(at=structs.replace(part.at, path=moved)).id)
 
     # --- changes ---
+
+    @on(FormPanel.FormChanged)
+    def _form_changed(self, event: FormPanel.FormChanged) -> None:
+        event.stop()
+        if not event.form.missing():
+            self._study.preview(event.form.edits, self.panel.say_finding)
 
     @on(FormPanel.FormLeft)
     def _form_left(self, event: FormPanel.FormLeft) -> None:
@@ -298,7 +292,7 @@ class RuleEditor(RuleDisplay):
 
     def _form_done(self, form: RuleForm) -> None:
         """The form has become true: the cursor goes to what was made."""
-        if isinstance(form, NameForm) and form.purpose != "rename rule":
+        if isinstance(form, NameForm):
             self.spot = GraphSpot(form.name.strip())
         if isinstance(form, TransitionRuleForm) and form.index is None and (state := self.state) is not None:
             same = [number for number, way in enumerate(state.transitions) if way.form == form.draft.form()]
@@ -337,4 +331,4 @@ def _arm(part: PartRow) -> StatementAddress:
     """The arm of an `if` whose condition a row shows."""
     assert part.at is not None
     path = (*part.at.path, 0) if part.kind == "if" else part.at.path
-    return StatementAddress(part.at.rule, part.at.state, part.at.place, part.at.transition, path)
+    return structs.replace(part.at, path=path)

@@ -1,0 +1,250 @@
+"""What opens over the editor: help, palette, a draft, two versions of a file, what is saved, what is wrong."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from datetime import datetime
+from pathlib import Path
+from typing import ClassVar
+
+from textual import on
+from textual.app import App, ComposeResult
+from textual.binding import Binding, BindingType
+
+from rise_engine.author.edit.drafts import Draft
+from rise_engine.scenario.diagnostics import Diagnostic
+from rise_tui.editor.model.draft import StudyDraft, count
+from rise_tui.editor.model.explored import ExploredPlace, explored_rows, find_explored
+from rise_tui.editor.model.fields import FieldChoice
+from rise_tui.editor.model.study_rows import find_at
+from rise_tui.editor.page import EditFrame
+from rise_tui.editor.pick_list import Picked, PickList
+from rise_tui.editor.study import EditedStudy
+from rise_tui.rendering.modal import SingleDismissModal
+from rise_tui.rendering.text import ListRow, TextRole, clean, crop, shorten, wrap
+from rise_tui.screens.detail import DetailScreen
+from rise_tui.screens.dialog import Dialog, DialogChoice
+from rise_tui.screens.help import HelpScreen, edit_help_entries
+from rise_tui.screens.palette import Palette
+from rise_tui.screens.palette_commands import PaletteCommand, edit_commands, theme_commands
+from rise_tui.widgets.row_list import RowList, RowView
+from rise_tui.widgets.titled_box import TitledBox
+
+_SHOWN = 8
+"""Changes that a dialog names."""
+
+
+def folder_of(study: EditedStudy) -> Path:
+    """Where the study lies."""
+    return Path(study.draft.folder)
+
+
+def open_help(app: App[object]) -> None:
+    """Every key and word of the editor."""
+    app.push_screen(HelpScreen(list(edit_help_entries())))
+
+
+def open_palette(app: App[object], run: Callable[[str], None] | None) -> None:
+    """What can be done in the editor, and the themes; without `run` the themes alone."""
+
+    def use_theme(name: str) -> None:
+        app.theme = name
+
+    def run_chosen(command: PaletteCommand | None) -> None:
+        if command is not None:
+            command.run()
+
+    commands = [*(edit_commands(run) if run is not None else ()), *theme_commands(use_theme)]
+    app.push_screen(Palette(commands, "command or theme" if run is not None else "theme"), run_chosen)
+
+
+def ask_about_clash(app: App[object], files: Sequence[str], take: Callable[[], None]) -> None:
+    """Which version of files is to stay, when they have unsaved changes here and were changed on the disk.
+
+    :param take: takes them as they are on the disk.
+    """
+    named = ", ".join(map(clean, files))
+    lines = [
+        f"Somebody has changed {named} on the disk. You have unsaved changes in the same place.",
+        "Keep yours: saving then overwrites the other version, and shows you first which lines.",
+        "Take the other's: undo (ctrl+u) brings yours back.",
+    ]
+    question = Dialog(
+        "Changed here and on the disk",
+        lines,
+        DialogChoice("o", "Take the other's"),
+        no="Keep yours",
+    )
+    app.push_screen(question, lambda key: take() if key == "o" else None)
+
+
+def _local_time(kept: str) -> str:
+    """A moment as clocks on the wall here show it; as it is written where it is none."""
+    try:
+        return datetime.fromisoformat(kept).astimezone().strftime("%Y-%m-%d %H:%M")
+    except ValueError:
+        return clean(kept)
+
+
+def draft_dialog(draft: Draft) -> Dialog:
+    """What an earlier editor has not saved: it is taken up or forgotten; esc leaves the editor, so that it is kept."""
+    says = [clean(sentence) for sentence in draft.says]
+    lines = [
+        f"An editor ended without saving ({_local_time(draft.kept)}):",
+        *(f"· {each}" for each in says[:_SHOWN]),
+    ]
+    lines += [f"· and {len(says) - _SHOWN} more"] if len(says) > _SHOWN else []
+    return Dialog("Unsaved changes", lines, DialogChoice("d", "Discard it"), DialogChoice("t", "Restore it"),
+                  no="Leave the editor", default="t")  # fmt: skip
+
+
+class SaveDialog(SingleDismissModal[bool]):
+    """The result is whether it is to be saved."""
+
+    DEFAULT_CSS = """
+    SaveDialog {
+        align: center middle; background: transparent;
+        #box { width: 96; height: 90%; }
+        RowList { background: $panel; }
+    }
+    """
+    BINDINGS: ClassVar[list[BindingType]] = [
+        Binding("enter,ctrl+o", "save", show=False),
+        Binding("escape", "leave", show=False),
+    ]
+
+    def __init__(self, draft: StudyDraft, diff: str) -> None:
+        super().__init__()
+        self._draft, self._diff = draft, diff
+        self._errors = draft.checked.errors
+        self.list = RowList()
+
+    def compose(self) -> ComposeResult:
+        title = "Not saved: there is an error" if self._errors else f"Save {self._draft.title}?"
+        keys = "esc keeps editing" if self._errors else "enter saves · esc keeps editing · ↑↓ read"
+        with TitledBox(title, keys):
+            yield self.list
+
+    def on_mount(self) -> None:
+        self.set_focus(self.list)
+
+    @on(RowView.Resized)
+    def _draw(self) -> None:
+        width = max(20, self.list.row_width)
+        self.list.show(save_rows(self._draft, self._diff, self._errors, width))
+
+    def action_save(self) -> None:
+        """Only without errors."""
+        self.dismiss(not self._errors)
+
+    def action_leave(self) -> None:
+        self.dismiss(False)
+
+
+def save_rows(draft: StudyDraft, diff: str, errors: Sequence[Diagnostic], width: int) -> list[ListRow]:
+    """Errors, then what was changed in words, then the lines of the files."""
+    rows: list[ListRow] = []
+
+    def add(text: str, role: TextRole = "plain", indent: str = " ") -> None:
+        for number, piece in enumerate(wrap(text, max(20, width - len(indent) - 2))):
+            rows.append(ListRow("", ((f"{indent}{'  ' if number else ''}{piece}", role),), selectable=False))
+
+    if errors:
+        add(f"{count(len(errors), 'error')}: fix this first. Your changes stay in the draft.")
+        for each in errors:
+            add(f"✗ {each.location.file}:{each.location.line} {clean(each.message)}", "fault")
+        rows.append(ListRow("", (), selectable=False))
+    add(f"{count(len(draft.changes), 'change')} in {count(len(draft.changed_files), 'file')}", "accent")
+    for change in draft.changes:
+        for sentence in change.says:
+            add(f"· {clean(sentence)}")
+        for sentence in change.noticed:
+            add(f"▲ {clean(sentence)}", "wait")
+    rows.append(ListRow("", (), selectable=False))
+    roles: dict[str, TextRole] = {"+": "strong", "-": "muted", "@": "accent"}
+    for line in diff.splitlines():
+        role = roles.get(line[:1], "plain")
+        rows.append(ListRow("", crop(((f" {line.expandtabs(4)}", role),), width), selectable=False))
+    return rows
+
+
+_TITLE_WIDTH = 70
+"""Characters of a finding in the title of its remedies, at 80 columns."""
+
+
+def choose_finding(frame: EditFrame, app: App[object], *, now: str = "") -> None:
+    """List everything that is wrong. The page of the chosen one opens, or its remedies.
+
+    :param now: the number of the one on which the cursor begins.
+    """
+    draft, explored = frame.study.draft, frame.explored
+    findings = draft.findings
+    if not findings and not explored.findings:
+        frame.say("nothing is wrong: no errors and no warnings")
+        return
+
+    def take(picked: Picked | None) -> None:
+        if picked is None:
+            return
+        number = int(picked.value)
+        if number >= len(findings):
+            finding = explored.findings[number - len(findings)]
+            if picked.is_tab:
+                _show_steps(frame, app, finding, picked.value)
+            else:
+                _go_to(frame, find_explored(draft, finding), finding.text)
+        elif picked.is_tab:
+            _show_remedies(frame, app, findings[number])
+        else:
+            where = findings[number].location
+            _go_to(frame, find_at(draft, where.file, where.line), str(findings[number]))
+
+    word = explored.word(draft)
+    choices = [_choice(number, each) for number, each in enumerate(findings)]
+    choices += [_explored_choice(number, each, word) for number, each in enumerate(explored.findings, len(findings))]
+    tab = ["what can be done"] * len(findings)
+    tab += ["step by step" if each.way else "" for each in explored.findings]
+    title = " · ".join(filter(None, ("What is wrong", explored.seen(draft))))
+    keys = {choice.value: word for choice, word in zip(choices, tab, strict=True)}
+    app.push_screen(PickList(title, choices, now=now, enter="goes there", tab=keys), take)
+
+
+def _choice(number: int, finding: Diagnostic) -> FieldChoice:
+    mark = "✗" if finding.severity == "error" else "▲"
+    where = f"{mark} {finding.location.file}:{finding.location.line}"
+    return FieldChoice(str(number), where, clean(finding.message))
+
+
+def _explored_choice(number: int, finding: ExploredPlace, word: str) -> FieldChoice:
+    where = f"{finding.mark} {finding.file}:{finding.line}" if finding.file else finding.mark
+    return FieldChoice(str(number), where, f"{word}: {clean(finding.text)}")
+
+
+def _go_to(frame: EditFrame, page: tuple[str, str] | None, text: str) -> None:
+    """Open the page of a finding; without one, say its text."""
+    if page is None:
+        frame.say(clean(text), "wait")
+    else:
+        frame.open_page(*page)
+
+
+def _show_steps(frame: EditFrame, app: App[object], finding: ExploredPlace, now: str) -> None:
+    """Show the steps of a session that lead to a finding; then the list again, at the same place."""
+    title = f"{frame.explored.word(frame.study.draft)}: {finding.file}:{finding.line}"
+    steps = DetailScreen(title, lambda width: explored_rows(finding, width))
+    app.push_screen(steps, lambda _: choose_finding(frame, app, now=now))
+
+
+def _show_remedies(frame: EditFrame, app: App[object], finding: Diagnostic) -> None:
+    found = frame.study.remedies(finding)
+    text = clean(finding.message)
+    if not found:
+        frame.say(f"only you can decide what is right here: {text}", "wait")
+        return
+
+    def take(picked: Picked | None) -> None:
+        if picked is not None:
+            frame.make(found[int(picked.value)].edit)
+
+    choices = [FieldChoice(str(number), clean(each.title)) for number, each in enumerate(found)]
+    app.push_screen(PickList(shorten(text, _TITLE_WIDTH), choices), take)

@@ -1,0 +1,203 @@
+"""Dialogs that ask: a list in which typing filters, and a line to type in."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from typing import NamedTuple
+
+from textual import events, on
+from textual.app import ComposeResult
+from textual.widgets import Input
+
+from rise_tui.editor.model.fields import FieldChoice
+from rise_tui.rendering.modal import SingleDismissModal
+from rise_tui.rendering.text import ListRow, StyledSpan, cell_width, crop, fixed_span, wrap
+from rise_tui.screens.search_dialog import SearchDialog
+from rise_tui.widgets.memory_editor import TextField
+from rise_tui.widgets.row_list import RowView
+from rise_tui.widgets.static_lines import StaticLines
+from rise_tui.widgets.titled_box import TitledBox
+
+NEW = "\0new"
+"""The id of the row that makes what was typed."""
+WHOLE = 3
+"""Lines for the whole help of a choice."""
+IN_WORDS = 2
+MOVES = {"up": -1, "down": 1}
+PAGES = {"pageup": -1, "pagedown": 1}
+
+
+def _distance(choice: FieldChoice, typed: str) -> int:
+    """0: the choice's name begins so; 1: the name has it; IN_WORDS: only its help has it."""
+    title, wanted = choice.title.casefold(), typed.casefold()
+    return 0 if title.startswith(wanted) else 1 if wanted in title else IN_WORDS
+
+
+class Picked(NamedTuple):
+    """What was chosen."""
+
+    value: str
+    """Under the cursor."""
+    ticked: tuple[str, ...] = ()
+    """All that are ticked, in the order of the list."""
+    is_tab: bool = False
+    """Whether tab was pressed, not enter."""
+
+
+class OneWordField(TextField):
+    """A field in which space is no letter: it belongs to the dialog around it."""
+
+    def on_key(self, event: events.Key) -> None:
+        if event.key == "space":
+            event.prevent_default()
+
+
+class PickList(SearchDialog[Picked]):
+    """One of several, or any number of them. A name that is none of them can be offered as a new one."""
+
+    DEFAULT_CSS = """
+    PickList #box { max-width: 92; height: auto; }
+    PickList FoundList { height: auto; max-height: 14; min-height: 4; }
+    PickList StaticLines { height: 3; background: $panel; margin: 1 0 0 0; }
+    """
+
+    def __init__(
+        self,
+        title: str,
+        choices: Sequence[FieldChoice],
+        *,
+        now: str = "",
+        new: str = "",
+        ticked: Sequence[str] | None = None,
+        enter: str = "takes it",
+        tab: Mapping[str, str] | None = None,
+    ) -> None:
+        """
+        :param now: the value on which the cursor begins.
+        :param new: what is made of a name that is not in the list; empty: nothing.
+        :param ticked: the values that are ticked at first; None: one is chosen, and nothing is ticked.
+        :param enter: what enter does. :param tab: what tab does for a value; for others it does nothing.
+        """
+        super().__init__(title, "", "type to filter")
+        if ticked is not None:
+            self.search = OneWordField(placeholder="type to filter", select_on_focus=False)
+        self._choices, self._now, self._new = choices, now, new
+        self._ticked = None if ticked is None else set(ticked)
+        self._enter, self._tab = enter, tab or {}
+        self._whole = StaticLines()
+
+    def compose(self) -> ComposeResult:
+        with TitledBox(self._title, self._keys_line()):
+            yield self.search
+            yield self.list
+            yield self._whole
+
+    def draw(self) -> None:
+        typed = self.search.value.strip()
+        self._draw_rows()
+        self.list.move_cursor(0 if self.list.count and self.list.row_at(0).selectable else -1, by_wizard=False)
+        if not typed:
+            self.list.select(self._now)
+        self._show_whole()
+
+    def _draw_rows(self) -> None:
+        typed, wanted, width = self.search.value.strip(), self.typed_filter(), self.list.row_width
+        found = [each for each in self._choices if self.is_found(wanted, f"{each.title} {each.help}")]
+        if typed:  # the beginning of a name means that name, not another whose help has it
+            found.sort(key=lambda each: _distance(each, typed))
+        rows = [ListRow(each.value, self._line(each, width)) for each in found]
+        if self._new and typed and all(each.value != typed for each in self._choices):
+            by_title = sum(_distance(each, typed) < IN_WORDS for each in found)
+            rows.insert(by_title, ListRow(NEW, ((f" make “{typed}”, {self._new}", "accent"),)))
+        self.list.show(rows or [ListRow("", ((" nothing found", "muted"),), selectable=False)])
+
+    @on(RowView.CursorMoved)
+    def _show_whole(self) -> None:
+        """The keys of the row under the cursor, and its whole help where the list has no room for it."""
+        self.query_one("#box").border_subtitle = f" {self._keys_line()} "
+        width = self.list.row_width
+        room = width - self._title_width(width) - 4
+        self._whole.display = any(cell_width(each.help) > room for each in self._choices)
+        chosen = next((each.help for each in self._choices if each.value == self.list.current_id), "")
+        lines = wrap(chosen, max(20, width - 4))[:WHOLE] if cell_width(chosen) > room else []
+        self._whole.show(*(((f"   {line}", "plain"),) for line in [*lines, *[""] * (WHOLE - len(lines))]))
+
+    def _keys_line(self) -> str:
+        if self._ticked is not None:
+            return "space: yes or no · enter done · esc as it was"
+        tab = self._tab.get(self.list.current_id, "")
+        arrows = "↑↓ · " if not self._tab else ""
+        return f"type to filter · {arrows}enter {self._enter}{f' · tab {tab}' if tab else ''} · esc closes"
+
+    def _line(self, choice: FieldChoice, width: int) -> tuple[StyledSpan, ...]:
+        mark: StyledSpan = (" • " if choice.value == self._now else "   ", "accent")
+        if self._ticked is not None:
+            mark = (" [x] " if choice.value in self._ticked else " [ ] ", "accent")
+        return crop((mark, fixed_span(choice.title, self._title_width(width)), (f" {choice.help}", "muted")), width)
+
+    def _title_width(self, width: int) -> int:
+        if not any(each.help for each in self._choices):
+            return max(10, width - 5)
+        longest = max((cell_width(each.title) for each in self._choices), default=0)
+        return max(10, min(longest + 1, 36, width // 2))
+
+    def carry_out_key(self, key: str) -> bool:
+        current = self.list.current_id
+        if key == "enter" or (key == "tab" and self._tab.get(current)):
+            self._dismiss_with(current, is_tab=key == "tab")
+        elif key in MOVES:
+            self.list.action_step(MOVES[key])
+        elif key in PAGES:
+            self.list.action_page(PAGES[key])
+        elif key == "space" and self._ticked is not None:
+            if current:
+                self._ticked ^= {current}
+                self._draw_rows()
+        else:
+            return key == "tab"
+        return True
+
+    def _dismiss_with(self, current: str, *, is_tab: bool) -> None:
+        if self._ticked is not None:
+            ticked = tuple(each.value for each in self._choices if each.value in self._ticked)
+            self.dismiss(Picked(current, ticked))
+        elif self.list.cursor >= 0:
+            self.dismiss(Picked(self.search.value.strip() if current == NEW else current, is_tab=is_tab))
+
+
+class AskText(SingleDismissModal[str]):
+    """A line to type in; the result is what was typed, without blanks around it."""
+
+    DEFAULT_CSS = """
+    AskText {
+        align: center middle; background: transparent;
+        #box { width: 70; }
+        StaticLines { background: $panel; }
+        TextField, TextField:focus { background: $surface; margin: 0 0 1 0; }
+    }
+    """
+
+    def __init__(self, title: str, text: str, hint: str = "") -> None:
+        super().__init__()
+        self._title, self._hint = title, hint
+        self._field = TextField(text, select_on_focus=False)
+        self._line = StaticLines()
+
+    def compose(self) -> ComposeResult:
+        with TitledBox(self._title, "enter takes it · esc closes"):
+            yield self._field
+            yield self._line
+
+    def on_mount(self) -> None:
+        self.set_focus(self._field)
+        self._line.show(((self._hint, "muted"),))
+
+    @on(Input.Submitted)
+    def _submitted(self, event: Input.Submitted) -> None:
+        event.stop()
+        self.dismiss(event.value.strip())
+
+    def on_key(self, event: events.Key) -> None:
+        if event.key == "escape":
+            event.stop()
+            self.dismiss("")
