@@ -285,7 +285,7 @@ class ConsoleApp(TerminalApp):
         try:
             recovered = await asyncio.to_thread(recover, session.store.attach_reply, report)
         except (EngineGone, RegistryError, StudyRefused) as error:
-            session.show_notice(Notice(f"it is not recovered: {error}", "fault"))
+            session.show_notice(Notice(f"could not recover it: {error}", "fault"))
             return
         await self._leave_session(session, end=False)
         await self._close_console_screen()

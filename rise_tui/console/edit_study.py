@@ -15,7 +15,7 @@ from rise_tui.editor.model.draft import StudyDraft, draft_of
 from rise_tui.editor.screen import EditScreen
 from rise_tui.editor.study import EditedStudy
 
-RUNS = "the session that runs here goes on with its own copy of the files; what you save counts for the next one"
+RUNS = "the running session keeps its own copy of the files; what you save applies to the next one"
 
 
 async def open_editor(app: App[object], folder: str, refuse: Callable[[str], None], *, runs: bool) -> None:
@@ -28,7 +28,7 @@ async def open_editor(app: App[object], folder: str, refuse: Callable[[str], Non
     try:
         workspace, draft = await asyncio.to_thread(read)
     except EditRefused as refused:
-        refuse(f"the editor does not open: {refused}")
+        refuse(f"the editor cannot open: {refused}")
         return
     notice = workspace.read_only or (RUNS if runs else "")
     await app.push_screen(EditScreen(EditedStudy(workspace, draft), notice=notice, may_suspend=not runs))
@@ -38,4 +38,4 @@ def tell_editor(app: App[object]) -> None:
     """The stop key was pressed: the editor that lies over the console says so, for it hides what came of it."""
     for screen in app.screen_stack:
         if isinstance(screen, EditScreen):
-            screen.say("STOP was sent: the console below says what the robot has confirmed", "fault")
+            screen.say("STOP was sent: the console below shows what the robot has confirmed", "fault")

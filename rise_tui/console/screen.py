@@ -187,7 +187,7 @@ class ConsoleScreen(Screen[None]):
     def show_armed(self, act: str) -> None:
         self.store.armed_act = act
         if act:
-            self.show_notice(f"{act}: Enter or the same key again within 2 s starts it", "wait")
+            self.show_notice(f"{act}: press Enter or the same key again within 2 s to start it", "wait")
         else:
             self.refresh_scheduler.clear_notice()
         self.refresh_scheduler.schedule({"acts"})

@@ -191,7 +191,7 @@ class MemoryPane(ListPane):
         elif not path:
             self.post_message(ShowNotice("no key is selected"))
         elif (name := str(path[0])) in self.store.scenario.tables:
-            self.post_message(ShowNotice(f"{name} is a table, which nothing changes; its file is tables/{name}.csv"))
+            self.post_message(ShowNotice(f"{name} is a table and cannot be changed here; edit tables/{name}.csv"))
         elif action == "memory.edit":
             self._open_editor(path, path_text(path), self._value_at(path))
         elif action == "memory.delete":
@@ -246,7 +246,7 @@ class MemoryPane(ListPane):
             except NoSuchPath:
                 value = None
             if entry is None:
-                return value_rows(path_text(path), "it is deleted now", "", "", width)
+                return value_rows(path_text(path), "deleted", "", "", width)
             about = f"{format_clock(entry.changed, tenths=True)} by {entry.source}" + (
                 f", before that {format_value(entry.old)}" if entry.source != "file" and len(path) == 1 else ""
             )
