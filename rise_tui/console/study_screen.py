@@ -32,7 +32,6 @@ from rise_tui.config.study_source import (
     StudySource,
 )
 from rise_tui.console import overlays, study_dialogs
-from rise_tui.console.edit_study import open_editor
 from rise_tui.console.study_lists import StudyLists
 from rise_tui.messages import RunAction
 from rise_tui.model.notice import Level
@@ -231,7 +230,7 @@ class StudyScreen(Screen[None]):
         self._open_editor(str(Path(self._source.folder, self.loaded.study.scenario if self.loaded.study else "")))
 
     def _open_editor(self, folder: str) -> None:
-        self.run_worker(open_editor(self.app, folder, self.say, runs=self._running_entry() is not None))
+        self.run_worker(overlays.open_editor(self.app, folder, self.say, runs=self._running_entry() is not None))
 
     def _reload(self) -> None:
         self.say("reading the study …")

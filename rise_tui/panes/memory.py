@@ -17,7 +17,6 @@ from rise_tui.model.json_path import JsonPath, NoSuchPath, children, path_text, 
 from rise_tui.model.store import Store
 from rise_tui.model.task_text import value_rows
 from rise_tui.panes.pane import ListPane
-from rise_tui.panes.save_start_values import ask_to_save_start_values
 from rise_tui.rendering.later import Later
 from rise_tui.rendering.text import (
     ListRow,
@@ -184,7 +183,7 @@ class MemoryPane(ListPane):
         elif action == "memory.undo":
             self._undo()
         elif action == "memory.save":
-            self.run_worker(Later(ask_to_save_start_values, self), group="keep", exclusive=True)
+            self._ask_to_save()
         elif action == "memory.add" or self.row_list.current_id == ADD:
             if action != "memory.delete":
                 self._open_editor((), *(self.store.last_deletion or ("", None)))
@@ -196,6 +195,11 @@ class MemoryPane(ListPane):
             self._open_editor(path, path_text(path), self._value_at(path))
         elif action == "memory.delete":
             self._delete(path)
+
+    def _ask_to_save(self) -> None:
+        from rise_tui.panes.save_start_values import ask_to_save_start_values  # with the editing of files, seldom used
+
+        self.run_worker(Later(ask_to_save_start_values, self), group="keep", exclusive=True)
 
     def _delete(self, path: JsonPath) -> None:
         key, value = str(path[0]), self._value_at(path)
