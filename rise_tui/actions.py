@@ -37,7 +37,7 @@ KEY_SCOPES: tuple[tuple[KeyScope, str], ...] = (
     ("edit", "Editor"),
 )
 
-IN_SHADOW = "this is the shadow of a session that is over"
+IN_SHADOW = "this is the shadow of a finished session"
 Obstacle: TypeAlias = BlockedReason | str | None
 """What stands in the way of an action: a reason of the model, a sentence, or (None, empty) nothing."""
 
@@ -71,7 +71,7 @@ def _stoppable(store: Store) -> Obstacle:
 
 def _cancellable(store: Store) -> Obstacle:
     """Asking the robot once more to stop needs no control either."""
-    return store.blocked_reason("reach") or (None if store.open_goals else "the robot has ended everything")
+    return store.blocked_reason("reach") or (None if store.open_goals else "the robot has finished everything")
 
 
 def _own_console(store: Store) -> Obstacle:
@@ -100,14 +100,14 @@ _cue_open = _blocks(
     "change", lambda store: store.view.cue is not None and store.view.cue.answered is None, "no cue is open"
 )
 _failed = _blocks("change", lambda store: store.view.failed or store.view.questions, "no act has failed")
-_asked = _blocks("change", lambda store: store.view.questions, "the study waits for no failed act")
+_asked = _blocks("change", lambda store: store.view.questions, "the study is not asking about a failed act")
 _savable_values = _blocks("change", lambda store: store.scenario.folder, "this session's scenario has no folder")
 _memory = _blocks("change", lambda store: store.view.memory, "the memory is empty")
-_queue = _blocks("change", lambda store: store.view.running or store.view.waiting, "nothing runs or waits")
+_queue = _blocks("change", lambda store: store.view.running or store.view.waiting, "nothing is running or waiting")
 _waiting = _blocks("change", lambda store: len(store.view.waiting) > 1, "fewer than two tasks wait")
-_acts = _blocks("change", lambda store: store.view.running or store.view.waiting, "no act runs or waits")
+_acts = _blocks("change", lambda store: store.view.running or store.view.waiting, "no act is running or waiting")
 _undo = _blocks("change", lambda store: store.undo_stack, "nothing to undo")
-_rules = _blocks("change", lambda store: store.view.running_rules(), "no rule runs")
+_rules = _blocks("change", lambda store: store.view.running_rules(), "no rule is running")
 
 
 def _releasable(store: Store) -> Obstacle:
@@ -121,13 +121,13 @@ def _releasable(store: Store) -> Obstacle:
 
 
 def _shadowed(store: Store) -> Obstacle:
-    return None if store.attach_reply.shadow else "this is no shadow of a session (rise-tui --shadow)"
+    return None if store.attach_reply.shadow else "this is not a shadow of a session (rise-tui --shadow)"
 
 
 def _configurable(store: Store) -> Obstacle:
     if store.attach_reply.shadow:
         return IN_SHADOW
-    of_study = "the study says what runs; the next session begins on its screen"
+    of_study = "the study decides what runs; start the next session on its screen"
     return _change(store) or (of_study if store.is_of_study else None)
 
 
@@ -141,12 +141,12 @@ def _start_values(store: Store) -> Obstacle:
 
 def _between_sessions(store: Store) -> Obstacle:
     """What belongs to the screen of a study has no meaning in a session."""
-    return "this is for the screen of a study, between two sessions"
+    return "this works on the screen of a study, between two sessions"
 
 
 def _in_editor(store: Store) -> Obstacle:
     """What changes a study's files has no meaning where a session is run."""
-    return "this is for the editor (command `Edit this study`)"
+    return "this works in the editor (command `Edit this study`)"
 
 
 def _editable(store: Store) -> Obstacle:
@@ -175,47 +175,44 @@ def _passable(store: Store) -> Obstacle:
 
 ACTIONS: tuple[ConsoleAction, ...] = (
     ConsoleAction("stop", "Stop everything", ("f9", "ctrl+g"), "everywhere",
-           "Stops the robot, all acts and all rules at once, without asking, and stays stopped until it is released.",
+           "Stops the robot, all acts and all rules at once, without asking. Nothing starts until it is released.",
            "STOP", _stoppable),
     ConsoleAction("quit", "Leave", ("ctrl+c",), "everywhere",
-           "Asks first: detach, and the session goes on without this console; or end it, and the robot is stopped. "
-           "When the engine has gone: start it again and go on with the session."),
+           "Asks first: detach, and the session goes on without this console; or end it, and the robot stops. "
+           "When the engine has gone: start it again and continue the session."),
     ConsoleAction("cue", "Mark the participant's cue", ("space",), "console",
-           "The participant's turn has ended: the time is counted from here until the next act starts, and recorded.",
+           "Marks the end of the participant's turn. The time from here to the next act is counted and recorded.",
            "cue", _change),
     ConsoleAction("undo-cue", "Take back the cue", ("underscore",), "console",
-           "The participant goes on speaking: the cue that was marked last does not count.", "", _cue_open),
+           "The participant is still speaking: the last cue does not count.", "", _cue_open),
     ConsoleAction("filler", "Say the next filler", ("comma",), "console",
            "Starts the next of the scenario's fillers, in turn, to bridge the time until you have an answer.",
            "filler", _fillable),
     ConsoleAction("say", "Say something", ("ctrl+t",), "console",
-           "A line in which you type what the robot says; it is shown as it will be said before it is. Enter queues "
-           "it.",
-           "say", _sayable),
+           "A line in which you type what the robot says, with a preview. Enter queues it.", "say", _sayable),
     ConsoleAction("mistake", "Mark a mistake", ("exclamation_mark",), "console",
-           "Marks what you did last, whatever it was, as wrong, late, early or double. It changes nothing but the "
-           "record.",
+           "Marks what you did last, whatever it was, as wrong, late, early or double. Only the record changes.",
            "mistake", _markable),
     ConsoleAction("repeat", "Repeat the failed act", ("ctrl+e",), "console",
            "When an act has failed: starts the whole act again. The red bar shows what was not said.", "", _repeatable),
     ConsoleAction("go-on", "Go on without the failed act", ("ctrl+k",), "console",
-           "Puts the red bar away: you have seen that the act failed, and go on. Where the study waits for that, its "
-           "rules then hear that the act has failed.", "", _passable),
+           "Closes the red bar: you have seen that the act failed, and go on. If the study asks about it, its rules "
+           "learn that the act has failed.", "", _passable),
     ConsoleAction("stop-rule", "Stop the failed act's rule", (), "console",
-           "When the study waits for what is to become of a failed act: stops the rule that has started it.", "",
+           "When the study asks about a failed act: stops the rule that started it.", "",
            _asked),
     ConsoleAction("safe", "LIVE or SAFE", ("ctrl+x",), "console",
-           "SAFE: look around, and nothing can be started from this console. Again: LIVE, keys start acts and rules.",
+           "SAFE: look around without starting anything from this console. Again: LIVE, keys start acts and rules.",
            "safe", _own_console),
     ConsoleAction("lock", "Lock the keys", ("ctrl+n",), "everywhere",
-           "LOCKED: every key is ignored but stopping, leaving and this one. Again: SAFE.",
+           "LOCKED: every key is ignored except stopping, leaving and this one. Again: SAFE.",
            "lock", _own_console),
     ConsoleAction("control", "Control: take, ask, give", ("f8", "ctrl+y"), "console",
-           "Who of several consoles may act: take control, ask for it, give it to who asks, or release it.",
+           "Decides which of several consoles may act: take control, ask for it, give it away or release it.",
            "control", _controllable),
-    ConsoleAction("pause", "Shadow: pause, or go on", (), "console",
-           "While the cues of a recorded session are played to you (rise-tui --shadow): halts it, or lets it go on. "
-           "The key for control does the same then, since nobody else is there.", "", _shadowed),
+    ConsoleAction("pause", "Shadow: pause or resume", (), "console",
+           "While the cues of a recorded session are played to you (rise-tui --shadow): pauses or resumes it. "
+           "The key for control does the same then.", "", _shadowed),
     ConsoleAction("note", "Add a note", ("ctrl+o",), "console",
            "A remark for the record, with the time and your name. Those who only watch can add notes too.",
            "note", _remark),
@@ -232,18 +229,18 @@ ACTIONS: tuple[ConsoleAction, ...] = (
     ConsoleAction("jump", "Jump", ("ctrl+d",), "console",
            "Shows a letter on every list, pane and tab; that letter goes there.", "jump"),
     ConsoleAction("zoom", "Zoom", ("f4", "ctrl+j"), "console",
-           "Gives the focused list or pane the whole screen; again: back.", "zoom"),
+           "Gives the focused list or pane the whole screen. Pressed again, it goes back.", "zoom"),
     ConsoleAction("filter", "Filter", ("slash",), "console",
            "Shows only rows with this text, in the focused list. Esc clears it.", "find"),
     ConsoleAction("settings", "Settings", (), "console",
            "Paths, robot and mode. Applying them ends this session and starts a new one, after asking.", "",
            _configurable),
-    ConsoleAction("take-over", "Take over changed files", (), "console",
-           "The session goes on with the files of its study as they are saved now. Only while the robot does nothing, "
-           "and where the rules stand must be there still; otherwise it says why not. It is recorded.", "",
+    ConsoleAction("take-over", "Use changed files", (), "console",
+           "The session goes on with the files of its study as they are saved now. This works while the robot does "
+           "nothing and the present states of the rules still exist. It is recorded.", "",
            _taking_over),
     ConsoleAction("cancel-open", "Stop what still runs", ("ctrl+w",), "console",
-           "When the robot may still be doing what has ended in the session: asks it once more to stop.", "",
+           "When the robot may still be doing an action that has ended: asks it once more to stop.", "",
            _cancellable),
     ConsoleAction("release", "Release the stop, or a part", ("ctrl+r",), "console",
            "After a stop: shows who confirmed it and who did not, and asks before anything can start again. When a "
@@ -252,12 +249,12 @@ ACTIONS: tuple[ConsoleAction, ...] = (
     ConsoleAction("theme", "Choose a theme", (), "console",
            "Shows each theme while you move over it; esc keeps the one you had."),
     ConsoleAction("edit-study", "Edit this study", (), "console",
-           "Opens the editor of acts, rules, memory and keys. A session that runs goes on as it is: what is saved "
-           "counts for the next one.", "", _editable),
+           "Opens the editor of acts, rules, memory and keys. A running session does not change: what is saved "
+           "applies to the next one.", "", _editable),
     ConsoleAction("tour", "Tour of the console", (), "console",
            "The console in five steps. The session goes on meanwhile, and the stop key works.", "", _own_console),
-    ConsoleAction("redraw", "Paint the screen anew", (), "console",
-           "When something else has written over the console, or the terminal has lost a part of it."),
+    ConsoleAction("redraw", "Redraw the screen", (), "console",
+           "For when another program has written over the console."),
     ConsoleAction("acts.start", "Start the act", ("enter",), "acts", "Starts the selected act.", "start", _start),
     ConsoleAction("acts.stop", "Stop the act", ("delete", "backspace"), "acts",
            "Stops the selected act, running or waiting.", "stop", _acts),
@@ -281,11 +278,11 @@ ACTIONS: tuple[ConsoleAction, ...] = (
            "Writes the memory as it is now into the scenario's memory file, after asking. Later sessions begin with "
            "it.", "", _start_values),
     ConsoleAction("rule.raise", "Raise the event", ("enter",), "rule",
-           "Raises the event that the selected transition waits for. On a state below: asks whether the rule is to "
-           "start in it.", "raise event", _start),
+           "Raises the event that the selected transition waits for. On a state below: asks whether to start the "
+           "rule there.", "raise event", _start),
     ConsoleAction("rule.back", "One step back", ("left",), "rule",
-           "Asks whether the rule shown is to go back to the state before, and which memory keys that have changed "
-           "since are taken back.", "step back", _steppable),
+           "Asks whether the rule shown should go back to its previous state, and which memory changes since then to "
+           "take back.", "step back", _steppable),
     ConsoleAction("scheduler.cancel", "Cancel the task", ("delete", "backspace"), "scheduler",
            "Cancels the selected task, running or waiting.", "cancel", _queue),
     ConsoleAction("scheduler.earlier", "Move the task earlier", ("shift+up",), "scheduler",
@@ -301,10 +298,10 @@ ACTIONS: tuple[ConsoleAction, ...] = (
            "details", _logged),
     ConsoleAction("log.follow", "Follow the newest task", ("end",), "log",
            "Goes to the end and stays there. Scrolling up pauses; the title counts what is new.", "follow"),
-    ConsoleAction("log.unfold", "Show the rules' own rows", ("right",), "log",
+    ConsoleAction("log.unfold", "Show rule events", ("right",), "log",
            "By default the log shows what people and the robot did. This shows the rules' own events, values and rules "
-           "too; it stays so for later sessions.", "rules' own"),
-    ConsoleAction("log.fold", "Hide the rules' own rows", ("left",), "log",
+           "too. Later sessions keep this setting.", "rule events"),
+    ConsoleAction("log.fold", "Hide rule events", ("left",), "log",
            "Only what people and the robot did: tasks of wizards and programs, acts, failures, notes."),
     ConsoleAction("log.time", "Go to a time", (), "log",
            "Goes to the row nearest to a time of the session: 14:32, -30s (before now), now.", "", _logged),
@@ -316,8 +313,8 @@ ACTIONS: tuple[ConsoleAction, ...] = (
            "Writes the rows that the filter leaves, or all, to a file in the session's folder, or where its name says: "
            "a table (.tsv) or JSON lines (.jsonl).", "", _logged),
     ConsoleAction("study.open", "Open the participant", ("enter",), "study",
-           "Shows what would run for the selected participant and makes the checks before it; opens the session that "
-           "runs; offers to recover one that did not end; asks for the outcome of one that has none.",
+           "Shows the next session of the selected participant and runs its checks. Opens a session that is running, "
+           "recovers one that did not end, or asks for a missing outcome.",
            "open", _between_sessions),
     ConsoleAction("study.rehearse", "Rehearse", ("r",), "study",
            "A session that takes no slot and never counts: debug (simulated robot), training or pilot.",
@@ -326,15 +323,15 @@ ACTIONS: tuple[ConsoleAction, ...] = (
            "What happened in the selected participant's last session that ended: how long they waited, acts, mistakes, "
            "notes. It is shown after each session, too.", "report", _between_sessions),
     ConsoleAction("study.outcome", "Correct the outcome", ("o",), "study",
-           "Says anew, with a reason, how the selected participant's last session counts. The study's log keeps both; "
-           "the last word counts.", "outcome", _between_sessions),
+           "Changes the outcome of the selected participant's last session, with a reason. The study log keeps both; "
+           "the last one counts.", "outcome", _between_sessions),
     ConsoleAction("study.people", "Edit participants and design", ("p",), "study",
            "Opens participants.csv as a table, and study.toml as settings. Lines that you do not change stay as they "
            "are.", "edit", _between_sessions),
     ConsoleAction("study.wizard", "Say who you are", ("w",), "study",
-           "The name that stands in every record of the sessions that you begin.", "name", _between_sessions),
+           "The name that every record of the sessions that you begin shows.", "name", _between_sessions),
     ConsoleAction("study.reload", "Read the study again", ("ctrl+r",), "study",
-           "Reads the study's files now. They are read anyway when one of them changes.", "read again",
+           "Reads the study's files now. They are also read whenever one of them changes.", "read again",
            _between_sessions),
     ConsoleAction("edit.open", "Open, or change", ("enter",), "edit",
            "Opens what is under the cursor; in a form, changes the value: a text in its place, a name by choosing.",

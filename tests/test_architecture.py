@@ -96,6 +96,12 @@ def test_the_client_that_a_console_holds_brings_no_engine_along() -> None:
     }
 
 
+def test_a_console_loads_the_editor_when_it_opens_and_not_before() -> None:
+    loaded = loaded_by("import rise_tui.console.app")
+    late = ("rise_tui.editor", *(f"rise_engine.author.{name}" for name in ("edit", "explore", "trial", "lsp", "texts")))
+    assert {name for name in loaded if name.startswith(late)} == set()
+
+
 @pytest.mark.parametrize(
     "file", files("rise_engine.kernel") + files("rise_engine.expression"), ids=lambda file: file.stem
 )

@@ -16,20 +16,18 @@ from rise_engine.run.protocol.registry import RegistryError
 from rise_engine.run.protocol.session_options import SessionOptions
 from rise_engine.run.protocol.session_start import start_problems
 from rise_engine.scenario.model import Scenario
+from rise_tui import typed_ahead
 from rise_tui.actions import bindings_in
 from rise_tui.config.keymap import KeyFile, how_to_mend, textual_keymap
 from rise_tui.config.launch import Launcher, settings_of_session
 from rise_tui.config.preferences import Preferences
 from rise_tui.config.study_source import StudyRefused, StudySource
-from rise_tui.console import exit_dialogs
-from rise_tui.console.edit_study import tell_editor
+from rise_tui.console import exit_dialogs, overlays
 from rise_tui.console.screen import ConsoleScreen
 from rise_tui.console.session import ConsoleSession
 from rise_tui.console.study_day import StudyDay
 from rise_tui.console.study_screen import StudyScreen
 from rise_tui.console.ui_state import SAVE_SECONDS, UiState, save_all
-from rise_tui.editor import typed_ahead
-from rise_tui.editor.typed_ahead import is_editing
 from rise_tui.key_labels import use_own_keys, why_blocked
 from rise_tui.model.notice import Notice
 from rise_tui.rendering import themes
@@ -285,7 +283,7 @@ class ConsoleApp(TerminalApp):
         try:
             recovered = await asyncio.to_thread(recover, session.store.attach_reply, report)
         except (EngineGone, RegistryError, StudyRefused) as error:
-            session.show_notice(Notice(f"it is not recovered: {error}", "fault"))
+            session.show_notice(Notice(f"could not recover it: {error}", "fault"))
             return
         await self._leave_session(session, end=False)
         await self._close_console_screen()
@@ -319,8 +317,8 @@ class ConsoleApp(TerminalApp):
 
     def admits(self, event: events.Event) -> bool:
         if (console := self.console_screen) is not None:
-            return console.admits(event) and (not is_editing(self) or typed_ahead.admits(self, event))
-        if is_editing(self):
+            return console.admits(event) and (not typed_ahead.is_editing(self) or typed_ahead.admits(self, event))
+        if typed_ahead.is_editing(self):
             return typed_ahead.admits(self, event)
         # On the screen of a study a paste is no row of commands either (console.md 2.3).
         if not isinstance(event, events.Key) or takes_text(self.focused):
@@ -337,7 +335,7 @@ class ConsoleApp(TerminalApp):
         console, study = self.console_screen, self.study_screen
         if action == "stop" and console is not None:
             console.stop_all()
-            tell_editor(self)
+            overlays.show_stop_in_editor(self)
         elif action == "stop" and study is not None:
             study.stop_pressed()
         elif action == "lock" and console is not None:

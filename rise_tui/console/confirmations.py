@@ -39,7 +39,7 @@ class Confirmations:
             self._ask_to_release_parts()
             return
         lines = [f"Stopped by {stopper_words(stop.source) or 'the console'}."]
-        lines.append(f"Confirmed: {', '.join(stop.confirmed) or 'nobody'}.")
+        lines.append(f"Confirmed: {', '.join(stop.confirmed) or 'no part'}.")
         if stop.unconfirmed:
             lines.append(f"NOT confirmed: {', '.join(stop.unconfirmed)}. Look at the robot first.")
         if stop.unstoppable:
@@ -48,7 +48,7 @@ class Confirmations:
             lines.append("The robot has not answered yet. Look at it first.")
         lines.append("After this, keys start acts and rules again.")
         keys = keys_of(BY_ID["release"])
-        lines += [f"{key_name('release')} once more releases it."] * bool(keys)
+        lines += [f"Press {key_name('release')} again to release it."] * bool(keys)
         if rules := interrupted_rules(console.store):
             self._ask_about_rules(lines, rules, keys)
             return
@@ -59,7 +59,7 @@ class Confirmations:
     def _ask_to_release_parts(self) -> None:
         console = self._console
         lines = [f"{goal.part} may still be doing {goal.type}: {goal.reason}." for goal in console.store.open_goals]
-        lines.append("Look at the robot first. After this, it gets new actions, also beside what still runs.")
+        lines.append("Look at the robot first. After this, it accepts new actions even while the old one still runs.")
         dialog = Dialog("Release the part?", lines, DialogChoice("r", "Release"), no="Keep it held")
         dialog.add_class("-release")
         console.app.push_screen(dialog, lambda yes: console.send("releaseOpenGoals") if yes else None)
@@ -79,8 +79,8 @@ class Confirmations:
         lines = [f"Rule {name} would start in the state {state}. Its onEntry:"]
         lines += [f"  {line}" for line in entry_lines(store.scenario, entered, store.memory, DIALOG_WIDTH - 2)]
         running = store.rule(name).running
-        lines += [f"It runs now, in {store.rule(name).state}, and is stopped there first."] * running
-        lines.append("Waiting there leaves all of onEntry out.")
+        lines += [f"It is running in {store.rule(name).state} and is stopped first."] * running
+        lines.append("Waiting there skips onEntry.")
         start, wait = DialogChoice("s", "Start here"), DialogChoice("w", "Wait here")
 
         def begin(key: str | None) -> None:
@@ -97,7 +97,7 @@ class Confirmations:
         console = self._console
         step = find_back_step(console.store, name)
         if step is None:
-            console.show_notice("no rule that is shown here runs and has been in a state before")
+            console.show_notice("the rule shown here has no earlier state to go back to")
             return
         dialog = StepBackDialog(question_lines(console.store, step, DIALOG_WIDTH), step)
 
@@ -122,7 +122,7 @@ class Confirmations:
 
     def close_release_question(self) -> None:
         """The stop that a question is about is not the last one any more."""
-        self._withdraw("-release", "stopped again: the question whether to release the stop was closed")
+        self._withdraw("-release", "stopped again: the question about releasing the stop was closed")
 
     def close_outdated_control_question(self) -> None:
         """Close the question about control when somebody else has it by now, or asks for it."""

@@ -14,7 +14,7 @@ from rise_tui.screens.dialog import Dialog, DialogChoice
 RECOVERY_LINES = (
     "the engine starts again, and the session goes on.",
     "What the robot was doing counts as lost:",
-    "nothing is repeated to the participant by itself.",
+    "nothing is repeated automatically.",
 )
 
 
@@ -25,11 +25,11 @@ END_KEY = "ctrl+x"
 def leave_dialog(store: Store) -> Dialog:
     """What can be done when leaving: a session can be ended only by who has control."""
     lines = [session_title(store), *running_lines(store), ""]
-    lines += ["Detach  the session goes on without this console;", "        rise-tui brings it back."]
+    lines += ["Detach  the session goes on without this console;", "        reopen it with rise-tui."]
     if why_not := why_blocked(store, "change"):
         lines += [f"Ending the session needs control: {why_not}."]
         return Dialog("Leave?", lines, DialogChoice("d", "Detach"), no="Stay", default="d")
-    lines += ["End     for good; this asks once more."]
+    lines += ["End     permanently; you are asked once more."]
     return Dialog(
         "Leave?", lines, DialogChoice("d", "Detach"), DialogChoice(END_KEY, "End the session"), no="Stay", default="d"
     )
@@ -40,7 +40,7 @@ def engine_gone_dialog(store: Store, *, in_study: bool = False) -> Dialog:
     lines = [f"Recover  {line}" if line is RECOVERY_LINES[0] else f"         {line}" for line in RECOVERY_LINES]
     if store.attach_reply.role == "observer":
         lines = ["Watch    goes on, once somebody has recovered the session."]
-    lines = [session_title(store), f"Its record came as far as {format_clock(store.view.t)}.", "", *lines]
+    lines = [session_title(store), f"Its record ends at {format_clock(store.view.t)}.", "", *lines]
     choices = (
         DialogChoice("r", "Watch" if store.attach_reply.role == "observer" else "Recover"),
         DialogChoice("b", "Back to the study") if in_study else DialogChoice("l", "Leave"),
@@ -50,8 +50,8 @@ def engine_gone_dialog(store: Store, *, in_study: bool = False) -> Dialog:
 
 def leave_shadow_dialog(store: Store) -> Dialog:
     """While the cues of a session are played: what was pressed so far is kept."""
-    lines = [session_title(store), f"It stands at {format_clock(store.now())}. What you have pressed is kept;", ""]
-    lines += ["rise-tui --shadow SESSION --recover goes on with it."]
+    lines = [session_title(store), f"It is at {format_clock(store.now())}. The keys that you pressed are kept.", ""]
+    lines += ["Continue with: rise-tui --shadow SESSION --recover"]
     return Dialog("Leave the shadow?", lines, DialogChoice("l", "Leave"), no="Stay", default="l")
 
 
@@ -69,7 +69,7 @@ def exit_message(store: Store, *, end: bool, in_time: bool, patience: float, sig
         kept = abbreviate_home(store.attach_reply.folder)
         if store.ended_in_order:
             return f"{lead}all cues were shown; your keys are in {kept}/shadow. Compare: rise-engine agree {kept}"
-        return f"{lead}your keys are in {kept}/shadow; to go on: rise-tui --shadow {kept} --recover"
+        return f"{lead}your keys are in {kept}/shadow; to continue: rise-tui --shadow {kept} --recover"
     if store.gone_reason and not store.ended_in_order:
         again = f"rise-tui --config {abbreviate_home(store.scenario.folder)}"
         return f"{lead}the engine has gone; to recover the session: {again}"
@@ -88,12 +88,12 @@ def exit_message(store: Store, *, end: bool, in_time: bool, patience: float, sig
 
 def leave_study_dialog() -> Dialog:
     """While something is being prepared or asked over the screen of a study."""
-    lines = ["No session runs, and none is begun.", "What the checks have found so far is written down."]
+    lines = ["No session is running or starting.", "The results of the checks so far are saved."]
     return Dialog("Leave the study?", lines, DialogChoice("l", "Leave"), no="Stay")
 
 
 def study_exit_message(folder: str, busy: str, signal_name: str) -> str:
     """What the terminal shows when somebody leaves the screen of a study. `busy`: what was just being done."""
     lead = f"{signal_name}: " if signal_name else ""
-    state = f"{busy}, and goes on without this console" if busy else "no session runs"
+    state = f"{busy}, and goes on without this console" if busy else "no session is running"
     return f"{lead}{state}; to come back to the study: rise-tui --config {abbreviate_home(folder)}"

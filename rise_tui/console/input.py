@@ -40,7 +40,7 @@ ARMED_SECONDS = 2.0
 LINE_OPENERS = ("say", "note", "mistake")
 """Actions that open a line in which letters are not the scenario's keys."""
 PASTED_KEYS = "several keys at once (a paste, or a stalled link): nothing was started"
-PASTED_ENTER = "the keys came faster than anybody types: nothing was said; press enter again"
+PASTED_ENTER = "the keys came too fast to be typed: nothing was said; press enter again"
 
 
 class RunningTimer(Protocol):
@@ -257,7 +257,7 @@ class InputController:
         elif at - last < action.debounce:
             if self._pending is None and at - last >= HELD_KEY_SECONDS:
                 what = action.behavior or task_label(action.function, "")
-                self._actions.show_notice(f"{what}: pressed twice within {action.debounce:g} s, taken once")
+                self._actions.show_notice(f"{what}: pressed twice within {action.debounce:g} s, counted once")
         else:
             self._accept_at_once(action, at)
         return True

@@ -1,8 +1,11 @@
-"""Opens what helps to find one's way over the console: help, palette, themes, jump mode, the tour."""
+"""Opens what lies over the console: help, palette, themes, jump mode, the tour, and the editor of a study's files."""
 
 from __future__ import annotations
 
+import asyncio
 from collections.abc import Callable, Iterator, Sequence
+from importlib import import_module
+from pathlib import Path
 
 from textual.app import App
 from textual.geometry import Region
@@ -19,7 +22,10 @@ from rise_tui.screens.palette import Palette
 from rise_tui.screens.palette_commands import PaletteCommand, palette_commands, study_commands, theme_commands
 from rise_tui.screens.too_small import TooSmallScreen, is_too_small
 from rise_tui.screens.tour import TourScreen
+from rise_tui.typed_ahead import is_editing
 from rise_tui.widgets.flash import Flash
+
+RUNS = "the running session keeps its own copy of the files; what you save applies to the next one"
 
 
 def open_help(console: ConsoleHost, scope: KeyScope | None) -> None:
@@ -99,6 +105,44 @@ def open_tour(
     panes.unzoom()
     tour = TourScreen(part_of, lambda: panes.region)
     console.app.push_screen(tour, lambda _: on_end() if on_end is not None else None)
+
+
+async def open_editor(app: App[object], folder: str, refuse: Callable[[str], None], *, runs: bool) -> None:
+    """The editor of a study's files, over whatever is shown.
+
+    `refuse` is told why it does not open. `runs`: whether a session runs here, so that the stop key must work.
+    """
+    # Most sessions never open it. It takes half a second to load: beside the loop, since the stop key does not wait.
+    await asyncio.to_thread(import_module, "rise_tui.editor.screen")
+    from rise_engine.author.edit.plan import EditRefused
+    from rise_engine.author.edit.workspace import Workspace
+    from rise_engine.study.review import findings_of_files
+    from rise_tui.editor.model.draft import StudyDraft, draft_of
+    from rise_tui.editor.screen import EditScreen
+    from rise_tui.editor.study import EditedStudy
+
+    def read() -> tuple[Workspace, StudyDraft]:
+        workspace = Workspace(Path(folder), also_check=findings_of_files)
+        return workspace, draft_of(workspace)
+
+    try:
+        workspace, draft = await asyncio.to_thread(read)
+    except EditRefused as refused:
+        refuse(f"the editor cannot open: {refused}")
+        return
+    notice = workspace.read_only or (RUNS if runs else "")
+    await app.push_screen(EditScreen(EditedStudy(workspace, draft), notice=notice, may_suspend=not runs))
+
+
+def show_stop_in_editor(app: App[object]) -> None:
+    """The stop key was pressed: the editor that lies over the console says so, for it hides what came of it."""
+    if not is_editing(app):
+        return
+    from rise_tui.editor.screen import EditScreen  # it is loaded already
+
+    for screen in app.screen_stack:
+        if isinstance(screen, EditScreen):
+            screen.say("STOP was sent: the console below shows what the robot has confirmed", "fault")
 
 
 def show_flash(app: App[object], number: int) -> None:

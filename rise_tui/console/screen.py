@@ -18,12 +18,10 @@ from rise_tui.actions import BY_ID, KeyScope, bindings_in
 from rise_tui.console import overlays
 from rise_tui.console.bars import ConsoleBars
 from rise_tui.console.confirmations import Confirmations
-from rise_tui.console.edit_study import open_editor
 from rise_tui.console.input import InputController, line_opener
 from rise_tui.console.layout import Layout
 from rise_tui.console.refresh import RefreshScheduler
 from rise_tui.console.session import ConsoleSession
-from rise_tui.editor.typed_ahead import is_editing
 from rise_tui.key_labels import why_unavailable
 from rise_tui.messages import (
     AskToStart,
@@ -41,6 +39,7 @@ from rise_tui.model.store import Store, StorePart
 from rise_tui.rendering.terminal_app import TerminalApp
 from rise_tui.rendering.typing_fields import takes_text
 from rise_tui.screens.tour import is_tour_due
+from rise_tui.typed_ahead import is_editing
 from rise_tui.widgets.mistake_line import MistakeLine, is_mark_key
 from rise_tui.widgets.note_line import NoteLine
 from rise_tui.widgets.speech_input import SpeechInput
@@ -187,7 +186,7 @@ class ConsoleScreen(Screen[None]):
     def show_armed(self, act: str) -> None:
         self.store.armed_act = act
         if act:
-            self.show_notice(f"{act}: Enter or the same key again within 2 s starts it", "wait")
+            self.show_notice(f"{act}: press Enter or the same key again within 2 s to start it", "wait")
         else:
             self.refresh_scheduler.clear_notice()
         self.refresh_scheduler.schedule({"acts"})
@@ -293,9 +292,7 @@ class ConsoleScreen(Screen[None]):
             "settings": lambda: self.post_message(self.OpenSettings()),
             "take-over": lambda: self._run_beside(self.session.take_over_files()),
             "theme": lambda: overlays.open_theme_palette(self),
-            "edit-study": lambda: self.app.run_worker(
-                open_editor(self.app, self.store.scenario.folder, self.show_notice, runs=not self.store.gone_reason)
-            ),
+            "edit-study": self._edit_study,
             "release": self.confirmations.ask_to_release,
             "cancel-open": lambda: self.send("cancelOpenGoals"),
             "control": self.confirmations.ask_about_control,
@@ -329,6 +326,11 @@ class ConsoleScreen(Screen[None]):
     def _focused_scope(self) -> KeyScope | None:
         pane = self.pane_layout.focused_pane()
         return pane.SCOPE if pane is not None else None
+
+    def _edit_study(self) -> None:
+        store = self.store
+        opens = overlays.open_editor(self.app, store.scenario.folder, self.show_notice, runs=not store.gone_reason)
+        self.app.run_worker(opens)
 
     def _redraw(self) -> None:
         if isinstance(self.app, TerminalApp):

@@ -26,8 +26,8 @@ REATTACH_SECONDS = 0.5
 RECLAIM_SECONDS, MOST_RECLAIMS = 0.1, 30
 """How often, and how many times, it is looked whether the engine has let go of the connection that was cut."""
 
-BACK = "the connection was cut and is back; what was sent meanwhile may or may not have arrived: look at the log"
-BACK_STOPPING = "the connection was cut and is back; STOP may not have arrived"
+BACK = "the connection is back; keys pressed in between may or may not have arrived: look at the log"
+BACK_STOPPING = "the connection is back; STOP may not have arrived"
 STOP_NOT_SENT = "STOP was NOT sent: the connection is cut. Use the robot's own switch"
 
 
@@ -157,7 +157,7 @@ class ConsoleSession:
         """Add a remark to the record. False when it was not taken; the reason is shown."""
         reason = await self._put_on_record(Note(text=text, source=self.store.own_name), "remark")
         if reason:
-            self.show_notice(Notice(f"the note was not taken: {reason}", "wait"))
+            self.show_notice(Notice(f"the note was not recorded: {reason}", "wait"))
         return not reason
 
     async def report(self, reports: Sequence[CheckReport | OutcomeReport]) -> bool:
@@ -165,7 +165,7 @@ class ConsoleSession:
         reason is shown."""
         for each in reports:
             if reason := await self._put_on_record(each, "change"):
-                self.show_notice(Notice(f"the session goes on, because this was not taken: {reason}", "fault"))
+                self.show_notice(Notice(f"the session goes on, because this was not recorded: {reason}", "fault"))
                 return False
         return True
 
@@ -195,7 +195,7 @@ class ConsoleSession:
                 self._note_engine_gone(str(gone), over=False)
                 return
         if reason:
-            self.show_notice(Notice(f"control is where it was: {reason}", "wait"))
+            self.show_notice(Notice(f"control has not changed: {reason}", "wait"))
 
     async def take_over_files(self) -> None:
         """Let the session go on with its study's files as they are now. The connection is cut and made anew then."""
@@ -207,14 +207,14 @@ class ConsoleSession:
             self._note_engine_gone(str(gone), over=False)
             return
         if reply.accepted:
-            self.show_notice(Notice("the session goes on with the files as they are now", "wait"))
+            self.show_notice(Notice("the session now uses the changed files", "wait"))
         else:
-            self.show_notice(Notice(f"the session goes on as it was: {reply.reason}", "wait"))
+            self.show_notice(Notice(f"the session keeps its files: {reply.reason}", "wait"))
 
     async def toggle_pause(self) -> None:
         """Halt the session that is played to a second wizard, or let it go on."""
         if isinstance(self.client, ShadowClient) and (reason := await self.client.toggle_pause()):
-            self.show_notice(Notice(f"it stands still: {reason}", "fault"))
+            self.show_notice(Notice(f"it cannot resume: {reason}", "fault"))
 
     def show_notice(self, notice: Notice) -> None:
         """Show a sentence."""

@@ -81,7 +81,7 @@ class StudyDay:
     def over_text(self, store: Store) -> str:
         """What is said when a session was over before anybody ended it here."""
         of = store.view.session
-        asks = "; enter says how it counts" if self.unjudged(store) and store.ended_in_order else ""
+        asks = "; press enter to record its outcome" if self.unjudged(store) and store.ended_in_order else ""
         return f"{run_text(of) if of is not None else ''}: {clean(store.gone_reason)}{asks}"
 
     def unjudged(self, store: Store) -> str:
@@ -94,7 +94,7 @@ class StudyDay:
         store = session.store
         of = store.view.session
         if of is None or of.purpose != "counted":
-            question = end_session_dialog(store, "Then the screen of the study opens. It does not count.")
+            question = end_session_dialog(store, "It does not count. The screen of the study opens next.")
             question.add_class("-quit")
             yes = await app.push_screen_wait(question)
             return Ending((), "the rehearsal has ended; it does not count") if yes else None
@@ -105,7 +105,7 @@ class StudyDay:
             session_title(store),
             *running_lines(store),
             "",
-            "The robot is stopped, and the session ends for good.",
+            "The robot stops, and the session ends permanently.",
         ]
         dialog = OutcomeDialog(f"End the session of {participant_text(store)}?", lines, ends=True)
         dialog.add_class("-quit")
@@ -141,7 +141,7 @@ class StudyDay:
             f"After the session of {participant_text(store)}",
             CheckList(now.after, "counted", binding=False),
             StudyChecker(app, source, context, warn),
-            go="say how the session counts, and end it",
+            go="record the outcome and end the session",
             wizard=store.own_name,
         )
         screen.add_class("-quit")

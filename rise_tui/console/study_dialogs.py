@@ -69,7 +69,7 @@ def plan_lines(
         condition = HIDDEN
     real = plan.mode == "real"
     counts: StyledSpan = (f"yes, slot {plan.slot}", "plain") if counted else (f"no: {plan.request.purpose}", "wait")
-    lines: list[StyledLine] = [_line("not in turn", (text, "wait")) for text in wrap(plan.warning, TEXT) if text]
+    lines: list[StyledLine] = [_line("out of turn", (text, "wait")) for text in wrap(plan.warning, TEXT) if text]
     language: StyledSpan = (f"   language {clean(plan.language)}" if plan.language else "", "strong")
     lines += [
         _line("participant", (plan_title(plan), "strong"), language),
@@ -160,7 +160,7 @@ def show_checks_after(
         f"After the session of {clean(entry.participant)}, run {entry.run}",
         CheckList(after, entry.purpose, binding=False),
         maker,
-        go="say how the session counts",
+        go="record the outcome",
         wizard=f"wizard:{wizard}",
     )
     app.push_screen(screen, take)
@@ -175,7 +175,7 @@ def entry_title(entry: SessionEntry, conditions: Conditions) -> str:
 def entry_lines(entry: SessionEntry) -> list[str]:
     """When a session was and how far it came."""
     return [
-        f"Begun {begun_text(entry.started)}; its record came as far as {format_clock(entry.seconds)}.",
+        f"Started {begun_text(entry.started)}; its record ends at {format_clock(entry.seconds)}.",
         clean(entry.folder),
     ]
 
@@ -191,11 +191,11 @@ def ask_outcome(
     """How a session that is over is to count. `gives_up`: it did not end, and nobody will go on with it."""
     because = f": {clean(entry.reason)}" if entry.reason else ""
     if entry.outcome is not None:
-        sentences = wrap(f"It counts as {entry.outcome}{because}. The study's log keeps that, too.", TEXT)
+        sentences = wrap(f"It counts as {entry.outcome}{because}. The study log keeps this entry.", TEXT)
     else:
-        how = "It is given up: nobody goes on with it." if gives_up else "It ended, and nobody said how it counts."
+        how = "It is given up and will not be continued." if gives_up else "It ended without an outcome."
         sentences = [how]
-    title = f"How does it count? {entry_title(entry, conditions)}"
+    title = f"Which outcome? {entry_title(entry, conditions)}"
     lines = [*entry_lines(entry), "", *sentences]
     app.push_screen(OutcomeDialog(title, lines, ends=False, corrects=entry.outcome is not None), take)
 
@@ -208,10 +208,10 @@ def ask_about_unfinished(
         *entry_lines(entry),
         "",
         "Recover  the engine starts again, and the session goes on.",
-        "         What the robot was doing counts as lost: nothing",
-        "         is repeated to the participant by itself.",
-        "Give up  you say how it counts; aborted: the participant",
-        "         may run it again, as a new attempt.",
+        "         What the robot was doing counts as lost;",
+        "         nothing is repeated automatically.",
+        "Give up  you record the outcome. If it is aborted, the",
+        "         participant may run it again, as a new attempt.",
     ]
     choices = DialogChoice("r", "Recover"), DialogChoice("g", "Give up")
     app.push_screen(Dialog(f"{entry_title(entry, conditions)} did not end", lines, *choices, no="Leave it"), take)

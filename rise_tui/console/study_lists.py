@@ -117,14 +117,14 @@ class StudyLists(Vertical):
 
     def _draw_people(self, standing: StudyStanding, width: int) -> None:
         rows = made = participant_rows(standing, width)
-        done = "the study is complete" if standing.complete >= standing.wanted else "nobody can begin now"
+        done = "the study is complete" if standing.complete >= standing.wanted else "no participant can begin now"
         note = f"next: {standing.next}" if standing.next else done
         if self._filter is not None:
             rows = self._found_rows(self._filter, made)
             note = f"find {self._filter.text}  {len(rows)} of {len(made)}"
             rows = rows or [ListRow("", ((" nothing matches; esc clears the search", "muted"),), selectable=False)]
         self.people_head.draw("Participants", note)
-        empty = [ListRow("", ((" participants.csv names nobody yet", "muted"),), selectable=False)]
+        empty = [ListRow("", ((" participants.csv lists nobody yet", "muted"),), selectable=False)]
         self.people.show(rows or empty)
 
     def _found_rows(self, wanted: Filter, rows: list[ListRow]) -> list[ListRow]:

@@ -32,7 +32,6 @@ from rise_tui.config.study_source import (
     StudySource,
 )
 from rise_tui.console import overlays, study_dialogs
-from rise_tui.console.edit_study import open_editor
 from rise_tui.console.study_lists import StudyLists
 from rise_tui.messages import RunAction
 from rise_tui.model.notice import Level
@@ -231,7 +230,7 @@ class StudyScreen(Screen[None]):
         self._open_editor(str(Path(self._source.folder, self.loaded.study.scenario if self.loaded.study else "")))
 
     def _open_editor(self, folder: str) -> None:
-        self.run_worker(open_editor(self.app, folder, self.say, runs=self._running_entry() is not None))
+        self.run_worker(overlays.open_editor(self.app, folder, self.say, runs=self._running_entry() is not None))
 
     def _reload(self) -> None:
         self.say("reading the study …")
@@ -246,13 +245,13 @@ class StudyScreen(Screen[None]):
         entry = self._running_entry()
         if self.busy:
             self._stop_pressed = True
-            self._tell(f"STOP follows as soon as it is reached: {self.busy}", "fault")
+            self._tell(f"STOP will be sent as soon as possible: {self.busy}", "fault")
         elif entry is not None:
             self._stop_pressed = True
             self._close_dialogs()
             self._go_to(entry)
         else:
-            self._tell("nothing runs: no session of this study has begun or is going on here")
+            self._tell("nothing to stop: no session of this study is running here")
 
     def _running_entry(self) -> SessionEntry | None:
         """The session of the study that runs now, as far as it was seen."""
@@ -293,7 +292,7 @@ class StudyScreen(Screen[None]):
         elif each.state == "to-judge" and entry is not None:
             self._named(lambda: self._ask_afterwards(entry))
         elif each.next_run is None:
-            self.say(f"{each.participant}: {each.why or f'is {each.state}; nothing is to come'}", "wait")
+            self.say(f"{each.participant}: {each.why or f'{each.state}; no run is left'}", "wait")
         else:
             self._named(lambda: self._prepare(SessionRequest(each.participant)))
 
@@ -376,7 +375,7 @@ class StudyScreen(Screen[None]):
         self.read()
 
     def _prepare(self, request: SessionRequest) -> None:
-        self._work(f"looking at what would run for {request.participant}", self._show_plan(request))
+        self._work(f"preparing the session of {request.participant}", self._show_plan(request))
 
     async def _show_plan(self, request: SessionRequest) -> None:
         try:
@@ -408,7 +407,7 @@ class StudyScreen(Screen[None]):
 
     def _go_to(self, entry: SessionEntry) -> None:
         self._work(
-            f"going to the session of {entry.participant}",
+            f"opening the session of {entry.participant}",
             self._started(lambda report: self._source.attach(entry, self.wizard)),
         )
 
@@ -462,9 +461,7 @@ class StudyScreen(Screen[None]):
 
     def _judge(self, entry: SessionEntry, given: Outcome | None) -> None:
         if given is not None:
-            self._named(
-                lambda: self._work(f"writing down: {entry.participant} {given.status}", self._write(entry, given))
-            )
+            self._named(lambda: self._work(f"recording: {entry.participant} {given.status}", self._write(entry, given)))
 
     async def _write(self, entry: SessionEntry, given: Outcome) -> None:
         try:

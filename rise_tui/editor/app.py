@@ -4,9 +4,9 @@ from __future__ import annotations
 
 from textual import events
 
+from rise_tui import typed_ahead
 from rise_tui.actions import bindings_in
 from rise_tui.config.keymap import KeyFile, textual_keymap
-from rise_tui.editor import typed_ahead
 from rise_tui.editor.exploring import Explorer
 from rise_tui.editor.screen import EditScreen
 from rise_tui.editor.study import EditedStudy, SessionWatch

@@ -40,6 +40,7 @@ from rise_tui.rendering.later import Later
 from rise_tui.rendering.terminal_app import TerminalApp
 from rise_tui.screens.dialog import Dialog, DialogChoice
 from rise_tui.screens.too_small import TooSmallScreen, is_too_small
+from rise_tui.typed_ahead import EDITOR
 from rise_tui.widgets.prompt_bar import PromptBar
 from rise_tui.widgets.row_list import RowView
 from rise_tui.widgets.static_lines import StaticLines
@@ -77,7 +78,7 @@ class EditScreen(Screen[None]):
 
         `may_suspend`: whether another program may have the terminal for a while: not where a session runs here.
         """
-        super().__init__()
+        super().__init__(classes=EDITOR)
         self.study, self._sessions = study, sessions or NoSessions()
         self._may_suspend, self._first_notice = may_suspend, notice
         self._exploring = ExploringBeside(explorer)

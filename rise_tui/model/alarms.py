@@ -61,7 +61,7 @@ def _gone_alarm(store: Store, key_name: KeyNames) -> Alarm:
     if store.ended_in_order:
         return Alarm(
             ((" ■ SESSION ENDED ", "alarm"), (f"  {store.gone_reason}", "strong")),
-            (("   keys do nothing any more; what is shown is how it ended", "plain"),),
+            (("   keys do nothing now; the screen shows how it ended", "plain"),),
             (leave, (" leaves", "plain")),
         )
     again = "recovers the session, or leaves" if store.attach_reply.folder else "leaves"
@@ -70,16 +70,16 @@ def _gone_alarm(store: Store, key_name: KeyNames) -> Alarm:
     stop = key_name("stop")
     return Alarm(
         ((" ✗ ENGINE GONE ", "alarm"), (f"  {store.gone_reason}", "strong")),
-        ((f"   no key reaches the robot, {stop} neither: its own switch stops it", "plain"),),
-        (leave, (f" {again}; shown is the last known state", "plain")),
+        ((f"   no key reaches the robot, not even {stop}; use the robot's own switch", "plain"),),
+        (leave, (f" {again}; this is the last known state", "plain")),
     )
 
 
 def _cut_alarm(store: Store, since: float) -> Alarm:
     head = " ✗ STOP NOT SENT " if store.stop_unsent else " ✗ CONNECTION CUT "
     return Alarm(
-        ((head, "alarm"), (f"  cut {format_age(monotonic() - since)} ago; the console is attaching again", "strong")),
-        (("   the session goes on without this console, and no key reaches it", "plain"),),
+        ((head, "alarm"), (f"  cut {format_age(monotonic() - since)} ago; the console is reconnecting", "strong")),
+        (("   the session goes on without this console; no key reaches it", "plain"),),
         (("   to stop the robot now, use its own switch", "strong"),),
         counts_seconds=True,
     )
@@ -102,14 +102,14 @@ def _stop_alarms(store: Store, key_name: KeyNames) -> Iterator[Alarm]:
                 (f"  asked {format_clock(stop.since)} by {short_name(stop.source)}", "strong"),
             ),
             (("   waiting for the robot to confirm", "plain"),),
-            (("   if the robot goes on, use its own switch", "plain"),),
+            (("   if the robot keeps moving, use its own switch", "plain"),),
         )
     else:
         head = "nothing starts until it is released"
         release: StyledLine = ((f"   {key_name('release')} release", "key"),) if store.has_control else ()
         if stop.held_by:
             head, release = f"{', '.join(map(short_name, stop.held_by))} is still pressed", ()
-        missing: StyledLine = (("   everything asked has confirmed", "plain"),)
+        missing: StyledLine = (("   every part has confirmed", "plain"),)
         if stop.unconfirmed:
             what = f"   look at the robot; {key_name('stop')} asks again"
             missing = (("   NOT CONFIRMED  ", "fault"), (group_parts(stop.unconfirmed), "strong"), (what, "plain"))
@@ -120,7 +120,7 @@ def _stop_alarms(store: Store, key_name: KeyNames) -> Iterator[Alarm]:
             ((" ■ STOPPED ", "alarm"), (f"  {head}", "strong"), *release),
             (
                 *unstoppable,
-                *_confirmed_line(group_parts(stop.confirmed) or "nobody"),
+                *_confirmed_line(group_parts(stop.confirmed) or "no part"),
                 (f"   by {short_name(stop.source)}", "muted"),
             ),
             missing,
@@ -136,8 +136,8 @@ def _recording_alarms(store: Store, key_name: KeyNames) -> Iterator[Alarm]:
     if why:
         yield Alarm(
             ((" ✗ NOT RECORDING ", "alarm"), (f"  {why}", "strong")),
-            (("   the session is paused: nothing starts until the disk takes records again", "plain"),),
-            ((f"   {key_name('stop')}", "key"), (" still stops the robot; make room on the disk", "plain")),
+            (("   the session is paused until the disk accepts records again", "plain"),),
+            ((f"   {key_name('stop')}", "key"), (" still stops the robot; free some disk space", "plain")),
         )
 
 
@@ -149,9 +149,13 @@ def _robot_alarms(store: Store, key_name: KeyNames) -> Iterator[Alarm]:
     broken = [name for name, act in store.view.acts.items() if act.last is not None and act.last.ended == robot.t]
     broken += ["the say line"] if _speech_ended_at(store, robot.t) else []
     until = "acts fail until the robot is back; rules and memory go on"
-    was = f"broken off: {', '.join(broken)}; " if broken else ""
-    switch = f"look at the robot and its network; {key_name('stop')} may not reach it, its own switch does"
-    then = f"this is a {store.attach_reply.recorded_as}: it was so then" if store.attach_reply.is_recorded else switch
+    was = f"interrupted: {', '.join(broken)}; " if broken else ""
+    switch = f"check the robot and its network; {key_name('stop')} may not reach it, its own switch will"
+    then = (
+        f"this is a {store.attach_reply.recorded_as}: it shows what happened then"
+        if store.attach_reply.is_recorded
+        else switch
+    )
     yield Alarm(
         ((" ✗ ROBOT LOST ", "alarm"), (f"{since}: {robot.detail}" if robot.detail else since, "strong")),
         ((f"   {was}{until}", "plain"),),
@@ -178,7 +182,7 @@ def _open_goal_alarms(store: Store, key_name: KeyNames) -> Iterator[Alarm]:
             (" ✗ STILL RUNNING? ", "alarm"),
             (f"  {first.part} may still be doing {first.type}{more}", "strong"),
         ),
-        ((f"   {first.reason}", "wait"), ("; the part gets nothing else; look at the robot", "plain")),
+        ((f"   {first.reason}", "wait"), ("; the part gets no new actions; look at the robot", "plain")),
         keys if not store.attach_reply.replay else (),
     )
 
@@ -194,7 +198,7 @@ def degraded_text(store: Store) -> str:
     robot = store.view.robot
     if robot is None or robot.status != "degraded" or store.open_goals:
         return ""
-    return f"◐ robot degraded since {format_clock(robot.t)}: {robot.detail or 'it says no more'}"
+    return f"◐ robot degraded since {format_clock(robot.t)}: {robot.detail or 'no details given'}"
 
 
 def group_parts(names: Sequence[str]) -> str:

@@ -43,7 +43,7 @@ def blocked_text(reason: BlockedReason | None, key_name: KeyNames) -> str:
         case "gone":
             return f"the engine has gone: {reason.detail}"
         case "cut":
-            return "the connection is cut; the console is attaching again"
+            return "the connection is cut; the console is reconnecting"
         case "replay":
             return "this is a replay"
         case "control":
@@ -54,8 +54,8 @@ def blocked_text(reason: BlockedReason | None, key_name: KeyNames) -> str:
         case "stopped":
             return f"STOPPED: {key_name('release')} releases the stop"
         case "safe":
-            return f"SAFE: {key_name('safe')} makes keys act"
+            return f"SAFE: {key_name('safe')} turns keys on"
         case "locked":
             return f"LOCKED: {key_name('lock')} unlocks"
         case "paused":
-            return f"paused: {key_name('control')} plays it"
+            return f"paused: {key_name('control')} resumes it"

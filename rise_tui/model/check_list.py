@@ -122,7 +122,7 @@ class CheckList:
             return f"{_listed(failed)} failed"
         if asked:
             return f"{_listed(asked)}: answer with y or n"
-        return f"{_listed(running)} still {'run' if len(running) > 1 else 'runs'}" if running else ""
+        return f"{_listed(running)} {'are' if len(running) > 1 else 'is'} still running" if running else ""
 
     @property
     def reports(self) -> tuple[CheckReport, ...]:

@@ -42,11 +42,11 @@ def control_notice(
     by, holder, is_own = short_name(record.by), short_name(record.holder), record.by == own_name
     if record.status == "asked":
         if is_own:
-            return Notice(f"{short_name(before)} sees that you ask for control"), None
+            return Notice(f"{short_name(before)} knows that you ask for control"), None
         # The holder's own screen says so in a line that stays.
         return (None if before == own_name else Notice(f"{by} asks {short_name(before)} for control")), None
     if record.holder == before:  # somebody who had asked does not ask any more
-        return Notice("you ask for control no longer" if is_own else f"{by} asks for control no longer"), None
+        return Notice("you no longer ask for control" if is_own else f"{by} no longer asks for control"), None
     if record.holder == own_name:
         if is_own:  # whoever attaches first gets it, and needs no sentence
             return (Notice("you have control: the keys work") if before is not None else None), None
@@ -81,17 +81,20 @@ def control_question(
     is_own = holder == own_name
     release = ControlChoice("release", "r", "Release it")
     if not is_own and holder is None:
-        return ["Nobody has control: only stopping works, from every console."], [ControlChoice("take", "t", "Take it")]
+        return ["Nobody has control. Every console can still stop the robot."], [ControlChoice("take", "t", "Take it")]
     if not is_own and asker == own_name:
-        lines = [f"{short_name(holder)} has control and sees that you ask for it."]
-        return lines, [ControlChoice("release", "r", "Ask no longer"), ControlChoice("take", "t", "Take it")]
+        lines = [f"{short_name(holder)} has control and knows that you ask for it."]
+        return lines, [ControlChoice("release", "r", "Stop asking"), ControlChoice("take", "t", "Take it")]
     if not is_own:
         lines = [
-            f"{short_name(holder)} has control. You watch: {key_name('stop')} stops everything, notes can be added.",
-            "Taking it works at once; they are told, and it is recorded.",
+            f"{short_name(holder)} has control. You can still stop everything ({key_name('stop')}) and add notes.",
+            "You can take it at once. They are told, and it is recorded.",
         ]
         return lines, [ControlChoice("ask", "a", "Ask for it"), ControlChoice("take", "t", "Take it")]
     if asker is not None:
-        lines = [f"{short_name(asker)} asks for control. You have it until you give it."]
+        lines = [f"{short_name(asker)} asks for control. You keep it until you give it."]
         return lines, [release, ControlChoice("give", "g", f"Give it to {short_name(asker)}")]
-    return ["You have control.", "Released, nobody has it until somebody takes it. What runs goes on."], [release]
+    return [
+        "You have control.",
+        "After a release nobody has it until somebody takes it. Running acts and rules go on.",
+    ], [release]

@@ -13,7 +13,7 @@ from rise_tui.model.speech_actions import message_of
 from rise_tui.rendering.text import shorten
 
 _VERBS = {"stopCommunicationRobotAct": "stops", "stopInteractionRule": "stops the rule", "assignValue": "sets"}
-NOTHING = "does nothing by itself: it waits"
+NOTHING = "does nothing but wait"
 ENDS = "ends the rule"
 
 

@@ -139,7 +139,7 @@ def _wait_text(store: Store, task: TaskView) -> str:
 
 def _mark_cut(line: StyledLine, width: int) -> StyledLine:
     """A line after which others have no room: it says so, and where they are."""
-    tail: StyledSpan = ("…  all of it: act pane" if width >= WIDE else "…", "muted")
+    tail: StyledSpan = ("…  in full: act pane" if width >= WIDE else "…", "muted")
     return (*crop(line, width - line_width((tail,)) - 1), (" ", "plain"), tail)
 
 
@@ -148,7 +148,7 @@ def _unsaid_lines(store: Store, task: TaskView, width: int) -> Iterator[StyledLi
     scenario = store.scenario
     unsaid = unsaid_texts(scenario, task, store.memory)
     if not unsaid:
-        remark = "all of its words were said" if has_speech(scenario, task) else "it has no words to say"
+        remark = "all of its words were said" if has_speech(scenario, task) else "it has nothing to say"
         yield ((f"   {remark}", "plain"),)
     for text, begun, ways in unsaid:
         label = "perhaps begun" if begun else "not said"
@@ -160,7 +160,7 @@ def _unsaid_lines(store: Store, task: TaskView, width: int) -> Iterator[StyledLi
 def _keys_line(store: Store, task: TaskView, width: int, key_name: KeyNames) -> StyledLine:
     """What can be done about it; for who has no control, who can."""
     if store.attach_reply.replay:
-        return (("   this is a replay: it was so then", "plain"),)
+        return (("   this is a replay: it shows what happened then", "plain"),)
     if store.cut_since is not None:
         return (("   the connection is cut", "plain"),)
     question = is_question(store, task)

@@ -36,10 +36,10 @@ _REASONS = (
     ("unbalanced parenthesis", "this ) closes nothing"),
     ("nothing to repeat", "there is nothing before this to repeat"),
     ("multiple repeat", "two repetitions in a row"),
-    ("bad escape", "the \\ stands before something that it means nothing for"),
+    ("bad escape", "the \\ has no meaning before this character"),
     ("bad character range", "this range runs backwards"),
     ("min repeat greater", "this repetition runs backwards"),
-    ("look-behind", "what is looked back at must have one length"),
+    ("look-behind", "a look-behind must have a fixed length"),
 )
 
 

@@ -47,6 +47,6 @@ def mode_notice(mode: InputMode, key_name: KeyNames) -> str:
         case "LIVE":
             return "LIVE: keys start acts and rules"
         case "SAFE":
-            return f"SAFE: keys start nothing; {key_name('safe')} makes them act"
+            return f"SAFE: keys start nothing; {key_name('safe')} turns them on"
         case "LOCKED":
-            return f"LOCKED: every key is ignored but stop, leave and {key_name('lock')}"
+            return f"LOCKED: every key is ignored except stop, leave and {key_name('lock')}"

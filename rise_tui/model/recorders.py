@@ -54,7 +54,7 @@ def broken_recorders_text(store: Store) -> str:
     """What does not record, since when and why; all names stand before the first reason, which may be cut off. Empty
     when everything does."""
     broken = broken_recorders(store)
-    told = ", ".join(f"{clean(each.name)} has {each.status.upper()} at {format_clock(each.t)}" for each in broken)
+    told = ", ".join(f"{clean(each.name)} {each.status.upper()} at {format_clock(each.t)}" for each in broken)
     if len(broken) == 1:
         reasons = clean(broken[0].reason)
     else:

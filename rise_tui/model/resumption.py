@@ -14,7 +14,7 @@ from rise_tui.rendering.text import cell_width, clean, shorten
 
 OPTIONS: tuple[Resumption, ...] = ("leave", "enter", "wait")
 """The first is what holds if nobody chooses."""
-WORDS: dict[str, str] = {"enter": "enter again", "wait": "wait there", "leave": "leave stopped"}
+WORDS: dict[str, str] = {"enter": "re-enter", "wait": "wait there", "leave": "leave stopped"}
 WORD_WIDTH = max(map(len, WORDS.values()))
 MARGIN = 4
 """Cells before what would come of it."""
@@ -34,7 +34,7 @@ class InterruptedRule(NamedTuple):
         """What would come of it at once, in a line."""
         if how == "enter":
             return self.entry
-        return f"waits for {self.waits}" if how == "wait" else f"nothing; entered again: {self.entry}"
+        return f"waits for {self.waits}" if how == "wait" else f"stays stopped; if re-entered: {self.entry}"
 
 
 def interrupted_rules(store: Store) -> list[InterruptedRule]:

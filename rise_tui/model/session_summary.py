@@ -48,6 +48,6 @@ def running_lines(store: Store) -> list[str]:
     running += [f"act {act_label(task.function, task.behavior)}" for task in store.running_tasks]
     running += [f"act {act_label(task.function, task.behavior)}, waiting" for task in store.waiting_tasks]
     if not running:
-        return ["Nothing runs now: no rule, no act."]
+        return ["No rule and no act is running."]
     more = [f"  and {len(running) - SHOWN} more"] if len(running) > SHOWN else []
     return ["Running now:", *(f"  {clean(each)}" for each in running[:SHOWN]), *more]

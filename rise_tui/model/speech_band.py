@@ -107,7 +107,7 @@ def _sentence_lines(sentence: CurrentSentence, store: Store, width: int, rows: i
 def _ending_prefix(sentence: CurrentSentence) -> str:
     """What goes before a sentence that did not come to its end."""
     if sentence.kind == "unsaid":
-        return "NOT SAID TO THE END: " if sentence.seconds else "NOT SAID: "
+        return "NOT FINISHED: " if sentence.seconds else "NOT SAID: "
     return "PERHAPS NOT SAID: " if sentence.kind == "unknown" else ""
 
 
@@ -121,7 +121,7 @@ def _status_note(sentence: CurrentSentence) -> StyledSpan:
             if sentence.replaced_by:
                 return fit(f"by {sentence.replaced_by}", NOTE - 1).strip(), "wait"
             if sentence.seconds is None:
-                return f"says it{more}", "accent"
+                return f"speaking{more}", "accent"
             if sentence.seconds < 0:
                 return f"{format_duration(-sentence.seconds)} over{more}", "wait"
             return f"{format_duration(sentence.seconds)} left{more}", "accent"
@@ -215,8 +215,8 @@ def _rule_pieces(store: Store, room: int, key_name: KeyNames) -> list[_Piece]:
     if pieces:
         return pieces
     if found.any_rule_runs:
-        return [_Piece((("nothing by itself", "muted"),))]
-    nothing: StyledLine = (("nothing by itself: no rule runs", "muted"),)
+        return [_Piece((("nothing scheduled", "muted"),))]
+    nothing: StyledLine = (("nothing scheduled; no rule running", "muted"),)
     first = next((key for key in store.scenario.keys.values() if key.function == RULE), None)
     if first is None or store.view.running:
         return [_Piece(nothing)]
@@ -254,7 +254,7 @@ def _step_line(step: UpcomingStep) -> StyledLine:
     if step.ends_rule:
         spans.append((f", and {clean(step.rule)} ends", "muted"))
     if not (step.target or acts or step.ends_rule):
-        spans.append((f"{clean(step.rule)} goes on where it is", "muted"))
+        spans.append((f"{clean(step.rule)} stays where it is", "muted"))
     return tuple(spans)
 
 

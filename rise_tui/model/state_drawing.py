@@ -25,7 +25,7 @@ class GraphPosition(NamedTuple):
     state: str | None = None
     """Where it stands; None while it does not run."""
     last: tuple[str, int] | None = None
-    """The transition taken last: the state that it left, and its index."""
+    """The transition last step: the state that it left, and its index."""
 
 
 def draw_state_graph(layout: GraphLayout, now: GraphPosition) -> list[ListRow]:
@@ -43,7 +43,7 @@ def draw_state_graph(layout: GraphLayout, now: GraphPosition) -> list[ListRow]:
         is_present = row.is_state and row.state == now.state
         line: list[StyledSpan] = _rail_spans(row.rails, index, roles)
         if row.is_state:
-            marks = ["here"] if is_present else ["may follow"] if row.state in follows else []
+            marks = ["here"] if is_present else ["maybe next"] if row.state in follows else []
             line += _state_spans(layout, row, marks)
         if row.edge is not None:
             line += _way_spans(layout, row, row.edge, now, taken=row.edge is last, room=layout.width - line_width(line))
@@ -67,7 +67,7 @@ def _rail_spans(rails: str, row: int, roles: dict[tuple[int, int], TextRole]) ->
 def _state_spans(layout: GraphLayout, row: GraphRow, marks: list[str]) -> list[StyledSpan]:
     """The state's glyph, name and marks; the name gives way, and before a way what holds at any time does."""
     glyph: StyledSpan = (
-        ("● ", "accent") if "here" in marks else ("◎ ", "plain") if "may follow" in marks else ("○ ", "muted")
+        ("● ", "accent") if "here" in marks else ("◎ ", "plain") if "maybe next" in marks else ("○ ", "muted")
     )
     room = layout.names if layout.names and row.edge is not None else layout.width - layout.gutter - 2
     words = "".join(f"  {mark}" for mark in (*marks, *row.notes))
@@ -86,7 +86,7 @@ def _way_spans(
     role: TextRole = "accent" if taken else "plain" if edge.source == now.state else "muted"
     lead = " ↓ " if row.is_state else f"{row.node} " + " " * (INDENT if layout.names else 0)
     label, room = clean(edge.label), room - len(lead)
-    tail: list[StyledSpan] = [("  taken last", "accent")] if taken else []
+    tail: list[StyledSpan] = [("  last step", "accent")] if taken else []
     if edge.way in ("stays", "again"):
         tail.insert(0, (f"  {edge.way}", "muted"))
     elif edge.target is not None and (edge.way == "word" or _rail_length(layout, edge) > FAR):

@@ -211,7 +211,7 @@ def _control_cells(store: Store, padded: bool) -> list[StatusCell]:
     if store.gone_reason:
         return [StatusCell(((GAP, (" ENDED " if store.ended_in_order else " GONE ", "alarm"), (" ", "plain")),)), own]
     if store.cut_since is not None:
-        return [StatusCell(((GAP, (" CUT, attaching again ", "alarm"), (" ", "plain")),))]
+        return [StatusCell(((GAP, (" CUT, reconnecting ", "alarm"), (" ", "plain")),))]
     words = _key_state_line(store)
     if store.has_control and not store.attach_reply.replay:
         padding: StyledLine = ((" " * max(0, STATE - line_width(words)), "plain"),) if padded else ()

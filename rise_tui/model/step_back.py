@@ -37,8 +37,8 @@ def find_back_step(store: Store, name: str) -> BackStep | None:
         return None
     keys = {}
     for key, before in store.view.changed_since_step(view).items():
-        now = _value_text(store.memory[key]) if key in store.memory else "not there"
-        keys[key] = f"{now} → {_value_text(before.value) if before.existed else 'not there'}"
+        now = _value_text(store.memory[key]) if key in store.memory else "not set"
+        keys[key] = f"{now} → {_value_text(before.value) if before.existed else 'not set'}"
     failed = (store.view.tasks[id] for id in store.view.questions if id in store.view.tasks)
     tasks = (*failed, *store.running_tasks, *store.waiting_tasks)
     acts = dict.fromkeys(task.behavior for task in tasks if task.source == f"rule:{name}")

@@ -94,9 +94,7 @@ _PARTS_OF_TASK: dict[str, frozenset[StorePart]] = {
     "startInteractionRule": frozenset({"tasks", "rules"}),
 }
 
-RECORDS_LEFT_OUT = (
-    "so much happens at once that this console leaves some of it out; what it shows is the state as it is"
-)
+RECORDS_LEFT_OUT = "too much is happening at once: this console skips some records; the state that it shows is correct"
 LEFT_OUT_SECONDS = 10.0
 """Seconds before that is said again."""
 
@@ -411,9 +409,9 @@ class Store:
 
     @property
     def forgotten_text(self) -> str:
-        """That the oldest tasks are in the record only, for whoever looks for one; empty while all are here."""
+        """That the oldest tasks are only in the record, for whoever looks for one; empty while all are here."""
         count = self.view.forgotten
-        return f"{count:,} older {'task is' if count == 1 else 'tasks are'} in the record only" if count else ""
+        return f"{count:,} older {'task is' if count == 1 else 'tasks are'} only in the record" if count else ""
 
     def _resync(self, resync: Resync) -> None:
         """This console lay so far behind that records were left out: the truth is in the new state."""
@@ -457,7 +455,7 @@ class Store:
         """How the record stands; nothing is painted for what nobody would see."""
         before, self.journal_status = self.journal_status, now
         if before.trouble and not now.trouble:
-            self.notice = Notice("the disk takes records again: the session goes on")
+            self.notice = Notice("the disk accepts records again: the session goes on")
         shown = before.trouble != now.trouble or int(before.behind) != int(now.behind)
         return frozenset({"status"}) if shown else frozenset()
 

@@ -44,15 +44,15 @@ STATES: dict[ParticipantState, StateWord] = {
     "no-consent": StateWord("✗", "no consent", "wait"),
     "running": StateWord("►", "running", "accent"),
     "unfinished": StateWord("◐", "unfinished", "wait"),
-    "to-judge": StateWord("?", "to judge", "wait"),
-    "to-go-on": StateWord("◇", "to go on", "plain"),
+    "to-judge": StateWord("?", "no outcome", "wait"),
+    "to-go-on": StateWord("◇", "in progress", "plain"),
     "aborted": StateWord("■", "aborted", "wait"),
     "complete": StateWord("✓", "complete", "muted"),
     "excluded": StateWord("-", "excluded", "muted"),
     "withdrawn": StateWord("-", "withdrawn", "muted"),
 }
 OUTCOMES = {"complete": "✓ complete", "aborted": "■ aborted", "excluded": "- excluded"}
-STATE_WIDTH = 12
+STATE_WIDTH = 13
 NAME_WIDTH = 12
 """Cells for a pseudonym at most."""
 NEXT = "→"
@@ -110,7 +110,7 @@ def runs_done(each: ParticipantStanding) -> int:
 def session_line(entry: SessionEntry, conditions: Conditions) -> str:
     """`run 1 · ✓ complete · calm · 2026-11-21 14:15 · 24:10`."""
     attempt = f", attempt {entry.attempt}" if entry.attempt > 1 else ""
-    what = {"running": "► running", "unfinished": "◐ unfinished"}.get(entry.status, "? to judge")
+    what = {"running": "► running", "unfinished": "◐ unfinished"}.get(entry.status, "? no outcome")
     if entry.status == "ended" and entry.outcome is not None:
         what = OUTCOMES[entry.outcome]
     what += f": {entry.reason}" if entry.reason else ""
@@ -237,22 +237,22 @@ def rehearsal_rows(standing: StudyStanding, width: int) -> list[ListRow]:
     if not standing.rehearsals:
         return []
     if (running := running_rehearsal(standing)) is not None:
-        text = f" ► a {running.purpose} session with {clean(running.participant)} runs: enter on them goes to it"
+        text = f" ► a {running.purpose} session with {clean(running.participant)} is running: enter on them opens it"
         return [_row(((text, "accent"),), width)]
     latest = max(standing.rehearsals, key=lambda entry: entry.started)
     count = len(standing.rehearsals)
     last = f"{latest.purpose} with {clean(latest.participant)}, {begun_text(latest.started)}"
-    text = f" {count} rehearsal{'s' * (count > 1)}, not counted; the last: {last}"
+    text = f" {count} rehearsal{'s' * (count > 1)}, not counted; the latest: {last}"
     return [_row(((text, "muted"),), width)]
 
 
 def problem_rows(problems: Sequence[str], width: int) -> list[ListRow]:
     """Why nothing can be started: every finding, over as many lines as it needs."""
-    rows = [_row(((" The study cannot be used as it is: nothing can be started.", "fault"),), width), _row((), width)]
+    rows = [_row(((" The study has errors: nothing can be started.", "fault"),), width), _row((), width)]
     for finding in problems:
         for at, line in enumerate(wrap(finding, max(30, width - 5))):
             rows.append(_row(((f" {'✗' if at == 0 else ' '} ", "fault"), (line, "plain")), width))
-    rows += [_row((), width), _row(((" It is read again as soon as one of its files changes.", "muted"),), width)]
+    rows += [_row((), width), _row(((" It is read again when one of its files changes.", "muted"),), width)]
     return rows
 
 

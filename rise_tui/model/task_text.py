@@ -72,7 +72,7 @@ def field_lines(name: str, value: str, width: int, role: TextRole = "plain") -> 
 def _time_lines(task: TaskView, now: float, width: int) -> list[StyledLine]:
     """What happened when, each with the time since what came before it."""
     happened = [
-        ("cue", task.cue_at, "the participant's turn had ended"),
+        ("cue", task.cue_at, "the participant's turn ended"),
         ("key", task.key_at, "pressed on a console"),
         ("accepted", task.submitted, ""),
         ("started", task.started, ""),

@@ -66,12 +66,12 @@ class UndoStack:
             self._warned = change, present
             present_text = f"{format_value(entry.value)}, by {entry.source}" if entry is not None else "deleted"
             back = "deletes it" if change.created else f"makes it {format_value(change.old)} again"
-            return UndoStep("ask", f"{change.key} has changed since, to {present_text}: undo again {back}, or leave it")
+            return UndoStep("ask", f"{change.key} has changed since, to {present_text}: undo again {back}")
         self._warned, self._undoing = None, change
         if change.created:
             if entry is None:
                 self._changes.pop()
-                return UndoStep("nothing", f"{change.key} is gone already")
+                return UndoStep("nothing", f"{change.key} is already gone")
             return UndoStep("do", f"undoing: {change.key} is deleted again", "deleteValue", change.key)
         former = "deleted" if change.deleted else format_value(change.value)
         said = f"undoing: {change.key} is {format_value(change.old)} again, was {former}"

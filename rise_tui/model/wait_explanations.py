@@ -49,7 +49,7 @@ class WaitExplanations:
     def rows(self, rule: Rule, state: State, view: RuleView, width: int) -> list[ListRow]:
         """Each way out in the file's order, in which the engine looks at them too."""
         if not state.transitions:
-            return [ListRow("", crop(((" no way leads out: the rule ends here", "muted"),), width), selectable=False)]
+            return [ListRow("", crop(((" no transition: the rule ends here", "muted"),), width), selectable=False)]
         memory = self._store.memory
         width = min(width, READABLE)
         rows = []
@@ -195,7 +195,7 @@ class WaitExplanations:
         for name in takewhile(lambda name: name != rule.name, self._store.view.running_rules()):
             if takes_event(transitions_of(self._store.scenario, name, self._store.rule(name).state)):
                 return f"rule {clean(name)} takes this event first: it is higher on the stack"
-        return "the way above takes this event first" if takes_event(state.transitions[:index]) else ""
+        return "the transition above takes this event first" if takes_event(state.transitions[:index]) else ""
 
 
 def due_at(index: int, transition: Transition, view: RuleView) -> float | None:

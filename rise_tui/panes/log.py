@@ -92,7 +92,7 @@ class LogPane(Pane):
         task = self._task_at(row)
         if task is None:
             what = f"task {task_of(row)}" if task_of(row) is not None else "this note"
-            return ((f" {what} is in the journal only", "muted"),)
+            return ((f" {what} is only in the journal", "muted"),)
         line = log_line(task, task_state(task), width)
         if self.filter is None:
             return line
@@ -120,7 +120,7 @@ class LogPane(Pane):
         if not hidden:
             return ((state if log.count else "nothing yet", role),)
         shown = "shown" if self.own_rows_shown else "hidden"
-        what = f"+{hidden} by rules" if brief else f"rules' own: {hidden} {shown}"
+        what = f"+{hidden} by rules" if brief else f"{hidden} rule event{'s' * (hidden > 1)} {shown}"
         own: StyledLine = ((f"{what} ", "muted"), ("←" if self.own_rows_shown else "→", "key"))
         if brief and log.following and log.count:
             return own

@@ -34,7 +34,7 @@ class Saved(NamedTuple):
 
 
 def rows_of(store: Store, ids: Iterable[int]) -> Iterator[TaskView]:
-    """What these rows of the log show, but for what is in the record only."""
+    """What these rows of the log show, but for what is only in the record."""
     tasks = (store.log.task_at(row, store.view) for row in ids)
     return (task for task in tasks if task is not None)
 

@@ -17,7 +17,6 @@ from rise_tui.model.json_path import JsonPath, NoSuchPath, children, path_text, 
 from rise_tui.model.store import Store
 from rise_tui.model.task_text import value_rows
 from rise_tui.panes.pane import ListPane
-from rise_tui.panes.save_start_values import ask_to_save_start_values
 from rise_tui.rendering.later import Later
 from rise_tui.rendering.text import (
     ListRow,
@@ -184,18 +183,23 @@ class MemoryPane(ListPane):
         elif action == "memory.undo":
             self._undo()
         elif action == "memory.save":
-            self.run_worker(Later(ask_to_save_start_values, self), group="keep", exclusive=True)
+            self._ask_to_save()
         elif action == "memory.add" or self.row_list.current_id == ADD:
             if action != "memory.delete":
                 self._open_editor((), *(self.store.last_deletion or ("", None)))
         elif not path:
             self.post_message(ShowNotice("no key is selected"))
         elif (name := str(path[0])) in self.store.scenario.tables:
-            self.post_message(ShowNotice(f"{name} is a table, which nothing changes; its file is tables/{name}.csv"))
+            self.post_message(ShowNotice(f"{name} is a table and cannot be changed here; edit tables/{name}.csv"))
         elif action == "memory.edit":
             self._open_editor(path, path_text(path), self._value_at(path))
         elif action == "memory.delete":
             self._delete(path)
+
+    def _ask_to_save(self) -> None:
+        from rise_tui.panes.save_start_values import ask_to_save_start_values  # with the editing of files, seldom used
+
+        self.run_worker(Later(ask_to_save_start_values, self), group="keep", exclusive=True)
 
     def _delete(self, path: JsonPath) -> None:
         key, value = str(path[0]), self._value_at(path)
@@ -246,7 +250,7 @@ class MemoryPane(ListPane):
             except NoSuchPath:
                 value = None
             if entry is None:
-                return value_rows(path_text(path), "it is deleted now", "", "", width)
+                return value_rows(path_text(path), "deleted", "", "", width)
             about = f"{format_clock(entry.changed, tenths=True)} by {entry.source}" + (
                 f", before that {format_value(entry.old)}" if entry.source != "file" and len(path) == 1 else ""
             )

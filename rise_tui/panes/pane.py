@@ -226,7 +226,7 @@ class Pane(Vertical):
         if event.bar is self.filter_bar:
             event.stop()
             if self.filter_problem:
-                self.post_message(ShowNotice(f"this is no filter yet: {self.filter_problem}"))
+                self.post_message(ShowNotice(f"not a valid filter yet: {self.filter_problem}"))
             else:
                 self.close_filter(keep=True)
 

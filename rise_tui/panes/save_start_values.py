@@ -53,7 +53,7 @@ async def ask_to_save_start_values(pane: Pane) -> None:
     lines += [
         "",
         f"Written into {path}; the rest of the file stays as it is.",
-        "The session that runs now does not change.",
+        "The running session does not change.",
     ]
 
     def save_if_chosen(key: str | None) -> None:
@@ -70,4 +70,4 @@ async def _save(pane: Pane, path: Path, before: Mapping[str, Any], memory: Mappi
         pane.post_message(ShowNotice(f"not saved: {why}"))
         return
     what = "1 start value" if changed == 1 else f"{changed} start values"
-    pane.post_message(ShowNotice(f"saved {what} in {path.name}; the rest of it is as it was"))
+    pane.post_message(ShowNotice(f"saved {what} in {path.name}; the rest is unchanged"))

@@ -25,7 +25,7 @@ class SchedulerPane(ListPane):
     BINDINGS = bindings_in("scheduler")
     TITLE = "Scheduler"
     PARTS = frozenset({"acts"})
-    EMPTY = "nothing runs, nothing waits"
+    EMPTY = "nothing is running or waiting"
 
     def subtitle(self) -> StyledLine:
         view = self.store.view
@@ -95,7 +95,7 @@ class SchedulerPane(ListPane):
 
     def carry_out(self, action: str) -> None:
         if not self.row_list.current_id:
-            self.post_message(ShowNotice("nothing runs or waits"))
+            self.post_message(ShowNotice("nothing is running or waiting"))
             return
         task, waiting = int(self.row_list.current_id), self.store.view.waiting
         if action == "scheduler.details":
@@ -103,7 +103,7 @@ class SchedulerPane(ListPane):
         elif action == "scheduler.cancel":
             self.post_message(SubmitTask("cancelTask", str(task)))
         elif task not in waiting:
-            self.post_message(ShowNotice("this task runs already; only waiting ones can be moved"))
+            self.post_message(ShowNotice("this task is already running; only waiting ones can be moved"))
         else:
             index = waiting.index(task)
             position = {"scheduler.earlier": index - 1, "scheduler.later": index + 1}.get(action, 0)
@@ -111,7 +111,7 @@ class SchedulerPane(ListPane):
                 self.post_message(SubmitTask("moveTask", f"{task} {position}"))
             else:
                 self.post_message(
-                    ShowNotice("it is the last one already" if position > index else "it starts next already")
+                    ShowNotice("it is already the last one" if position > index else "it is already next")
                 )
 
     def _open_details(self, id: int) -> None:

@@ -184,7 +184,7 @@ class ActsPane(StartListPane):
             return SubmitTask("stopCommunicationRobotAct", name)
         if act.waiting:
             return SubmitTask("cancelTask", str(act.waiting[0]))
-        return ShowNotice(f"{name} neither runs nor waits")
+        return ShowNotice(f"{name} is not running or queued")
 
 
 class RulesPane(StartListPane):
@@ -202,7 +202,7 @@ class RulesPane(StartListPane):
         return self.store.expected_inputs().rules
 
     def why_blocked(self, name: str) -> str:
-        return why_blocked(self.store, "start") or ("it runs already" if self.store.rule(name).running else "")
+        return why_blocked(self.store, "start") or ("it is already running" if self.store.rule(name).running else "")
 
     def subtitle(self) -> StyledLine:
         return ((f"{len(self.store.view.running_rules())} of {len(self.store.scenario.rules)} run", "muted"),)
@@ -234,4 +234,4 @@ class RulesPane(StartListPane):
 
     def stop_message(self, name: str) -> Message:
         running = self.store.rule(name).running
-        return SubmitTask("stopInteractionRule", name) if running else ShowNotice(f"{name} does not run")
+        return SubmitTask("stopInteractionRule", name) if running else ShowNotice(f"{name} is not running")

@@ -29,7 +29,7 @@ from rise_tui.widgets.titled_box import TitledBox
 
 REPEAT_SECONDS = 0.7
 """A key that comes again within this time is held down: keyboards wait less before they repeat."""
-INTRO_KEYS = "enter: {next} · esc: back, and nothing has happened"
+INTRO_KEYS = "enter: {next} · esc: back, nothing starts"
 CHECK_KEYS = "y yes · n no · r again · s skip · ↑↓ choose · esc back"
 
 
@@ -77,7 +77,7 @@ class ChecksScreen(SingleDismissModal[tuple[CheckReport, ...] | None]):
         """Whether the checks have not begun."""
         self.list = RowList(id="check-rows")
         self.answer_line = StaticLines(id="answer")
-        self.reason_bar = PromptBar("why is it skipped? ", "a reason, for the record; esc leaves")
+        self.reason_bar = PromptBar("reason for skipping: ", "goes into the record; esc cancels")
         self._answer = ""
         """What the last key came to, when it came to nothing."""
         self._last_key, self._last_at = "", float("-inf")
@@ -119,15 +119,16 @@ class ChecksScreen(SingleDismissModal[tuple[CheckReport, ...] | None]):
             return self._answer, "wait"
         if self.is_intro:
             count = len(self.checks.items)
-            return (f"enter makes the checks: {count}" if count else f"enter: {self._go}"), "strong"
+            runs = f"enter runs {count} check{'s' * (count > 1)}"
+            return (runs if count else f"enter: {self._go}"), "strong"
         if self.checks.obstacle:
             return self.checks.obstacle, "wait"
         return f"enter: {self._go}", "accent"
 
     def _keys(self) -> str:
         if self.is_intro:
-            return INTRO_KEYS.format(next="the checks" if self.checks.items else "begin")
-        return CHECK_KEYS if self.checks.items else "esc: back, and nothing has happened"
+            return INTRO_KEYS.format(next="run the checks" if self.checks.items else "begin")
+        return CHECK_KEYS if self.checks.items else "esc: back, nothing starts"
 
     def say(self, sentence: str) -> None:
         """Tell something until the next key."""
@@ -169,7 +170,7 @@ class ChecksScreen(SingleDismissModal[tuple[CheckReport, ...] | None]):
     def _carry_out(self, key: str, item: CheckItem) -> None:
         if key in ("y", "n"):
             if not self.checks.answer(item, key == "y", self._wizard):
-                self._answer = f"{item.check.id}: the program itself looks; r looks again"
+                self._answer = f"{item.check.id}: checked automatically; r checks again"
                 return
             self._note(item)
             if key == "y":

@@ -44,7 +44,7 @@ class EndSessionDialog(SingleDismissModal[bool]):
         self._title, self._lines = title, lines
 
     def compose(self) -> ComposeResult:
-        with TitledBox(self._title, "esc leaves, and nothing changes"):
+        with TitledBox(self._title, "esc cancel"):
             yield Static("\n".join(self._lines), id="lines", markup=False)
             with Horizontal(id="typing"):
                 yield Label(f"Type {CONFIRMING_WORD} and press enter:")
@@ -57,13 +57,13 @@ class EndSessionDialog(SingleDismissModal[bool]):
         if event.value.strip().casefold() == CONFIRMING_WORD:
             self.dismiss(True)
         else:
-            self.query_one("#answer", Static).update(f"that is not the word {CONFIRMING_WORD}: nothing has ended")
+            self.query_one("#answer", Static).update(f"that is not the word {CONFIRMING_WORD}: the session goes on")
 
 
 def end_session_dialog(store: Store, then: str = "") -> EndSessionDialog:
     """Before the session ends for good. `then`: what comes after it, if not nothing."""
     participant = participant_text(store)
     lines = [session_title(store), *running_lines(store), ""]
-    lines += ["The robot is stopped, and the session ends for good:", "it cannot be continued."]
+    lines += ["The robot stops, and the session ends permanently.", "It cannot be continued."]
     lines += [then] * bool(then)
     return EndSessionDialog(f"End the session of {participant}?" if participant else "End the session?", lines)

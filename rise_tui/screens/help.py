@@ -80,46 +80,52 @@ def concepts() -> Iterator[tuple[str, str]]:
     """What no single key explains: a word that stands on the screen, and what it means."""
     safe, lock, release = key_name("safe"), key_name("lock"), key_name("release")
     cue, filler, mistake, control = (key_name(id) for id in ("cue", "filler", "mistake", "control"))
-    yield "^X", "Hold ctrl and press X. Written so where there is little room."
-    yield "LIVE", "Keys start acts and rules. The word stands in the top line, and is about this console only."
-    yield "SAFE", f"Look around and start nothing by mistake: {safe}, and again. Cue, marks, notes and stop work."
-    yield "LOCKED", f"For a keyboard left alone: {lock}. Only stopping, leaving and unlocking work; it unlocks to SAFE."
-    yield "STOPPED", f"Somebody stopped everything: nothing starts on any console until {release} releases it."
-    yield "next", "What comes if nobody does anything: a timer, the end of an act, what waits; or what is waited for."
-    yield "NOT SAID", "What the robot did not say, or not to its end. It stays until the next sentence begins."
-    yield "sent", "You asked, and the engine has not answered yet. Nothing is shown as done because it was asked for."
-    yield "hold", "Such an act needs its key twice, or Enter, within two seconds. Esc forgets the first one."
-    counted = "The top line counts until the robot is heard, marked at 1 s and at 2 s."
-    kept = "With every act the record keeps the cue, your key, and when the robot began to speak."
+    yield "^X", "Hold ctrl and press X. Short for ctrl+x."
+    yield "LIVE", "Keys start acts and rules. The word is in the top line and is about this console only."
+    yield "SAFE", f"Look around without starting anything: {safe} turns it on and off. Cue, marks, notes and stop work."
+    yield (
+        "LOCKED",
+        f"For an unattended keyboard: {lock}. Only stop, leave and unlock work; it unlocks to SAFE.",
+    )
+    yield "STOPPED", f"Somebody stopped everything. Nothing starts on any console until {release} releases the stop."
+    yield (
+        "next",
+        "What happens if nobody acts: a timer, the end of an act, a waiting act. Else what the rules wait for.",
+    )
+    yield "NOT SAID", "The robot did not say this sentence. It stays here until the next one begins."
+    yield "sent", "You asked, and the engine has not answered yet. Only what the engine confirms is shown as done."
+    yield "hold", "This act needs its key twice, or its key and Enter, within two seconds. Esc cancels the first press."
+    counted = "The top line counts until the robot speaks, with a warning at 1 s and at 2 s."
+    kept = "For each act the record has the cue, your key and the start of the robot's voice."
     yield "cue", f"Press {cue} when the participant's turn ends. {counted} {kept}"
-    turn = "It is offered when a cue waits long, and comes by itself only where the scenario says so."
+    turn = "It is offered when a cue waits long. It starts by itself only if the scenario says so."
     yield "filler", f"A short act to bridge the time: {filler} starts the next one. {turn}"
-    went = "The act goes on; the record says it, so that nobody has to guess later."
+    went = "The act goes on; only the record changes."
     yield "mistake", f"Right after an act that was wrong, late, early or double: {mistake} and a letter. {went}"
-    yield "control", f"Of several consoles one may act. {control} takes it, asks for it, gives or releases it."
+    yield "control", f"Only one console at a time may act. {control} takes, requests, gives or releases control."
 
 
 STUDY_CONCEPTS = (
-    ("→", "Who is next: the first in participants.csv who can begin."),
+    ("→", "The next participant: the first in participants.csv who can begin."),
     ("waiting", "No session yet; the first takes a slot of the plan."),
-    ("no consent", "As waiting, but a consent that the study needs has no date in participants.csv."),
+    ("no consent", "Like waiting, but a required consent has no date in participants.csv."),
     ("unfinished", "A session whose engine has gone: Enter recovers it or gives it up."),
-    ("to judge", "A session ended and nobody said how it counts: Enter asks."),
-    ("to go on", "Some runs are complete; the next one is to come."),
+    ("no outcome", "A session ended without an outcome: Enter asks for it."),
+    ("in progress", "Some runs are complete; there are more to do."),
     ("aborted", "The last run does not count; the participant keeps the slot and may run it again."),
     ("excluded", "The participant does not count, and the slot goes to the next of the same stratum."),
     ("rehearsal", "Debug, training and pilot sessions take no slot and never count."),
-    ("hidden", "The study says that nobody is to know a condition before its session begins."),
+    ("hidden", "The study hides each condition until its session begins."),
 )
 """Words that stand on the screen of a study."""
 
 EDIT_CONCEPTS = (
     ("EDIT", "You change files. No key starts anything on a robot; the stop key stops a session of this study."),
-    ("unsaved", "Changes stand in the draft until you save. A lost terminal loses none: they are offered again."),
-    ("✓ ✗ ▲", "No errors; errors, which keep the study from being saved; warnings, which do not."),
+    ("unsaved", "Changes stay in a draft until you save. After a lost terminal the draft is offered again."),
+    ("✓ ✗ ▲", "No errors; errors, which block saving; warnings, which do not."),
     ("at once", "The action begins with the act. after 3 4: when the actions 3 and 4 have ended."),
     ("wording", "One of several ways to say the same; each time one is picked by chance."),
-    ("–", "Nothing is given there: what holds then stands beside it."),
+    ("–", "Not set. The value that applies is shown beside it."),
 )
 """Words that stand in the editor."""
 
@@ -162,7 +168,7 @@ def help_rows(found: Sequence[HelpEntry], width: int, wanted: Filter | None = No
 
 
 def _entry_lines(entry: HelpEntry, width: int, wanted: Filter | None) -> Iterator[StyledLine]:
-    keys, title = (12, 28) if width >= WIDE else (11, 25)
+    keys, title = (14, 28) if width >= WIDE else (14, 25)
     title = title if entry.title else 0
     lead = keys + title
     texts = wrap(entry.text, max(20, width - lead - 1))

@@ -20,12 +20,12 @@ from rise_tui.widgets.titled_box import TitledBox
 
 OUTCOMES: tuple[OutcomeStatus, ...] = ("complete", "aborted", "excluded")
 MEANINGS: dict[str, str] = {
-    "": "← → choose how it is to count.",
+    "": "← → choose the outcome.",
     "complete": "The run counts.",
-    "aborted": "It does not count; they keep the slot and may run it again.",
-    "excluded": "They do not count; their slot goes to the next participant.",
+    "aborted": "Does not count; the participant keeps the slot and may repeat.",
+    "excluded": "The participant does not count; the slot goes to the next one.",
 }
-CHOOSE = "say how it is to count: complete, aborted or excluded (← →)"
+CHOOSE = "choose the outcome: complete, aborted or excluded (← →)"
 NEEDS_REASON: tuple[OutcomeStatus, ...] = ("aborted", "excluded")
 
 
@@ -80,12 +80,12 @@ class OutcomeDialog(SingleDismissModal[Outcome | None]):
         self._title, self._lines, self._ends = title, lines, ends
         self._need_reason = OUTCOMES if corrects else NEEDS_REASON
         self.choice = OpenChoice(OUTCOMES, "", id="outcome")
-        hint = "why it is another one" if corrects else "needed when it is aborted or excluded"
+        hint = "why it changes" if corrects else "required if aborted or excluded"
         self.reason = TextField(id="reason", placeholder=hint, select_on_focus=False)
         self.word = TextField(id="word", select_on_focus=False)
 
     def compose(self) -> ComposeResult:
-        with TitledBox(self._title, "← → choose · ↑ ↓ enter: next field · esc leaves, and nothing changes") as box:
+        with TitledBox(self._title, "← → choose · ↑ ↓ enter: next field · esc cancel") as box:
             box.set_class(self._ends, "-ends")
             yield Static("\n".join(self._lines), id="lines", markup=False)
             with Horizontal(classes="row"):
@@ -133,7 +133,7 @@ class OutcomeDialog(SingleDismissModal[Outcome | None]):
         elif event.value.strip().casefold() == CONFIRMING_WORD:
             self._finish()
         else:
-            self._say(f"that is not the word {CONFIRMING_WORD}: nothing has ended")
+            self._say(f"that is not the word {CONFIRMING_WORD}: the session goes on")
 
     def _problem(self) -> str:
         """What is still missing; the cursor goes there."""
@@ -142,7 +142,7 @@ class OutcomeDialog(SingleDismissModal[Outcome | None]):
             return CHOOSE
         if self.choice.value in self._need_reason and not self.reason.value.strip():
             self.set_focus(self.reason)
-            return f"{self.choice.value}: say why, for the record"
+            return f"{self.choice.value} needs a reason, for the record"
         return ""
 
     def _say(self, sentence: str) -> None:

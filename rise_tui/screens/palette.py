@@ -31,7 +31,7 @@ class Palette(SearchDialog[PaletteCommand]):
     """
 
     def __init__(self, commands: Sequence[PaletteCommand], placeholder: str) -> None:
-        super().__init__("Command", "↑↓ choose · enter does it · esc closes", placeholder)
+        super().__init__("Command", "↑↓ choose · enter runs it · esc closes", placeholder)
         self._commands = commands
         self._hits: list[PaletteHit] = []
         self._theme_before = ""

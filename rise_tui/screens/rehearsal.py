@@ -21,9 +21,9 @@ from rise_tui.widgets.row_list import RowList
 from rise_tui.widgets.titled_box import TitledBox
 
 MEANINGS: dict[str, str] = {
-    "debug": "with the simulated robot; it is marked as no data",
+    "debug": "with the simulated robot; marked as not data",
     "training": "for the wizard, on the robot",
-    "pilot": "with somebody, on the robot, as if it counted",
+    "pilot": "with a person, on the robot, as if it counted",
 }
 THEIRS = "theirs"
 """The row for the condition that the participant would get."""
@@ -57,10 +57,10 @@ class RehearsalDialog(SingleDismissModal[SessionRequest | None]):
 
     def compose(self) -> ComposeResult:
         with TitledBox(
-            f"A rehearsal with {clean(self._participant)}", "← → what for · ↑ ↓ condition · enter goes on · esc leaves"
+            f"A rehearsal with {clean(self._participant)}", "← → purpose · ↑ ↓ condition · enter continue · esc cancel"
         ):
             with Horizontal(classes="row"):
-                yield Label("what for")
+                yield Label("purpose")
                 yield self.purpose
             yield Static(MEANINGS[self.purpose.value], id="meaning", markup=False)
             yield self.list
@@ -68,7 +68,7 @@ class RehearsalDialog(SingleDismissModal[SessionRequest | None]):
     def on_mount(self) -> None:
         rows = [ListRow(name, ((f" condition {self._shown.label(name)}", "plain"),)) for name in self._names]
         if not self._shown.hidden or not rows:
-            text = " as they would run it" if rows else " no conditions in this study: as they would run it"
+            text = " their own condition" if rows else " this study has no conditions"
             rows.insert(0, ListRow(THEIRS, ((text, "plain"),)))
         self.list.styles.height = min(len(rows), max(3, self.app.size.height - 10))
         self.list.show(rows)

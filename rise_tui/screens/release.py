@@ -9,7 +9,7 @@ from rise_tui.screens.choices import Choice, ChoicesDialog
 from rise_tui.screens.dialog import DialogChoice
 
 ALL_KEYS = {"e": "enter", "w": "wait", "l": "leave"}
-HINT = "all: e enter again, w wait there, l leave   one: ↑ ↓, ← →"
+HINT = "all: e re-enter, w wait there, l leave   one: ↑ ↓, ← →"
 
 
 class ReleaseDialog(ChoicesDialog):

@@ -168,14 +168,14 @@ class SettingsScreen(SingleDismissModal[tuple[Scenario, SessionOptions] | None])
         self.changes, self.findings = Static("", markup=False), Static("", markup=False)
 
     def compose(self) -> ComposeResult:
-        with TitledBox("Settings", "tab: next · ← →: choose · esc leaves, and nothing changes"):
+        with TitledBox("Settings", "tab: next · ← →: choose · esc cancel"):
             yield from self._row("folder", TextField(self._settings.folder, id="folder", select_on_focus=False))
             for kind in PATH_KINDS:
                 yield from self._row(kind, TextField(self._current.paths[kind], id=kind, select_on_focus=False))
             yield from self._row("robot", ChoiceField(tuple(self._current.robots), self._current.robot, id="robot"))
             yield from self._row("mode", ChoiceField(MODES, self._current.mode, id="mode"))
             # These two begin empty: what was so in the session before would be wrong in a new one.
-            hint = "who takes part next; empty: nobody named"
+            hint = "the next participant; may be empty"
             yield from self._row("participant", TextField(placeholder=hint, id="participant", select_on_focus=False))
             labels = condition_labels(self._current.conditions)
             yield from self._row("condition", ChoiceField(tuple(labels), "", id="condition", labels=labels))
@@ -183,7 +183,7 @@ class SettingsScreen(SingleDismissModal[tuple[Scenario, SessionOptions] | None])
                 yield self.changes
                 yield self.findings
             with Horizontal(id="buttons"):
-                yield Button("Leave (esc)", id="leave", compact=True)
+                yield Button("Cancel (esc)", id="leave", compact=True)
                 yield Button("Apply", id="apply", compact=True)
 
     def _row(self, label: str, widget: TextField | ChoiceField) -> ComposeResult:
@@ -205,7 +205,7 @@ class SettingsScreen(SingleDismissModal[tuple[Scenario, SessionOptions] | None])
         begins = f"for {self._who(chosen)}; its memory begins with the start values"
         condition = self._in_file.conditions.get(chosen.condition)
         begins += "." if condition is None else f", and the condition {clean(condition_sentence(condition))}."
-        head = "Nothing is changed yet." if not lines else "Not applied yet:"
+        head = "No changes yet." if not lines else "Not applied yet:"
         self.changes.update("\n".join([head, *lines, f"{ends} {begins}"]))
 
     def _who(self, chosen: SessionOptions) -> str:
@@ -284,7 +284,7 @@ class SettingsScreen(SingleDismissModal[tuple[Scenario, SessionOptions] | None])
     def _apply(self) -> None:
         folder = self._folder
         if not folder:
-            self.findings.update("refused; nothing has changed:\nname a folder")
+            self.findings.update("refused; nothing has changed:\nenter a folder")
             return
         self._apply_next = folder != self._folder_read  # then it is being read: first shown, then applied
         self.findings.update("reading …")

@@ -30,8 +30,8 @@ def too_small_lines(size: Size, store: Store | None) -> list[StyledLine]:
     stop, leave = key_name("stop"), key_name("quit")
     sentences = [
         f"This window has {size.width} x {size.height} cells; the console needs {LEAST_SIZE[0]} x {LEAST_SIZE[1]}.",
-        f"{stop} stops everything, {leave} leaves. No other key does anything here.",
-        f"{'The session goes on. ' if store is not None else ''}Make the window larger, or its letters smaller.",
+        f"{stop} stops everything, {leave} leaves. No other key works here.",
+        f"{'The session goes on. ' if store is not None else ''}Make the window larger or the font smaller.",
     ]
     lines: list[StyledLine] = [((line, "plain"),) for text in sentences for line in wrap(text, max(8, size.width))]
     return [*head, *lines][: size.height]

@@ -58,8 +58,8 @@ STEPS = (
     TourStep(
         "watching",
         "What you watch",
-        "Rule shows where the study stands and why: what each way out waits for, and which of your keys brings it "
-        "about. {next-pane} goes to the next pane, {jump} and a letter to any of them.",
+        "Rule shows where the study is and why: what each transition waits for, and which of your keys triggers "
+        "it. {next-pane} goes to the next pane, {jump} and a letter to any of them.",
     ),
     TourStep(
         "hints",

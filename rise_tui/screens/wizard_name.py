@@ -48,10 +48,10 @@ class WizardNameDialog(SingleDismissModal[str]):
         self.field = TextField(name, id="name", placeholder="a short name, such as anna", select_on_focus=False)
 
     def compose(self) -> ComposeResult:
-        lines = ["It stands in every record of the sessions that you begin."]
+        lines = ["Every record of the sessions that you begin shows it."]
         if self._offered:
-            lines.append("The study names these; exports call them by their aliases.")
-        with TitledBox("Who are you?", "enter takes it · esc leaves"):
+            lines.append("The study lists these wizards; exports use their aliases.")
+        with TitledBox("Who are you?", "enter accept · esc cancel"):
             yield Static("\n".join(lines), id="lines", markup=False)
             if self._offered:
                 with Horizontal(classes="row"):
@@ -80,4 +80,4 @@ class WizardNameDialog(SingleDismissModal[str]):
         if name:
             self.dismiss(name)
         else:
-            self.query_one("#answer", Static).update("a name is needed: somebody will want to know who acted")
+            self.query_one("#answer", Static).update("enter a name: the record must say who acted")

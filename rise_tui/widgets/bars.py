@@ -95,7 +95,7 @@ class KeyHints(StaticLines):
             [
                 (_stop_hint(store), "stop"),
                 (_key_and_text("enter", enter), ""),
-                (_key_and_text("esc", "leave"), ""),
+                (_key_and_text("esc", "cancel"), ""),
             ]
         )
         self.show((*self.lines[0], ("  typing: keys start nothing", "muted")))

@@ -141,7 +141,7 @@ class RowEditor(Vertical):
         says = f"is now {now.text}" if now.text else "is deleted now"
         who = f" by {now.source}" if now.source and now.text else ""
         was = f"was {self._before.text}, {says}" if self._before.text else f"there is one already: {says[7:]}"
-        hint = "enter again: yours" if now == self._shown_conflict else "enter twice: yours"
+        hint = "enter again: keep yours" if now == self._shown_conflict else "enter twice: keep yours"
         width = self.conflict_line.size.width or self.size.width - 2
         self.conflict_line.show(align_at_both_ends(((f"{was}{who}", "wait"),), ((hint, "key"),), max(1, width)))
 

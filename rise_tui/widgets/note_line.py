@@ -31,7 +31,7 @@ class NoteLine(TextField):
         """What had the focus before."""
 
     def __init__(self) -> None:
-        super().__init__(placeholder="note for the record; enter adds it, esc leaves", select_on_focus=False)
+        super().__init__(placeholder="note for the record; enter adds it, esc cancels", select_on_focus=False)
         self._back: Widget | None = None
 
     @property

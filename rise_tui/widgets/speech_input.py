@@ -213,7 +213,7 @@ class SpeechInput(Vertical):
                 state, f" {format_seconds(store.now() - (task.started or 0.0))} s" if running else "", task.behavior
             )
         if self.field.value.strip():
-            return ((self.field.value, "plain"), (f"   not said; {key_name('say')} goes on", "muted"))
+            return ((self.field.value, "plain"), (f"   not said; {key_name('say')} continues it", "muted"))
         why_not = why_unavailable(BY_ID["say"], store)
         return ((why_not or f"{key_name('say')} to type what the robot says", "muted"),)
 

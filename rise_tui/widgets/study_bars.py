@@ -24,14 +24,14 @@ class StudyHead(StaticLines):
 
     def draw(self, study: Study | None, wizard: str, *, is_read: bool) -> None:
         if study is None:
-            self.show(((" A study that does not load", "fault") if is_read else (" A study", "strong"),))
+            self.show(((" This study has errors", "fault") if is_read else (" A study", "strong"),))
             return
         real = study.mode == "real"
         right: list[StyledSpan] = [(study.mode.upper(), "wait" if real else "accent"), ("  ", "plain")]
         right += [(f"wizard {clean(wizard)} " if wizard else "no wizard named yet ", "muted")]
         left: StyledLine = ((f" {clean(study.title)}", "strong"),)
         recorders = recorders_text(study.recording)
-        for note in (f"  recorded by {clean(recorders)}" if recorders else "", "  no session runs here"):
+        for note in (f"  recorded by {clean(recorders)}" if recorders else "", "  no session is running"):
             if note and line_width((*left, (note, "muted"), *right)) < self.size.width:
                 left = (*left, (note, "muted"))
         self.show(align_at_both_ends(left, tuple(right), self.size.width))

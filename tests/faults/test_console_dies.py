@@ -184,9 +184,9 @@ def test_a_console_that_comes_back_looks_like_one_that_never_left() -> None:
             it.press(b"w")
             shown("stays", "R_AskUnderstood")
             it.press(b"\x1b[20~")  # F9: from here on nothing moves any more
-            shown("stays", "everything asked has confirmed")
+            shown("stays", "every part has confirmed")
             run("new-window", "-n", "back", observe)
-            shown("back", "everything asked has confirmed")
+            shown("back", "every part has confirmed")
             deadline = time.monotonic() + PATIENCE
             while (stays := shown("stays", "STOPPED")[1:]) != (back := shown("back", "STOPPED")[1:]):
                 assert time.monotonic() < deadline, "\n".join([*stays, *back])  # one may still be painting

@@ -97,7 +97,7 @@ class Day:
     def begin(self, participant: str, run: int) -> None:
         self.open(participant)
         self.it.until_screen(f"─  {participant} ")
-        self.it.until_screen("enter makes the checks")
+        self.it.until_screen("enter runs")
         self.it.until_screen("hidden until the session begins")
         self.it.press(b"\r")
         self.it.until_screen("lamp: answer with y or n")

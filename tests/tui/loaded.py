@@ -1,6 +1,6 @@
 """What a console and an editor have loaded when they are there, with the colours of the terminals that tests open.
 
-An editor at such a terminal explores nothing by itself: what it would find would be painted while bytes are counted.
+An editor at such a terminal explores nothing scheduled: what it would find would be painted while bytes are counted.
 """
 
 from __future__ import annotations

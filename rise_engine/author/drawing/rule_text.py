@@ -71,7 +71,7 @@ def wait_text(scenario: Scenario, transition: Transition) -> str:
         time = delay_text(transition.after)
         return f"{time} to pass" if transition.held is None else f"{time} of what must hold"
     if transition.ended is not None:
-        return f"its own {transition.ended} {' or '.join(ENDINGS[end] for end in awaited_ends(transition))}"
+        return f"{transition.ended} {' or '.join(ENDINGS[end] for end in awaited_ends(transition))}"
     if transition.event is None:
         return "its condition alone"
     if (found := parse_engine_event(scenario, transition.event)) is not None:

@@ -26,7 +26,7 @@ LONG = 26
 ROOM_FOR_BOTH = 44
 """Cells that such a row needs for its texts."""
 MARKS = 12
-"""Cells kept free behind a name for what becomes of a state: `  may follow`."""
+"""Cells kept free behind a name for what becomes of a state: `  maybe next`."""
 
 
 class GraphEdge(NamedTuple):

@@ -25,7 +25,7 @@ async def test_the_palette_opens_it_no_key_starts_anything_and_f9_stops(
         editor = it.app.screen
         assert isinstance(editor, EditScreen)
         await it.until(lambda: editor.home.rows.cursor >= 0)
-        assert "goes on with its own copy" in editor.notice.text
+        assert "keeps its own copy" in editor.notice.text
         for key in it.screen.store.scenario.keys:
             if key not in ("a", "r", "c", "w", "v", "u", "e", "f"):  # those are commands of the editor
                 await it.press(key)

@@ -48,8 +48,8 @@ def test_a_lost_robot_says_for_how_long_what_was_broken_off_and_what_to_do() -> 
 
     first, second, third = said(store_after(happened))
     assert first == " ✗ ROBOT LOST   for 12 s: no answer for 3 s"
-    assert second == "   broken off: Greet; acts fail until the robot is back; rules and memory go on"
-    assert "look at the robot and its network" in third and "F9 may not reach it, its own switch does" in third
+    assert second == "   interrupted: Greet; acts fail until the robot is back; rules and memory go on"
+    assert "check the robot and its network" in third and "F9 may not reach it, its own switch will" in third
     assert all(len(line) <= 80 for line in (first, second, third))
 
 
@@ -68,7 +68,7 @@ def test_free_speech_is_broken_off_too() -> None:
         lose(client, at=client.time)
 
     store = store_after(happened)
-    assert "broken off: the say line" in said(store)[1]
+    assert "interrupted: the say line" in said(store)[1]
 
 
 def test_in_a_replay_nobody_is_told_to_do_anything() -> None:
@@ -117,7 +117,7 @@ def full(client: FakeClient) -> None:
             [
                 "STOPPED   the emergency stop at /estop_pressed is still pressed",
                 "by the emergency stop",
-                "everything asked has confirmed",
+                "every part has confirmed",
             ],
         ),
         ((lambda client: client.stop("requested"),), ["STOP requested", "waiting for the robot", "use its own switch"]),
@@ -159,7 +159,7 @@ def test_a_gone_engine_hides_everything_else_and_says_how_to_come_back() -> None
     store = store_after(lose, full)
     store.gone_reason = "its process is not there any more"
     told = said(store)
-    assert "ENGINE GONE" in told[0] and "F9 neither" in told[1] and "recovers" in told[2]
+    assert "ENGINE GONE" in told[0] and "not even F9" in told[1] and "recovers" in told[2]
     store.ended_in_order = True
     assert "SESSION ENDED" in said(store)[0] and "LOST" not in "".join(said(store))
 

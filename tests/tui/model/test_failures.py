@@ -180,7 +180,7 @@ def test_it_never_takes_more_room_than_it_has_and_says_what_it_leaves_out(width:
     found = failure_lines(Store(client.attach_reply(), "anna", client.now), width, most, key_name)
     assert len(found) <= most and all(line_width(line) <= width for line in found)
     assert "word0" in plain_text(found[-2]) + plain_text(found[3])
-    assert plain_text(found[-2]).endswith("all of it: act pane" if width > 40 else "…")
+    assert plain_text(found[-2]).endswith("in full: act pane" if width > 40 else "…")
 
 
 # --- on the screen ----------------------------------------------------------------------------------------------------

@@ -116,9 +116,7 @@ def test_what_somebody_else_changed_since_is_asked_about() -> None:
     memory = Memory(side="left")
     memory.set("side", "right")
     memory.set("side", "middle", "rule:Main")
-    assert memory.undo() == (
-        "ask: side has changed since, to middle, by rule:Main: undo again makes it left again, or leave it"
-    )
+    assert memory.undo() == ("ask: side has changed since, to middle, by rule:Main: undo again makes it left again")
     assert memory.values["side"] == "middle"
     memory.set("side", "up", "rule:Main")
     assert memory.undo().startswith("ask") and memory.values["side"] == "up"  # it has changed once more
@@ -137,7 +135,7 @@ def test_what_was_added_and_is_gone_already_needs_no_undo() -> None:
     memory.set("cups", 4)
     memory.delete("cups", "rule:Main")
     assert memory.undo().startswith("ask")
-    assert memory.undo() == "nothing: cups is gone already" and len(memory.stack) == 0
+    assert memory.undo() == "nothing: cups is already gone" and len(memory.stack) == 0
 
 
 def test_an_own_change_between_the_undo_and_its_record_stays() -> None:

@@ -83,7 +83,7 @@ async def test_a_red_line_says_what_does_not_record_and_goes_when_it_does() -> N
         it.client.emit(recorder("camera", "stalled", "its file has not grown for 3 s"))
         await it.until(lambda: it.bars.attention_bar.display)
         line = it.bars.attention_bar.text
-        assert line.strip() == "✗ not recorded: camera has STALLED at 00:01:15: its file has not grown for 3 s"
+        assert line.strip() == "✗ not recorded: camera STALLED at 00:01:15: its file has not grown for 3 s"
         assert "camera STALLED" in it.bars.status_line.text and not it.bars.alarm_bar.display
         it.client.emit(recorder("camera", "running"))
         await it.until(lambda: "ALL REC" in it.bars.status_line.text)

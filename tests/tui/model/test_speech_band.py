@@ -144,8 +144,8 @@ def test_when_it_is_silent_the_last_sentence_stays_with_its_age() -> None:
 @pytest.mark.parametrize(
     ("status", "shown"),
     [
-        ("failed", "✗ NOT SAID TO THE END: “Hello Ada!”"),
-        ("canceled", "✗ NOT SAID TO THE END: “Hello Ada!”"),
+        ("failed", "✗ NOT FINISHED: “Hello Ada!”"),
+        ("canceled", "✗ NOT FINISHED: “Hello Ada!”"),
         ("timed-out", "✗ PERHAPS NOT SAID: “Hello Ada!”"),
         ("lost", "✗ PERHAPS NOT SAID: “Hello Ada!”"),
     ],
@@ -249,7 +249,7 @@ def test_a_console_that_attaches_late_knows_what_was_said_last() -> None:
 
 
 def test_nothing_comes_when_no_rule_runs_and_the_first_key_of_a_rule_is_named() -> None:
-    assert Played().next == " next  nothing by itself: no rule runs  ·  you: m Main"
+    assert Played().next == " next  nothing scheduled; no rule running  ·  you: m Main"
 
 
 def test_what_a_rule_does_when_the_act_ends_and_what_it_waits_for_then() -> None:

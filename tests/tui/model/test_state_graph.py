@@ -67,16 +67,16 @@ def test_five_states() -> None:
         over="",
     )
     assert [line.rstrip() for line in texts(lay_out_graph(five, 60), GraphPosition("waiting", ("instruct", 0)))] == [
-        "   ╭►◎ instruct  may follow  start",
-        "   │ ↓ R_Instruct_end  taken last",
+        "   ╭►◎ instruct  maybe next  start",
+        "   │ ↓ R_Instruct_end  last step",
         " ╭─│►● waiting  here",
         " │ ╰─┤ next",
         " │   ↺ nod  stays",
         " │ ╭─┤ enough",
         " │ │ ↓ repeat",
-        " │ │ ◎ again  may follow",
+        " │ │ ◎ again  maybe next",
         " ╰─│─╯ R_Again_end",
-        "   ╰►◎ goodbye  may follow",
+        "   ╰►◎ goodbye  maybe next",
         "     ↓ R_Goodbye_end",
         "     ○ over  end",
     ]
@@ -100,9 +100,9 @@ def test_the_rule_of_the_paper() -> None:
     assert [line.rstrip() for line in texts(lay_out_graph(paper, 50), GraphPosition("State 3", ("State 2", 0)))] == [
         "     ○ State 1  start",
         "     ↓ R_Greeting_end",
-        " ╭──►◎ State 2  may follow",
+        " ╭──►◎ State 2  maybe next",
         " │ ╭─┤ R_ResponseToUser_end",
-        " │ │ ↓ H_no_interaction  taken last",
+        " │ │ ↓ H_no_interaction  last step",
         " │ │ ● State 3  here",
         " ╰─│─╯ R_RequestInteraction_end",
         "   ╰►○ State 4  end",
@@ -149,10 +149,10 @@ def test_the_rule_of_the_study() -> None:
         "     ╭─│───┤   task = 2 → Task 2, introduction",
         "   ╭─│─│───┤   task = 3 → Task 3, introduction",
         " ╭─│─│─│───┤   task = 4 → Task 4, introduction",
-        " │ │ │ │ ╭►◎ Welcome  may follow                    ↓ R_Welcome end…  taken last",
+        " │ │ │ │ ╭►◎ Welcome  maybe next                    ↓ R_Welcome ended  last step",
         " │ │ │ │ │ ● After the welcome  here                ↓ next",
         " │ │ │ │ ╰─┤   repeat",
-        " │ │ │ ├──►◎ Task 1, introduction  may follow       ↓ R_Task1_Intro ended",
+        " │ │ │ ├──►◎ Task 1, introduction  maybe next       ↓ R_Task1_Intro ended",
         " │ │ │ │   ○ After task 1, introduction             ↓ next",
         " │ │ │ ╰───┤   repeat",
     ]
@@ -274,15 +274,15 @@ def test_only_marks_change(some: Rule, width: int, data: st.DataObject) -> None:
                 and now[layout.gutter] in "●◎○"
             )
             assert ("  here" in now) == (plan.state == here)
-            assert ("  may follow" in now) == (now[layout.gutter] == "◎")
+            assert ("  maybe next" in now) == (now[layout.gutter] == "◎")
         else:
             assert now[layout.gutter] == before[layout.gutter]
         taken = plan.edge is not None and (plan.edge.source, plan.edge.number) == last
-        assert now.rstrip().endswith("taken last") == taken
+        assert now.rstrip().endswith("last step") == taken
 
 
 def test_what_was_taken_is_seen_beside_all_that_can_be_said_of_a_state() -> None:
-    """In a long rule a state and its way share a row: `may follow`, `never reached` and `taken last` at once."""
+    """In a long rule a state and its way share a row: `maybe next`, `never reached` and `last step` at once."""
     chain = {f"s{number}": way_to(f"s{number}", f"s{number + 1}") for number in range(14)} | {"s14": State("s14")}
     apart = {"lost": way_to("lost", "off"), "off": way_to("off", "on"), "on": way_to("on", "s0")}
     shared = 0
@@ -290,8 +290,8 @@ def test_what_was_taken_is_seen_beside_all_that_can_be_said_of_a_state() -> None
         layout = lay_out_graph(Rule("R", "s0", {**chain, **apart}), width)
         shared += layout.names > 0
         rows = draw_state_graph(layout, GraphPosition("lost", ("off", 0)))
-        (taken,) = (row for row in map(plain_text, (row.line for row in rows)) if "taken" in row)
-        assert taken.rstrip().endswith("taken last"), (width, taken)
+        (taken,) = (row for row in map(plain_text, (row.line for row in rows)) if "last step" in row)
+        assert taken.rstrip().endswith("last step"), (width, taken)
     assert shared, "it is not long enough"
 
 

@@ -265,10 +265,10 @@ def test_a_rule_higher_on_the_stack_takes_the_event_first() -> None:
 def test_a_way_above_takes_the_event_first() -> None:
     it = Scene(scene(way("next", "task = 4"), way("next", target="a")))
     it.set("task", 2)
-    assert "the way above takes this event first" not in it.said()
+    assert "the transition above takes this event first" not in it.said()
     it.set("task", 4)
-    assert it.said()[-1] == "the way above takes this event first"
+    assert it.said()[-1] == "the transition above takes this event first"
 
 
 def test_the_end() -> None:
-    assert Scene(scene()).said() == ["no way leads out: the rule ends here"]
+    assert Scene(scene()).said() == ["no transition: the rule ends here"]

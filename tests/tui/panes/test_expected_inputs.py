@@ -37,7 +37,7 @@ FALSE = {"task": 2, "understood": True}
         ({"Main": "waiting"}, TRUE, set(), {"Again"}, {"next", "repeat"}),
         ({"Main": "waiting"}, FALSE, set(), set(), {"next"}),  # `repeat` would be lost: its condition does not hold
         ({"Main": "waiting"}, {}, set(), set(), {"next"}),  # nor can a condition that cannot be worked out
-        ({"Main": "waiting", "Again": "raise"}, TRUE, set(), set(), {"next", "repeat"}),  # it runs already
+        ({"Main": "waiting", "Again": "raise"}, TRUE, set(), set(), {"next", "repeat"}),  # it is already running
         ({"Main": "over"}, TRUE, set(), set(), set()),
         ({"Main": None}, TRUE, set(), set(), set()),
         ({"Gone": "x"}, TRUE, set(), set(), set()),

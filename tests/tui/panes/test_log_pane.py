@@ -68,7 +68,7 @@ async def test_a_broken_expression_is_said_and_the_last_good_filter_stays() -> N
         await it.until(lambda: "at 8: the ( is not closed" in pane.title.text)
         assert log.count == 11 and "11 of 20" in pane.title.text
         await it.press("enter")
-        await it.until(lambda: "no filter yet" in it.notice)
+        await it.until(lambda: "not a valid filter yet" in it.notice)
         assert isinstance(it.app.focused, Input)
         await it.press("backspace")
         await it.until(lambda: "at 8" not in pane.title.text)
@@ -381,13 +381,13 @@ async def test_older_tasks_that_are_in_the_record_only_are_told_of(
         await it.until(lambda: log.count == 42)
         assert store.log.all == [row_of(id) for id in store.view.tasks] and store.view.forgotten == 11
         assert log.current_id == selected, "the cursor stays on its task"
-        assert pane.title.text.strip().endswith("11 older tasks are in the record only")
+        assert pane.title.text.strip().endswith("11 older tasks are only in the record")
         pane.set_filter("topic")
         await it.until(lambda: fully_shown(pane) and "42 of 42" in pane.title.text)
-        assert pane.title.text.strip().endswith("11 older tasks are in the record only")
+        assert pane.title.text.strip().endswith("11 older tasks are only in the record")
         events(it, 10, start=53)
         await it.until(lambda: fully_shown(pane) and "41 of 41" in pane.title.text)
         pane.carry_out("log.save")
         await it.press("enter")
         await it.until(lambda: "saved 41 rows" in it.notice)
-        assert "; 22 older tasks are in the record only: rise-engine export " in " ".join(it.notice.split())
+        assert "; 22 older tasks are only in the record: rise-engine export " in " ".join(it.notice.split())

@@ -234,7 +234,7 @@ async def test_a_table_shows_its_size_and_can_be_opened() -> None:
                 it.screen.session.store.notice = None
                 pane.row_list.select(where)
                 await it.press(key)
-                await it.until(lambda: "items is a table, which nothing changes" in it.notice)
+                await it.until(lambda: "items is a table and cannot be changed here" in it.notice)
         assert not it.client.sent and not pane.editor.is_open
 
 
@@ -288,7 +288,7 @@ async def test_the_memory_is_saved_as_start_values_after_asking(tmp_path: Path) 
         it.screen.action_do("memory.save")
         await it.shows(Dialog)
         await it.press("s")
-        await it.until(lambda: "saved 1 start value in memory.json; the rest of it is as it was" in it.notice)
+        await it.until(lambda: "saved 1 start value in memory.json; the rest is unchanged" in it.notice)
         assert path.read_text("utf-8") == before.replace('"task": 2', '"task": 9') and client.sent == []
         shutil.rmtree(path.parent)
         it.screen.action_do("memory.save")

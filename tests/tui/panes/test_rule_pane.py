@@ -123,14 +123,14 @@ async def test_marks_are_words_and_glyphs_keys_are_named_and_the_time_left_count
         it.client.rule("Main", "entered", "waiting", previous="greeting", trigger="/Greet_end", transition=0)
         await it.until(lambda: "● waiting  here" in it.text("rule"))
         text = it.text("rule")
-        assert "◎ greeting  may follow  start" in text and "◎ over  may follow  end" in text
-        assert "↓ Greet_end  taken last" in text
+        assert "◎ greeting  maybe next  start" in text and "◎ over  maybe next  end" in text
+        assert "↓ Greet_end  last step" in text
         await it.until(lambda: "10:00 left" in it.text("rule"))
         it.client.time += 555
         await it.until(lambda: "45 s left" in it.text("rule"))
         it.client.rule("Main", "stopped", None, trigger="wizard:anna", reason="stopped by wizard:anna")
         await it.until(lambda: "here" not in it.text("rule"))
-        assert "stopped by wizard:anna" in it.text("rule") and "may follow" not in it.text("rule")
+        assert "stopped by wizard:anna" in it.text("rule") and "maybe next" not in it.text("rule")
         await it.until(lambda: "starts it" in it.text("rule"))
         it.client.end_in_order("ended by wizard:anna")
         await it.until(lambda: "starts it" not in it.text("rule"), "after the end no key starts anything")
@@ -188,8 +188,8 @@ async def test_a_rule_that_waits_for_its_own_act_says_so_and_names_no_key() -> N
     client = FakeClient(replace(demo(), rules={"Own": Rule("Own", "Say it", states)}))
     async with console(client=client) as it:
         it.client.rule("Own", "entered", "Say it", trigger="start")
-        await it.until(lambda: "its own Greet to fail or to be stopped" in it.text("rule"))
-        row = next(row for row in it.text("rule").splitlines() if "its own Greet" in row)
+        await it.until(lambda: "waits for Greet to fail or to be stopped" in it.text("rule"))
+        row = next(row for row in it.text("rule").splitlines() if "waits for Greet" in row)
         assert "you:" not in row and "→ Over" in row
         assert "Greet failed or stopped" in it.text("rule"), "the drawing names the way"
 

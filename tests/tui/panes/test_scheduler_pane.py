@@ -82,10 +82,10 @@ async def test_tasks_are_moved_and_cancelled_and_a_move_that_changes_nothing_is_
             assert len(it.client.sent) == 1
         it.client.sent.clear()
         for row, key, said in (
-            (0, "left", "runs already"),
-            (1, "left", "starts next already"),
-            (1, "shift+up", "starts next already"),
-            (3, "shift+down", "last one already"),
+            (0, "left", "already running"),
+            (1, "left", "it is already next"),
+            (1, "shift+up", "it is already next"),
+            (3, "shift+down", "already the last one"),
         ):
             it.screen.session.store.notice = None
             await it.press("home", *["down"] * row, key)

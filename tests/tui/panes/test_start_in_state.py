@@ -46,7 +46,7 @@ async def test_it_asks_says_what_the_robot_would_say_and_stops_a_rule_that_runs_
         it.client.rule("Main", "entered", "greeting", trigger="start")
         await it.until(lambda: "here" in it.text("rule"))
         await ask_about(it, "waiting")
-        assert "does nothing by itself" in dialog_text(it) and "is stopped there first" in dialog_text(it)
+        assert "does nothing but wait" in dialog_text(it) and "is stopped first" in dialog_text(it)
         await it.press("escape")
         await it.back()
         assert it.client.asked() == []

@@ -23,7 +23,7 @@ def test_start_press_stop_leave_and_see_it_played_again() -> None:
         it.press(b"g")
         it.until("running")
         it.press(F9)
-        it.until("everything asked has confirmed")
+        it.until("every part has confirmed")
         it.press(CTRL_C)
         it.until("End the session")
         it.press(CTRL_X)

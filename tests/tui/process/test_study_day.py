@@ -73,7 +73,7 @@ def end(it: Terminal, outcome: bytes = b"\x1b[C", reason: bytes = b"") -> None:
     it.press(b"\x18")
     it.until_screen("debrief: answer with y or n")
     it.press(b"y")
-    it.until_screen("enter: say how the session counts")
+    it.until_screen("enter: record the outcome")
     it.press(b"\r")
     it.until_screen("Type end and press enter")
     for key in (*[b"\x1b[C"] * outcome.count(b"\x1b[C"), b"\r"):

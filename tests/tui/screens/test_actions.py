@@ -152,7 +152,7 @@ def test_whatever_shows_a_key_shows_the_users_own() -> None:
         assert (key_text("stop"), first_key_label(stop), keys_of(stop)) == ("F12", "F12", ("f12",))
         assert key_text("theme") == "F6"
         assert blocked_text(BlockedReason("control", holder="ben"), key_name) == "ben has control (F7)"
-        assert "F12 stops everything" in control_question("wizard:ben", None, "wizard:anna", key_name)[0][0]
+        assert "stop everything (F12)" in control_question("wizard:ben", None, "wizard:anna", key_name)[0][0]
     finally:
         use_own_keys({})
     assert key_text("stop") == "F9"

@@ -97,7 +97,7 @@ async def test_the_rule_pane_says_why_it_waits_and_raises_the_event_under_the_cu
         assert "waits for 600 s to pass" in text
         condition = next(line for line in text.splitlines() if line.split()[:4] == ["if", "task", "=", "4"])
         assert "task is 2" in condition and condition.rstrip().endswith("false")
-        assert "taken last" in next(line for line in text.splitlines() if "↓ Greet_end" in line)
+        assert "last step" in next(line for line in text.splitlines() if "↓ Greet_end" in line)
         it.client.emit(MemoryRecord(0, 0.0, "", "task", 4, 2, "wizard:anna"))
         it.client.emit(MemoryRecord(0, 0.0, "", "understood", True, False, "wizard:anna"))
         await it.until(lambda: "true" in it.row("rule", "task is 4"))
@@ -130,7 +130,7 @@ async def test_the_act_pane_shows_levels_and_the_scheduler_reorders_and_cancels(
         await it.press("delete")
         await it.sent("cancelTask", str(second))
         await it.press("home", "shift+down")
-        await it.until(lambda: "runs already" in it.notice)
+        await it.until(lambda: "already running" in it.notice)
         await it.press("delete")
         await it.sent("cancelTask", str(running))
 

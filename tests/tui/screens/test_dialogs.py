@@ -118,7 +118,7 @@ async def test_every_group_is_one_stop_and_enter_on_it_changes_nothing() -> None
         robot = screen.query_one("#robot", ChoiceField)
         robot.focus()
         await it.press("enter", "space")
-        assert robot.value == "pepper" and "Nothing is changed yet" in str(screen.changes.content)
+        assert robot.value == "pepper" and "No changes yet" in str(screen.changes.content)
         await it.press("right")
         assert robot.value == "rise" and it.app.focused is robot
         await it.press("right", "right", "right", "left")
@@ -144,7 +144,7 @@ async def test_a_folder_shows_what_it_says_itself_and_one_that_is_none_is_refuse
         assert (robot.value, mode.value) == ("pepper", "debug")
         folder.value = "  "
         screen.query_one("#apply", Button).press()
-        await it.until(lambda: "name a folder" in str(screen.findings.content))
+        await it.until(lambda: "enter a folder" in str(screen.findings.content))
         assert it.launcher.prepared_with == []
         folder.value = "~nobody-has-this"
         await it.until(lambda: screen._folder_read == "~nobody-has-this")

@@ -287,7 +287,7 @@ def test_a_mark_without_a_name_is_told_by_its_function() -> None:
     keys.press("space", MARK_CUE)
     keys.wait(0.3)
     keys.press("space", MARK_CUE)
-    assert keys.told == ["cue: pressed twice within 0.5 s, taken once"]
+    assert keys.told == ["cue: pressed twice within 0.5 s, counted once"]
 
 
 # --- the way of a key ------------------------------------------------------------------------------------------------
@@ -347,7 +347,7 @@ def test_what_cannot_be_started_when_it_counts_is_refused_then() -> None:
     keys.press("g", greet)
     keys.store.input_mode = "SAFE"
     keys.wait(1)
-    assert keys.fired == [] and keys.told == ["act Greet not started: SAFE: ctrl+x makes keys act"]
+    assert keys.fired == [] and keys.told == ["act Greet not started: SAFE: ctrl+x turns keys on"]
 
 
 def test_without_control_a_key_says_who_has_it() -> None:

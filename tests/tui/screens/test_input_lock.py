@@ -26,12 +26,12 @@ def test_what_each_of_the_two_keys_makes_of_it(mode: InputMode, safe: InputMode,
 
 def test_only_what_is_not_live_has_a_reason() -> None:
     assert blocked_text(None, key_name) == ""
-    assert blocked_text(BlockedReason("safe"), key_name) == "SAFE: ctrl+x makes keys act"
+    assert blocked_text(BlockedReason("safe"), key_name) == "SAFE: ctrl+x turns keys on"
     assert blocked_text(BlockedReason("locked"), key_name) == "LOCKED: ctrl+n unlocks"
 
 
 @pytest.mark.parametrize(
-    ("mode", "key"), [("LIVE", "LIVE: keys start"), ("SAFE", "ctrl+x makes them act"), ("LOCKED", "leave and ctrl+n")]
+    ("mode", "key"), [("LIVE", "LIVE: keys start"), ("SAFE", "ctrl+x turns them on"), ("LOCKED", "leave and ctrl+n")]
 )
 def test_a_chosen_mode_is_told_with_the_key_that_leaves_it(mode: InputMode, key: str) -> None:
     assert key in mode_notice(mode, key_name)
@@ -45,14 +45,14 @@ async def test_safe_starts_nothing_says_why_and_leaves_marks_notes_and_stopping(
             await it.until(lambda: " SAFE " in it.bars.status_line.text and "LIVE" not in it.bars.status_line.text)
             await it.pilot.pause(0.6)
             await it.press(key)
-            await it.until(lambda: "SAFE: ctrl+x makes keys act" in it.notice, key)
+            await it.until(lambda: "SAFE: ctrl+x turns keys on" in it.notice, key)
             await it.pilot.pause(0.1)
             assert it.client.asked() == []
             await it.press("ctrl+x", key)
             await it.until(lambda: it.client.asked(), key)
             it.client.sent.clear()
         await it.press("ctrl+x", "ctrl+t", *"hello")
-        assert "SAFE: ctrl+x makes keys act" in it.bars.key_hints.text
+        assert "SAFE: ctrl+x turns keys on" in it.bars.key_hints.text
         await it.press("enter")  # speech can be prepared, and is not said
         await it.until(lambda: "not said: SAFE" in it.notice)
         await it.pilot.pause(0.1)
@@ -108,7 +108,7 @@ async def test_locking_closes_what_is_open_unanswered_and_forgets_what_was_begun
     async with console() as it:
         it.client.rule("Again", "started", "raise", trigger="start")
         await it.press("f2", "down")
-        await it.until(lambda: "Again cannot be started: it runs already" in it.notice)
+        await it.until(lambda: "Again cannot be started: it is already running" in it.notice)
         await it.press("f2", "b")
         await it.until(lambda: "again?" in it.row("acts", "Goodbye"))
         await it.press("ctrl+x", "ctrl+x", "enter")

@@ -112,7 +112,7 @@ async def test_what_is_pasted_pressed_twice_or_once_too_little_starts_nothing() 
         await it.pilot.pause(0.2)
         await it.press("p")
         assert it.client.asked() == [GREET, ("startCommunicationRobotAct", "Praise")]
-        assert "taken once" in it.notice
+        assert "counted once" in it.notice
         it.client.sent.clear()
         await armed(it)
         assert "Goodbye" in it.notice and it.client.sent == []

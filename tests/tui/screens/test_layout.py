@@ -148,7 +148,7 @@ def sentences(width: int, height: int, *, stopped: bool = False) -> list[str]:
 def test_a_small_window_says_what_is_needed() -> None:
     said = " ".join(sentences(60, 20))
     assert "This window has 60 x 20 cells; the console needs 70 x 20." in said
-    assert "F9 stops everything, ctrl+c leaves. No other key does anything here." in said
+    assert "F9 stops everything, ctrl+c leaves. No other key works here." in said
     assert "The session goes on." in said
 
 

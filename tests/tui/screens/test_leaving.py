@@ -175,7 +175,7 @@ async def test_a_session_whose_engine_has_gone_goes_on_in_the_same_console() -> 
         assert "recovers the session, or leaves" in it.bars.alarm_bar.text
         assert await leaving(it) == ["Stay (esc)", "Recover (r)", "Leave (l)"]
         await it.press("r")
-        await it.until(lambda: "it is not recovered: the disk is full" in it.notice)
+        await it.until(lambda: "could not recover it: the disk is full" in it.notice)
         assert it.screen is gone
         await leaving(it)
         going.clear()

@@ -36,7 +36,7 @@ async def test_a_cut_connection_comes_back_by_itself_with_the_true_state() -> No
         await attached_again(it)
         await it.until(lambda: "► running" in it.row("acts", "Greet") and it.row("memory", "task").split()[1] == "4")
         assert it.pane("log").row_view.count == 2
-        assert "cut and is back" in it.notice and "may or may not have arrived: look at the log" in it.notice
+        assert "the connection is back" in it.notice and "may or may not have arrived: look at the log" in it.notice
         it.client.act("Filler")
         await it.until(lambda: it.pane("log").row_view.count == 3)
         assert "LIVE" in it.bars.status_line.text and not it.bars.alarm_bar.display
@@ -71,7 +71,7 @@ async def test_while_it_is_cut_the_screen_says_so_and_keys_are_refused() -> None
     async with console(client=client) as it:
         client.unreachable = 10_000
         client.cut()
-        await it.until(lambda: "CUT, attaching again" in it.bars.status_line.text)
+        await it.until(lambda: "CUT, reconnecting" in it.bars.status_line.text)
         await it.press("g")
         await it.until(lambda: "Greet not started: the connection is cut" in it.notice)
         await it.until(lambda: "CONNECTION CUT" in it.bars.alarm_bar.text and it.bars.alarm_bar.display)
@@ -134,7 +134,7 @@ async def test_a_record_that_lags_shows_and_one_that_fails_is_an_alarm_and_nothi
             await it.pilot.resize_terminal(*size)
             said = it.bars.alarm_bar.text
             assert "no space is left on the disk" in said
-            assert "the session is paused: nothing starts until the disk takes records again" in said
+            assert "the session is paused until the disk accepts records again" in said
             assert "F9 still stops the robot" in said and "…" not in said
         assert "PAUSED" in it.bars.status_line.text and "LIVE" not in it.bars.status_line.text
         await it.press("g")
@@ -155,7 +155,7 @@ async def test_a_record_that_lags_shows_and_one_that_fails_is_an_alarm_and_nothi
         assert "NOT RECORDING" in it.bars.alarm_bar.text
         it.client.journal()
         await it.until(lambda: "NOT RECORDING" not in it.bars.alarm_bar.text)
-        assert "the disk takes records again" in it.notice
+        assert "the disk accepts records again" in it.notice
         it.client.end("its process is not there any more")
         await it.until(lambda: "ENGINE GONE" in it.bars.alarm_bar.text)
         assert "its process is not there any more" in it.bars.alarm_bar.text
@@ -210,7 +210,7 @@ async def test_a_console_that_lay_behind_shows_the_state_as_it_is_and_says_that_
             store.log.all == [row_of(task) for task in (old, greet, greet + 1)] and it.pane("log").row_view.count == 3
         )
         assert not store.sent and not it.bars.alarm_bar.display
-        assert "leaves some of it out" in it.notice
+        assert "skips some records" in it.notice
         await it.until(lambda: "✓ “Hello there.”" in it.bars.speech_band.text)
         it.client.act("Filler")
         await it.until(lambda: it.pane("log").row_view.count == 4)

@@ -69,7 +69,7 @@ async def test_a_choice_for_each_rule_and_one_for_all_says_what_would_come_of_it
                 it.client.sent.clear()
         stop(it, Main="waiting")
         dialog = await asked(it)
-        assert "nothing; entered again: does nothing by itself" in text_of(dialog)
+        assert "stays stopped; if re-entered: does nothing but wait" in text_of(dialog)
         await it.press("w")
         await it.until(lambda: "waits for event next or event repeat" in text_of(dialog))
         await it.press("escape")

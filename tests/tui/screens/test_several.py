@@ -79,7 +79,7 @@ async def test_one_takes_control_or_asks_for_it_and_esc_leaves_it_where_it_is() 
         it.client.reject = "the session has not begun yet"
         await opened(it)
         await it.press("t")
-        await it.until(lambda: "control is where it was: the session has not begun yet" in it.notice)
+        await it.until(lambda: "control has not changed: the session has not begun yet" in it.notice)
         it.client.reject = ""
         it.client.verbs.clear()
         await opened(it)
@@ -90,13 +90,13 @@ async def test_one_takes_control_or_asks_for_it_and_esc_leaves_it_where_it_is() 
         it.client.control_record("taken", ANNA, ANNA)
         await it.until(lambda: "anna has control" in it.bars.status_line.text)
         said = await opened(it, "ctrl+y")
-        assert "anna has control" in said and "they are told" in said
+        assert "anna has control" in said and "They are told" in said
         await it.press("a")
         await it.until(lambda: it.client.verbs == ["ask"])
-        await it.until(lambda: "anna sees that you ask for control" in it.notice)
+        await it.until(lambda: "anna knows that you ask for control" in it.notice)
         assert "WATCHING · anna has control" in it.bars.status_line.text
         said = await opened(it)
-        assert "Ask no longer (r)" in said and "Take it (t)" in said
+        assert "Stop asking (r)" in said and "Take it (t)" in said
         await it.press("r")
         await it.until(lambda: it.client.verbs == ["ask", "release"])
         it.client.control_record("taken", ANNA, ANNA)
@@ -192,7 +192,7 @@ async def test_a_note_is_added_from_every_console_and_one_that_was_not_taken_is_
         await it.until(lambda: "note by carol: the child laughed" in it.notice)
         it.client.reject = "the disk is full"
         await it.press("ctrl+o", *"cup", "enter")
-        await it.until(lambda: "the note was not taken: the disk is full" in it.notice)
+        await it.until(lambda: "the note was not recorded: the disk is full" in it.notice)
         await it.press("ctrl+o")
         await it.until(lambda: line.value == "cup")
 
@@ -200,10 +200,10 @@ async def test_a_note_is_added_from_every_console_and_one_that_was_not_taken_is_
 async def test_changed_files_are_taken_over_or_it_says_why_not() -> None:
     async with console() as it:
         it.screen.action_do("take-over")
-        await it.until(lambda: it.client.take_overs == 1 and "goes on with the files as they are now" in it.notice)
+        await it.until(lambda: it.client.take_overs == 1 and "now uses the changed files" in it.notice)
         it.client.reject = "an act runs or waits"
         it.screen.action_do("take-over")
-        await it.until(lambda: it.notice.endswith("the session goes on as it was: an act runs or waits"))
+        await it.until(lambda: it.notice.endswith("the session keeps its files: an act runs or waits"))
 
 
 def test_what_changes_a_session_needs_control() -> None:

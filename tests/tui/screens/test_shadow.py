@@ -59,15 +59,15 @@ async def test_it_cannot_be_taken_for_a_session_and_paused_no_key_is_kept(folder
         assert bar.has_class("-on")
         for size in ((120, 40), (80, 24)):
             await c.pilot.resize_terminal(*size)
-            await c.until(lambda: "PAUSED at 00:00:00   F8 plays on from here" in bar.text)
+            await c.until(lambda: "PAUSED at 00:00:00   F8 resumes here" in bar.text)
             assert "cue 0 of 5" in bar.text
         await c.press("p")
-        assert "paused: F8 plays it" in c.notice
+        assert "paused: F8 resumes it" in c.notice
         await c.press("f8")
         await c.until(lambda: "F8 pauses" in bar.text)
         for action in ("settings", "memory.save"):  # nothing of the first session can be changed
             c.screen.action_do(action)
-            assert "shadow of a session that is over" in c.screen.store.notice.text  # type: ignore[union-attr]
+            assert "shadow of a finished session" in c.screen.store.notice.text  # type: ignore[union-attr]
         await play_until(c, 1.1)
         assert "cue 1 of 5" in bar.text
         assert "sent nowhere" in bar.text
@@ -147,7 +147,7 @@ async def test_who_leaves_is_told_how_to_go_on_and_before_it_began_leaves_nothin
         await play_until(c, 12)
         await left(c)
         assert c.app.exit_message.endswith("--recover")
-        assert "/shadow; to go on: rise-tui --shadow" in c.app.exit_message
+        assert "/shadow; to continue: rise-tui --shadow" in c.app.exit_message
     assert read_shadows(folder)[0][0].resume_at == (10.0, cue_numbers(folder)[1])
 
 
@@ -156,7 +156,7 @@ async def test_at_the_end_it_says_what_to_do_next(folder: Path) -> None:
     async with shadow(folder, (80, 24)) as c:
         await c.press("f8")
         await play_until(c, 51)
-        await c.until(lambda: "all was shown" in c.bars.shadow_bar.text)
+        await c.until(lambda: "all cues were shown" in c.bars.shadow_bar.text)
         await c.press("ctrl+c")
         await c.until(lambda: c.app.exit_message)
         assert "Compare: rise-engine agree" in c.app.exit_message
@@ -166,5 +166,5 @@ async def test_at_the_end_it_says_what_to_do_next(folder: Path) -> None:
 async def test_elsewhere_there_is_no_pause() -> None:
     async with console() as c:
         c.screen.action_do("pause")
-        await c.until(lambda: "this is no shadow of a session" in c.notice)
+        await c.until(lambda: "this is not a shadow of a session" in c.notice)
         assert not c.bars.shadow_bar.has_class("-on")

@@ -153,7 +153,7 @@ async def test_what_is_shown_is_said_in_its_turn_or_at_once() -> None:
             it.screen.input.observe_key(key, monotonic(), typing=True, together=True)
         line.field.value = "ab"
         line.field.post_message(SpeechField.SubmitSpeech(at_once=False))
-        await it.until(lambda: "faster than anybody types" in it.notice)
+        await it.until(lambda: "too fast to be typed" in it.notice)
         assert it.client.asked() == [] and line.field.value == "ab", "a pasted line end says nothing"
         await it.pilot.pause(1)
         await it.press("escape", "ctrl+x")
@@ -184,7 +184,7 @@ async def test_it_is_sent_until_the_engine_answers_and_then_what_the_robot_does(
         client.reject = "the robot cannot speak"
         await it.press("ctrl+t", *"Hi", "enter")
         await it.until(lambda: "say Hi was rejected: the robot cannot speak" in it.notice)
-        await it.until(lambda: "Hi   not said; ctrl+t goes on" in shown(it))
+        await it.until(lambda: "Hi   not said; ctrl+t continues it" in shown(it))
         await it.press("ctrl+t")
         assert it.bars.speech_input.field.value == "Hi", "what was rejected is still there"
         await it.press("escape", "f2", "ctrl+t", *" Ada", "escape")

@@ -61,7 +61,7 @@ async def test_each_key_is_taken_back_or_kept_and_escape_stays() -> None:
                 await asked(it)
                 assert "from waiting back to greeting" in text_of(it, "lines") and "says “" in text_of(it, "lines")
                 shown = text_of(it, "choices").replace('"', "")
-                assert "task: 5 → 4" in shown and "new: x → not there" in shown and "its acts: Greet" in shown
+                assert "task: 5 → 4" in shown and "new: x → not set" in shown and "its acts: Greet" in shown
                 assert it.app.screen.query_one("#answer-w").region.bottom <= size[1]
                 await it.press(*keys)
                 assert await step_sent(it) == {"rule": "Main", **step}
@@ -77,4 +77,4 @@ async def test_each_key_is_taken_back_or_kept_and_escape_stays() -> None:
         it.client.rule("Main", "entered", "greeting", trigger="start")
         await it.until(lambda: "in greeting" in it.text("rule"))
         await it.press("left")
-        await it.until(lambda: "has been in a state before" in it.notice, "a first state has none before it")
+        await it.until(lambda: "no earlier state to go back to" in it.notice, "a first state has none before it")

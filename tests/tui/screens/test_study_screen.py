@@ -182,7 +182,15 @@ async def test_every_state_is_a_word_and_a_glyph_and_who_is_next_is_selected() -
             await at.pilot.resize_terminal(*size)
             await at.pilot.pause(0.1)
             shown = lists.people.text
-            words = ("✓ complete", "- excluded", "- withdrawn", "◐ unfinished", "? to judge", "◇ to go on", "■ aborted")
+            words = (
+                "✓ complete",
+                "- excluded",
+                "- withdrawn",
+                "◐ unfinished",
+                "? no outcome",
+                "◇ in progress",
+                "■ aborted",
+            )
             for word in (*words, "✗ no consent", "○ waiting"):
                 assert word in shown
             assert next(line for line in shown.splitlines() if "P07" in line).startswith(" → P07")
@@ -207,7 +215,9 @@ async def test_every_state_is_a_word_and_a_glyph_and_who_is_next_is_selected() -
         await at.until(lambda: at.source.loads > before and "recorded by camera (obs)" in at.screen.head.text)
         people = (person(1, "running", sessions=(entry("P01", status="running", outcome=None),)), person(2, "waiting"))
         at.source.change(standing=standing(participants=people, next=""))
-        await at.until(lambda: "► running" in lists.people.text and "nobody can begin now" in lists.people_head.text)
+        await at.until(
+            lambda: "► running" in lists.people.text and "no participant can begin now" in lists.people_head.text
+        )
         done = standing(participants=(person(1, "complete"), person(2, "complete")), next="", complete=2, wanted=2)
         at.source.change(study=study(n=2), standing=done)
         await at.until(lambda: "the study is complete" in lists.people_head.text)
@@ -218,8 +228,8 @@ async def test_participants_are_found_by_typing_and_help_and_palette_know_this_s
     async with day() as at:
         lists = at.screen.lists
         await at.press("slash")
-        await at.type("to go")
-        assert lists.people.count == 1 and "find to go  1 of 10" in lists.people_head.text
+        await at.type("in progress")
+        assert lists.people.count == 1 and "find in progress  1 of 10" in lists.people_head.text
         await at.press("enter")
         assert lists.selected is not None and lists.selected.participant == "P07"
         await at.press("escape")
@@ -231,7 +241,7 @@ async def test_participants_are_found_by_typing_and_help_and_palette_know_this_s
         assert lists.people.count == 10 and at.app.focused is lists.people
         await at.press("question_mark")
         shown = await at.shows(HelpScreen)
-        assert "Rehearse" in shown.list.text and "to judge" in shown.list.text
+        assert "Rehearse" in shown.list.text and "no outcome" in shown.list.text
         await at.press("escape")
         await at.press("colon")
         await at.shows(Palette)
@@ -256,7 +266,7 @@ async def test_a_hidden_study_shows_no_condition_before_and_none_of_others() -> 
         await at.select("P07")
         await at.press("r")
         rehearsal = await at.shows(RehearsalDialog)
-        assert "as they would run it" not in rehearsal.list.text and "condition A+quiet" in rehearsal.list.text
+        assert "their own condition" not in rehearsal.list.text and "condition A+quiet" in rehearsal.list.text
         await at.press("enter")
         await at.shows(ChecksScreen)
         assert at.source.planned[0].condition == "yes+quiet"
@@ -358,7 +368,7 @@ async def test_enter_says_what_would_run_and_esc_leaves_it() -> None:
         await at.select("P08")
         await at.press("enter")
         plan = await at.shows(ChecksScreen)
-        assert "not in turn  P07 (en) is next; you are about to open P08 (de)" in plan.list.text
+        assert "out of turn  P07 (en) is next; you are about to open P08 (de)" in plan.list.text
         assert "P08 · run 2 of 2   language de" in plan.list.text
 
 
@@ -369,9 +379,9 @@ async def test_who_cannot_begin_is_told_why() -> None:
         assert "there is no participant 'p07' in participants.csv; did you mean `P07`?" in at.notice
         for participant, said in (
             ("P09", "consent_recording"),
-            ("P01", "is complete"),
+            ("P01", "P01: complete; no run is left"),
             ("P03", "fire alarm"),
-            ("P04", "is withdrawn"),
+            ("P04", "P04: withdrawn"),
         ):
             await at.select(participant)
             await at.press("enter")
@@ -474,7 +484,7 @@ async def test_a_failed_check_blocks_is_made_again_or_skipped_with_a_reason() ->
         await at.press("s")
         assert "consent cannot be skipped" in at.text_of(screen) and not screen.reason_bar.is_open
         await at.press("y")
-        assert "the program itself looks" in at.text_of(screen)
+        assert "checked automatically" in at.text_of(screen)
         await at.press("escape")
         source.change(study=study(checks=(StudyCheck("disk", auto="disk", blocks=False),)))
         source.results = {"disk": "only 2 GB are free"}
@@ -505,7 +515,7 @@ async def test_the_name_is_asked_once_and_kept() -> None:
         question = await at.shows(WizardNameDialog)
         assert question.field.value == ""  # a login is nobody's name in a real session
         await at.press("enter")
-        assert "a name is needed" in str(question.query_one("#answer", Static).content)
+        assert "enter a name" in str(question.query_one("#answer", Static).content)
         await at.type("bea")
         await at.press("enter")
         await at.shows(ChecksScreen)
@@ -538,7 +548,7 @@ async def test_a_real_study_offers_its_wizards_and_in_debug_mode_the_login_is_of
 @pytest.mark.slow
 async def test_a_rehearsal_takes_no_slot_asks_no_outcome_and_comes_back() -> None:
     source = FakeStudy()
-    source.results = {"tracker": "not there"}
+    source.results = {"tracker": "not set"}
     async with day(source) as at:
         await at.press("r")
         await at.shows(RehearsalDialog)
@@ -576,7 +586,7 @@ async def test_a_session_ends_with_its_outcome_and_the_next_participant_is_selec
     client.act("Greet")
     async with day(FakeStudy(client=client)) as at:
         await at.press("slash")
-        await at.type("to go")
+        await at.type("in progress")
         await at.press("enter")
         await at.begin()
         await at.ask_to_end()
@@ -609,7 +619,7 @@ async def test_every_step_to_the_end_can_be_left_stopped_and_refused_and_needs_w
         console = at.app.console_screen
         assert console is not None
         console.action_do("settings")
-        await at.until(lambda: "the study says what runs" in console.bars.notice_line.text)
+        await at.until(lambda: "the study decides what runs" in console.bars.notice_line.text)
         await at.ask_to_end()
         checks = await at.shows(ChecksScreen)
         for key in "abcdefghijklmopqtuvwxyz0123456789":
@@ -626,13 +636,13 @@ async def test_every_step_to_the_end_can_be_left_stopped_and_refused_and_needs_w
         await at.press("escape")
         await at.shows(ConsoleScreen)
         assert at.client.closed == [] and at.client.reports == [], "no key of any study ends its session"
-        at.client.reject = "only who holds control can say how it is to count"
+        at.client.reject = "only who holds control can choose the outcome"
         await at.ask_to_end()
         await at.answer_debrief()
         await at.press("right", "enter", "enter")
         await at.says_end()
         await at.shows(ConsoleScreen)
-        await at.until(lambda: "this was not taken" in console.bars.notice_line.text)
+        await at.until(lambda: "this was not recorded" in console.bars.notice_line.text)
         assert at.client.closed == []
         at.client.reject = ""
         await at.ask_to_end()
@@ -642,13 +652,13 @@ async def test_every_step_to_the_end_can_be_left_stopped_and_refused_and_needs_w
             return str(question.query_one("#answer", Static).content)
 
         await at.press("enter", "enter")
-        assert "say how it is to count" in answer(), "nothing is chosen to begin with"
+        assert "choose the outcome" in answer(), "nothing is chosen to begin with"
         await at.press("right")
         assert question.choice.value == "complete"
         await at.press("right")
-        assert question.choice.value == "aborted" and "may run it again" in str(question.query_one("#meaning").content)
+        assert question.choice.value == "aborted" and "may repeat" in str(question.query_one("#meaning").content)
         await at.press("enter", "enter")
-        assert "aborted: say why" in answer()
+        assert "aborted needs a reason" in answer()
         await at.type("the robot fell")
         await at.press("enter")
         await at.type("no")
@@ -686,7 +696,7 @@ async def test_a_session_whose_engine_has_gone_is_recovered_left_or_ended_by_som
         await at.begin()
         at.source.change(standing=standing(next="P10"))
         await at.over()
-        assert "P07, run 2: ended by SIGTERM; enter says how it counts" in at.notice
+        assert "P07, run 2: ended by SIGTERM; press enter to record its outcome" in at.notice
         await at.pilot.pause(0.2)
         assert at.screen.lists.people.current_id == "P07"
         await at.begin()
@@ -746,10 +756,10 @@ async def test_a_session_that_runs_without_a_console_here_is_reached_and_stopped
     source = FakeStudy()
     async with day(source, size=(120, 40)) as at:
         await at.press("f9")
-        assert "nothing runs" in at.notice
+        assert "nothing to stop" in at.notice
         screen = await at.checks()
         await at.press("ctrl+g")
-        assert "nothing runs" in at.text_of(screen)
+        assert "nothing to stop" in at.text_of(screen)
         await at.press("escape")
         people = (person(1, "running", sessions=(running,)),)
         source.change(standing=standing(participants=people, next=""))
@@ -765,7 +775,7 @@ async def test_a_session_that_runs_without_a_console_here_is_reached_and_stopped
         assert source.attached[-1] == running
         await at.over()
         source.change(standing=standing(rehearsals=(rehearsal,)))
-        await at.until(lambda: "a debug session with P10 runs" in at.screen.lists.beside.text)
+        await at.until(lambda: "a debug session with P10 is running" in at.screen.lists.beside.text)
         await at.select("P10")
         before = len(source.planned)
         await at.press("enter")
@@ -788,7 +798,7 @@ async def test_stop_while_a_session_is_starting_stops_it_as_soon_as_it_is_reache
         await at.press("enter")
         assert "not now: the session of P07 is starting" in at.notice
         await at.press("f9")
-        assert "STOP follows" in at.notice
+        assert "STOP will be sent" in at.notice
         source.held.set()
         await at.shows(ConsoleScreen)
         await at.until(lambda: ("stopAll", "") in at.client.asked())
@@ -812,7 +822,7 @@ async def test_sessions_are_judged_given_up_corrected_and_recovered() -> None:
 
         question = await asked_about("P05")
         said = "\n".join((question._title, *question._lines))
-        for piece in ("P05 · run 1 · A+quiet did not end", "Begun 2026-11-21 14:15", "as far as 00:14:32"):
+        for piece in ("P05 · run 1 · A+quiet did not end", "Started 2026-11-21 14:15", "its record ends at 00:14:32"):
             assert piece in said
         await at.press("escape")
         await at.gone_back()
@@ -821,7 +831,7 @@ async def test_sessions_are_judged_given_up_corrected_and_recovered() -> None:
         await at.press("enter")
         outcome = await at.answer_debrief()
         assert at.source.noted == [("debrief", "passed")]
-        assert "nobody said how it counts" in "\n".join(outcome._lines) and not outcome.query("#word")
+        assert "ended without an outcome" in "\n".join(outcome._lines) and not outcome.query("#word")
         at.source.refusal = "study.jsonl cannot be written: no space left"
         await at.press("right", "enter", "enter")
         await at.until(lambda: "no space left" in at.notice)
@@ -836,7 +846,7 @@ async def test_sessions_are_judged_given_up_corrected_and_recovered() -> None:
         outcome = await at.shows(OutcomeDialog)
         assert "It counts as aborted" in str(outcome.query_one("#lines", Static).render())
         await at.press("right", "enter", "enter")
-        assert "say why" in str(outcome.query_one("#answer", Static).render()) and at.source.judged == []
+        assert "needs a reason" in str(outcome.query_one("#answer", Static).render()) and at.source.judged == []
         await at.type("heard all of it")
         await at.press("enter")
         assert await judged() == ("P08", "complete", "heard all of it", "anna")

@@ -70,7 +70,7 @@ def test_start_act_stop_release_detach_and_come_back(tmux: Tmux) -> None:
     tmux.until("running")
     tmux.keys("F9")
     tmux.until("STOPPED")
-    tmux.until("everything asked has confirmed")
+    tmux.until("every part has confirmed")
     tmux.keys("C-r")
     tmux.until("Release (r)")
     tmux.keys("r")

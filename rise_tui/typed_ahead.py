@@ -6,18 +6,19 @@ from textual import events
 from textual.app import App
 
 from rise_tui.actions import BY_ID
-from rise_tui.editor.screen import EditScreen
 from rise_tui.key_labels import keys_of
 from rise_tui.rendering.terminal_reader import read_first
 from rise_tui.rendering.typing_fields import takes_text
 
+EDITOR = "-editor"
+"""The class of the editor's screen, by which the console knows it without loading the editor."""
 AT_ONCE = ("stop", "quit")
 """Actions whose keys wait for nothing."""
 
 
 def is_editing(app: App[object]) -> bool:
     """Whether the editor is open, whatever lies over it."""
-    return any(isinstance(screen, EditScreen) for screen in app.screen_stack)
+    return any(screen.has_class(EDITOR) for screen in app.screen_stack)
 
 
 def waits(app: App[object], event: events.Key) -> bool:
