@@ -55,7 +55,7 @@ def choose_session(
         return names[0]
     rows = _session_rows(found)
     if not terminal.interactive:
-        raise NothingStarted(USAGE, "several sessions run, and without a terminal nobody can be asked:", *rows)
+        raise NothingStarted(USAGE, "several sessions run, and without a terminal you cannot choose:", *rows)
     terminal.print_line("These sessions run on this machine:")
     terminal.print_line("")
     for row in rows:
@@ -182,6 +182,6 @@ def _print_wrapped(terminal: Prompter, lead: str, sentence: str) -> None:
 
 
 WITHOUT_TERMINAL = (
-    "an earlier session of this scenario did not end, and without a terminal nobody can be asked: "
-    "say --recover to go on with it, or --new"
+    "an earlier session of this scenario did not end, and without a terminal you cannot choose: "
+    "use --recover to continue it, or --new"
 )

@@ -48,5 +48,7 @@ def _name_judge(options: CommandLine, terminal: Prompter) -> str:
     if name is None and terminal.interactive:
         name = (terminal.read_answer(QUESTION) or "").strip()
     if not name:
-        raise NothingStarted(USAGE, "say who judges: --wizard NAME; the comparison tells wizards apart by their names")
+        raise NothingStarted(
+            USAGE, "name the second wizard: --wizard NAME; the comparison tells wizards apart by their names"
+        )
     return name

@@ -68,11 +68,11 @@ def _read_keys(options: CommandLine) -> KeyFile | None:
     if path is None:
         return None
     from rise_tui.config.key_file import read_keys
-    from rise_tui.config.keymap import how_to_mend
+    from rise_tui.config.keymap import how_to_fix
 
     keys = read_keys(path)
     if keys.problems:
-        raise NothingStarted(USAGE, *map(str, keys.problems), how_to_mend(path))
+        raise NothingStarted(USAGE, *map(str, keys.problems), how_to_fix(path))
     return keys
 
 
@@ -165,11 +165,11 @@ def _first_inputs(options: CommandLine) -> tuple[Submit, ...]:
 
 def _check_clashes(settings: SessionOptions, keys: KeyFile) -> None:
     """Before an engine is started for a console that would then refuse to open."""
-    from rise_tui.config.keymap import how_to_mend
+    from rise_tui.config.keymap import how_to_fix
 
     prepared = launch.load_scenario(settings)
     if not isinstance(prepared, launch.ScenarioProblems) and (clashes := keys.clashes(prepared.keys)):
-        raise NothingStarted(USAGE, *map(str, clashes), how_to_mend(keys.path))
+        raise NothingStarted(USAGE, *map(str, clashes), how_to_fix(keys.path))
 
 
 def _print_refusal(lines: list[str], folder: str, code: int = REFUSED) -> NoReturn:

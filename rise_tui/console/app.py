@@ -17,7 +17,7 @@ from rise_engine.run.protocol.session_options import SessionOptions
 from rise_engine.run.protocol.session_start import start_problems
 from rise_engine.scenario.model import Scenario
 from rise_tui.actions import bindings_in
-from rise_tui.config.keymap import KeyFile, how_to_mend, textual_keymap
+from rise_tui.config.keymap import KeyFile, how_to_fix, textual_keymap
 from rise_tui.config.launch import Launcher, settings_of_session
 from rise_tui.config.preferences import Preferences
 from rise_tui.config.study_source import StudyRefused, StudySource
@@ -195,7 +195,7 @@ class ConsoleApp(TerminalApp):
             return
         if clashes := self._keys.clashes(session.store.scenario.keys):
             await session.close(end_session=False)
-            await self._exit_without_session("\n".join((*map(str, clashes), how_to_mend(self._keys.path))), code=2)
+            await self._exit_without_session("\n".join((*map(str, clashes), how_to_fix(self._keys.path))), code=2)
             return
         self._session = session
         # Also while nobody knows whether it is of a study: of a session that has just begun there is no record yet.

@@ -22,7 +22,7 @@ from rise_engine.base.nearest_name import did_you_mean
 from rise_engine.kernel.inputs import CheckReport
 from rise_engine.study.model import ParticipantStanding, SessionEntry
 from rise_tui.actions import ON_STUDY_SCREEN, bindings_in, bindings_of
-from rise_tui.config.keymap import KeyFile, how_to_mend
+from rise_tui.config.keymap import KeyFile, how_to_fix
 from rise_tui.config.study_source import (
     SessionPreview,
     SessionRequest,
@@ -385,7 +385,7 @@ class StudyScreen(Screen[None]):
             self._refused(refused)
             return
         if clashes := self._keys.clashes(plan.keys):
-            self._refused(StudyRefused(f"{clashes[0]}; {how_to_mend(self._keys.path)}"))
+            self._refused(StudyRefused(f"{clashes[0]}; {how_to_fix(self._keys.path)}"))
             return
         self.busy = ""
         self.say("")

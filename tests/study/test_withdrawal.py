@@ -268,7 +268,7 @@ def run(*arguments: object, typed: str | None = None) -> Result:
 
 def test_the_command(made: Folder) -> None:
     result = run("study", "withdraw", made.study, "P01")
-    assert result.exit_code == 2 and "nobody can be asked here; say --yes" in result.output
+    assert result.exit_code == 2 and "without a terminal, use --yes" in result.output
     assert made.sessions[0].exists()
     result = run("study", "withdraw", made.study, "P01", "--yes")
     assert result.exit_code == 1, result.output

@@ -83,7 +83,7 @@ def test_an_export_that_is_not_what_was_written_is_told(made: Folder) -> None:
     shutil.rmtree(made.study / "deleted")
     result = CliRunner().invoke(main, ["study", "withdraw", str(made.study), "P01", "--yes"])
     assert result.exit_code == 1
-    told = result.output.partition("not erased, and somebody has to see to it:")[2]
+    told = result.output.partition("not erased; you must see to it:")[2]
     for kind in kinds:
         assert f"  {made.study / kind}" in told, result.output
         assert (made.study / kind).exists() == (kind != "deleted")

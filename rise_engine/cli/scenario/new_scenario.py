@@ -24,16 +24,18 @@ BLANK = "blank"
 @click.command()
 @FOLDER_OR_NONE
 @click.option(
-    "--template", metavar="NAME", help="What it begins as: a study that comes with the program (--list), or `blank`."
+    "--template", metavar="NAME", help="Begin with a study that comes with the program (--list), or with `blank`."
 )
-@click.option("--from", "study", metavar="NAME", help="The same, for a study that comes with the program.")
-@click.option("--title", metavar="TEXT", default="", help="What a blank study calls itself. Default: as its folder.")
-@click.option("--robot", metavar="NAME", default="", help="The robot of a blank study. Default: generic, simulated.")
+@click.option("--from", "study", metavar="NAME", help="Begin with this study that comes with the program.")
+@click.option("--title", metavar="TEXT", default="", help="Set the title of a blank study. Default: its folder's name.")
+@click.option(
+    "--robot", metavar="NAME", default="", help="Set the robot of a blank study. Default: generic, simulated."
+)
 @click.option("--list", "listing", is_flag=True, help="List the studies that come with the program.")
 def new(folder: str | None, template: str | None, study: str | None, title: str, robot: str, listing: bool) -> int:
-    """Make a study of your own in DIR, a new or empty folder. In a terminal it asks for what was not said.
+    """Make a study of your own in DIR, a new or empty folder. In a terminal, it asks for what is missing.
 
-    Exit status: 0; 1 when it could not be made; 2 wrong usage.
+    Exit status: 0; 1 if it could not be made; 2 wrong usage.
     """
     if listing:
         lines = study_lines()

@@ -38,15 +38,15 @@ from rise_engine.study.study_toml import is_study
 
 @click.command()
 @click.argument("where", metavar="[STUDY|DIR]", type=click.Path(), required=False)
-@click.option("--all", "everything", is_flag=True, help="Also those that have ended.")
+@click.option("--all", "everything", is_flag=True, help="Also list sessions that have ended.")
 @JSON
 def sessions(where: str | None, everything: bool, as_json: bool) -> None:
     """List the sessions that run on this machine, and those that did not end.
 
-    With STUDY, a scenario's DIR or a folder with sessions: every session that was recorded there, also those that have
-    ended, with participant, condition, outcome, length and mode. So with --all, for the folder where sessions lie.
+    With STUDY, a scenario's DIR or a folder of sessions, list every session that was recorded there, with participant,
+    condition, outcome, length and mode. With --all, do the same for the usual sessions folder.
 
-    Exit status: 0; 1 when they cannot be listed; 2 when there is no such folder.
+    Exit status: 0; 1 if they cannot be listed; 2 if there is no such folder.
     """
     if where is not None or everything:
         _print_recorded(where, as_json=as_json)

@@ -175,7 +175,7 @@ def test_what_is_asked_fits_on_the_narrowest_terminal() -> None:
 
 
 def test_without_a_terminal_the_options_are_named() -> None:
-    with pytest.raises(NothingStarted, match="--recover to go on with it, or --new") as nothing:
+    with pytest.raises(NothingStarted, match="--recover to continue it, or --new") as nothing:
         choose_session.choose_recovery(ONE, Typist(interactive=False))
     assert nothing.value.code == 2
 
@@ -193,9 +193,9 @@ def test_nothing_that_a_title_contains_reaches_the_terminal_as_it_is() -> None:
 @pytest.mark.parametrize(
     ("arguments", "said"),
     [
-        (("--mode", "debug"), "--mode say how a session starts: name its scenario with --config DIR"),
-        (("--new",), "--new say how"),
-        (("--config", "x", "--new", "--recover"), "say either --new or --recover"),
+        (("--mode", "debug"), "use --mode only with --config DIR"),
+        (("--new",), "use --new only with"),
+        (("--config", "x", "--new", "--recover"), "use either --new or --recover"),
         (("--config", "x", "--replay", "y"), "say either --config or --replay"),
         (("--config", "x", "--speed", "2"), "--speed is for --replay"),
     ],

@@ -102,10 +102,10 @@ def test_a_session_that_is_none_is_named(tmp_path: Path) -> None:
         (("--replay", "x", "--at", "3"), "--at is for --shadow"),
         (("--shadow", "x", "--recover", "--at", "3"), "--recover goes on where the shadow stopped"),
         (("--shadow", "x", "--recover", "--speed", "2"), "--recover goes on where the shadow stopped"),
-        (("--shadow", "x", "--new", "--recover"), "say either --new or --recover"),
-        (("--shadow", "x", "--participant", "P01"), "--participant say how a session starts"),
+        (("--shadow", "x", "--new", "--recover"), "use either --new or --recover"),
+        (("--shadow", "x", "--participant", "P01"), "use --participant only with --config DIR"),
         (("--speed", "2"), "--speed is for --replay and --shadow"),
-        (("--new",), "--new say how a session starts"),
+        (("--new",), "use --new only with --config DIR"),
     ],
 )
 def test_what_does_not_go_together(arguments: tuple[str, ...], said: str) -> None:
