@@ -14,10 +14,10 @@ from pathlib import Path
 from msgspec import Struct
 
 from rise_engine.base.errors import SessionError
+from rise_engine.base.files import Disk, error_message
 from rise_engine.kernel import Kernel
 from rise_engine.kernel.view import SessionView
 from rise_engine.scenario.model import Scenario
-from rise_engine.session.disk import Disk, error_message
 from rise_engine.session.folder import JOURNAL, SessionInfo, has_ended, read_info
 from rise_engine.session.journal_format import encode_header, encode_record, with_checksum
 from rise_engine.session.journal_reader import JournalContents, ProgressCallback, read_journal
@@ -210,7 +210,7 @@ def _replace_journal(path: Path, lines: Iterable[bytes], disk: Disk, lock: Journ
     fresh.unlink(missing_ok=True)  # of a repair that was interrupted
     size = _write_new_file(fresh, lines, disk)
     with lock.move_to(fresh):
-        os.replace(fresh, path)  # noqa: PTH105  # as the other system calls here
+        fresh.replace(path)
     disk.sync_folder(path.parent)
     return size
 

@@ -19,11 +19,11 @@ from msgspec import Struct, field
 from msgspec.structs import replace
 
 from rise_engine.base.errors import SessionError
+from rise_engine.base.files import make_private_folder, write_private_file
 from rise_engine.kernel import Kernel
 from rise_engine.kernel.inputs import AnyInput, Note, SessionStarted, Submit
 from rise_engine.kernel.records import ENGINE, AnyRecord, MemoryRecord, TaskRecord
 from rise_engine.session.coded import CODED_FILE, told_coded
-from rise_engine.session.disk import make_private_folder, write_private_file
 from rise_engine.session.folder import (
     INFO,
     JOURNAL,

@@ -12,7 +12,7 @@ import secrets
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 
-from rise_engine.session.disk import Disk
+from rise_engine.base.files import Disk
 
 FILE = "anonymous.csv"
 CONSENT = "anonymous"
@@ -42,16 +42,7 @@ def add_rows(study: Path, rows: Sequence[Mapping[str, str]], disk: Disk) -> None
     writer = csv.DictWriter(text, columns, restval="", lineterminator="\n")
     writer.writeheader()
     writer.writerows(sorted([*kept, *added], key=lambda row: (row.get(ID, ""), row.get("run", ""))))
-    new = study / f"{FILE}.new"
-    new.unlink(missing_ok=True)
-    descriptor = disk.open(new, create=True)
-    try:
-        disk.write(descriptor, text.getvalue().encode(), 0)
-        disk.sync(descriptor)
-    finally:
-        disk.close(descriptor)
-    new.replace(study / FILE)
-    disk.sync_folder(study)
+    disk.write_whole(study / FILE, text.getvalue().encode())
 
 
 def read_rows(study: Path) -> tuple[list[str], list[dict[str, str]]]:

@@ -11,6 +11,7 @@ from pathlib import Path
 from msgspec.structs import replace
 
 from rise_engine.base.errors import FileError, SessionError, StudyError
+from rise_engine.base.files import is_locked
 from rise_engine.checks import CheckContext, CheckOutcome, append_checked, pending_checks, run_check
 from rise_engine.kernel.inputs import CheckReport
 from rise_engine.ports.bridge import RosConnection
@@ -23,7 +24,7 @@ from rise_engine.run.server.spawn import EngineRefused, start_engine
 from rise_engine.scenario.loader import load as load_scenario
 from rise_engine.session.folder import JOURNAL
 from rise_engine.session.journal_format import InputLine, JournalHeader, LineError, read_line
-from rise_engine.session.lock import is_journal_locked, read_holder
+from rise_engine.session.lock import read_holder
 from rise_engine.study.begin import BeginRequest, CannotBegin, plan_session, turn_warning
 from rise_engine.study.judge import judge_session
 from rise_engine.study.model import OutcomeStatus, SessionEntry, Study, StudyCheck, StudyStanding
@@ -111,7 +112,7 @@ class StudyFolder:
     def fingerprint(self) -> object:
         """Another one as soon as a file has changed, a session has begun, or an engine has gone."""
         stamps = [_stamp(Path(self.folder, name)) for name in WATCHED]
-        return stamps, _stamp(self._root), [is_journal_locked(folder / JOURNAL) for folder in self._running]
+        return stamps, _stamp(self._root), [is_locked(folder / JOURNAL) for folder in self._running]
 
     def _state(self) -> StudyStatus:
         """Raises StudyRefused."""

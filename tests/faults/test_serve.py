@@ -19,9 +19,10 @@ from typing import Any
 
 import pytest
 
+from rise_engine.base.files import is_locked
 from rise_engine.kernel.inputs import Submit
 from rise_engine.run.client.socket import SocketClient
-from rise_engine.run.protocol.registry import is_locked, lock_path, session_name, socket_path
+from rise_engine.run.protocol.registry import lock_path, session_name, socket_path
 from rise_engine.run.protocol.session_options import SessionOptions
 from rise_engine.run.server.spawn import EngineRefused, EngineStarted, start_engine
 from rise_engine.session.folder import JOURNAL, find_unfinished, read_info

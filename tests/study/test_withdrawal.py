@@ -12,13 +12,13 @@ import pytest
 from click.testing import CliRunner, Result
 
 from rise_engine.base.errors import StudyError
+from rise_engine.base.files import tree_hash
 from rise_engine.base.words import Words, parse_replacement
 from rise_engine.cli import main
 from rise_engine.cli.data.redact import redact_in_study
 from rise_engine.kernel.inputs import OutcomeReport, RecordingReport, SessionStarted
 from rise_engine.results.export.format import ExportError
 from rise_engine.results.export.writing import new_export
-from rise_engine.session.disk import tree_hash
 from rise_engine.session.lock import JournalLock
 from rise_engine.session.media import MEDIA_FILE, MediaFile, register_media
 from rise_engine.session.redaction import RedactionReport

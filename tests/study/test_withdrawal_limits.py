@@ -11,12 +11,12 @@ from typing import Any
 import pytest
 from click.testing import CliRunner
 
+from rise_engine.base.files import tree_hash
 from rise_engine.base.words import Words, parse_replacement
 from rise_engine.cli import main
 from rise_engine.cli.data.redact import redact_in_study
 from rise_engine.results.export.format import ExportError
 from rise_engine.results.export.writing import new_export
-from rise_engine.session.disk import tree_hash
 from rise_engine.session.media import MediaFile, register_media
 from rise_engine.session.redaction import RedactionReport
 from rise_engine.session.unfinished_files import private_folder

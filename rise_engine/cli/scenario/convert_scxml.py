@@ -2,15 +2,14 @@
 
 from __future__ import annotations
 
-import os
 import re
 from collections.abc import Iterable
-from contextlib import suppress
 from pathlib import Path
 from shlex import quote
 
 import click
 
+from rise_engine.base.files import write_whole
 from rise_engine.base.nearest_name import did_you_mean
 from rise_engine.base.text import pluralize
 from rise_engine.cli.options import SCENARIO, STRICT
@@ -213,12 +212,8 @@ def _write_into(folder: Path, made: MadeRules, text: str) -> Path:
 
 def _write_whole(path: Path, text: str) -> None:
     """The whole file or nothing of it. Ends the command when it cannot be written."""
-    part = path.with_name(f".{path.name}.part")
     try:
         path.parent.mkdir(parents=True, exist_ok=True)
-        part.write_text(text, "utf-8", newline="\n")
-        os.replace(part, path)  # noqa: PTH105  # an earlier one may be there
+        write_whole(path, text.encode(), beside=path.with_name(f".{path.name}.part"), private=False)
     except OSError as error:
-        with suppress(OSError):
-            part.unlink()
         raise not_written(path, error) from None

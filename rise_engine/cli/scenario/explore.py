@@ -25,13 +25,13 @@ from rise_engine.author.explore.questions_of_use import NOT_RUNNING
 from rise_engine.author.explore.space import Space
 from rise_engine.author.explore.telling import tell_path
 from rise_engine.base.exit_status import NOT_WRITTEN, OK, REFUSED
+from rise_engine.base.files import error_message
 from rise_engine.base.text import pluralize
 from rise_engine.checks.kinds import KindFinding, MergedFinding, explore_kind, findings_of, load_for, merge
 from rise_engine.cli.options import FOLDER_OR_NONE, JSON, ROBOT, is_study, resolve_scenario
 from rise_engine.cli.scenario.loading import load_scenario
 from rise_engine.cli.terminal import Refused, exit_with_usage, print_lines, print_notes, write_json
 from rise_engine.scenario.model import Scenario
-from rise_engine.session.disk import error_message
 from rise_engine.study.review import review_study
 from rise_engine.study.session_kinds import SessionKind, session_kinds
 

@@ -13,6 +13,7 @@ from msgspec import Struct
 from msgspec.structs import replace
 
 from rise_engine.base.errors import SessionError
+from rise_engine.base.files import is_locked
 from rise_engine.cli.options import JSON
 from rise_engine.cli.session.unfinished import unfinished_lines, unfinished_sessions
 from rise_engine.cli.terminal import exit_with_usage, print_lines, print_notes, show, table_lines, write_json
@@ -28,7 +29,6 @@ from rise_engine.session.folder import (
     read_info,
     sessions_folder,
 )
-from rise_engine.session.lock import is_journal_locked
 from rise_engine.study.labels import reassignment_of
 from rise_engine.study.sessions import SESSIONS, read_verdict
 from rise_engine.study.standing import when_text
@@ -189,7 +189,7 @@ def _listed(folder: Path, info: SessionInfo, judged: tuple[str, str] | None) -> 
     status: Literal["running", "unfinished", "given-up", "ended"] = "unfinished"
     if has_ended(folder):
         status = "ended"
-    elif is_journal_locked(folder / JOURNAL):
+    elif is_locked(folder / JOURNAL):
         status = "running"
     elif is_abandoned(folder):
         status = "given-up"

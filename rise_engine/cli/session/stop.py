@@ -13,6 +13,7 @@ import click
 
 from rise_engine.base.errors import SessionError
 from rise_engine.base.exit_status import FAILED
+from rise_engine.base.files import is_locked
 from rise_engine.cli.terminal import Refused, print_lines, print_notes
 from rise_engine.run.client.socket import SocketClient
 from rise_engine.run.protocol.client import Reply
@@ -20,7 +21,6 @@ from rise_engine.run.protocol.registry import (
     RegistryError,
     ask_summary,
     find_running,
-    is_locked,
     lock_path,
     running_names,
     session_name,
