@@ -28,9 +28,8 @@ ANY_NAME = "*"
 class ParameterError(RiseError, ValueError):
     """A value that an action's parameter cannot take: a sentence that begins with the parameter's name."""
 
-
-class OutOfRangeError(ParameterError):
-    """A number beyond the smallest or the largest that a parameter can have."""
+    code = "wrong-type"
+    """Or `out-of-range`: a number beyond the smallest or the largest that the parameter can have."""
 
 
 def convert_parameter(parameter: Parameter, value: Any, origin: str = "") -> Any:
@@ -49,7 +48,7 @@ def convert_parameter(parameter: Parameter, value: Any, origin: str = "") -> Any
     >>> convert_parameter(Parameter("duration", "integer", unit="ms", maximum=5000), "6000")
     Traceback (most recent call last):
     ...
-    rise_engine.scenario.parameters.OutOfRangeError: duration is at most 5000 (ms); 6000 is outside
+    rise_engine.scenario.parameters.ParameterError: duration is at most 5000 (ms); 6000 is outside
     """
     try:
         match parameter.type:
@@ -206,7 +205,9 @@ def _check_range(parameter: Parameter, number: int | float, origin: str) -> int 
             allowed = f"from {low:.15g} to {high:.15g}"
         else:
             allowed = f"at least {low:.15g}" if low is not None else f"at most {high:.15g}"
-        raise OutOfRangeError(f"{parameter.name} is {allowed}{_unit(parameter)}; {number}{origin} is outside")
+        error = ParameterError(f"{parameter.name} is {allowed}{_unit(parameter)}; {number}{origin} is outside")
+        error.code = "out-of-range"
+        raise error
     return number
 
 

@@ -45,7 +45,6 @@ from rise_tui.config.study_source import (
     SessionRequest,
     StartedSession,
     StudyNow,
-    StudyRefused,
 )
 from rise_tui.model.study_conditions import NO_CONDITIONS, conditions_of
 
@@ -115,11 +114,11 @@ class StudyFolder:
         return stamps, _stamp(self._root), [is_locked(folder / JOURNAL) for folder in self._running]
 
     def _state(self) -> StudyStatus:
-        """Raises StudyRefused."""
+        """Raises StudyError."""
         try:
             return read_state(Path(self.folder))
         except (FileError, StudyLogError, OSError) as error:
-            raise StudyRefused(_one_line(error)) from None
+            raise StudyError(_one_line(error)) from None
 
     # --- what would run ---------------------------------------------------------------------------------------------
 
@@ -136,12 +135,12 @@ class StudyFolder:
                 ),
             )
         except CannotBegin as error:
-            raise StudyRefused("; ".join(error.lines)) from None
+            raise StudyError("; ".join(error.lines)) from None
         robot = study.robot or None
         loaded = load_scenario(plan.run.scenario, robot=robot, mode=plan.mode)
         scenario = loaded.scenario
         if scenario is None:
-            raise StudyRefused(f"{plan.run.scenario} does not load: {'; '.join(map(str, loaded.errors))}")
+            raise StudyError(f"{plan.run.scenario} does not load: {'; '.join(map(str, loaded.errors))}")
         now = datetime.now().astimezone()
         standing = next((each for each in state.standing.participants if each.participant == plan.participant), None)
         recording = decide_recording(study, state.participants, plan.participant, plan.purpose)
@@ -186,7 +185,7 @@ class StudyFolder:
         try:
             append_checked(check, context, report)
         except (StudyLogError, OSError) as error:
-            raise StudyRefused(f"the check {check.id} is not written down: {error}") from None
+            raise StudyError(f"the check {check.id} is not written down: {error}") from None
 
     # --- sessions ---------------------------------------------------------------------------------------------------
 
@@ -227,7 +226,7 @@ class StudyFolder:
         if isinstance(found, EngineRefused):
             if found.socket:  # somebody else has begun it, or gone on with it, just now
                 return self._reach(found.socket, wizard)
-            raise StudyRefused("; ".join(found.lines))
+            raise StudyError("; ".join(found.lines))
         who = wizard or _last_wizard(found.name)
         return StartedSession(SocketClient(found.name, who, "wizard", resync=True), startup_notice(found), who)
 
@@ -235,15 +234,15 @@ class StudyFolder:
         """To a session that runs."""
         holder = read_holder(self._root / entry.folder)
         if holder is None or not holder.socket:
-            raise StudyRefused(f"the session of {entry.participant} is just beginning or ending: try again")
+            raise StudyError(f"the session of {entry.participant} is just beginning or ending: try again")
         if not holder.is_this_computer:
-            raise StudyRefused(f"the session of {entry.participant} runs elsewhere: {holder}")
+            raise StudyError(f"the session of {entry.participant} runs elsewhere: {holder}")
         return self._reach(holder.socket, wizard)
 
     def _reach(self, socket: str, wizard: str) -> StartedSession:
         who = wizard or _last_wizard(socket)
         if not who:
-            raise StudyRefused("the session does not answer: try again, or see `rise-engine sessions`")
+            raise StudyError("the session does not answer: try again, or see `rise-engine sessions`")
         return StartedSession(SocketClient(socket, who, "wizard", resync=True), wizard=who)
 
     def report(self, folder: str) -> Document:
@@ -255,7 +254,7 @@ class StudyFolder:
         try:
             return make_session_report(self._root / folder, label=conditions.label).document
         except (SessionError, OSError) as error:
-            raise StudyRefused(_one_line(error)) from None
+            raise StudyError(_one_line(error)) from None
 
     def judge(self, entry: SessionEntry, status: OutcomeStatus, reason: str, wizard: str) -> None:
         """Write down how a session counts that is over, or that nobody goes on with."""
@@ -264,7 +263,7 @@ class StudyFolder:
                 source = f"wizard:{wizard}"
                 judge_session(study, entry.participant, status, reason, session=entry.folder, source=source)
         except (StudyError, FileError, StudyLogError, OSError) as error:
-            raise StudyRefused(_one_line(error)) from None
+            raise StudyError(_one_line(error)) from None
 
 
 def _last_time(journal: Path) -> float:

@@ -11,6 +11,7 @@ from typing import Any, Literal
 
 from textual import events, on
 
+from rise_engine.base.errors import StudyError
 from rise_engine.run.protocol.client import Client, EngineGone, Rejected
 from rise_engine.run.protocol.registry import RegistryError
 from rise_engine.run.protocol.session_options import SessionOptions
@@ -20,7 +21,7 @@ from rise_tui.actions import bindings_in
 from rise_tui.config.keymap import KeyFile, how_to_fix, textual_keymap
 from rise_tui.config.launch import Launcher, settings_of_session
 from rise_tui.config.preferences import Preferences
-from rise_tui.config.study_source import StudyRefused, StudySource
+from rise_tui.config.study_source import StudySource
 from rise_tui.console import exit_dialogs
 from rise_tui.console.edit_study import tell_editor
 from rise_tui.console.screen import ConsoleScreen
@@ -284,7 +285,7 @@ class ConsoleApp(TerminalApp):
 
         try:
             recovered = await asyncio.to_thread(recover, session.store.attach_reply, report)
-        except (EngineGone, RegistryError, StudyRefused) as error:
+        except (EngineGone, RegistryError, StudyError) as error:
             session.show_notice(Notice(f"it is not recovered: {error}", "fault"))
             return
         await self._leave_session(session, end=False)

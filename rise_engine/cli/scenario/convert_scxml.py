@@ -9,6 +9,7 @@ from shlex import quote
 
 import click
 
+from rise_engine.base.errors import StudyError
 from rise_engine.base.files import write_whole
 from rise_engine.base.nearest_name import did_you_mean
 from rise_engine.base.text import pluralize
@@ -20,7 +21,6 @@ from rise_engine.scenario.file_names import DEFAULT_PATHS
 from rise_engine.scenario.loader import load
 from rise_engine.scenario.model import Rule, Scenario
 from rise_engine.scenario.new_study import write_new_folder
-from rise_engine.scenario.shipped_studies import StudyCopyError
 from rise_engine.scenario.source_files import FileReader
 from rise_engine.scenario.study_paths import why_not_written
 from rise_engine.scxml.chart_in_study import called_acts, check_neighbours, file_name, is_made_file, new_study_files
@@ -175,7 +175,7 @@ def _write_new(folder: Path, made: MadeRules, title: str, text: str) -> Path:
     _refuse_errors(load(folder, held=held).errors)
     try:
         write_new_folder(folder, files)
-    except StudyCopyError as error:
+    except StudyError as error:
         raise Refused(f"{error}; nothing was written") from None
     except OSError as error:
         raise not_written(folder, error) from None

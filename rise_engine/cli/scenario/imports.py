@@ -7,14 +7,13 @@ from shlex import quote
 
 import click
 
-from rise_engine.base.errors import ExchangeError
+from rise_engine.base.errors import ExchangeError, StudyError
 from rise_engine.cli.terminal import Refused, exit_with_usage, not_written, print_lines, reason_of
 from rise_engine.imports.woz4u_file import read_woz4u
 from rise_engine.imports.woz4u_study import ImportedStudy, make_study
 from rise_engine.scenario.diagnostics import Diagnostics
 from rise_engine.scenario.loader import load
 from rise_engine.scenario.new_study import write_new_folder
-from rise_engine.scenario.shipped_studies import StudyCopyError
 from rise_engine.scenario.study_paths import why_not_read
 
 _LARGEST = 10_000_000
@@ -86,7 +85,7 @@ def _write(folder: Path, study: ImportedStudy) -> None:
     """The whole folder or nothing. Ends the program when it cannot be written."""
     try:
         write_new_folder(folder, study.files)
-    except StudyCopyError as error:
+    except StudyError as error:
         raise Refused(f"{error}; nothing was written") from None
     except OSError as error:
         raise not_written(folder, error) from None

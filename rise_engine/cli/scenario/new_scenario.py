@@ -9,6 +9,7 @@ from shlex import quote
 
 import click
 
+from rise_engine.base.errors import StudyError
 from rise_engine.base.exit_status import OK, REFUSED
 from rise_engine.base.nearest_name import did_you_mean
 from rise_engine.cli.options import FOLDER_OR_NONE
@@ -16,7 +17,7 @@ from rise_engine.cli.terminal import Refused, exit_with_usage, print_lines
 from rise_engine.scenario.loader import load
 from rise_engine.scenario.new_study import write_agents_file, write_blank_study
 from rise_engine.scenario.robot_profiles import robot_names
-from rise_engine.scenario.shipped_studies import StudyCopyError, copy_study, shipped_studies, study_lines, study_title
+from rise_engine.scenario.shipped_studies import copy_study, shipped_studies, study_lines, study_title
 
 BLANK = "blank"
 
@@ -76,7 +77,7 @@ def _copy(folder: str, study: str) -> None:
     try:
         number = copy_study(study, Path(folder))
         write_agents_file(Path(folder))
-    except StudyCopyError as why:
+    except StudyError as why:
         hints = () if study in shipped_studies() else (f"  {line}" for line in study_lines())
         raise Refused(str(why), hints=hints) from None
     print_lines(

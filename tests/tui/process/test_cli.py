@@ -204,6 +204,5 @@ def test_info_tells_what_is_wrong_with_the_key_file(tmp_path: Path) -> None:
 def test_a_start_ends_with_its_status(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(start, "prepare_textual", lambda *_: None)
     monkeypatch.setattr(start, "_attach", lambda *_: start._refuse_start("why"))
-    with pytest.raises(SystemExit) as ended:
-        start.start(CommandLine(keys="none"))
-    assert ended.value.code == 2
+    result = CliRunner().invoke(main, ["--keys", "none"])
+    assert (result.exit_code, result.stderr) == (2, "why\n")
