@@ -78,9 +78,9 @@ def calls() -> Iterator[set[tuple[str, str]]]:
 
 def walk_key(place: Path) -> set[tuple[str, str]]:
     """One key in the console, to the simulated robot and back, until the row of its act says that it is done."""
+    from rise_engine.base.files import Disk
     from rise_engine.run.protocol.session_options import SessionOptions
     from rise_engine.scenario.model import Scenario
-    from rise_engine.session.disk import Disk
     from rise_tui.config.launch import Launcher, load_scenario
     from rise_tui.console.app import ConsoleApp
     from tests.run.server.serving import OwnSession

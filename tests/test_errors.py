@@ -12,7 +12,7 @@ import re
 import rise_engine.base.errors
 from tests.sources import ROOT, facts, modules
 
-ERRORS = ROOT / "rise_engine" / "errors.py"
+ERRORS = ROOT / "rise_engine" / "base" / "errors.py"
 LONGEST = 110
 _DRAWING = re.compile(r"^    RiseError\n(?:     .*\n)*", re.MULTILINE)
 

@@ -6,18 +6,14 @@
         RecorderError             It cannot record
       BehaviorError               A behaviour that cannot be read
       ChartRefusedError           A chart or a script that cannot be said exactly in our rules
-      ClipboardTooLarge           It does not fit on a clipboard
       EditRefused                 An edit that cannot be made
-        MemoryFileNotEditable     The file is not what a scenario's memory is
       EngineGone                  The engine has ended or cannot be reached
         LinkLost                  This connection was cut
-      ExchangeError               A file of another program cannot be read or written
+      ExchangeError               A file or a message of another program cannot be read or written
       ExportError                 An export or a bundle cannot be made or read
       ExportFailed                Nothing was written
       FileError                   A file with mistakes
-      HeaderError                 Where a message begins cannot be known any more
       InvalidFilter               What is typed is no filter
-      InvalidTime                 It is no time
       JsonError                   A text that is no JSON
       KeyRefusedError             A key that a scenario cannot bind
       LanguageError               An expression or an assignment that cannot be used
@@ -25,12 +21,9 @@
           MissingPartError        `items[i].text` names a part that is not there
         ExpressionError           A text that is no expression
       LineError                   A line is not what was written
-      MemoryNotWritable           The start values cannot be written
       MissingValueError           A memory key without value was needed to fill a template
       NoSuchPath                  The value has no such part
-      NothingStarted              Nothing is started and nothing attached to
       ParameterError              A value that an action's parameter cannot take
-        OutOfRangeError           A number beyond the smallest or the largest that a parameter can have
       RegistryError               The folder or the name under which a session is reached cannot be used
       Rejected                    The session did not accept what was asked for
       RobotOptionsError           The driver cannot understand the profile's options or a fault
@@ -39,11 +32,9 @@
       SessionError                A session's folder
         JournalLockedError        An engine runs the session
         RelabelledError           Something says of a session what its journal does not say
-      StudyCopyError              A study could not be copied
       StudyError                  Something cannot be done with a study
         CannotBegin               The session cannot begin
         StudyLogError             The study's log cannot be read or written
-      StudyRefused                Something cannot be done with a study
       TemplateError               A template that cannot be read
       UnreadableError             A file that cannot be read
       WordError                   A word cannot be replaced like this
@@ -87,4 +78,4 @@ class AdapterError(RiseError):
 
 
 class ExchangeError(RiseError):
-    """A file of another program cannot be read or written."""
+    """A file or a message of another program cannot be read or written."""

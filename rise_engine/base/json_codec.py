@@ -116,7 +116,7 @@ def read_json(text: str, duplicate: Duplicate, no_number: NoNumber | None = None
     """
     half = _HALF.search(text)
     if half is not None:
-        raise JsonError("here stands one half of a character", half.start())
+        raise JsonError("here is one half of a character", half.start())
     try:
         return _read_document(_JsonReader(text, duplicate, no_number))
     except JsonError as error:
@@ -246,7 +246,7 @@ class _JsonReader:
             if 0xD800 <= code < 0xE000:
                 raise JsonError("this escape is one half of a character; write the character itself", at)
             return chr(code), at + 6
-        raise JsonError('a backslash stands before one of " \\ / b f n r t u; write \\\\ for itself', at)
+        raise JsonError('a backslash comes before one of " \\ / b f n r t u; write \\\\ for itself', at)
 
     def read_code_unit(self, at: int) -> int:
         digits = self.text[at + 2 : at + 6]

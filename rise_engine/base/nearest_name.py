@@ -99,7 +99,7 @@ def lookalike_note(word: str, known: str) -> str:
     here, there = _letter_at(word, at), _letter_at(known, at)
     named_here, named_there = _describe_characters(here), _describe_characters(there)
     if len(here) == len(there) or not here or not there:
-        return f" They look alike, but here stands {named_here}, there {named_there}; copy it from there."
+        return f" They look alike, but here is {named_here}, there {named_there}; copy it from there."
     return (
         f" They look alike, but its `{there}` is written as {named_here} here, and as {named_there} "
         "there; copy the name from there."

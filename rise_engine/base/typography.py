@@ -32,7 +32,7 @@ def typography_problem(text: str, at: int, *, quote: str = "") -> str:
         name = character_name(character)
         return f"`{character}` is a typographic quotation mark, {name}; write a straight one: {straight}"
     if character and character.isspace() and character not in BLANKS:
-        return f"here stands {character_name(character)}, which only looks like a blank; write an ordinary blank"
+        return f"this is {character_name(character)}, which only looks like a blank; write an ordinary blank"
     return ""
 
 

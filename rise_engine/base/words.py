@@ -45,7 +45,7 @@ def parse_replacement(text: str) -> Replacement:
         raise WordError(f"{text!r} does not say what is to stand there instead; write --replace Maria=NAME1")
     if len(word) < LEAST_CHARACTERS:
         what = "there is no word before the `=`" if not word else f"{word!r} has one character only"
-        raise WordError(f"{what}; a word that is replaced has at least {LEAST_CHARACTERS}, else it stands everywhere")
+        raise WordError(f"{what}; a word that is replaced has at least {LEAST_CHARACTERS}, else it would be everywhere")
     if not any(character.isalnum() for character in word):
         raise WordError(f"{word!r} has no letter and no digit, so it cannot be anybody's name")
     if not _REPLACEMENT.fullmatch(name):

@@ -144,7 +144,7 @@ class BlockTimes:
         if time.point == END:
             if time.offset < 0:
                 before = f"{-time.offset} s before the end of `{time.behavior}`"
-                message = f"{before} cannot be kept: nobody knows when that will be"
+                message = f"{before} cannot be kept: that time is unknown"
                 self._refuse(location, message)
                 return None
             known = self._known[time.behavior] is not None
@@ -256,7 +256,8 @@ def _read_relation(
     elif not exact:
         if time.offset < 0:
             refuse(
-                reference.value_location("ref"), "a time before an end cannot be kept: nobody knows the end before it"
+                reference.value_location("ref"),
+                "a time before an end cannot be kept: the end is unknown until it happens",
             )
         else:
             behavior.after.append((time, reference.value_location("ref")))

@@ -93,9 +93,9 @@ def _slot_loss(name: str, template: Template, memory: Mapping[str, Json]) -> str
         filled = template.fill(memory)
     except MissingValueError as error:
         return (
-            f"`{name}` has a memory value, BML has no memory, and `{error.key}` has no start value: it stands as it is"
+            f"`{name}` has a memory value, BML has no memory, and `{error.key}` has no start value: it stays as it is"
         )
-    return f"`{name}` has a memory value, and BML has no memory: its start value stands there, “{filled}”"
+    return f"`{name}` has a memory value, and BML has no memory: its start value is written, “{filled}”"
 
 
 class _BlockWriter:

@@ -24,12 +24,12 @@ from rise_engine.author.explore.exploration import QUICK_SECONDS, Exploration, e
 from rise_engine.author.explore.finding import FindingLevel
 from rise_engine.author.explore.playthrough import PlayedThrough, play_through
 from rise_engine.author.explore.space import Space
+from rise_engine.base.files import write_whole
 from rise_engine.base.json_codec import encode
 from rise_engine.base.text import pluralize
 from rise_engine.checks.outcome import Finding
 from rise_engine.scenario.loader import load
 from rise_engine.scenario.model import Mode, Scenario
-from rise_engine.session.disk import write_private_file
 from rise_engine.study.model import Study
 from rise_engine.study.review import review_study
 from rise_engine.study.session_kinds import SessionKind, session_kinds
@@ -181,9 +181,7 @@ def look_at_kinds(
     if kept.keys() - before.keys():
         newest = dict([*kept.items(), *((key, look) for key, look in before.items() if key not in kept)][:_MOST_KEPT])
         with suppress(OSError):  # what cannot be kept is looked at again
-            new = folder / f"{KEPT}.new"
-            write_private_file(new, encode(newest))
-            new.replace(folder / KEPT)
+            write_whole(folder / KEPT, encode(newest))
     found = merge([(kind, look.is_complete, look.findings) for kind, look in looked])
     return StudyLook(tuple(kind for kind, _ in looked), tuple(look for _, look in looked), tuple(found), len(acts))
 

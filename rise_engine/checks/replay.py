@@ -7,10 +7,10 @@ from datetime import datetime
 from pathlib import Path
 
 from rise_engine.base.errors import SessionError
+from rise_engine.base.files import is_locked
 from rise_engine.base.text import pluralize
 from rise_engine.checks.outcome import Finding
 from rise_engine.session.folder import JOURNAL, has_begun, read_info
-from rise_engine.session.lock import is_journal_locked
 from rise_engine.session.replay import compare_replay
 from rise_engine.study.labels import refuse_relabelled
 
@@ -39,7 +39,7 @@ def last_session(sessions: Path) -> Path | None:
     found: list[tuple[datetime, Path]] = []
     with suppress(OSError):
         for folder in sessions.iterdir():
-            if has_begun(folder) and not is_journal_locked(folder / JOURNAL):
+            if has_begun(folder) and not is_locked(folder / JOURNAL):
                 with suppress(SessionError, ValueError):
                     found.append((datetime.fromisoformat(read_info(folder, compare=False).started), folder))
     return max(found)[1] if found else None

@@ -57,7 +57,7 @@ def named_scenario(folder: str | None, *of_study: object) -> str:
     :param of_study: options that only a session of a study has.
     """
     if folder is None:
-        exit_with_usage("say what to run: DIR, a scenario's folder, or --study STUDY --participant ID")
+        exit_with_usage("name what to run: DIR, a scenario's folder, or --study STUDY --participant ID")
     if any(of_study):
         exit_with_usage("--run, --pilot, --training, --record, --confirm and --skip-check go with --study")
     return resolve_scenario(folder)
@@ -151,7 +151,7 @@ def _parse_assignment(text: str) -> str:
         bare = value.strip()
         if not bare or not (bare[0].isalpha() or bare[0] in "_/"):
             why = f"{error} (column {error.offset + 1})"
-            raise ValueError(f"the value is not JSON: {why}; a text stands in double quotes: '{key}=\"...\"'") from None
+            raise ValueError(f"the value is not JSON: {why}; put a text in double quotes: '{key}=\"...\"'") from None
         print_notes(f"note: --set {key}: {bare} was taken as a text")
         parsed = bare
     behavior = json.dumps({key: parsed}, ensure_ascii=False)

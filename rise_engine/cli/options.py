@@ -88,28 +88,28 @@ STUDIES_OR_SESSIONS = click.argument("named", metavar="STUDY|SESSION...", type=c
 
 # --- options of many commands -----------------------------------------------------------------------------------------
 
-ROBOT = click.option("--robot", metavar="NAME", help="Another robot than the scenario's.")
-MODE = click.option("--mode", type=click.Choice(["debug", "real"]), help="Another mode than the scenario's.")
-JSON = click.option("--json", "as_json", is_flag=True, help="One JSON document instead of lines.")
-DIFF = click.option(
-    "--diff", "as_diff", is_flag=True, help="Print what would change, as diff -u has it; write nothing."
-)
+ROBOT = click.option("--robot", metavar="NAME", help="Use this robot instead of the scenario's.")
+MODE = click.option("--mode", type=click.Choice(["debug", "real"]), help="Use this mode instead of the scenario's.")
+JSON = click.option("--json", "as_json", is_flag=True, help="Print one JSON document instead of lines.")
+DIFF = click.option("--diff", "as_diff", is_flag=True, help="Print the changes as diff -u does, and write nothing.")
 STRICT = click.option("--strict", is_flag=True, help="Write nothing if anything would be lost.")
 LANGUAGE = click.option(
-    "--language", metavar="TAG", default="", help="What is said is said in this language (texts/TAG.toml)."
+    "--language", metavar="TAG", default="", help="Let the robot speak this language (texts/TAG.toml)."
 )
 HERE = click.option(
-    "--here", is_flag=True, help="Also when another computer had the session last, and may still run it."
+    "--here", is_flag=True, help="Proceed even if another computer had the session last and may still run it."
 )
-PRIVATE = click.option("--private", metavar="KEY", multiple=True, help="A memory key that is private, too. Repeatable.")
+PRIVATE = click.option(
+    "--private", metavar="KEY", multiple=True, help="Treat this memory key as private, too. Repeatable."
+)
 ALL_SESSIONS = click.option(
-    "--all", "all_sessions", is_flag=True, help="Of a study, also what does not count or did not end."
+    "--all", "all_sessions", is_flag=True, help="Include the sessions of a study that do not count or did not end."
 )
 
 # --- options of a session ---------------------------------------------------------------------------------------------
 
 SEED = click.option(
-    "--seed", type=click.IntRange(min=0), help="For everything picked at random; without it, a new one."
+    "--seed", type=click.IntRange(min=0), help="Set the seed of all random choices. Default: a new one."
 )
 SETTINGS = click.option(
     "--set",
@@ -125,32 +125,30 @@ PLACES = click.option(
     multiple=True,
     help="Read acts, rules or memory from another PATH in the scenario's folder (memory=pilot.json). Repeatable.",
 )
-NEW = click.option("--new", is_flag=True, help="Begin a new session, also when an earlier one did not end.")
-RECOVER = click.option(
-    "--recover", is_flag=True, help="Go on with the latest session that did not end, if there is one."
-)
+NEW = click.option("--new", is_flag=True, help="Begin a new session, even if an earlier one did not end.")
+RECOVER = click.option("--recover", is_flag=True, help="Continue the latest session that did not end, if there is one.")
 ROS = click.option(
     "--ros",
     type=click.Choice(ROS_TRANSPORTS),
     default="auto",
     show_default=True,
-    help="How ROS 2 is spoken. auto: as the robot needs it.",
+    help="Choose how to reach ROS 2. auto: as the robot needs it.",
 )
 FAULTS = click.option(
-    "--fault", "faults", metavar="SPEC", multiple=True, help="What the simulated robot does wrong. Repeatable."
+    "--fault", "faults", metavar="SPEC", multiple=True, help="Let the simulated robot fail in this way. Repeatable."
 )
 SESSION_OPTIONS = (
     ROBOT,
     MODE,
-    click.option("--participant", metavar="ID", default="", help="Who takes part; stands in the record."),
+    click.option("--participant", metavar="ID", default="", help="Record the session for this participant."),
     click.option(
-        "--condition", metavar="NAME", default="", help="One of the scenario's conditions: sets what that says."
+        "--condition", metavar="NAME", default="", help="Use this condition of the scenario, with its memory values."
     ),
     LANGUAGE,
     click.option(
         "--allow-untranslated",
         is_flag=True,
-        help="With --language: what is not translated is said as the acts have it.",
+        help="With --language: say texts without a translation as the acts have them.",
     ),
     ROS,
 )
@@ -167,14 +165,14 @@ STUDY_OPTIONS = (
         "--study",
         metavar="STUDY",
         type=click.Path(),
-        help="A session of this study, in the place of DIR (--participant).",
+        help="Run a session of this study instead of DIR, for --participant.",
     ),
     click.option(
         "--run",
         "run_number",
         metavar="N",
         type=click.IntRange(min=1),
-        help="Which of the participant's runs; else the next.",
+        help="Choose one of the participant's runs. Default: the next.",
     ),
 )
 """Which session of a study: `study`, `run_number`."""
@@ -184,14 +182,14 @@ CHECK_OPTIONS = (
         "confirmed",
         metavar="ID",
         multiple=True,
-        help="What this check of the study asks for is done. Repeatable.",
+        help="Confirm this check of the study. Repeatable.",
     ),
     click.option(
         "--skip-check",
         "skipped",
         metavar="ID=REASON",
         multiple=True,
-        help="Go on without this check of the study; the reason stands in the record. Repeatable.",
+        help="Skip this check of the study. The record keeps the reason. Repeatable.",
     ),
 )
 """What somebody says about a study's checks: `confirmed`, `skipped`."""

@@ -21,9 +21,9 @@ from rise_engine.cli.terminal import Refused, clean_standard_streams, discard_re
 _SECTIONS = {
     "Write scenarios": {
         "new": ("scenario.new_scenario", "Make a study of your own in a new folder."),
-        "check": ("scenario.check", "Say everything that is wrong with a scenario."),
-        "explore": ("scenario.explore", "Look for dead ends in everything that can happen."),
-        "test": ("study.tests", "Play the tests of a scenario or study."),
+        "check": ("scenario.check", "Report everything that is wrong with a scenario."),
+        "explore": ("scenario.explore", "Search everything that can happen for dead ends."),
+        "test": ("study.tests", "Run the tests of a scenario or study."),
         "eval": ("scenario.evaluate", "Show the value of an expression."),
         "expand": ("scenario.expand", "Print acts and rules without their templates."),
         "graph": ("scenario.graph", "Draw rules and acts."),
@@ -35,8 +35,8 @@ _SECTIONS = {
         "fmt": ("scenario.edit_commands", "Format the files of a study."),
         "rename": ("scenario.edit_commands", "Rename an act, rule, state, event or key everywhere."),
         "uses": ("scenario.edit_commands", "Find where a name is used."),
-        "texts": ("scenario.texts", "Put all texts into a table, and take them back."),
-        "lsp": ("scenario.lsp", "Serve an editor with findings and completion."),
+        "texts": ("scenario.texts", "Export all texts as a table, and import it again."),
+        "lsp": ("scenario.lsp", "Serve an editor with diagnostics and completion."),
     },
     "Run sessions": {
         "run": ("session.run", "Run a scenario without a console."),
@@ -54,7 +54,7 @@ _SECTIONS = {
         "report": ("data.report", "Summarize a session or a study."),
         "export": ("data.export", "Write sessions as tables, BIDS, ELAN and more."),
         "agree": ("data.agree", "Compute the agreement of wizards."),
-        "coded": ("data.coded", "Take annotations back from ELAN or BORIS."),
+        "coded": ("data.coded", "Add annotations from ELAN or BORIS to a session."),
         "media": ("data.media", "Attach films and sound to a session."),
         "redact": ("data.redact", "Remove words from a session permanently."),
         "replay": ("session.replay", "Replay a session, and compare the records."),
@@ -65,7 +65,7 @@ _SECTIONS = {
         "import": ("scenario.imports", "Make a scenario from another tool's files."),
     },
 }
-"""Of each command, the module of this package in which it is the value of `COMMANDS`, and what help says of it."""
+"""Each command's module in this package, in whose `COMMANDS` it is, and its line of the help."""
 COMMANDS = {name: module for section in _SECTIONS.values() for name, (module, _) in section.items()}
 
 

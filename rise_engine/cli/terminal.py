@@ -21,9 +21,9 @@ import msgspec
 
 from rise_engine.base.errors import FileError, RiseError
 from rise_engine.base.exit_status import NOT_WRITTEN, REFUSED, USAGE
+from rise_engine.base.files import error_message
 from rise_engine.base.json_codec import encode
 from rise_engine.base.text import UNSEEN, clean, escape_unseen_json
-from rise_engine.session.disk import error_message
 
 # --- lines and documents --------------------------------------------------------------------------------------------
 

@@ -7,7 +7,6 @@ the old one, replayed once more as it stands there, and only then put in its pla
 
 from __future__ import annotations
 
-import os
 import re
 from collections import Counter
 from collections.abc import Callable, Iterator
@@ -19,19 +18,19 @@ import msgspec
 from msgspec import Struct, field
 
 from rise_engine.base.errors import SessionError
+from rise_engine.base.files import Disk, error_message, is_locked, is_searched
 from rise_engine.base.words import WordError, Words
 from rise_engine.kernel import Kernel
 from rise_engine.kernel.inputs import AnyInput, TaskFunction
 from rise_engine.privacy.changed_session import ChangedSession, why_not_replayed
 from rise_engine.session.coded import CODED_FILE, CODED_FOLDER, redacted_files
-from rise_engine.session.disk import Disk, error_message, is_searched, write_new_file
 from rise_engine.session.erasure import has_other_names
 from rise_engine.session.folder import INFO, JOURNAL, SCENARIO_COPY, SessionInfo, read_info
 from rise_engine.session.journal_format import InputLine, encode_line
 from rise_engine.session.journal_reader import JournalContents, read_journal
 from rise_engine.session.lock import HOLDER_FILE, JournalLock
 from rise_engine.session.replay import Replay, load_session_scenario, require_inputs
-from rise_engine.session.shadow import SHADOW_FOLDER, is_being_written, replace_words, shadow_files
+from rise_engine.session.shadow import SHADOW_FOLDER, replace_words, shadow_files
 
 NEW_SUFFIX = ".redacting"
 """Of the new files, until they are put in place (they hold none of the words), and of what is just being erased."""
@@ -137,7 +136,7 @@ class _Redaction:
             self._refuse_pseudonym(info)
             self._fixed = _FIXED_FIELDS | _OF_STUDY
         try:
-            write_new_file(self._new, self._new_lines(contents, info), self._disk)
+            self._disk.write_new(self._new, self._new_lines(contents, info))
             self._prove_replay(info)
             self._write_shadows()
             self._write_coded()
@@ -269,7 +268,7 @@ class _Redaction:
             while at and not lines[at - 1].strip():
                 at -= 1
             lines.insert(at, f"redacted = [{entry}]")
-        write_new_file(self._new_info, ["\n".join(lines).encode()], self._disk)
+        self._disk.write_new(self._new_info, "\n".join(lines).encode())
         return True
 
     # --- what second wizards did ---
@@ -277,14 +276,14 @@ class _Redaction:
     def _write_shadows(self) -> None:
         """The new ones, beside the journal. Nothing in them decides what happened, so there is nothing to prove."""
         for path in shadow_files(self._folder):
-            if is_being_written(path):
+            if is_locked(path):
                 raise SessionError(f"{path} is being written by a console: leave that first. Nothing was changed")
             old = path.read_bytes().split(b"\n")
             new = [replace_words(line, self._words.replace) for line in old]
             if changed := sum(before != after for before, after in zip(old, new, strict=True)):
                 target = self._folder / f"{SHADOW_FOLDER}-{path.name}{NEW_SUFFIX}"
                 self._new_beside[target] = path
-                write_new_file(target, [b"\n".join(new)], self._disk)
+                self._disk.write_new(target, b"\n".join(new))
                 self._report.shadow_lines += changed
 
     def _write_coded(self) -> None:
@@ -292,7 +291,7 @@ class _Redaction:
         for path, data in redacted_files(self._folder, self._words.replace).items():
             target = self._folder / f"{CODED_FOLDER}-{path.name}{NEW_SUFFIX}"
             self._new_beside[target] = path
-            write_new_file(target, [data], self._disk)
+            self._disk.write_new(target, data)
             self._report.coded_files += path.name != CODED_FILE
 
     # --- into place ---
@@ -302,9 +301,9 @@ class _Redaction:
         kept = has_other_names(path)
         if path == self._path:
             with self._lock.move_to(new):
-                os.replace(new, path)  # noqa: PTH105  # as the other system calls here
+                new.replace(path)
         else:
-            os.replace(new, path)  # noqa: PTH105
+            new.replace(path)
         self._disk.sync_folder(path.parent)
         if kept:
             self._report.remains.append(

@@ -18,6 +18,7 @@ from msgspec import Struct, field
 from msgspec.structs import replace
 
 from rise_engine.base.errors import SessionError
+from rise_engine.base.files import make_private_folder, write_private_file
 from rise_engine.kernel import Kernel
 from rise_engine.kernel.inputs import AnyInput, Note, SessionStarted, Submit
 from rise_engine.kernel.records import ENGINE, TaskRecord
@@ -26,7 +27,6 @@ from rise_engine.privacy.levels import ExportLevel, LevelFilter, told_coded
 from rise_engine.privacy.private_values import PrivateValues
 from rise_engine.privacy.stand_ins import StandIns
 from rise_engine.session.coded import CODED_FILE
-from rise_engine.session.disk import make_private_folder, write_private_file
 from rise_engine.session.folder import (
     INFO,
     JOURNAL,

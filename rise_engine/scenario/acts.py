@@ -12,7 +12,7 @@ from rise_engine.scenario.draft import BareKey, Mention, PartMention, ScenarioDr
 from rise_engine.scenario.element_reader import ElementReader
 from rise_engine.scenario.graph import find_cycles
 from rise_engine.scenario.model import Act, Action, ActionCall, ActionSpec, Parameter, RobotProfile
-from rise_engine.scenario.parameters import OutOfRangeError, ParameterError, check_template, convert_parameter
+from rise_engine.scenario.parameters import ParameterError, check_template, convert_parameter
 from rise_engine.scenario.spoken import LANGUAGE, MESSAGE, says_message
 from rise_engine.scenario.ssml import begins_as_ssml, write_element
 from rise_engine.scenario.ssml_checks import find_ssml_problems, languages_in
@@ -351,9 +351,8 @@ class _ActReader(ElementReader):
 
     def report_parameter(self, element: Element, parameter: Parameter, error: ParameterError) -> None:
         """An error about a parameter's text, where that begins."""
-        code = "out-of-range" if isinstance(error, OutOfRangeError) else "wrong-type"
         location = self.file.text_location(element, _raw_index(element.text, 0))
-        code = "unknown-name" if parameter.type == "name" else code
+        code = "unknown-name" if parameter.type == "name" else error.code
         self.diagnostics.error(code, location, str(error), error.suggestion)
 
     def report_unknown_attribute(self, element: Element, name: str, known: frozenset[str]) -> None:

@@ -9,7 +9,7 @@ from collections.abc import Mapping
 from pathlib import Path
 from tempfile import mkdtemp
 
-from rise_engine.scenario.shipped_studies import StudyCopyError
+from rise_engine.base.errors import StudyError
 from rise_engine.scenario.study_paths import why_none_written
 
 AGENTS_FILE = "AGENTS.md"
@@ -92,17 +92,17 @@ def _toml(text: str) -> str:
 def write_blank_study(folder: Path, title: str, robot: str) -> tuple[str, ...]:
     """Make a study with one act and one rule in a new or empty folder: whole, or not at all. The names of its files.
 
-    :raises StudyCopyError: something is there already, or it cannot be written.
+    :raises StudyError: something is there already, or it cannot be written.
     """
     files = blank_study(title, robot)
     try:
         if os.path.lexists(folder) and not folder.is_dir():
-            raise StudyCopyError(f"{folder} is no folder")
+            raise StudyError(f"{folder} is no folder")
         if folder.is_dir() and any(folder.iterdir()):
-            raise StudyCopyError(f"{folder} is not empty; name a new folder")
+            raise StudyError(f"{folder} is not empty; name a new folder")
         write_new_folder(folder, files)
     except (OSError, UnicodeError) as error:
-        raise StudyCopyError(f"{folder}: {getattr(error, 'strerror', None) or error}") from error
+        raise StudyError(f"{folder}: {getattr(error, 'strerror', None) or error}") from error
     return tuple(files)
 
 
@@ -110,7 +110,7 @@ def write_new_folder(folder: Path, files: Mapping[str, str]) -> None:
     """Make a folder of a study, or fill an empty one: whole, or not at all.
 
     :param files: texts by the names that they get in it.
-    :raises StudyCopyError: a study has no files of such names.
+    :raises StudyError: a study has no files of such names.
     :raises OSError, UnicodeError: it cannot be written.
     """
     parent = folder.absolute().parent
@@ -118,7 +118,7 @@ def write_new_folder(folder: Path, files: Mapping[str, str]) -> None:
     made = Path(mkdtemp(prefix=f".{folder.name}.", dir=parent))
     try:
         if problem := why_none_written(made, files.items()):
-            raise StudyCopyError(problem)
+            raise StudyError(problem)
         for name, text in files.items():
             path = made / name
             path.parent.mkdir(parents=True, exist_ok=True)
@@ -130,11 +130,11 @@ def write_new_folder(folder: Path, files: Mapping[str, str]) -> None:
 
 
 def write_agents_file(folder: Path) -> None:
-    """Put the page for language models into a study that has none. Raises StudyCopyError."""
+    """Put the page for language models into a study that has none. Raises StudyError."""
     try:
         with (folder / AGENTS_FILE).open("x", encoding="utf-8") as file:
             file.write(_AGENTS)
     except FileExistsError:
         return
     except OSError as error:
-        raise StudyCopyError(f"{error.filename or folder}: {error.strerror or error}") from error
+        raise StudyError(f"{error.filename or folder}: {error.strerror or error}") from error

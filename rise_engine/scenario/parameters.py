@@ -30,14 +30,13 @@ ANY_NAME = "*"
 class ParameterError(RiseError, ValueError):
     """A value that an action's parameter cannot take: a sentence that begins with the parameter's name."""
 
+    code = "wrong-type"
+    """Or `out-of-range`: a number beyond the smallest or the largest that the parameter can have."""
+
     def __init__(self, message: str, suggestion: Correction | None = None) -> None:
         """`suggestion`: what was meant; its words are added to the message."""
         super().__init__(message + (suggestion.words if suggestion else ""))
         self.suggestion = suggestion and replace(suggestion, words="")
-
-
-class OutOfRangeError(ParameterError):
-    """A number beyond the smallest or the largest that a parameter can have."""
 
 
 def convert_parameter(parameter: Parameter, value: Any, origin: str = "") -> Any:
@@ -56,7 +55,7 @@ def convert_parameter(parameter: Parameter, value: Any, origin: str = "") -> Any
     >>> convert_parameter(Parameter("duration", "integer", unit="ms", maximum=5000), "6000")
     Traceback (most recent call last):
     ...
-    rise_engine.scenario.parameters.OutOfRangeError: duration is at most 5000 (ms); 6000 is outside
+    rise_engine.scenario.parameters.ParameterError: duration is at most 5000 (ms); 6000 is outside
     """
     try:
         match parameter.type:
@@ -213,7 +212,9 @@ def _check_range(parameter: Parameter, number: int | float, origin: str) -> int 
             allowed = f"from {low:.15g} to {high:.15g}"
         else:
             allowed = f"at least {low:.15g}" if low is not None else f"at most {high:.15g}"
-        raise OutOfRangeError(f"{parameter.name} is {allowed}{_unit(parameter)}; {number}{origin} is outside")
+        error = ParameterError(f"{parameter.name} is {allowed}{_unit(parameter)}; {number}{origin} is outside")
+        error.code = "out-of-range"
+        raise error
     return number
 
 

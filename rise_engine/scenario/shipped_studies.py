@@ -10,15 +10,11 @@ import tomllib
 from pathlib import Path
 from shutil import copyfile
 
-from rise_engine.base.errors import RiseError
+from rise_engine.base.errors import StudyError
 from rise_engine.base.nearest_name import did_you_mean
 from rise_engine.scenario.file_names import SCENARIO_FILE
 
 _PACKAGE = Path(__file__).parents[1]
-
-
-class StudyCopyError(RiseError):
-    """A study could not be copied; the message is a sentence for a person."""
 
 
 def shipped_studies() -> dict[str, Path]:
@@ -68,16 +64,16 @@ def shipped_hint() -> str:
 
 
 def copy_study(name: str, to: Path) -> int:
-    """Copy a shipped study into a new or empty folder; how many files it has. Raises StudyCopyError."""
+    """Copy a shipped study into a new or empty folder; how many files it has. Raises StudyError."""
     studies = shipped_studies()
     if name not in studies:
-        raise StudyCopyError(f"no study `{name}` is shipped with the program{did_you_mean(name, studies)}")
+        raise StudyError(f"no study `{name}` is shipped with the program{did_you_mean(name, studies)}")
     source, number = studies[name], 0
     try:
         if to.exists() and not to.is_dir():
-            raise StudyCopyError(f"{to} is no folder")
+            raise StudyError(f"{to} is no folder")
         if to.is_dir() and any(to.iterdir()):
-            raise StudyCopyError(f"{to} is not empty; name a new folder")
+            raise StudyError(f"{to} is not empty; name a new folder")
         to.mkdir(parents=True, exist_ok=True)
         for path in sorted(source.rglob("*")):
             new = to / path.relative_to(source)
@@ -87,5 +83,5 @@ def copy_study(name: str, to: Path) -> int:
                 copyfile(path, new)  # not its permissions: the copy is to be changed
                 number += 1
     except OSError as error:
-        raise StudyCopyError(f"{error.filename or to}: {error.strerror or error}") from error
+        raise StudyError(f"{error.filename or to}: {error.strerror or error}") from error
     return number

@@ -179,7 +179,7 @@ class _Flattener:
             is_idle = target is state and not (step.leaving or step.entering)
             if is_idle and event is None:
                 message = (
-                    "this transition waits for nothing, leads nowhere and does nothing: it would be taken for ever"
+                    "this transition waits for nothing, leads nowhere and does nothing: it would be taken endlessly"
                 )
                 raise ChartRefusedError("endless", message, location=taken[0].location)
             if not is_idle or conditions:

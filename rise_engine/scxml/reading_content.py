@@ -215,7 +215,7 @@ class ContentReader:
                 branches[-1][1].extend(self.read_content(pending))
                 pending.clear()
                 if has_else:
-                    self.refuse("chart", child, f"`<{child.tag}/>` stands behind `<else/>`")
+                    self.refuse("chart", child, f"`<{child.tag}/>` is behind `<else/>`")
                 has_else = has_else or child.tag == "else"
                 branches.append((None if child.tag == "else" else self.read_cond(child), []))
             else:

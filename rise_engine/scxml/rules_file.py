@@ -56,7 +56,7 @@ def flattening_notes(made: MadeRules) -> list[str]:
 def _kind_notes(states: list[ChartState]) -> Iterator[str]:
     compound = [state.id for state in states if state.is_compound]
     if compound:
-        yield f"states with states inside are gone: {', '.join(compound)}; what they do stands with the states inside"
+        yield f"states with states inside are gone: {', '.join(compound)}; what they do is in the states inside"
     parallel = [state.id for state in states if state.kind == "parallel"]
     if parallel:
         yield f"parallel states became their product: {', '.join(parallel)}; each state here names one of every region"

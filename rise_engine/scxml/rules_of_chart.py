@@ -337,7 +337,7 @@ class _RuleMaker:
                 return
             state = way[0].target
         location = passed[0].transitions[0].location
-        self.report("endless", location, "from here, transitions without event or condition lead round for ever")
+        self.report("endless", location, "from here, transitions without event or condition lead round without end")
 
     def stop_helpers(self, known: Knowledge) -> Lines:
         """What is still to be sent when the chart ends is not sent (6.2.4)."""

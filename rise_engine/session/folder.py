@@ -28,6 +28,7 @@ from msgspec import Struct, field
 from msgspec.structs import asdict, replace
 
 from rise_engine.base.errors import SessionError
+from rise_engine.base.files import is_locked, make_private_folder, write_private_file, write_whole
 from rise_engine.base.nearest_name import did_you_mean
 from rise_engine.base.text import escape_all_surrogates, restore_all_surrogates
 from rise_engine.kernel.inputs import SessionStarted
@@ -36,11 +37,10 @@ from rise_engine.ports.bridge import RosConnection, RosTransport
 from rise_engine.scenario.file_names import DEFAULT_PATHS
 from rise_engine.scenario.loader import load
 from rise_engine.scenario.model import Scenario
-from rise_engine.session.disk import make_private_folder, write_private_file
 from rise_engine.session.journal_format import FORMAT
 from rise_engine.session.journal_format import JOURNAL as JOURNAL
 from rise_engine.session.labels import label_differences, labels_for, read_labels, refuse_differences
-from rise_engine.session.lock import LockHolder, forget_holder, is_journal_locked, read_holder, user_name
+from rise_engine.session.lock import LockHolder, forget_holder, read_holder, user_name
 
 _ANY_CONNECTION = RosConnection()
 INFO, SCENARIO_COPY = "session.toml", "scenario"
@@ -309,7 +309,7 @@ def _not_ended(scenario_folder: str | None, roots: Iterable[Path]) -> list[tuple
         except SessionError:
             continue
         if where is None or os.path.realpath(info.scenario_folder) == where:
-            found.append((folder, is_journal_locked(folder / JOURNAL)))
+            found.append((folder, is_locked(folder / JOURNAL)))
     return sorted(found, reverse=True)
 
 
@@ -402,9 +402,7 @@ def _ascii_name(text: str) -> str:
 
 def write_info(path: Path, info: SessionInfo) -> None:
     """Whole or not at all: whoever looks at a study believes it."""
-    new = path.with_name(f"{path.name}.new")
-    write_private_file(new, _info_toml(info).encode("utf-8"))
-    new.replace(path)
+    write_whole(path, _info_toml(info).encode("utf-8"))
 
 
 def _machine() -> dict[str, str]:

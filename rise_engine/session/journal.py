@@ -17,7 +17,7 @@ from contextlib import suppress
 from pathlib import Path
 from queue import Empty, SimpleQueue
 
-from rise_engine.session.disk import Disk, error_message
+from rise_engine.base.files import Disk, error_message
 from rise_engine.session.lock import JournalLock
 
 RETRY_SECONDS = 1.0

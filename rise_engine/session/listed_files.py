@@ -3,20 +3,18 @@ program at a time."""
 
 from __future__ import annotations
 
-import fcntl
 import os
-import time
 from collections.abc import Callable, Iterator, Sequence
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from pathlib import Path
 from typing import TypeVar
 
 import msgspec
 
 from rise_engine.base.errors import SessionError
-from rise_engine.session.disk import Disk, error_message, write_private_file
+from rise_engine.base.files import error_message, sync, take_lock, wait_until, write_whole
 
-WAIT_SECONDS, TRY_SECONDS = 10.0, 0.02
+WAIT_SECONDS = 10.0
 """How long somebody waits for another program that writes it just now. That takes milliseconds."""
 _Item = TypeVar("_Item")
 
@@ -54,10 +52,8 @@ def change_list(path: Path, item: type[_Item], change: Callable[[list[_Item]], l
     try:
         with _locked(path):
             data = list_bytes(change(list(read_list(path, item))))
-            new = path.with_name(f"{path.name}.new")
-            write_private_file(new, data)
-            new.replace(path)
-            Disk().sync_folder(path.parent)
+            write_whole(path, data)
+            sync(path.parent)
     except UnicodeError:
         raise SessionError("a path or name is no text that can be written: give that file another name") from None
     except OSError as problem:
@@ -69,17 +65,9 @@ def _locked(path: Path) -> Iterator[None]:
     """Nobody else changes the list meanwhile. The lock is the folder's own, so that no file is left of it."""
     descriptor = os.open(path.parent, os.O_RDONLY | os.O_CLOEXEC)
     try:
-        deadline = time.monotonic() + WAIT_SECONDS
-        while True:
-            try:
-                fcntl.flock(descriptor, fcntl.LOCK_EX | fcntl.LOCK_NB)
-                break
-            except BlockingIOError:
-                if time.monotonic() > deadline:
-                    raise SessionError(f"{path} is held by another program: try again") from None
-            except OSError:  # a file system without locks: then the last one who writes wins
-                break
-            time.sleep(TRY_SECONDS)
+        with suppress(OSError):  # a file system without locks: then the last one who writes wins
+            if not wait_until(lambda: take_lock(descriptor), WAIT_SECONDS):
+                raise SessionError(f"{path} is held by another program: try again")
         yield
     finally:
         os.close(descriptor)

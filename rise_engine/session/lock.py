@@ -10,7 +10,6 @@ note says which computer had the session last, and then a person has to decide.
 from __future__ import annotations
 
 import errno
-import fcntl
 import getpass
 import os
 import platform
@@ -27,7 +26,7 @@ import msgspec
 from msgspec import Struct
 
 from rise_engine.base.errors import SessionError
-from rise_engine.session.disk import error_message, write_private_file
+from rise_engine.base.files import error_message, has_no_locks, is_locked, take_lock, wait_until, write_whole
 
 HOLDER_FILE = "engine.json"
 TRIES, TRY_SECONDS = 500, 0.01
@@ -45,8 +44,6 @@ ONE_MACHINE = frozenset(
 """File systems on which every program that can open a file sees its locks. Of any other, nobody knows."""
 MANDATORY = frozenset({"cifs", "smb3", "smbfs"})
 """File systems on which a lock would keep this very process from writing by another descriptor: no lock there."""
-_HELD = (errno.EAGAIN, errno.EACCES)
-_NO_LOCKS = (errno.ENOLCK, errno.EOPNOTSUPP, errno.ENOSYS, errno.EINVAL, errno.EBADF)
 
 _held_locks: WeakSet[JournalLock] = WeakSet()
 
@@ -108,10 +105,8 @@ class JournalLock:
         """Say beside the journal who has it, and where the session is reached."""
         now = datetime.now().astimezone().isoformat(timespec="seconds")
         holder = LockHolder(os.getpid(), platform.node(), user_name(), now, socket)
-        new_note = self._note.with_name(f"{HOLDER_FILE}.new")
         with suppress(OSError):  # a full disk, say: it can be locked all the same
-            write_private_file(new_note, msgspec.json.format(msgspec.json.encode(holder), indent=2) + b"\n")
-            new_note.replace(self._note)
+            write_whole(self._note, msgspec.json.format(msgspec.json.encode(holder), indent=2) + b"\n")
 
     @contextmanager
     def move_to(self, path: Path) -> Iterator[None]:
@@ -123,7 +118,7 @@ class JournalLock:
         descriptor = os.open(path, os.O_RDWR | os.O_CLOEXEC)
         if file_system(path) not in MANDATORY:
             with suppress(OSError):  # where nothing can be locked
-                fcntl.flock(descriptor, fcntl.LOCK_EX | fcntl.LOCK_NB)
+                take_lock(descriptor)
         try:
             yield
         except OSError:
@@ -154,21 +149,6 @@ def _close_in_child() -> None:
 os.register_at_fork(after_in_child=_close_in_child)
 
 
-def is_journal_locked(journal: Path) -> bool:
-    """Whether an engine has this journal, as far as this computer can see. Does not wait."""
-    try:
-        descriptor = os.open(journal, os.O_RDONLY | os.O_CLOEXEC)
-    except OSError:
-        return False
-    try:
-        fcntl.flock(descriptor, fcntl.LOCK_SH | fcntl.LOCK_NB)
-    except OSError as error:
-        return error.errno in _HELD
-    finally:
-        os.close(descriptor)
-    return False
-
-
 def read_holder(folder: Path) -> LockHolder | None:
     """Who has a session, or had it when an engine or a computer went away; None: nobody is named."""
     try:
@@ -181,7 +161,7 @@ def forget_holder(folder: Path) -> None:
     """Remove the note of an engine that has gone: it names a user and a computer. Not while somebody has the session,
     and not where only the note says who may have it."""
     holder = read_holder(folder)
-    if holder is not None and holder.is_this_computer and not is_journal_locked(folder / "journal.jsonl"):
+    if holder is not None and holder.is_this_computer and not is_locked(folder / "journal.jsonl"):
         with suppress(OSError):
             (folder / HOLDER_FILE).unlink()
 
@@ -211,16 +191,9 @@ def one_at_a_time(sessions: Path) -> Iterator[None]:
         yield
         return
     try:
-        for tries_left in reversed(range(TRIES)):
-            try:
-                fcntl.flock(descriptor, fcntl.LOCK_EX | fcntl.LOCK_NB)
-                break
-            except OSError as error:
-                if error.errno in _NO_LOCKS:  # folders on NFS; the journals' locks are there all the same
-                    break
-                if not tries_left:
-                    raise SessionError(f"another engine is just beginning a session in {sessions}; try again") from None
-                time.sleep(TRY_SECONDS)
+        with suppress(OSError):  # folders on NFS; the journals' locks are there all the same
+            if not wait_until(lambda: take_lock(descriptor), TRIES * TRY_SECONDS, TRY_SECONDS):
+                raise SessionError(f"another engine is just beginning a session in {sessions}; try again")
         yield
     finally:
         os.close(descriptor)
@@ -277,19 +250,17 @@ def _acquire(journal: Path) -> tuple[int, bool]:
         if file_system(journal) in MANDATORY:
             return descriptor, False
         try:
-            fcntl.flock(descriptor, fcntl.LOCK_EX | fcntl.LOCK_NB)
-            if os.path.samestat(os.fstat(descriptor), os.stat(journal)):  # noqa: PTH116
+            if take_lock(descriptor) and os.path.samestat(os.fstat(descriptor), journal.stat()):
                 return descriptor, True
         except FileNotFoundError:
             pass
         except OSError as error:
-            if error.errno in _NO_LOCKS:
+            if has_no_locks(error):
                 return descriptor, False
-            if error.errno not in _HELD:
-                os.close(descriptor)
-                raise SessionError(f"{journal} cannot be locked: {error_message(error)}") from None
+            os.close(descriptor)
+            raise SessionError(f"{journal} cannot be locked: {error_message(error)}") from None
         os.close(descriptor)
-        alone += is_journal_locked(journal)
+        alone += is_locked(journal)
         if alone == RUNS:
             break
         time.sleep(TRY_SECONDS)

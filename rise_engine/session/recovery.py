@@ -14,10 +14,10 @@ from pathlib import Path
 from msgspec import Struct
 
 from rise_engine.base.errors import SessionError
+from rise_engine.base.files import BLOCK, Disk, error_message
 from rise_engine.kernel import Kernel
 from rise_engine.kernel.view import SessionView
 from rise_engine.scenario.model import Scenario
-from rise_engine.session.disk import BLOCK, Disk, error_message, write_new_file
 from rise_engine.session.folder import JOURNAL, SessionInfo, has_ended, read_info
 from rise_engine.session.journal_format import encode_header, encode_record, with_checksum
 from rise_engine.session.journal_reader import JournalContents, ProgressCallback, read_journal
@@ -206,9 +206,9 @@ def _replace_journal(path: Path, lines: Iterable[bytes], disk: Disk, lock: Journ
     """Put a journal of these lines in the place of the one that is there; its size."""
     fresh = path.with_name(f"{path.name}.new")
     fresh.unlink(missing_ok=True)  # of a repair that was interrupted
-    size = write_new_file(fresh, lines, disk)
+    size = disk.write_new(fresh, lines)
     with lock.move_to(fresh):
-        os.replace(fresh, path)  # noqa: PTH105  # as the other system calls here
+        fresh.replace(path)
     disk.sync_folder(path.parent)
     return size
 
@@ -218,7 +218,7 @@ def _save_aside(journal: Path, name: str, data: Iterable[bytes], disk: Disk) -> 
     number = 1
     while (kept := journal.with_name(f"{journal.stem}.{name.format(number)}")).exists():
         number += 1
-    write_new_file(kept, data, disk)
+    disk.write_new(kept, data)
     disk.sync_folder(journal.parent)
     return kept.name
 

@@ -6,7 +6,6 @@ over: whoever goes on later appends, whoever begins anew gets the next number. T
 
 from __future__ import annotations
 
-import fcntl
 import os
 from collections.abc import Callable
 from datetime import datetime
@@ -18,8 +17,8 @@ from msgspec import Struct
 
 from rise_engine import __version__
 from rise_engine.base.errors import SessionError
+from rise_engine.base.files import Disk, error_message, make_private_folder, take_lock
 from rise_engine.kernel.records import Mark
-from rise_engine.session.disk import Disk, error_message, make_private_folder
 
 SHADOW_FOLDER = "shadow"
 SHADOW_FORMAT = 1
@@ -255,11 +254,9 @@ class ShadowWriter:
 
     @classmethod
     def _locked(cls, path: Path, descriptor: int, disk: Disk, size: int) -> ShadowWriter:
-        try:
-            fcntl.flock(descriptor, fcntl.LOCK_EX | fcntl.LOCK_NB)
-        except BlockingIOError:
+        if not take_lock(descriptor):
             disk.close(descriptor)
-            raise SessionError(f"{path} is being written by another console") from None
+            raise SessionError(f"{path} is being written by another console")
         return cls(path, descriptor, disk, size)
 
     def append(self, line: ShadowLine) -> None:
@@ -274,21 +271,6 @@ class ShadowWriter:
         if self._descriptor >= 0:
             self._disk.close(self._descriptor)
             self._descriptor = -1
-
-
-def is_being_written(path: Path) -> bool:
-    """Whether a console has a file open for writing now."""
-    try:
-        descriptor = os.open(path, os.O_RDONLY | os.O_CLOEXEC)
-    except OSError:
-        return False
-    try:
-        fcntl.flock(descriptor, fcntl.LOCK_SH | fcntl.LOCK_NB)
-    except BlockingIOError:
-        return True
-    finally:
-        os.close(descriptor)
-    return False
 
 
 def unfinished_shadow(folder: Path, wizard: str) -> Shadow | None:

@@ -7,7 +7,6 @@ that folder locked, so that nobody takes for a leftover what is being written.
 from __future__ import annotations
 
 import errno
-import fcntl
 import os
 import re
 import shutil
@@ -15,6 +14,8 @@ import tempfile
 from collections.abc import Callable, Iterable, Iterator
 from contextlib import contextmanager, suppress
 from pathlib import Path
+
+from rise_engine.base.files import sync, take_lock
 
 _CANNOT_LINK = frozenset({errno.EPERM, errno.ENOTSUP, errno.EOPNOTSUPP, errno.ENOSYS, errno.EMLINK})
 
@@ -46,7 +47,7 @@ def unfinished(path: Path) -> Iterator[Path]:
         yield here
         _secure(here)
         _put(here, path)
-        _sync(path.parent)
+        sync(path.parent)
 
 
 @contextmanager
@@ -73,7 +74,7 @@ def _locked_folder(path: Path) -> tuple[Path, int]:
         except FileNotFoundError:
             continue
         with suppress(OSError):  # where nothing can be locked, nothing is cleared up after a kill, either
-            fcntl.flock(lock, fcntl.LOCK_EX)
+            take_lock(lock, wait=True)
         if work.exists():
             return work, lock
         os.close(lock)
@@ -110,14 +111,22 @@ def _erase_unlocked(folders: Iterable[Path], erase: Callable[[Path], object] | N
         except OSError:
             continue
         try:
-            fcntl.flock(lock, fcntl.LOCK_EX | fcntl.LOCK_NB)
-        except OSError:
-            busy.append(work)
-        else:
-            erase(work) if erase is not None else shutil.rmtree(work, ignore_errors=True)
+            if not _is_free(lock):
+                busy.append(work)
+            elif erase is not None:
+                erase(work)
+            else:
+                shutil.rmtree(work, ignore_errors=True)
         finally:
             os.close(lock)
     return busy
+
+
+def _is_free(lock: int) -> bool:
+    try:
+        return take_lock(lock)
+    except OSError:
+        return False
 
 
 _IS_UNFINISHED = re.compile(r"\..+\.unfinished-[a-z0-9_]{8}")
@@ -132,24 +141,16 @@ def _secure(made: Path) -> None:
     """For its owner alone, and on the disk."""
     if not made.is_dir():
         made.chmod(0o600)
-        _sync(made)
+        sync(made)
         return
     for folder, folders, files in os.walk(made):
         for name in files:
             if not (Path(folder) / name).is_symlink():
                 (Path(folder) / name).chmod(0o600)
-                _sync(Path(folder) / name)
+                sync(Path(folder) / name)
         for name in folders:
             (Path(folder) / name).chmod(0o700)
     made.chmod(0o700)
-
-
-def _sync(path: Path) -> None:
-    descriptor = os.open(path, os.O_RDONLY | os.O_CLOEXEC)
-    try:
-        os.fsync(descriptor)
-    finally:
-        os.close(descriptor)
 
 
 def _put(here: Path, path: Path) -> None:

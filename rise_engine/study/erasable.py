@@ -14,8 +14,8 @@ from pathlib import Path
 from msgspec import Struct
 
 from rise_engine.base.errors import SessionError
+from rise_engine.base.files import tree_hash
 from rise_engine.scenario.file_names import SCENARIO_FILE
-from rise_engine.session.disk import tree_hash
 from rise_engine.session.folder import INFO, JOURNAL, read_info
 from rise_engine.study.kept_rows import FILE as KEPT_FILE
 from rise_engine.study.plan_file import PLAN_FILE
@@ -33,7 +33,7 @@ class KnownBy(Struct):
     sizes: list[int] = []
     """Bytes, also of a folder with everything in it."""
     hashes: list[str] = []
-    """As `rise_engine.session.disk.tree_hash` has them."""
+    """As `rise_engine.base.files.tree_hash` has them."""
 
 
 def why_not_export(study: Path, export: str) -> str:

@@ -12,7 +12,7 @@ import secrets
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 
-from rise_engine.session.disk import Disk, replace_file
+from rise_engine.base.files import Disk
 
 FILE = "anonymous.csv"
 CONSENT = "anonymous"
@@ -42,7 +42,7 @@ def add_rows(study: Path, rows: Sequence[Mapping[str, str]], disk: Disk) -> None
     writer = csv.DictWriter(text, columns, restval="", lineterminator="\n")
     writer.writeheader()
     writer.writerows(sorted([*kept, *added], key=lambda row: (row.get(ID, ""), row.get("run", ""))))
-    replace_file(study / FILE, text.getvalue().encode(), disk)
+    disk.write_whole(study / FILE, text.getvalue().encode())
 
 
 def read_rows(study: Path) -> tuple[list[str], list[dict[str, str]]]:

@@ -12,10 +12,10 @@ from textwrap import wrap
 from msgspec import Struct
 
 from rise_engine.base.errors import StudyError
+from rise_engine.base.files import error_message
 from rise_engine.scenario.diagnostics import Diagnostic
 from rise_engine.scenario.model import Json
 from rise_engine.scenario.study_paths import why_no_name, why_not_read
-from rise_engine.session.disk import error_message
 from rise_engine.study.model import Level, Study, StudyCheck
 from rise_engine.study.participants import PARTICIPANTS_FILE, header_line
 from rise_engine.study.report_table import REPORT_ITEMS

@@ -15,9 +15,9 @@ from pathlib import Path
 from msgspec import Struct
 
 from rise_engine.base.errors import StudyError
+from rise_engine.base.files import Disk, error_message
 from rise_engine.base.nearest_name import did_you_mean, in_backquotes, limited_comparisons
 from rise_engine.scenario.diagnostics import Diagnostic, Diagnostics
-from rise_engine.session.disk import Disk, error_message, write_new_file
 from rise_engine.study.chance import SEEDS
 from rise_engine.study.csv_table import CsvRow, CsvTable, read_csv
 from rise_engine.study.design import factors_of, runs
@@ -78,8 +78,7 @@ def write_new_plan(folder: Path, text: str, disk: Disk | None = None) -> None:
     disk = disk or Disk()
     new = folder / NEW_PLAN_FILE
     try:
-        new.unlink(missing_ok=True)  # of a program that was ended while it wrote
-        write_new_file(new, [text.encode()], disk)
+        disk.write_new(new, text.encode())
         disk.sync_folder(folder)
     except OSError as error:
         with suppress(OSError):

@@ -18,11 +18,12 @@ from msgspec import Struct
 from msgspec.structs import replace
 
 from rise_engine.base.errors import SessionError
+from rise_engine.base.files import is_locked
 from rise_engine.kernel.inputs import AnyInput, CheckReport, OutcomeReport
 from rise_engine.scenario.model import Json
 from rise_engine.session.folder import JOURNAL, SessionInfo, has_begun, has_ended, is_abandoned, read_info
 from rise_engine.session.journal_format import InputLine, JournalHeader, LineError, read_line
-from rise_engine.session.lock import JournalLock, is_journal_locked
+from rise_engine.session.lock import JournalLock
 from rise_engine.study.labels import Reassignment, reassignments, session_differences
 from rise_engine.study.model import SessionEntry
 from rise_engine.study.study_log import EntryKind, LogEntry
@@ -148,7 +149,7 @@ def session_folders(folder: Path) -> list[Path]:
 
 
 def _from_folder(path: Path, info: SessionInfo, outcome: LogEntry | None) -> StudySession | None:
-    running = is_journal_locked(path / JOURNAL)
+    running = is_locked(path / JOURNAL)
     if not running and not has_begun(path):
         return None
     ended = has_ended(path)

@@ -7,8 +7,6 @@ own, and what it did not say is found again in the folders of the sessions.
 
 from __future__ import annotations
 
-import errno
-import fcntl
 import os
 import time
 from collections.abc import Callable, Sequence
@@ -22,10 +20,10 @@ from typing import Any, Literal, TypeAlias
 from msgspec import Struct
 
 from rise_engine.base.errors import StudyError
+from rise_engine.base.files import Disk, error_message, has_no_locks, take_lock
 from rise_engine.base.json_codec import JsonError, decode, encode
 from rise_engine.scenario.diagnostics import Diagnostics
 from rise_engine.scenario.model import Json, SourceLocation
-from rise_engine.session.disk import Disk, error_message
 
 LOG_FILE = "study.jsonl"
 SET_ASIDE_FILE = "study.jsonl.torn"
@@ -47,7 +45,6 @@ EntryKind: TypeAlias = Literal[
 ]
 WAIT_SECONDS, TRY_SECONDS = 10.0, 0.01
 """How long somebody waits for another program that writes just now. That takes milliseconds."""
-_NO_LOCKS = (errno.ENOLCK, errno.EOPNOTSUPP, errno.ENOSYS, errno.EINVAL)
 
 
 class StudyLogError(StudyError):
@@ -319,7 +316,7 @@ class LockedLog:
         )
         try:
             os.write(aside, torn + b"\n")
-            os.fsync(aside)
+            self._disk.sync(aside)
         finally:
             os.close(aside)
         self._end -= len(torn)
@@ -340,10 +337,8 @@ class LockedLog:
 def _try_lock(descriptor: int) -> bool:
     """Whether the lock was to be had; where a file system has none, whoever asks has it."""
     try:
-        fcntl.flock(descriptor, fcntl.LOCK_EX | fcntl.LOCK_NB)
+        return take_lock(descriptor)
     except OSError as error:
-        if error.errno in (errno.EAGAIN, errno.EACCES):
-            return False
-        if error.errno not in _NO_LOCKS:
+        if not has_no_locks(error):
             raise
     return True

@@ -18,10 +18,10 @@ from typing import Any
 from msgspec.structs import replace
 
 from rise_engine.base.errors import StudyError
+from rise_engine.base.files import Disk, error_message, is_locked
 from rise_engine.base.nearest_name import did_you_mean
-from rise_engine.session.disk import Disk, error_message
 from rise_engine.session.folder import JOURNAL, sessions_folder
-from rise_engine.session.lock import is_journal_locked, read_holder, running_message
+from rise_engine.session.lock import read_holder, running_message
 from rise_engine.study.erasable import KnownBy, why_not_export, why_not_recording
 from rise_engine.study.labels import reassignments
 from rise_engine.study.sessions import SESSIONS
@@ -150,7 +150,7 @@ def _move_out(folder: Path, target: Path) -> None:
     if not folder.exists():
         return
     folder.rename(target)
-    if is_journal_locked(target / JOURNAL):
+    if is_locked(target / JOURNAL):
         target.rename(folder)
         _refuse_running(folder)
 
@@ -301,7 +301,7 @@ def _note_missing(plan: WithdrawalPlan, study: Path, log: Sequence[LogEntry]) ->
 
 
 def _refuse_running(folder: Path) -> None:
-    if is_journal_locked(folder / JOURNAL):
+    if is_locked(folder / JOURNAL):
         raise StudyError(f"{running_message(folder, read_holder(folder))}. Nothing was erased: end it first")
 
 

@@ -10,7 +10,7 @@ import msgspec
 from msgspec import Struct, field
 
 from rise_engine.base.errors import StudyError
-from rise_engine.session.disk import Disk, error_message, replace_file
+from rise_engine.base.files import Disk, error_message
 from rise_engine.session.erasure import erase_folder, has_other_names
 from rise_engine.session.unfinished_files import erase_all_unfinished
 from rise_engine.study.erasable import why_not_export, why_not_place, why_other
@@ -100,7 +100,7 @@ def read_list(work: Path) -> WithdrawalPlan:
 
 
 def write_list(work: Path, plan: WithdrawalPlan, disk: Disk) -> None:
-    replace_file(work / _LIST, msgspec.json.encode(plan), disk)
+    disk.write_whole(work / _LIST, msgspec.json.encode(plan))
 
 
 def join_plans(before: WithdrawalPlan, now: WithdrawalPlan) -> WithdrawalPlan:

@@ -8,11 +8,11 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping, Sequence
 from typing import Protocol
 
-from rise_engine.base.exit_status import USAGE
+from rise_engine.base.exit_status import OK
 from rise_engine.run.protocol.messages import SessionSummary
 from rise_tui.cli.options import CommandLine
+from rise_tui.cli.terminal import not_started
 from rise_tui.config.paths import abbreviate_home
-from rise_tui.config.settings import NothingStarted
 from rise_tui.model.control import short_name
 from rise_tui.rendering.text import clean, format_age, wrap
 
@@ -41,11 +41,10 @@ def choose_session(
     """The name of the running session that is meant: the only one, or the one that is chosen by its number.
 
     A session whose description is None does not answer; it is shown, because it may be that which somebody looks for.
-    `list_unfinished`: lines about sessions that did not end. Raises NothingStarted.
+    `list_unfinished`: lines about sessions that did not end. Raises Refused.
     """
     if not found:
-        raise NothingStarted(
-            USAGE,
+        raise not_started(
             "no session is running; start one with: rise-tui --config DIR",
             "DIR is the folder of a scenario",
             *map(clean, list_unfinished()),
@@ -55,7 +54,7 @@ def choose_session(
         return names[0]
     rows = _session_rows(found)
     if not terminal.interactive:
-        raise NothingStarted(USAGE, "several sessions run, and without a terminal nobody can be asked:", *rows)
+        raise not_started("several sessions run, and without a terminal you cannot choose:", *rows)
     terminal.print_line("These sessions run on this machine:")
     terminal.print_line("")
     for row in rows:
@@ -64,10 +63,10 @@ def choose_session(
     while (answer := terminal.read_answer(f"Which one? 1 to {len(names)}, or q to leave")) is not None:
         wanted = answer.strip().lower()
         if wanted in ("q", "quit"):
-            raise NothingStarted(0)
+            raise not_started(status=OK)
         if wanted.isdecimal() and 1 <= int(wanted) <= len(names):
             return names[int(wanted) - 1]
-    raise NothingStarted(USAGE, "nothing was chosen")
+    raise not_started("nothing was chosen")
 
 
 def _session_rows(found: Mapping[str, SessionSummary | None]) -> list[str]:
@@ -86,21 +85,19 @@ def _session_rows(found: Mapping[str, SessionSummary | None]) -> list[str]:
 
 
 def check_matches(name: str, about: SessionSummary | None, options: CommandLine) -> None:
-    """Whether a session that runs is the one that was asked for. Raises NothingStarted when it is not."""
+    """Whether a session that runs is the one that was asked for. Raises Refused when it is not."""
     title = clean(about.title) if about is not None else name
     end = "attach with `rise-tui` and end it first (ctrl+c)"
     if options.new:
-        raise NothingStarted(USAGE, f"{title} is running already; to begin a new session, {end}")
+        raise not_started(f"{title} is running already; to begin a new session, {end}")
     if options.only_for_new:
         given = " and ".join(options.only_for_new)
-        raise NothingStarted(
-            USAGE, f"{title} is running already; {given} can only be said of a session that begins: {end}"
-        )
+        raise not_started(f"{title} is running already; {given} can only be said of a session that begins: {end}")
     for what in ("mode", "robot", "participant", "condition") if about is not None else ():
         wanted, is_now = getattr(options, what), getattr(about, what)
         if wanted is not None and wanted != is_now:
             which = f"with --{what} {clean(is_now)} and not {wanted}" if is_now else f"without --{what}"
-            raise NothingStarted(USAGE, f"{title} is running already, {which}; for the other one, {end}")
+            raise not_started(f"{title} is running already, {which}; for the other one, {end}")
 
 
 def choose_recovery(
@@ -112,10 +109,10 @@ def choose_recovery(
     """What to do about sessions that did not end: `new`, or the folder of the one to recover.
 
     `unfinished`: folder and a sentence, the latest first. `others`: those that did not end either and are not of
-    `participant`, for whom a session was asked: they are shown and cannot be chosen. Raises NothingStarted.
+    `participant`, for whom a session was asked: they are shown and cannot be chosen. Raises Refused.
     """
     if not terminal.interactive:
-        raise NothingStarted(USAGE, WITHOUT_TERMINAL)
+        raise not_started(WITHOUT_TERMINAL)
     several = len(unfinished) > 1
     if unfinished:
         terminal.print_line(
@@ -155,7 +152,7 @@ def choose_recovery(
     while (answer := terminal.read_answer("r, n or q?" if unfinished else "n or q?")) is not None:
         wanted = answer.strip().lower()
         if wanted in ("q", "quit"):
-            raise NothingStarted(0)
+            raise not_started(status=OK)
         if wanted in ("n", "new"):
             return "new"
         if unfinished and wanted in ("r", "recover"):
@@ -163,7 +160,7 @@ def choose_recovery(
         which = wanted.removeprefix("r").strip()
         if several and which.isdecimal() and 1 <= int(which) <= len(unfinished):
             return unfinished[int(which) - 1][0]
-    raise NothingStarted(USAGE, "nothing was chosen, and nothing was started")
+    raise not_started("nothing was chosen, and nothing was started")
 
 
 def _print_sessions(sessions: Sequence[tuple[str, str]], terminal: Prompter, *, numbered: bool = False) -> None:
@@ -182,6 +179,6 @@ def _print_wrapped(terminal: Prompter, lead: str, sentence: str) -> None:
 
 
 WITHOUT_TERMINAL = (
-    "an earlier session of this scenario did not end, and without a terminal nobody can be asked: "
-    "say --recover to go on with it, or --new"
+    "an earlier session of this scenario did not end, and without a terminal you cannot choose: "
+    "use --recover to continue it, or --new"
 )

@@ -34,10 +34,16 @@ class _Program(click.Group):
 
 
 _THEME = click.option(
-    "--theme", type=click.Choice(THEMES), help="Without it, the one that was used last; at first, dark."
+    "--theme", type=click.Choice(THEMES), help="Choose the theme. Default: the one that you used last; at first, dark."
 )
-_MOUSE = click.option("--mouse", type=click.Choice(["on", "off"]), default="on", show_default=True)
-_KEYS = click.option("--keys", metavar="FILE", help="Another key file than the usual one; none: the usual keys.")
+_MOUSE = click.option(
+    "--mouse",
+    type=click.Choice(["on", "off"]),
+    default="on",
+    show_default=True,
+    help="Use the mouse, or leave it to the terminal.",
+)
+_KEYS = click.option("--keys", metavar="FILE", help="Use this key file instead of the usual one. none: the usual keys.")
 
 
 @click.group(
@@ -47,7 +53,10 @@ _KEYS = click.option("--keys", metavar="FILE", help="Another key file than the u
     subcommand_metavar="[COMMAND]",
 )
 @click.option(
-    "--config", "folder", metavar="DIR", help="The scenario or the study: a folder, or its scenario.toml or study.toml."
+    "--config",
+    "folder",
+    metavar="DIR",
+    help="Open this scenario or study: its folder, its scenario.toml or its study.toml.",
 )
 @options(*SESSION_OPTIONS)
 @SEED
@@ -56,23 +65,25 @@ _KEYS = click.option("--keys", metavar="FILE", help="Another key file than the u
 @NEW
 @RECOVER
 @HERE
-@click.option("--session", metavar="NAME", help="Of several running sessions, the one with this name or socket.")
-@click.option("--observe", is_flag=True, help="Only watch: stop everything and add notes, but never take control.")
+@click.option("--session", metavar="NAME", help="Attach to the running session with this name or socket.")
+@click.option(
+    "--observe", is_flag=True, help="Only watch. You can stop everything and add notes, but never take control."
+)
 @click.option(
     "--wizard",
     metavar="NAME",
-    help="Who sits here; stands in every record. Without it: as before in this session, else your login name.",
+    help="Record the session with this wizard's name. Default: your name in this session before, else your login name.",
 )
-@click.option("--replay", "replay", metavar="SESSION", help="Watch a recorded session: its folder, or its name.")
+@click.option("--replay", "replay", metavar="SESSION", help="Watch the recorded session with this folder or name.")
 @click.option(
     "--shadow",
     "shadow",
     metavar="SESSION",
-    help="As a second wizard, answer the cues of a recorded session: your keys are kept and sent nowhere.",
+    help="Answer the cues of a recorded session as a second wizard. Your keys are kept and sent nowhere.",
 )
-@click.option("--at", metavar="SECONDS|mark", help="Where a shadow begins; mark2: at the second mark for recordings.")
+@click.option("--at", metavar="SECONDS|mark", help="Begin the shadow here. mark2: at the second mark for recordings.")
 @click.option(
-    "--speed", type=click.FloatRange(0.01, 1000), default=1.0, help="Of a replay or a shadow; 2 is twice as fast."
+    "--speed", type=click.FloatRange(0.01, 1000), default=1.0, help="Play a replay or a shadow this many times as fast."
 )
 @_THEME
 @click.option(
@@ -80,7 +91,7 @@ _KEYS = click.option("--keys", metavar="FILE", help="Another key file than the u
     type=click.Choice(["auto", "truecolor", "256", "16", "mono"]),
     default="auto",
     show_default=True,
-    help="What the terminal can show; auto: what it says of itself.",
+    help="Set what the terminal can show. auto: what it reports.",
 )
 @_MOUSE
 @click.option(
@@ -88,18 +99,18 @@ _KEYS = click.option("--keys", metavar="FILE", help="Another key file than the u
     type=click.IntRange(1, MOST_FRAMES),
     default=USUAL_FRAMES,
     show_default=True,
-    help="How many times a second the screen is painted at most; fewer for a slow link.",
+    help="Paint the screen at most this many times a second. Fewer help on a slow link.",
 )
 @_KEYS
-@click.option("--fresh", is_flag=True, help="Do not restore layout, filters and theme of the last time.")
+@click.option("--fresh", is_flag=True, help="Do not restore the layout, filters and theme of the last time.")
 @click.version_option(__version__)
 @click.pass_context
 def main(context: click.Context, /, theme: str | None, colors: str, mouse: str, fps: int, **given: Any) -> None:
     """Run a study from this terminal.
 
-    With --config a session of that scenario starts in the background, or the one that runs is attached to; of a study
-    the screen opens on which its sessions begin. Without, the running session is attached to; of several you are asked
-    which. A session goes on when its console goes.
+    With --config, attach to that scenario's session, or start one in the background. For a study, open the screen on
+    which its sessions begin. Without --config, attach to the running session; if several run, choose one. A session
+    continues when its console closes.
 
     F9 or ctrl+g stops everything, on every screen. ? shows all keys. ctrl+c leaves.
     """
@@ -125,7 +136,7 @@ def _check_alone(context: click.Context) -> None:
         if option.name and context.get_parameter_source(option.name) is ParameterSource.COMMANDLINE
     ]
     if given:
-        raise click.UsageError(f"{', '.join(given)} cannot stand before `{context.invoked_subcommand}`")
+        raise click.UsageError(f"{', '.join(given)} cannot come before `{context.invoked_subcommand}`")
 
 
 def _check_usage(options: CommandLine) -> None:
@@ -145,11 +156,11 @@ def _check_usage(options: CommandLine) -> None:
     }
     given = [name for name, value in starting.items() if value is not None]
     if options.folder is None and given:
-        raise click.UsageError(f"{', '.join(given)} say how a session starts: name its scenario with --config DIR")
+        raise click.UsageError(f"use {', '.join(given)} only with --config DIR, which names the scenario to start")
     if options.allow_untranslated and not options.language:
         raise click.UsageError("--allow-untranslated goes with --language")
     if options.new and options.recover:
-        raise click.UsageError("say either --new or --recover")
+        raise click.UsageError("use either --new or --recover")
     if options.here and not options.recover:
         raise click.UsageError("--here goes with --recover")
     which = {
@@ -176,11 +187,15 @@ def _check_usage(options: CommandLine) -> None:
 @main.command()
 @click.argument("folder", metavar="DIR", required=False)
 @click.option(
-    "--html", metavar="FILE", is_flag=False, flag_value="-", help="A page to print; without a file, on the output."
+    "--html",
+    metavar="FILE",
+    is_flag=False,
+    flag_value="-",
+    help="Write a page for printing. Without FILE, print it to standard output.",
 )
 @_KEYS
 def keys(folder: str | None, html: str | None, keys: str | None) -> None:
-    """A card with all keys: those of the scenario in DIR, then the console's. To lay beside the keyboard."""
+    """Print a card with all keys, to lay beside the keyboard: first the scenario's in DIR, then the console's."""
     from rise_tui.cli.key_card import print_card  # Textual comes with it, as below
 
     sys.exit(print_card(folder, html, keys))
@@ -193,7 +208,7 @@ def keys(folder: str | None, html: str | None, keys: str | None) -> None:
 @_MOUSE
 @_KEYS
 def edit(folder: str, robot: str | None, theme: str | None, mouse: str, keys: str | None) -> None:
-    """Change the study in DIR: acts, memory, keys, settings, tables. Nothing is started on a robot."""
+    """Change the study in DIR: acts, memory, keys, settings, tables. Nothing starts on a robot."""
     from rise_tui.cli import edit as editor
 
     display = DisplayOptions(theme or "", "auto", mouse == "on", USUAL_FRAMES)
@@ -203,7 +218,7 @@ def edit(folder: str, robot: str | None, theme: str | None, mouse: str, keys: st
 @main.command()
 @_KEYS
 def info(keys: str | None) -> None:
-    """What to send along with a report of a fault: versions, terminal, paths, sessions. Nothing secret is in it."""
+    """Print what a bug report needs: versions, terminal, paths, sessions. It contains no secrets."""
     from rise_tui.cli.info import report_lines
 
     for line in report_lines(keys):
@@ -213,7 +228,7 @@ def info(keys: str | None) -> None:
 @main.command()
 @click.argument("shell", type=click.Choice(["bash", "zsh", "fish"]))
 def completions(shell: str) -> None:
-    """Completion of commands and options with the tab key, for a shell's start-up file.
+    """Print a script that completes commands and options with the tab key in your shell.
 
     \b
     bash  in ~/.bashrc:  eval "$(rise-tui completions bash)"

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from rise_engine.base.exit_status import USAGE
 from rise_engine.cli.session.unfinished import unfinished_lines, unfinished_sessions
 from rise_engine.run.client.running_sessions import all_running_sessions
 from rise_engine.run.protocol.registry import RegistryError, find_running, running_names, session_name
@@ -12,16 +11,16 @@ from rise_engine.run.protocol.session_options import SessionOptions
 from rise_engine.session.folder import running_sessions
 from rise_tui.cli import choose_session
 from rise_tui.cli.options import CommandLine
-from rise_tui.cli.terminal import PlainTerminal
+from rise_tui.cli.terminal import PlainTerminal, not_started
 from rise_tui.config.paths import expand_home
-from rise_tui.config.settings import NothingStarted, scenario_path
+from rise_tui.config.settings import scenario_path
 
 STUDY_FILE, SESSIONS = "study.toml", "sessions"
 """As `rise_engine.study` has them, which is read only when there is a study."""
 
 
 def find_running_session(options: CommandLine) -> str:
-    """The name, or the socket, of the running session that is meant. Raises NothingStarted."""
+    """The name, or the socket, of the running session that is meant. Raises Refused."""
     try:
         if options.session is not None:
             return find_running(options.session)
@@ -32,15 +31,15 @@ def find_running_session(options: CommandLine) -> str:
         if is_study(options.folder):
             if socket := find_study_session(options.folder):
                 return socket
-            raise NothingStarted(USAGE, f"no session of {options.folder} is running")
+            raise not_started(f"no session of {options.folder} is running")
         name = session_name(scenario_path(options.settings))
         if name in running_names():
             return name
         if elsewhere := find_elsewhere(options.settings):
             return elsewhere
     except RegistryError as error:
-        raise NothingStarted(USAGE, str(error)) from None
-    raise NothingStarted(USAGE, f"no session of {options.folder} is running")
+        raise not_started(str(error)) from None
+    raise not_started(f"no session of {options.folder} is running")
 
 
 def find_elsewhere(settings: SessionOptions) -> str:
@@ -64,6 +63,6 @@ def find_study_session(named: str) -> str:
         if name in running_names():
             return name
     except RegistryError as error:
-        raise NothingStarted(USAGE, str(error)) from None
+        raise not_started(str(error)) from None
     holders = running_sessions(root=folder / SESSIONS).values()
     return next((each.socket for each in holders if each is not None and each.is_this_computer), "")

@@ -15,7 +15,7 @@ import click
 from msgspec.structs import replace
 
 from rise_engine.base.errors import SessionError
-from rise_engine.base.exit_status import ALREADY_RUNNING, REFUSED, USAGE
+from rise_engine.base.exit_status import ALREADY_RUNNING, REFUSED
 from rise_engine.cli.arguments import parse_assignments
 from rise_engine.kernel.inputs import Submit
 from rise_engine.run.protocol.registry import RegistryError, ask_summary, running_names, session_name
@@ -25,12 +25,12 @@ from rise_engine.session.folder import find_session, find_unfinished, participan
 from rise_tui.cli import choose_session
 from rise_tui.cli.options import CommandLine
 from rise_tui.cli.running import find_elsewhere, find_running_session, find_study_session, is_study
-from rise_tui.cli.terminal import PlainTerminal, ProgressLine, login_name
+from rise_tui.cli.terminal import PlainTerminal, ProgressLine, login_name, not_started
 from rise_tui.cli.wizard import name_wizard
 from rise_tui.config import launch
 from rise_tui.config.display import prepare_textual, with_detected_colors
 from rise_tui.config.paths import expand_home, key_file_path
-from rise_tui.config.settings import NothingStarted, engine_options, scenario_path, why_no_scenario
+from rise_tui.config.settings import engine_options, scenario_path, why_no_scenario
 
 if TYPE_CHECKING:
     from rise_tui.config.keymap import KeyFile
@@ -38,28 +38,23 @@ if TYPE_CHECKING:
 
 def start(options: CommandLine) -> NoReturn:
     """Do what is asked; ends the process with its exit status."""
-    try:
-        options = replace(options, display=with_detected_colors(options.display, os.environ))
-        prepare_textual(options.display)  # before anything imports Textual
-        keys = _read_keys(options)
-        if options.replay is not None:
-            _open_replay(options, keys)
-        elif options.shadow is not None:
-            _open_shadow(options, keys)
-        elif options.folder is None:
-            _attach(options, keys)
-        elif is_study(options.folder):
-            _open_study(options, keys)
-        else:
-            _run(options, options.settings, keys)
-    except NothingStarted as nothing:
-        for line in nothing.lines:
-            click.echo(line, err=True)
-        sys.exit(nothing.code)
+    options = replace(options, display=with_detected_colors(options.display, os.environ))
+    prepare_textual(options.display)  # before anything imports Textual
+    keys = _read_keys(options)
+    if options.replay is not None:
+        _open_replay(options, keys)
+    elif options.shadow is not None:
+        _open_shadow(options, keys)
+    elif options.folder is None:
+        _attach(options, keys)
+    elif is_study(options.folder):
+        _open_study(options, keys)
+    else:
+        _run(options, options.settings, keys)
 
 
 def _refuse_start(reason: str) -> NoReturn:
-    raise NothingStarted(USAGE, reason)
+    raise not_started(reason)
 
 
 def _read_keys(options: CommandLine) -> KeyFile | None:
@@ -68,18 +63,18 @@ def _read_keys(options: CommandLine) -> KeyFile | None:
     if path is None:
         return None
     from rise_tui.config.key_file import read_keys
-    from rise_tui.config.keymap import how_to_mend
+    from rise_tui.config.keymap import how_to_fix
 
     keys = read_keys(path)
     if keys.problems:
-        raise NothingStarted(USAGE, *map(str, keys.problems), how_to_mend(path))
+        raise not_started(*map(str, keys.problems), how_to_fix(path))
     return keys
 
 
 def _need_terminal(*also: str) -> None:
     if not PlainTerminal().interactive:
         needs = "the console needs a terminal; `rise-engine run` and `rise-engine serve` need none"
-        raise NothingStarted(USAGE, needs, *also)
+        raise not_started(needs, *also)
 
 
 # --- sessions that run ------------------------------------------------------------------------------------------------
@@ -165,11 +160,11 @@ def _first_inputs(options: CommandLine) -> tuple[Submit, ...]:
 
 def _check_clashes(settings: SessionOptions, keys: KeyFile) -> None:
     """Before an engine is started for a console that would then refuse to open."""
-    from rise_tui.config.keymap import how_to_mend
+    from rise_tui.config.keymap import how_to_fix
 
     prepared = launch.load_scenario(settings)
     if not isinstance(prepared, launch.ScenarioProblems) and (clashes := keys.clashes(prepared.keys)):
-        raise NothingStarted(USAGE, *map(str, clashes), how_to_mend(keys.path))
+        raise not_started(*map(str, clashes), how_to_fix(keys.path))
 
 
 def _print_refusal(lines: list[str], folder: str, code: int = REFUSED) -> NoReturn:

@@ -11,6 +11,7 @@ from pathlib import Path
 from msgspec.structs import replace
 
 from rise_engine.base.errors import FileError, SessionError, StudyError
+from rise_engine.base.files import is_locked
 from rise_engine.checks import CheckContext, CheckOutcome, append_checked, pending_checks, run_check
 from rise_engine.kernel.inputs import CheckReport
 from rise_engine.ports.bridge import RosConnection
@@ -23,7 +24,7 @@ from rise_engine.run.server.spawn import EngineRefused, start_engine
 from rise_engine.scenario.loader import load as load_scenario
 from rise_engine.session.folder import JOURNAL
 from rise_engine.session.journal_format import InputLine, JournalHeader, LineError, read_line
-from rise_engine.session.lock import is_journal_locked, read_holder
+from rise_engine.session.lock import read_holder
 from rise_engine.study.begin import BeginRequest, CannotBegin, plan_session, turn_warning
 from rise_engine.study.judge import judge_session
 from rise_engine.study.model import OutcomeStatus, SessionEntry, Study, StudyCheck, StudyStanding
@@ -44,7 +45,6 @@ from rise_tui.config.study_source import (
     SessionRequest,
     StartedSession,
     StudyNow,
-    StudyRefused,
 )
 from rise_tui.model.study_conditions import NO_CONDITIONS, conditions_of
 
@@ -111,14 +111,14 @@ class StudyFolder:
     def fingerprint(self) -> object:
         """Another one as soon as a file has changed, a session has begun, or an engine has gone."""
         stamps = [_stamp(Path(self.folder, name)) for name in WATCHED]
-        return stamps, _stamp(self._root), [is_journal_locked(folder / JOURNAL) for folder in self._running]
+        return stamps, _stamp(self._root), [is_locked(folder / JOURNAL) for folder in self._running]
 
     def _state(self) -> StudyStatus:
-        """Raises StudyRefused."""
+        """Raises StudyError."""
         try:
             return read_state(Path(self.folder))
         except (FileError, StudyLogError, OSError) as error:
-            raise StudyRefused(_one_line(error)) from None
+            raise StudyError(_one_line(error)) from None
 
     # --- what would run ---------------------------------------------------------------------------------------------
 
@@ -135,12 +135,12 @@ class StudyFolder:
                 ),
             )
         except CannotBegin as error:
-            raise StudyRefused("; ".join(error.lines)) from None
+            raise StudyError("; ".join(error.lines)) from None
         robot = study.robot or None
         loaded = load_scenario(plan.run.scenario, robot=robot, mode=plan.mode)
         scenario = loaded.scenario
         if scenario is None:
-            raise StudyRefused(f"{plan.run.scenario} does not load: {'; '.join(map(str, loaded.errors))}")
+            raise StudyError(f"{plan.run.scenario} does not load: {'; '.join(map(str, loaded.errors))}")
         now = datetime.now().astimezone()
         standing = next((each for each in state.standing.participants if each.participant == plan.participant), None)
         recording = decide_recording(study, state.participants, plan.participant, plan.purpose)
@@ -185,7 +185,7 @@ class StudyFolder:
         try:
             append_checked(check, context, report)
         except (StudyLogError, OSError) as error:
-            raise StudyRefused(f"the check {check.id} is not written down: {error}") from None
+            raise StudyError(f"the check {check.id} is not written down: {error}") from None
 
     # --- sessions ---------------------------------------------------------------------------------------------------
 
@@ -226,7 +226,7 @@ class StudyFolder:
         if isinstance(found, EngineRefused):
             if found.socket:  # somebody else has begun it, or gone on with it, just now
                 return self._reach(found.socket, wizard)
-            raise StudyRefused("; ".join(found.lines))
+            raise StudyError("; ".join(found.lines))
         who = wizard or _last_wizard(found.name)
         return StartedSession(SocketClient(found.name, who, "wizard", resync=True), startup_notice(found), who)
 
@@ -234,15 +234,15 @@ class StudyFolder:
         """To a session that runs."""
         holder = read_holder(self._root / entry.folder)
         if holder is None or not holder.socket:
-            raise StudyRefused(f"the session of {entry.participant} is just beginning or ending: try again")
+            raise StudyError(f"the session of {entry.participant} is just beginning or ending: try again")
         if not holder.is_this_computer:
-            raise StudyRefused(f"the session of {entry.participant} runs elsewhere: {holder}")
+            raise StudyError(f"the session of {entry.participant} runs elsewhere: {holder}")
         return self._reach(holder.socket, wizard)
 
     def _reach(self, socket: str, wizard: str) -> StartedSession:
         who = wizard or _last_wizard(socket)
         if not who:
-            raise StudyRefused("the session does not answer: try again, or see `rise-engine sessions`")
+            raise StudyError("the session does not answer: try again, or see `rise-engine sessions`")
         return StartedSession(SocketClient(socket, who, "wizard", resync=True), wizard=who)
 
     def report(self, folder: str) -> Document:
@@ -254,7 +254,7 @@ class StudyFolder:
         try:
             return make_session_report(self._root / folder, label=conditions.label).document
         except (SessionError, OSError) as error:
-            raise StudyRefused(_one_line(error)) from None
+            raise StudyError(_one_line(error)) from None
 
     def judge(self, entry: SessionEntry, status: OutcomeStatus, reason: str, wizard: str) -> None:
         """Write down how a session counts that is over, or that nobody goes on with."""
@@ -263,7 +263,7 @@ class StudyFolder:
                 source = f"wizard:{wizard}"
                 judge_session(study, entry.participant, status, reason, session=entry.folder, source=source)
         except (StudyError, FileError, StudyLogError, OSError) as error:
-            raise StudyRefused(_one_line(error)) from None
+            raise StudyError(_one_line(error)) from None
 
 
 def _last_time(journal: Path) -> float:

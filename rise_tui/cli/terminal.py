@@ -8,7 +8,9 @@ from typing import Final
 
 import click
 
+from rise_engine.base.exit_status import USAGE
 from rise_engine.base.text import clean
+from rise_engine.cli.terminal import Refused
 
 
 class PlainTerminal:
@@ -59,3 +61,8 @@ def login_name() -> str:
         return getuser()
     except (KeyError, OSError):
         return "wizard"
+
+
+def not_started(*lines: str, status: int = USAGE) -> Refused:
+    """Ends the program: nothing is started and nothing attached to; the lines say why."""
+    return Refused(status=status, findings=lines)

@@ -7,10 +7,9 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
-from rise_engine.author.edit.json_edits import MemoryFileNotEditable, edit_memory_text, memory_file_text
+from rise_engine.author.edit.json_edits import edit_memory_text, memory_file_text
 from rise_engine.author.edit.plan import EditRefused
 from rise_engine.author.edit.saving import write_files
-from rise_engine.base.errors import RiseError
 from rise_engine.base.json_codec import json_equal
 from rise_engine.scenario.file_names import DEFAULT_PATHS
 from rise_engine.scenario.model import Scenario
@@ -19,28 +18,24 @@ from rise_engine.scenario.study_paths import why_not_written
 from rise_tui.rendering.text import format_value
 
 
-class MemoryNotWritable(RiseError):
-    """The start values cannot be written; the message says why, for a person."""
-
-
 def memory_file_path(scenario: Scenario) -> Path:
-    """Where the start values stand. Raises MemoryNotWritable."""
+    """Where the start values stand. Raises EditRefused."""
     folder = Path(scenario.folder)
     if not scenario.folder or not folder.is_dir():
-        raise MemoryNotWritable(f"the scenario's folder is not on this computer: {scenario.folder or 'none'}")
+        raise EditRefused(f"the scenario's folder is not on this computer: {scenario.folder or 'none'}")
     if name := shipped_name(folder):
-        raise MemoryNotWritable(
+        raise EditRefused(
             f"this study comes with the program and stays as it is; copy it: rise-engine new DIR --from {name}"
         )
     name = scenario.paths.get("memory") or DEFAULT_PATHS["memory"]
     path = folder / name
     if problem := why_not_written(folder, name):
-        raise MemoryNotWritable(problem)
+        raise EditRefused(problem)
     if path.exists() and not path.is_file():
-        raise MemoryNotWritable(f"{path} is not a file")
+        raise EditRefused(f"{path} is not a file")
     real = Path(os.path.realpath(path))
     if not os.access(real.parent, os.W_OK) or (real.exists() and not os.access(real, os.W_OK)):
-        raise MemoryNotWritable(f"{real} cannot be written by you; work on a copy of the study's folder")
+        raise EditRefused(f"{real} cannot be written by you; work on a copy of the study's folder")
     return path
 
 
@@ -61,21 +56,20 @@ def save_memory(path: Path, before: Mapping[str, Any], now: Mapping[str, Any]) -
     """Write what has changed from `before` to `now` into the file, and leave the rest of it as it is.
 
     As a whole or not at all. A link stays a link: the file beside it that it leads to is written. Raises
-    MemoryNotWritable.
+    EditRefused.
     """
     try:
         there = {path.name: path.read_bytes()} if path.exists() else {}
-        write_files(path.parent, there, {path.name: _changed_text(path, before, now).encode()})
-    except MemoryFileNotEditable as error:
-        raise MemoryNotWritable(f"{path}: {error}") from error
+        data = _changed_text(path, before, now).encode()
     except EditRefused as error:
-        raise MemoryNotWritable(str(error)) from error
+        raise EditRefused(f"{path}: {error}") from error
     except (OSError, UnicodeError) as error:
-        raise MemoryNotWritable(f"{path}: {getattr(error, 'strerror', None) or error}") from error
+        raise EditRefused(f"{path}: {getattr(error, 'strerror', None) or error}") from error
+    write_files(path.parent, there, {path.name: data})
 
 
 def _changed_text(path: Path, before: Mapping[str, Any], now: Mapping[str, Any]) -> str:
-    """What the file is to hold. Raises OSError, UnicodeError and MemoryFileNotEditable."""
+    """What the file is to hold. Raises OSError, UnicodeError and EditRefused."""
     if not path.exists():
         return memory_file_text(now)
     text = path.read_bytes().decode("utf-8")

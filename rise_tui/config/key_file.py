@@ -80,7 +80,7 @@ class _KeyFileReader:
             return
         keys = [key for one in written if (key := self.read_key(action, one, at))]
         if not written and name == "stop":
-            self.error("no-stop-key", at, "`stop` cannot be without a key: somebody will need it at once")
+            self.error("no-stop-key", at, "`stop` needs a key: someone will need it at once")
             return
         if len(keys) == len(written):
             self.own[name] = tuple(dict.fromkeys(keys))

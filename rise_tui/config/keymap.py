@@ -46,6 +46,6 @@ def textual_keymap(keys: KeyFile) -> dict[str, str]:
     return {action: textual_keys(action, own) for action, own in keys.keys.items()}
 
 
-def how_to_mend(path: Path | None) -> str:
+def how_to_fix(path: Path | None) -> str:
     """What to do when a console does not start because of a key file."""
-    return f"no console was started: mend {path}, or start with the usual keys: rise-tui --keys {USUAL_KEYS} ..."
+    return f"no console was started: fix {path}, or start with the usual keys: rise-tui --keys {USUAL_KEYS} ..."

@@ -11,12 +11,14 @@ costs no more than what it would have kept.
 from __future__ import annotations
 
 import os
+import threading
 from pathlib import Path
-from tempfile import mkstemp
 from typing import TypeVar
 
 import msgspec
 from msgspec import Struct
+
+from rise_engine.base.files import write_whole
 
 MOST_BYTES = 100_000
 
@@ -70,14 +72,8 @@ def write_saved(path: Path, kept: Preferences | SavedLayout) -> str:
     """Write it as a whole or not at all; says why it could not. May block."""
     try:
         path.parent.mkdir(0o700, parents=True, exist_ok=True)
-        descriptor, name = mkstemp(prefix=f".{path.name}-", dir=path.parent)  # mode 0600
-        try:
-            with os.fdopen(descriptor, "wb") as file:
-                file.write(msgspec.json.format(msgspec.json.encode(kept)) + b"\n")
-            os.replace(name, path)  # noqa: PTH105
-        except BaseException:
-            os.unlink(name)  # noqa: PTH108
-            raise
+        beside = path.with_name(f".{path.name}-{os.getpid()}-{threading.get_ident()}")
+        write_whole(path, msgspec.json.format(msgspec.json.encode(kept)) + b"\n", beside=beside)
     except OSError as error:
         return f"what is on the screen is not kept for the next time: {path}: {error.strerror or error}"
     return ""

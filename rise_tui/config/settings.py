@@ -6,19 +6,10 @@ from pathlib import Path
 
 from msgspec.structs import replace
 
-from rise_engine.base.errors import RiseError
 from rise_engine.run.protocol.session_options import SessionOptions
 from rise_engine.scenario.file_names import DEFAULT_PATHS, SCENARIO_FILE
 from rise_engine.scenario.shipped_studies import resolve_study
 from rise_tui.config.paths import expand_home
-
-
-class NothingStarted(RiseError):
-    """Nothing is started and nothing attached to; `lines` say why, for a person."""
-
-    def __init__(self, code: int, *lines: str) -> None:
-        super().__init__(*lines)
-        self.code = code
 
 
 def engine_options(settings: SessionOptions, seed: int | None, recover: str) -> SessionOptions:

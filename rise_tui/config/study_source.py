@@ -10,7 +10,6 @@ from typing import Protocol, TypeAlias
 
 from msgspec import Struct
 
-from rise_engine.base.errors import RiseError
 from rise_engine.checks import CheckContext, CheckOutcome, PendingCheck
 from rise_engine.kernel.inputs import CheckReport
 from rise_engine.results.report.document import Document
@@ -20,10 +19,6 @@ from rise_engine.study.model import OutcomeStatus, PlannedRun, Purpose, SessionE
 
 ReportProgress: TypeAlias = Callable[[str], object]
 """Gets a sentence, on any thread."""
-
-
-class StudyRefused(RiseError):
-    """Something cannot be done with a study; nothing has happened, and the message says why, for a person."""
 
 
 class StudyNow(Struct, frozen=True):
@@ -104,28 +99,28 @@ class StudySource(Protocol):
         """Something that is another as soon as what `load` reads has changed."""
 
     def plan(self, request: SessionRequest, wizard: str) -> SessionPreview:
-        """What would run. Raises StudyRefused with what is in the way."""
+        """What would run. Raises StudyError with what is in the way."""
 
     async def check(self, check: StudyCheck, context: CheckContext) -> CheckOutcome:
         """Look at something, or run a program; what asks somebody comes back as a question. Never raises."""
 
     def note_check(self, check: StudyCheck, context: CheckContext, report: CheckReport) -> None:
-        """Write down what came of a check, also when no session begins after it. Raises StudyRefused."""
+        """Write down what came of a check, also when no session begins after it. Raises StudyError."""
 
     def start(
         self, plan: SessionPreview, checks: Sequence[CheckReport], wizard: str, report: ReportProgress
     ) -> StartedSession:
-        """Begin it. Raises StudyRefused, and then nothing has been started."""
+        """Begin it. Raises StudyError, and then nothing has been started."""
 
     def attach(self, entry: SessionEntry, wizard: str) -> StartedSession:
-        """To a session that runs. Raises StudyRefused."""
+        """To a session that runs. Raises StudyError."""
 
     def recover(self, entry: SessionEntry, wizard: str, report: ReportProgress) -> StartedSession:
-        """Go on with a session that did not end. Raises StudyRefused."""
+        """Go on with a session that did not end. Raises StudyError."""
 
     def report(self, folder: str) -> Document:
         """What happened in a session, by the name of its folder, as the wizard may read it: a blinded study's
-        conditions by their labels. It may take a second. Raises StudyRefused."""
+        conditions by their labels. It may take a second. Raises StudyError."""
 
     def judge(self, entry: SessionEntry, status: OutcomeStatus, reason: str, wizard: str) -> None:
-        """Write down how a session that has ended, or that nobody goes on with, is to count. Raises StudyRefused."""
+        """Write down how a session that has ended, or that nobody goes on with, is to count. Raises StudyError."""

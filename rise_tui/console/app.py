@@ -11,6 +11,7 @@ from typing import Any, Literal
 
 from textual import events, on
 
+from rise_engine.base.errors import StudyError
 from rise_engine.run.protocol.client import Client, EngineGone, Rejected
 from rise_engine.run.protocol.registry import RegistryError
 from rise_engine.run.protocol.session_options import SessionOptions
@@ -18,10 +19,10 @@ from rise_engine.run.protocol.session_start import start_problems
 from rise_engine.scenario.model import Scenario
 from rise_tui import typed_ahead
 from rise_tui.actions import bindings_in
-from rise_tui.config.keymap import KeyFile, how_to_mend, textual_keymap
+from rise_tui.config.keymap import KeyFile, how_to_fix, textual_keymap
 from rise_tui.config.launch import Launcher, settings_of_session
 from rise_tui.config.preferences import Preferences
-from rise_tui.config.study_source import StudyRefused, StudySource
+from rise_tui.config.study_source import StudySource
 from rise_tui.console import exit_dialogs, overlays
 from rise_tui.console.screen import ConsoleScreen
 from rise_tui.console.session import ConsoleSession
@@ -193,7 +194,7 @@ class ConsoleApp(TerminalApp):
             return
         if clashes := self._keys.clashes(session.store.scenario.keys):
             await session.close(end_session=False)
-            await self._exit_without_session("\n".join((*map(str, clashes), how_to_mend(self._keys.path))), code=2)
+            await self._exit_without_session("\n".join((*map(str, clashes), how_to_fix(self._keys.path))), code=2)
             return
         self._session = session
         # Also while nobody knows whether it is of a study: of a session that has just begun there is no record yet.
@@ -282,7 +283,7 @@ class ConsoleApp(TerminalApp):
 
         try:
             recovered = await asyncio.to_thread(recover, session.store.attach_reply, report)
-        except (EngineGone, RegistryError, StudyRefused) as error:
+        except (EngineGone, RegistryError, StudyError) as error:
             session.show_notice(Notice(f"could not recover it: {error}", "fault"))
             return
         await self._leave_session(session, end=False)

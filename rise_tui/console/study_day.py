@@ -10,13 +10,14 @@ from typing import Any, NamedTuple
 
 from textual.app import App
 
+from rise_engine.base.errors import StudyError
 from rise_engine.checks import CheckContext
 from rise_engine.kernel.inputs import CheckReport, OutcomeReport
 from rise_engine.kernel.records import SessionRecord
 from rise_engine.run.protocol.client import AttachReply
 from rise_engine.study.model import SessionEntry
 from rise_tui.config.launch import RecoveredClient
-from rise_tui.config.study_source import ReportProgress, StudyRefused, StudySource
+from rise_tui.config.study_source import ReportProgress, StudySource
 from rise_tui.console.session import ConsoleSession
 from rise_tui.console.study_dialogs import StudyChecker
 from rise_tui.model.check_list import CheckList
@@ -69,10 +70,10 @@ class StudyDay:
         session.on_change({"status"})
 
     def recover(self, attach_reply: AttachReply, report: ReportProgress) -> RecoveredClient:
-        """As `Launcher.recover`, for a session of this study: it goes on as its participant's. Raises StudyRefused."""
+        """As `Launcher.recover`, for a session of this study: it goes on as its participant's. Raises StudyError."""
         of, source = attach_reply.view.session, self.source
         if of is None or source is None:
-            raise StudyRefused("it is of no study")
+            raise StudyError("it is of no study")
         name = Path(attach_reply.folder).name
         entry = SessionEntry(of.participant, of.run, of.attempt, of.purpose or "counted", name, "", "unfinished")
         started = source.recover(entry, attach_reply.view.wizard, report)

@@ -9,11 +9,12 @@ from typing import Any
 
 from textual.app import App
 
+from rise_engine.base.errors import StudyError
 from rise_engine.checks import CheckContext, CheckOutcome, PendingCheck
 from rise_engine.kernel.inputs import CheckReport
 from rise_engine.study.model import ParticipantStanding, Purpose, SessionEntry, Study, StudyCheck, StudyStanding
 from rise_tui.config.paths import abbreviate_home
-from rise_tui.config.study_source import SessionPreview, SessionRequest, StudyRefused, StudySource
+from rise_tui.config.study_source import SessionPreview, SessionRequest, StudySource
 from rise_tui.model.check_list import CheckList
 from rise_tui.model.study_conditions import HIDDEN, Conditions, condition_names
 from rise_tui.model.study_rows import begun_text, session_line
@@ -48,7 +49,7 @@ class StudyChecker:
     async def _write(self, check: StudyCheck, report: CheckReport) -> None:
         try:
             await asyncio.to_thread(self._source.note_check, check, self._context, report)
-        except StudyRefused as refused:
+        except StudyError as refused:
             self._warn(str(refused))
 
 

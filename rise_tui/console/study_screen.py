@@ -18,17 +18,17 @@ from textual.binding import Binding, BindingType
 from textual.message import Message
 from textual.screen import Screen
 
+from rise_engine.base.errors import StudyError
 from rise_engine.base.nearest_name import did_you_mean
 from rise_engine.kernel.inputs import CheckReport
 from rise_engine.study.model import ParticipantStanding, SessionEntry
 from rise_tui.actions import ON_STUDY_SCREEN, bindings_in, bindings_of
-from rise_tui.config.keymap import KeyFile, how_to_mend
+from rise_tui.config.keymap import KeyFile, how_to_fix
 from rise_tui.config.study_source import (
     SessionPreview,
     SessionRequest,
     StartedSession,
     StudyNow,
-    StudyRefused,
     StudySource,
 )
 from rise_tui.console import overlays, study_dialogs
@@ -369,7 +369,7 @@ class StudyScreen(Screen[None]):
         self.say(f"{busy} …", "wait")
         self.run_worker(work, group="session", exclusive=True)
 
-    def _refused(self, refused: StudyRefused) -> None:
+    def _refused(self, refused: StudyError) -> None:
         self.busy, self._stop_pressed = "", False
         self.say(str(refused), "fault")
         self.read()
@@ -380,11 +380,11 @@ class StudyScreen(Screen[None]):
     async def _show_plan(self, request: SessionRequest) -> None:
         try:
             plan = await asyncio.to_thread(self._source.plan, request, self.wizard)
-        except StudyRefused as refused:
+        except StudyError as refused:
             self._refused(refused)
             return
         if clashes := self._keys.clashes(plan.keys):
-            self._refused(StudyRefused(f"{clashes[0]}; {how_to_mend(self._keys.path)}"))
+            self._refused(StudyError(f"{clashes[0]}; {how_to_fix(self._keys.path)}"))
             return
         self.busy = ""
         self.say("")
@@ -420,7 +420,7 @@ class StudyScreen(Screen[None]):
 
         try:
             started = await asyncio.to_thread(start, report)
-        except StudyRefused as refused:
+        except StudyError as refused:
             self._refused(refused)
             return
         stop, self.busy, self._stop_pressed = self._stop_pressed, "", False
@@ -466,7 +466,7 @@ class StudyScreen(Screen[None]):
     async def _write(self, entry: SessionEntry, given: Outcome) -> None:
         try:
             await asyncio.to_thread(self._source.judge, entry, given.status, given.reason, self.wizard)
-        except StudyRefused as refused:
+        except StudyError as refused:
             self._refused(refused)
             return
         self.come_back(f"{entry.participant}, run {entry.run}: {given.status}")

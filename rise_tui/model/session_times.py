@@ -4,19 +4,15 @@ from __future__ import annotations
 
 import re
 
-from rise_engine.base.errors import RiseError
+from rise_tui.model.filtering import InvalidFilter
 
 _CLOCK = re.compile(r"(?:(\d{1,3}):)?(\d{1,3}):(\d{1,2}(?:\.\d+)?)")
 _PARTS = re.compile(r"(?:(\d+(?:\.\d+)?)h)?(?:(\d+(?:\.\d+)?)m(?:in)?)?(?:(\d+(?:\.\d+)?)s?)?")
 EXAMPLES = "14:32, 1:14:32, 90s, -30s, -2m, now"
 
 
-class InvalidTime(RiseError):
-    """It is no time; the message says why, for a person."""
-
-
 def parse_moment(text: str, now: float) -> float | None:
-    """Session time in seconds; None for `now`, which moves on. Raises InvalidTime.
+    """Session time in seconds; None for `now`, which moves on. Raises InvalidFilter.
 
     `14:32` is 14 minutes 32 seconds after the session's beginning, as its clock shows it; with `-` in front it is that
     long ago.
@@ -33,9 +29,9 @@ def _parse_seconds(text: str) -> float:
     if (found := _CLOCK.fullmatch(text)) is not None:
         hours, minutes, seconds = found[1], float(found[2]), float(found[3])
         if seconds >= 60 or (hours is not None and minutes >= 60):
-            raise InvalidTime(f"{text}: minutes and seconds go up to 59")
+            raise InvalidFilter(f"{text}: minutes and seconds go up to 59")
         return int(hours or 0) * 3600 + minutes * 60 + seconds
     if text and (found := _PARTS.fullmatch(text)) is not None:
         hours, minutes, rest = (float(part or 0) for part in found.groups())
         return hours * 3600 + minutes * 60 + rest
-    raise InvalidTime(f"type a time of the session: {EXAMPLES}")
+    raise InvalidFilter(f"type a time of the session: {EXAMPLES}")

@@ -16,7 +16,7 @@ from rise_tui.model.filtering import InvalidFilter
 from rise_tui.model.log_rows import row_of, task_of
 from rise_tui.model.log_text import NARROW, log_line, search_text
 from rise_tui.model.row_search import RowSearch
-from rise_tui.model.session_times import EXAMPLES, InvalidTime, parse_moment
+from rise_tui.model.session_times import EXAMPLES, parse_moment
 from rise_tui.model.states import task_state
 from rise_tui.model.store import Store
 from rise_tui.model.task_messages import task_label
@@ -268,7 +268,7 @@ class LogPane(Pane):
             return
         try:
             moment = parse_moment(event.bar.text, self.store.now())
-        except InvalidTime as why:
+        except InvalidFilter as why:
             self.post_message(ShowNotice(str(why)))
             return
         self._close_bar(event.bar)

@@ -15,7 +15,6 @@ from rise_engine.kernel.task_view import TaskView
 from rise_tui.config.paths import abbreviate_home
 from rise_tui.model.store import Store
 from rise_tui.panes.task_export import (
-    ClipboardTooLarge,
     ExportFailed,
     clipboard_remark,
     clipboard_text,
@@ -52,7 +51,7 @@ def copy_rows(app: App[Any], store: Store, ids: Sequence[int]) -> str:
 def _copy_lines(app: App[Any], lines: Iterator[str], what: str, missing: str = "") -> str:
     try:
         text = clipboard_text(lines)
-    except ClipboardTooLarge as why:
+    except ExportFailed as why:
         return f"not copied, {what}: {why}"
     app.copy_to_clipboard(text)
     return f"copied {what}{clipboard_remark(os.environ) or ' to the clipboard of your terminal'}{missing}"

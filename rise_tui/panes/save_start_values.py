@@ -7,9 +7,10 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
+from rise_engine.author.edit.plan import EditRefused
 from rise_engine.kernel.view import MemoryView
 from rise_engine.scenario.model import SESSION, Scenario
-from rise_tui.config.initial_memory import MemoryNotWritable, describe_changes, memory_file_path, save_memory
+from rise_tui.config.initial_memory import describe_changes, memory_file_path, save_memory
 from rise_tui.messages import ShowNotice
 from rise_tui.panes.pane import Pane
 from rise_tui.rendering.text import clean, crop, plain_text
@@ -39,7 +40,7 @@ async def ask_to_save_start_values(pane: Pane) -> None:
     scenario = pane.store.scenario
     try:
         path = await asyncio.to_thread(memory_file_path, scenario)
-    except MemoryNotWritable as why:
+    except EditRefused as why:
         pane.post_message(ShowNotice(f"not saved: {why}"))
         return
     memory = saveable_memory(scenario, pane.store.view.memory)
@@ -66,7 +67,7 @@ async def ask_to_save_start_values(pane: Pane) -> None:
 async def _save(pane: Pane, path: Path, before: Mapping[str, Any], memory: Mapping[str, Any], changed: int) -> None:
     try:
         await asyncio.to_thread(save_memory, path, before, memory)
-    except MemoryNotWritable as why:
+    except EditRefused as why:
         pane.post_message(ShowNotice(f"not saved: {why}"))
         return
     what = "1 start value" if changed == 1 else f"{changed} start values"

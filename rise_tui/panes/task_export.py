@@ -25,10 +25,6 @@ class ExportFailed(RiseError):
     """Nothing was written; the message says why, for a person."""
 
 
-class ClipboardTooLarge(RiseError):
-    """It does not fit on a clipboard; the message says what to do."""
-
-
 def task_columns(task: TaskView) -> dict[str, Any]:
     """A task by COLUMNS; None for what did not happen."""
     waited = task.started - task.submitted if task.started is not None else None
@@ -69,13 +65,13 @@ def json_lines(tasks: Iterable[TaskView]) -> Iterator[str]:
 
 
 def clipboard_text(lines: Iterable[str]) -> str:
-    """The lines as one text. Raises ClipboardTooLarge, and then has not made the rest."""
+    """The lines as one text. Raises ExportFailed, and then has not made the rest."""
     taken, size = [], 0
     for line in lines:
         size += len(line.encode("utf-8", "replace")) + 1
         if size > CLIPBOARD_BYTES:
             least = f"more than {CLIPBOARD_BYTES // 1000} kB"
-            raise ClipboardTooLarge(f"{least}, which many terminals drop: filter the log, or save it to a file")
+            raise ExportFailed(f"{least}, which many terminals drop: filter the log, or save it to a file")
         taken.append(line)
     return "\n".join(taken)
 

@@ -16,7 +16,7 @@ from typing import Any
 
 import pytest
 
-from rise_engine.run.protocol.registry import is_locked
+from rise_engine.base.files import is_locked
 from rise_engine.session.folder import JOURNAL
 from tests.forked import Forked, run_engine
 from tests.patience import PATIENCE

@@ -19,9 +19,10 @@ from typing import Any
 
 import pytest
 
+from rise_engine.base.files import is_locked
 from rise_engine.kernel.inputs import Submit
 from rise_engine.run.client.socket import SocketClient
-from rise_engine.run.protocol.registry import is_locked, lock_path, session_name, socket_path
+from rise_engine.run.protocol.registry import lock_path, session_name, socket_path
 from rise_engine.run.protocol.session_options import SessionOptions
 from rise_engine.run.server.spawn import EngineRefused, EngineStarted, start_engine
 from rise_engine.session.folder import JOURNAL, find_unfinished, read_info
@@ -112,7 +113,7 @@ def test_sessions_are_listed_and_stopped_by_folder_or_name(root: Path) -> None:
     listed = json.loads(engine("sessions", "--json").stdout)
     assert sorted(each["name"] for each in listed) == sorted([session_name(one), "other"])
     result = engine("stop")
-    assert (result.returncode, "say which" in result.stderr) == (1, True)
+    assert (result.returncode, "choose one" in result.stderr) == (1, True)
     assert engine("stop", "others").returncode == 1
     assert engine("stop", one).returncode == 0
     assert first.wait() == 0
@@ -286,11 +287,11 @@ def test_nobody_s_session_goes_on_as_somebody_else_s(root: Path) -> None:
         assert refused.returncode == 4, refused.stderr
         assert "participant P07, condition calm" in refused.stderr and "ran 0 s" in refused.stderr
         assert f"no session of {'P08' if 'P08' in arguments else 'condition loud'} waits" in refused.stderr
-        assert "say --new to begin, or name theirs" in refused.stderr
+        assert "use --new to begin, or name theirs" in refused.stderr
     refused = engine("serve", study, "--participant", "P08", "--session", record)
     assert refused.returncode == 2 and "the session of P07, condition calm, not of P08" in refused.stderr
     asked = engine("serve", study, "--participant", "P08")
-    assert asked.returncode == 4 and "say --recover" not in asked.stderr
+    assert asked.returncode == 4 and "use --recover" not in asked.stderr
     started = start_engine(SessionOptions(str(study), participant="P08", unfinished="recover"))
     assert isinstance(started, EngineRefused) and started.unfinished == []
     assert [Path(found) for found, _ in started.others] == [record]

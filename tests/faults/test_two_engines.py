@@ -19,22 +19,16 @@ from typing import Any
 import pytest
 
 from rise_engine.base.errors import SessionError
+from rise_engine.base.files import is_locked
 from rise_engine.run.client.socket import SocketClient
 from rise_engine.run.protocol.client import EngineGone
-from rise_engine.run.protocol.registry import is_locked, session_name
+from rise_engine.run.protocol.registry import session_name
 from rise_engine.run.protocol.session_options import SessionOptions
 from rise_engine.run.server.preparation import ServeRefused, SessionPreparation
 from rise_engine.session import lock as locks
 from rise_engine.session.folder import JOURNAL, find_unfinished, running_sessions
 from rise_engine.session.journal_reader import read_journal
-from rise_engine.session.lock import (
-    HOLDER_FILE,
-    JournalLock,
-    JournalLockedError,
-    file_system,
-    is_journal_locked,
-    read_holder,
-)
+from rise_engine.session.lock import HOLDER_FILE, JournalLock, JournalLockedError, file_system, read_holder
 from rise_engine.session.recovery import recover
 from tests.forked import Forked
 from tests.patience import PATIENCE
@@ -167,7 +161,7 @@ async def test_a_client_attaches_by_the_socket_that_the_folder_names(runtimes: R
 def test_the_lock_goes_with_the_process_however_that_ends(runtimes: Runtimes) -> None:
     study = folder(runtimes.root / "study")
     record = killed(study)
-    assert not is_journal_locked(record / JOURNAL) and read_holder(record) is not None
+    assert not is_locked(record / JOURNAL) and read_holder(record) is not None
     assert find_unfinished(str(study)) == [record]
     runtimes.use(1)
     more = begun(study, "--recover")
@@ -217,10 +211,10 @@ def test_a_copied_folder_is_not_locked(runtimes: Runtimes) -> None:
     it = begun(study)
     copy = it.record.with_name("copy")
     shutil.copytree(it.record, copy)
-    assert is_journal_locked(it.record / JOURNAL) and not is_journal_locked(copy / JOURNAL)
+    assert is_locked(it.record / JOURNAL) and not is_locked(copy / JOURNAL)
     assert find_unfinished(str(study)) == [copy]
     recover(copy)
-    assert is_journal_locked(it.record / JOURNAL)
+    assert is_locked(it.record / JOURNAL)
     assert it.end() == 0
 
 
@@ -240,9 +234,9 @@ def test_a_forked_process_does_not_hold_the_lock(tmp_path: Path) -> None:
     os.close(ready)
     assert os.read(forked, 1) == b"."
     try:
-        assert is_journal_locked(tmp_path / JOURNAL), "the child that lets go of it takes it from nobody"
+        assert is_locked(tmp_path / JOURNAL), "the child that lets go of it takes it from nobody"
         lock.release()
-        assert not is_journal_locked(tmp_path / JOURNAL)
+        assert not is_locked(tmp_path / JOURNAL)
         JournalLock(tmp_path / JOURNAL).release()
     finally:
         os.close(go)
@@ -261,14 +255,14 @@ def test_the_lock_is_there_before_a_byte_is_read_and_while_it_is_repaired(
     at = next(n for n, line in enumerate(lines) if b'"kind":"robot"' in line)
     path.write_bytes(b"".join([*lines[:at], lines[at].replace(b"robot", b"rabot"), *lines[at + 1 :], b'{"torn']))
     seen: list[tuple[str, bool]] = []
-    wrap(monkeypatch, "rise_engine.session.recovery.Replay", lambda: seen.append(("read", is_journal_locked(path))))
-    wrap(monkeypatch, "os.replace", lambda: seen.append(("replaced", is_journal_locked(path))))
+    wrap(monkeypatch, "rise_engine.session.recovery.Replay", lambda: seen.append(("read", is_locked(path))))
+    wrap(monkeypatch, "os.replace", lambda: seen.append(("replaced", is_locked(path))))
     lock = JournalLock(path)
     assert recover(record, lock=lock).report
     assert ("read", True) in seen and ("replaced", True) in seen and all(locked for _, locked in seen), seen
-    assert is_journal_locked(path), "the one that was written anew is locked like the one before"
+    assert is_locked(path), "the one that was written anew is locked like the one before"
     lock.release()
-    assert not is_journal_locked(path)
+    assert not is_locked(path)
 
 
 def wrap(monkeypatch: pytest.MonkeyPatch, name: str, also: Any) -> None:
@@ -288,7 +282,7 @@ def test_a_journal_that_was_removed_and_is_written_anew_is_locked(runtimes: Runt
     it = begun(folder(runtimes.root / "study"))
     (it.record / JOURNAL).unlink()
     wait_for_file(it.record / JOURNAL)
-    assert is_journal_locked(it.record / JOURNAL)
+    assert is_locked(it.record / JOURNAL)
     assert it.end() == 0
     assert engine("replay", it.record).returncode == 0
 

@@ -15,13 +15,13 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from rise_engine.base.errors import SessionError
+from rise_engine.base.files import Disk
 from rise_engine.base.words import Words, parse_replacement
 from rise_engine.cli import main
 from rise_engine.kernel.inputs import ActionReport, Note, SessionEnded, SessionStarted, Submit
 from rise_engine.privacy import redaction
 from rise_engine.privacy.redaction import NEW_SUFFIX, redact
 from rise_engine.privacy.suggestions import suggest_words
-from rise_engine.session.disk import Disk
 from rise_engine.session.folder import INFO, JOURNAL, read_info
 from rise_engine.session.journal_format import with_checksum
 from rise_engine.session.journal_reader import read_journal

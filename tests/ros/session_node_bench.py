@@ -14,6 +14,7 @@ from rise_adapters.ros2.session_node import RosSessionInterface
 from rise_adapters.ros2.session_node.neighbours import NeighbourSessions
 from rise_adapters.ros2.transport.port import Message, QoS, Transport
 
+from rise_engine.base.files import Disk
 from rise_engine.kernel.records import TaskRecord
 from rise_engine.kernel.view import SessionView
 from rise_engine.run.engine.clock import RealClock
@@ -21,7 +22,6 @@ from rise_engine.run.engine.drivers import make_robot
 from rise_engine.run.engine.engine import Engine
 from rise_engine.run.server.hub import SessionHub
 from rise_engine.scenario.loader import load
-from rise_engine.session.disk import Disk
 from rise_engine.session.folder import JOURNAL, create_session
 from rise_engine.session.journal import Journal
 from tests.ros.memory import MemoryTransport, MemoryWire

@@ -14,8 +14,8 @@ from pathlib import Path
 
 from rise_adapters.ros2.transport.dds import DdsTransport
 
+from rise_engine.base.files import Disk
 from rise_engine.run.server.server import SessionServer
-from rise_engine.session.disk import Disk
 from tests.ros.session_node_bench import faced
 
 LOOPBACK = (

@@ -26,10 +26,10 @@ from rise_adapters.ros2.session_node import domain_task
 from rise_adapters.ros2.session_node.diagnostics import ERROR
 from rise_adapters.ros2.session_node.record_topics import REPEATED_STATUS
 
+from rise_engine.base.files import Disk
 from rise_engine.kernel.inputs import RobotChanged, Submit
 from rise_engine.kernel.task_view import TaskView
 from rise_engine.kernel.view import RuleView, SessionView
-from rise_engine.session.disk import Disk
 from tests.ros.memory import MemoryTransport
 from tests.ros.session_node_bench import START_ACT, START_RULE, Node, session_and_node, status_of, task_records, until
 

@@ -14,8 +14,8 @@ from rise_adapters.ros2.session_node.diagnostics import ERROR, OK, STALE, WARN
 from rise_adapters.ros2.session_node.record_topics import REPEATED_STATUS
 from rise_adapters.ros2.transport.port import Message
 
+from rise_engine.base.files import Disk
 from rise_engine.kernel.inputs import RobotChanged, StopReport, Submit
-from rise_engine.session.disk import Disk
 from tests.ros.memory import MemoryTransport, MemoryWire
 from tests.ros.session_node_bench import START_ACT, START_RULE, Node, session_and_node, status_of, until
 

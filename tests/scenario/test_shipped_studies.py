@@ -11,12 +11,13 @@ from pathlib import Path
 import pytest
 from click.testing import CliRunner
 
+from rise_engine.author.edit.plan import EditRefused
 from rise_engine.cli import main
 from rise_engine.run.protocol.session_options import SessionOptions
 from rise_engine.scenario import shipped_studies
 from rise_engine.scenario.element_templates import LIBRARY
 from rise_engine.scenario.loader import load
-from rise_tui.config.initial_memory import MemoryNotWritable, memory_file_path
+from rise_tui.config.initial_memory import memory_file_path
 from rise_tui.config.launch import ScenarioProblems, load_scenario
 from rise_tui.config.settings import scenario_path
 
@@ -89,7 +90,7 @@ def test_the_commands_take_the_name() -> None:
 def test_nothing_is_written_into_it() -> None:
     scenario = load(shipped_studies.resolve_study("greeting")).scenario
     assert scenario is not None
-    with pytest.raises(MemoryNotWritable, match="rise-engine new DIR --from greeting"):
+    with pytest.raises(EditRefused, match="rise-engine new DIR --from greeting"):
         memory_file_path(scenario)
 
 

@@ -16,11 +16,11 @@ from rise_engine.author.edit.plan import EditRefused
 from rise_engine.author.edit.saving import finish_interrupted, write_files
 from rise_engine.author.edit.study_folder import read_study_files
 from rise_engine.author.edit.workspace import Workspace
+from rise_engine.base.errors import StudyError
 from rise_engine.cli import main
 from rise_engine.scenario.interrupted_save import FRESH, NOTE, SavedFile, sum_of
 from rise_engine.scenario.loader import load
 from rise_engine.scenario.new_study import write_new_folder
-from rise_engine.scenario.shipped_studies import StudyCopyError
 from rise_engine.scenario.study_paths import why_not_read, why_not_written
 from rise_engine.study.study_toml import load_study
 from tests.study.studies import write_study
@@ -135,7 +135,7 @@ def test_the_note_of_a_save_names_files_of_the_study_alone(study: Path) -> None:
 
 def test_new_folders_pass_the_same_gate(tmp_path: Path) -> None:
     for name in (".envrc", "../x.toml"):
-        with pytest.raises(StudyCopyError, match=r"hidden|leads out"):
+        with pytest.raises(StudyError, match=r"hidden|leads out"):
             write_new_folder(tmp_path / "new", {"scenario.toml": "", name: "x"})
     assert list(tmp_path.iterdir()) == []
 

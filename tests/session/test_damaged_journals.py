@@ -11,7 +11,7 @@ from hypothesis import HealthCheck, Phase, given, settings
 from hypothesis import strategies as st
 
 from rise_engine.base.errors import SessionError
-from rise_engine.session.disk import Disk
+from rise_engine.base.files import Disk
 from rise_engine.session.folder import INFO, SCENARIO_COPY
 from rise_engine.session.journal_format import (
     FORMAT,

@@ -84,8 +84,8 @@ def test_a_day(lab: Path) -> None:
         "error: lamp: nobody has confirmed “The lamp is on”",
         "error: robot: the robot generic is only simulated, and the mode is real: no robot would move; name the real "
         "one (`robot` in study.toml or scenario.toml)",
-        "when it is so, say --confirm lamp",
-        "what cannot be mended now is left out with --skip-check robot=REASON",
+        "when it is true, use --confirm lamp",
+        "to skip what you cannot fix now, use --skip-check robot=REASON",
         "nothing was started",
     ]
     assert not (lab / "sessions").exists() or not list((lab / "sessions").iterdir())

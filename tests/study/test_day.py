@@ -22,6 +22,7 @@ from hypothesis import strategies as st
 from hypothesis.stateful import RuleBasedStateMachine, initialize, invariant, precondition, rule
 
 from rise_engine.base.errors import StudyError
+from rise_engine.base.files import Disk
 from rise_engine.kernel import Kernel
 from rise_engine.kernel.inputs import AnyInput, OutcomeReport, SessionEnded, SessionRecovered
 from rise_engine.kernel.records import OutcomeStatus
@@ -29,7 +30,6 @@ from rise_engine.run.protocol.session_options import SessionOptions
 from rise_engine.run.server import preparation, study_session
 from rise_engine.run.server.preparation import ServeRefused, SessionPreparation
 from rise_engine.session import folder as folders
-from rise_engine.session.disk import Disk
 from rise_engine.session.journal import Journal
 from rise_engine.session.journal_format import encode_header, encode_input, encode_record, join_step
 from rise_engine.study import judge, state, study_log

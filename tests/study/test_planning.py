@@ -10,7 +10,7 @@ import pytest
 from msgspec.structs import replace
 
 from rise_engine.base.errors import StudyError
-from rise_engine.session.disk import Disk
+from rise_engine.base.files import Disk
 from rise_engine.study.model import Participant, Slot
 from rise_engine.study.plan import make_plan, slot_seed
 from rise_engine.study.plan_file import (

@@ -211,7 +211,7 @@ def test_it_is_not_copied_into_itself(tmp_path: Path) -> None:
 def test_nobody_can_be_asked_without_a_terminal(tmp_path: Path) -> None:
     result = study("new", str(tmp_path / "s"))
     assert result.exit_code == 2
-    assert "say --yes, and options for the rest" in result.output
+    assert "use --yes, and options for the rest" in result.output
 
 
 # --- new, by questions ------------------------------------------------------------------------------------------------
@@ -321,7 +321,7 @@ def test_answers_are_not_lost_by_an_error_that_is_found_at_the_end(tmp_path: Pat
         terminal.answer(each)
     assert terminal.end() == 1
     assert "in scenario-b: the memory has no key `hesitation`" in terminal.text
-    assert "lamps is there, with errors that are to be mended in it." in terminal.text
+    assert "lamps is there, with errors that you must fix in it." in terminal.text
     assert "levels.b.scenario" in (tmp_path / "lamps" / "study.toml").read_text()
 
 

@@ -9,8 +9,8 @@ from pathlib import Path
 
 import pytest
 
+from rise_engine.base.files import Disk
 from rise_engine.scenario.diagnostics import Diagnostics
-from rise_engine.session.disk import Disk
 from rise_engine.study import study_log
 from rise_engine.study.study_log import LOG_FILE, SET_ASIDE_FILE, LockedLog, StudyLogError, read_log
 from tests.forked import Forked

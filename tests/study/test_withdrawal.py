@@ -12,6 +12,7 @@ import pytest
 from click.testing import CliRunner, Result
 
 from rise_engine.base.errors import StudyError
+from rise_engine.base.files import tree_hash
 from rise_engine.base.words import Words, parse_replacement
 from rise_engine.cli import main
 from rise_engine.cli.data.redact import redact_in_study
@@ -19,7 +20,6 @@ from rise_engine.kernel.inputs import OutcomeReport, RecordingReport, SessionSta
 from rise_engine.privacy.redaction import RedactionReport
 from rise_engine.results.export.format import ExportError
 from rise_engine.results.export.writing import new_export
-from rise_engine.session.disk import tree_hash
 from rise_engine.session.lock import JournalLock
 from rise_engine.session.media import MEDIA_FILE, MediaFile, register_media
 from rise_engine.session.unfinished_files import private_folder
@@ -268,7 +268,7 @@ def run(*arguments: object, typed: str | None = None) -> Result:
 
 def test_the_command(made: Folder) -> None:
     result = run("study", "withdraw", made.study, "P01")
-    assert result.exit_code == 2 and "nobody can be asked here; say --yes" in result.output
+    assert result.exit_code == 2 and "without a terminal, use --yes" in result.output
     assert made.sessions[0].exists()
     result = run("study", "withdraw", made.study, "P01", "--yes")
     assert result.exit_code == 1, result.output

@@ -11,13 +11,13 @@ from typing import Any
 import pytest
 from click.testing import CliRunner
 
+from rise_engine.base.files import tree_hash
 from rise_engine.base.words import Words, parse_replacement
 from rise_engine.cli import main
 from rise_engine.cli.data.redact import redact_in_study
 from rise_engine.privacy.redaction import RedactionReport
 from rise_engine.results.export.format import ExportError
 from rise_engine.results.export.writing import new_export
-from rise_engine.session.disk import tree_hash
 from rise_engine.session.media import MediaFile, register_media
 from rise_engine.session.unfinished_files import private_folder
 from rise_engine.study.state import read_state
@@ -83,7 +83,7 @@ def test_an_export_that_is_not_what_was_written_is_told(made: Folder) -> None:
     shutil.rmtree(made.study / "deleted")
     result = CliRunner().invoke(main, ["study", "withdraw", str(made.study), "P01", "--yes"])
     assert result.exit_code == 1
-    told = result.output.partition("not erased, and somebody has to see to it:")[2]
+    told = result.output.partition("not erased; you must see to it:")[2]
     for kind in kinds:
         assert f"  {made.study / kind}" in told, result.output
         assert (made.study / kind).exists() == (kind != "deleted")

@@ -9,6 +9,7 @@ from typing import Any
 
 from msgspec.structs import replace
 
+from rise_engine.base.errors import StudyError
 from rise_engine.checks import CheckContext, CheckOutcome, PendingCheck
 from rise_engine.kernel.inputs import CheckReport
 from rise_engine.kernel.records import SessionRecord
@@ -33,7 +34,6 @@ from rise_tui.config.study_source import (
     SessionRequest,
     StartedSession,
     StudyNow,
-    StudyRefused,
 )
 from tests.tui.fake import DEMO, FakeClient, demo
 
@@ -190,7 +190,7 @@ class FakeStudy:
     def plan(self, request: SessionRequest, wizard: str) -> SessionPreview:
         self.planned.append(request)
         if self.refusal:
-            raise StudyRefused(self.refusal)
+            raise StudyError(self.refusal)
         assert self.now.study is not None
         mode = "debug" if request.purpose == "debug" else self.now.study.mode
         run = PlannedRun(7, 2, {"hesitation": "yes", "noise": "loud"}, "yes+loud", {"hesitation": True}, DEMO, 99)
@@ -238,7 +238,7 @@ class FakeStudy:
         if self.held is not None:
             self.held.wait(60)
         if self.refusal:
-            raise StudyRefused(self.refusal)
+            raise StudyError(self.refusal)
         return StartedSession(self.session(plan.request.participant, plan.run, plan.request.purpose), "it has begun")
 
     def session(self, participant: str, run: PlannedRun, purpose: str) -> FakeClient:
@@ -276,12 +276,12 @@ class FakeStudy:
         if self.report_held is not None:
             self.report_held.wait(60)
         if self.report_refusal:
-            raise StudyRefused(self.report_refusal)
+            raise StudyError(self.report_refusal)
         lines = tuple(Paragraph(f"line {number} of {folder}") for number in range(40))
         sections = (Section("Checks", lines), Section("Acts", lines))
         return Document(title=folder, kind="Session report", sections=sections)
 
     def judge(self, entry: SessionEntry, status: OutcomeStatus, reason: str, wizard: str) -> None:
         if self.refusal:
-            raise StudyRefused(self.refusal)
+            raise StudyError(self.refusal)
         self.judged.append((entry, status, reason, wizard))

@@ -6,7 +6,6 @@ what was changed in words, and check sums of the files on which the changes were
 
 from __future__ import annotations
 
-import fcntl
 import glob
 import json
 import os
@@ -21,6 +20,7 @@ import msgspec
 from msgspec import Struct
 
 from rise_engine.author.edit.plan import Files
+from rise_engine.base.files import take_lock, write_whole
 
 FORMAT = 1
 
@@ -92,19 +92,9 @@ class DraftFile:
             return
         now = datetime.now().astimezone().isoformat(timespec="seconds")
         draft = Draft(str(self.folder), now, hashes(base), dict(files), says)
-        write_durably(self.path, msgspec.json.encode(draft))
-
-
-def write_durably(path: Path, data: bytes) -> None:
-    """Write a file of the state folder: whole or not at all, for this account alone. Raises OSError."""
-    path.parent.mkdir(0o700, parents=True, exist_ok=True)
-    fresh = path.with_suffix(f".{os.getpid()}.new")
-    descriptor = os.open(fresh, os.O_WRONLY | os.O_CREAT | os.O_TRUNC | os.O_CLOEXEC, 0o600)
-    with os.fdopen(descriptor, "wb") as file:
-        file.write(data)
-        file.flush()
-        os.fsync(descriptor)
-    fresh.replace(path)
+        self.path.parent.mkdir(0o700, parents=True, exist_ok=True)
+        beside = self.path.with_suffix(f".{os.getpid()}.new")
+        write_whole(self.path, msgspec.json.encode(draft), beside=beside)
 
 
 class EditorLock:
@@ -129,13 +119,13 @@ class EditorLock:
         except OSError:
             return
         try:
-            fcntl.flock(descriptor, fcntl.LOCK_EX | fcntl.LOCK_NB)
-        except BlockingIOError:
-            os.close(descriptor)
-            self.holder = self._read_holder()
-            return
+            locked = take_lock(descriptor)
         except OSError:  # a file system without locks: nobody can be told apart
             os.close(descriptor)
+            return
+        if not locked:
+            os.close(descriptor)
+            self.holder = self._read_holder()
             return
         self._descriptor = descriptor
         self._write_holder()

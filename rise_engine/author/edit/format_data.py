@@ -6,7 +6,7 @@ import json
 import re
 from typing import Any
 
-from rise_engine.author.edit.json_edits import MemoryFileNotEditable
+from rise_engine.author.edit.plan import EditRefused
 from rise_engine.base.json_codec import JsonArray, JsonError, JsonObject, read_json
 from rise_engine.scenario.memory import LIST_KEY
 from rise_engine.syntax.changes import TextEdit, changed_text
@@ -112,16 +112,16 @@ def format_memory(text: str) -> str:
 
     Numbers and texts stay as they are written.
 
-    :raises MemoryFileNotEditable: it is not JSON, or no object.
+    :raises EditRefused: it is not JSON, or no object.
     """
     newline = "\r\n" if "\r\n" in text else "\r" if "\r" in text and "\n" not in text else "\n"
     try:
         value = read_json(text, _refuse)
     except JsonError as error:
         line = len(_LINE_ENDS.findall(text[: error.offset])) + 1
-        raise MemoryFileNotEditable(f"line {line}: {error}") from None
+        raise EditRefused(f"line {line}: {error}") from None
     if not isinstance(value, JsonObject):
-        raise MemoryFileNotEditable("it is no object of keys and values")
+        raise EditRefused("it is no object of keys and values")
     listed = value.get(LIST_KEY)
     if isinstance(listed, JsonArray) and len(value) == 1:
         entries = [(at, _compact(text, item, at)) for item, at in zip(listed, listed.items_at, strict=True)]
@@ -149,7 +149,7 @@ def _entry_lines(text: str, entries: list[tuple[int, str]]) -> list[str]:
 
 
 def _refuse(key: str, offset: int, first: int) -> None:
-    raise MemoryFileNotEditable(f'the key "{key}" stands in it twice')
+    raise EditRefused(f'the key "{key}" stands in it twice')
 
 
 def _written(text: str, at: int) -> str:

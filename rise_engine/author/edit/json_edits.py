@@ -13,11 +13,6 @@ from rise_engine.base.json_codec import JsonArray, JsonError, JsonMember, JsonOb
 from rise_engine.scenario.memory import LIST_KEY
 from rise_engine.syntax.changes import TextEdit, changed_text
 
-
-class MemoryFileNotEditable(EditRefused):
-    """The file is not what a scenario's memory is; the message says why, for a person."""
-
-
 _BLANK_LINES = re.compile(r"(?:(?:\r\n|\r(?!\n)|\n)[ \t]*)*(\r\n|\r(?!\n)|\n)")
 
 
@@ -37,7 +32,7 @@ def memory_text_edits(text: str, before: Mapping[str, Any], now: Mapping[str, An
     :param text: the file's, without byte order mark.
     :param before: values by key, as the author of the change knows them.
     :param now: the values that are wanted. Keys that do not differ between the two stay in the file as they are there.
-    :raises MemoryFileNotEditable: it is not JSON, or not what a scenario's memory is.
+    :raises EditRefused: it is not JSON, or not what a scenario's memory is.
     """
     document = _read_document(text)
     members = _memory_members(document)
@@ -58,7 +53,7 @@ def memory_text_edits(text: str, before: Mapping[str, Any], now: Mapping[str, An
         edits = _object_edits(text, document, wanted)
     after = _memory_members(_read_document(changed_text(text, edits)))
     if not json_equal({member.key: to_plain(member.value) for member in after}, wanted):
-        raise MemoryFileNotEditable("it is written in a way that cannot be changed here; change it with an editor")
+        raise EditRefused("it is written in a way that cannot be changed here; change it with an editor")
     return edits
 
 
@@ -69,35 +64,33 @@ def memory_file_text(memory: Mapping[str, Any]) -> str:
 
 
 def memory_values(text: str) -> dict[str, Any]:
-    """The start values of a memory file. :raises MemoryFileNotEditable: it is none."""
+    """The start values of a memory file. :raises EditRefused: it is none."""
     return {member.key: to_plain(member.value) for member in _memory_members(_read_document(text))}
 
 
 def _read_document(text: str) -> JsonObject:
     def refuse_duplicate(key: str, offset: int, first: int) -> None:
-        raise MemoryFileNotEditable(f'the key "{key}" stands in it twice')
+        raise EditRefused(f'the key "{key}" stands in it twice')
 
     try:
         found = read_json(text, refuse_duplicate)
     except JsonError as error:
         line = text.count("\n", 0, error.offset) + 1
-        raise MemoryFileNotEditable(f"line {line}: {error}") from None
+        raise EditRefused(f"line {line}: {error}") from None
     if not isinstance(found, JsonObject):
-        raise MemoryFileNotEditable("it is no object of keys and values")
+        raise EditRefused("it is no object of keys and values")
     return found
 
 
 def _memory_members(document: JsonObject) -> list[JsonMember]:
-    """The memory's keys, in either form. Raises MemoryFileNotEditable."""
+    """The memory's keys, in either form. Raises EditRefused."""
     listed = document.get(LIST_KEY)
     if not isinstance(listed, JsonArray):
         return list(document.members)
     items = [item for item in listed if isinstance(item, JsonObject)]
     members = [member for item in items for member in item.members]
     if len(document) > 1 or len(items) < len(listed) or len({member.key for member in members}) < len(members):
-        raise MemoryFileNotEditable(
-            f'"{LIST_KEY}" is a list of objects, each key in one of them, and nothing stands beside it'
-        )
+        raise EditRefused(f'"{LIST_KEY}" is a list of objects, each key in one of them, and nothing stands beside it')
     return members
 
 

@@ -16,6 +16,7 @@ from pathlib import Path
 import msgspec
 
 from rise_engine.author.edit.plan import EditRefused, Files
+from rise_engine.base.files import durable_file, sync, write_whole
 from rise_engine.scenario.interrupted_save import (
     FRESH,
     NOTE,
@@ -141,7 +142,7 @@ def _write_fresh(folder: Path, after: Files, names: list[str], made: list[Path],
     parents = {Path(os.path.realpath(folder / name)).parent for name in names}
     for each in {*parents, *(each.parent for each in made)}:
         if each.is_dir():
-            _sync_folder(each)
+            sync(each)
 
 
 def _make_folders(folder: Path, made: list[Path]) -> None:
@@ -157,16 +158,13 @@ def _write_beside(target: Path, data: bytes) -> None:
     if target.exists() and not os.access(target, os.W_OK):
         raise PermissionError(13, "this file may not be written by you", str(target))
     fresh.unlink(missing_ok=True)
-    descriptor = os.open(fresh, os.O_WRONLY | os.O_CREAT | os.O_EXCL | os.O_CLOEXEC, 0o666)
-    with os.fdopen(descriptor, "wb") as file:
+    with durable_file(fresh, new=True) as file:
         if target.exists():
             found = target.stat()
             with suppress(OSError):  # only root may give a file away
-                os.fchown(descriptor, found.st_uid, found.st_gid)
-            os.fchmod(descriptor, stat.S_IMODE(found.st_mode))
+                os.fchown(file.fileno(), found.st_uid, found.st_gid)
+            os.fchmod(file.fileno(), stat.S_IMODE(found.st_mode))
         file.write(data)
-        file.flush()
-        os.fsync(descriptor)
 
 
 def _clear(folder: Path, names: list[str], made: list[Path]) -> None:
@@ -182,14 +180,8 @@ def _clear(folder: Path, names: list[str], made: list[Path]) -> None:
 
 
 def _write_note(folder: Path, note: tuple[SavedFile, ...]) -> None:
-    fresh = fresh_path(folder / NOTE)
-    descriptor = os.open(fresh, os.O_WRONLY | os.O_CREAT | os.O_TRUNC | os.O_CLOEXEC, 0o644)
-    with os.fdopen(descriptor, "wb") as file:
-        file.write(msgspec.json.encode(note))
-        file.flush()
-        os.fsync(descriptor)
-    fresh.replace(folder / NOTE)
-    _sync_folder(folder)
+    write_whole(folder / NOTE, msgspec.json.encode(note), beside=fresh_path(folder / NOTE), private=False)
+    sync(folder)
 
 
 def _carry_out(folder: Path, note: tuple[SavedFile, ...], reached: Reached) -> tuple[str, ...]:
@@ -205,16 +197,8 @@ def _carry_out(folder: Path, note: tuple[SavedFile, ...], reached: Reached) -> t
         reached(f"put {name} in its place")
     for each in {Path(os.path.realpath(folder / file.name)).parent for file in note}:
         if each.is_dir():
-            _sync_folder(each)
+            sync(each)
     (folder / NOTE).unlink(missing_ok=True)
-    _sync_folder(folder)
+    sync(folder)
     reached("took the note away")
     return tuple(left)
-
-
-def _sync_folder(folder: Path) -> None:
-    descriptor = os.open(folder, os.O_RDONLY | os.O_CLOEXEC)
-    try:
-        os.fsync(descriptor)
-    finally:
-        os.close(descriptor)

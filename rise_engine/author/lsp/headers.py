@@ -8,14 +8,10 @@ from __future__ import annotations
 import re
 from typing import BinaryIO
 
-from rise_engine.base.errors import RiseError
+from rise_engine.base.errors import ExchangeError
 
 _LENGTH = re.compile(rb"Content-Length: [0-9]+\r\n")
 _OTHER = re.compile(rb"(?!Content-Length)([A-Za-z-]+: .*)?\r\n")
-
-
-class HeaderError(RiseError):
-    """Where a message begins cannot be known any more; the text says why."""
 
 
 class CheckedHeaders:
@@ -26,11 +22,11 @@ class CheckedHeaders:
         self.read = stream.read
 
     def readline(self) -> bytes:
-        """The next line of a header, as pygls asks for it; empty at the end. Raises HeaderError."""
+        """The next line of a header, as pygls asks for it; empty at the end. Raises ExchangeError."""
         line = self._stream.readline()
         if line.endswith(b"\n") and not (_LENGTH.fullmatch(line) or _OTHER.fullmatch(line)):
             shown = line[:80].decode(errors="replace").rstrip("\r\n")
-            raise HeaderError(
+            raise ExchangeError(
                 f"the header {shown!r} cannot be understood: `Content-Length: ` and the number of bytes was expected, "
                 "ended by CR LF. The connection ends, because nobody can say where the next message begins"
             )

@@ -91,7 +91,7 @@ class _Importer:
             if not id:
                 self._read_new(row)
             elif id in self.seen:
-                self._refuse(row, id, f"this text stands in {self.table.what} {self.seen[id]} already")
+                self._refuse(row, id, f"this text is already in {self.table.what} {self.seen[id]}")
             else:
                 self.seen[id] = row.line
                 self._read_row(row, id)
@@ -153,7 +153,7 @@ class _Importer:
             near = did_you_mean(id, self.texts, limit=0)
             self._refuse(row, id, f"there is no such text any more{near}")
         elif not of:
-            self._refuse(row, id, "its cell `of` is empty, so nobody knows of which text it was made")
+            self._refuse(row, id, "its cell `of` is empty, so its original text is unknown")
         elif of != text.text:
             if said != of or any(self._is_other(row, text, column) for column in changed):
                 now = _short(text.text)

@@ -30,17 +30,29 @@ Form: TypeAlias = Literal["text", "json", "csv"]
 
 @click.command()
 @STUDIES_OR_SESSIONS
-@click.option("--format", "form", type=click.Choice(["text", "json", "csv"]), default="text", show_default=True)
-@click.option("-o", "--output", metavar="NEW", type=click.Path(), help="A new file. Default: standard output.")
-@level_option("full", "How much is told; below full, wizards have the names of the study's [wizards], or W1, W2, ...")
+@click.option(
+    "--format",
+    "form",
+    type=click.Choice(["text", "json", "csv"]),
+    default="text",
+    show_default=True,
+    help="Choose the format.",
+)
+@click.option(
+    "-o", "--output", metavar="NEW", type=click.Path(), help="Write to this new file. Default: standard output."
+)
+@level_option(
+    "full", "Choose how much to include. Below full, wizards have names from the study's [wizards], or W1, W2, ..."
+)
 @ALL_SESSIONS
 @refusing(USAGE)
 def agree(named: tuple[str, ...], form: Form, output: str | None, level: ExportLevel, all_sessions: bool) -> int:
-    """Compare the wizard of each session with those to whom its cues were played (rise-tui --shadow): cue by cue, with
-    percent agreement, Cohen's kappa, Krippendorff's alpha and the ICC of latencies; and the marks for mistakes, where
-    two have marked any.
+    """Compare the wizard of each session with the wizards who answered its cues afterwards (rise-tui --shadow).
 
-    Exit status: 0; 1 when something could not be read, and the rest was compared; 2 when nothing was.
+    It compares cue by cue, with percent agreement, Cohen's kappa, Krippendorff's alpha and the ICC of latencies. It
+    also compares the marks for mistakes, if two wizards set any.
+
+    Exit status: 0; 1 if something could not be read, and the rest was compared; 2 if nothing was.
     """
     problems: list[str] = []
     selection = select_sessions(named, all=all_sessions)

@@ -19,23 +19,25 @@ from rise_engine.study.state import read_state
 
 @click.command("bundle")
 @STUDY_OR_HERE
-@click.option("-o", "--output", metavar="NEW", required=True, type=click.Path(), help="A new folder, or a new .zip.")
+@click.option(
+    "-o", "--output", metavar="NEW", required=True, type=click.Path(), help="Write this new folder or new .zip."
+)
 @level_option(
     "shared",
-    "How much is told. shared: for other researchers; public: for everybody; full: for an archive of your own.",
+    "Choose how much to include. shared: for other researchers; public: for everybody; full: for your own archive.",
 )
 @PRIVATE
-@click.option("--license", metavar="NAME", default="", help="What others may do with it: CC-BY-4.0, CC0-1.0, ...")
-@click.option("--all", "all_sessions", is_flag=True, help="Also sessions that do not count.")
+@click.option("--license", metavar="NAME", default="", help="State what others may do with it: CC-BY-4.0, CC0-1.0, ...")
+@click.option("--all", "all_sessions", is_flag=True, help="Include sessions that do not count.")
 def bundle(
     study: Path, output: str, level: ExportLevel, private: tuple[str, ...], license: str, all_sessions: bool
 ) -> None:
-    """Put everything of STUDY that others need into a new folder or zip file: design, scenarios, sessions that can be
-    run again, tables, BIDS, report, the program itself, check sums, and what it is for programs (an RO-Crate).
+    """Put everything that others need of STUDY into a new folder or zip file: design, scenarios, replayable
+    sessions, tables, BIDS, report, the program itself, checksums, and a description for programs (an RO-Crate).
 
-    Says what is in it, what was left out, and what you should look at before anybody else gets it.
+    It lists what is in it, what was left out, and what you should look at before you share it.
 
-    Exit status: 0; 1 when it cannot be made; 2 when there is no study.
+    Exit status: 0; 1 if it cannot be made; 2 if there is no study.
     """
     selection = select_sessions([str(study)], all=all_sessions)
     options = BundleOptions(level, private, license.strip())

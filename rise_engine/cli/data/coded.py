@@ -39,24 +39,29 @@ from rise_engine.session.media import MediaFile
 
 @click.group("coded")
 def coded() -> None:
-    """What people have annotated of a session, in ELAN or BORIS: given back, it is exported beside the record."""
+    """Add people's annotations from ELAN or BORIS to a session. Exports have them beside the record."""
 
 
 @coded.command("add")
 @SESSION
 @click.argument("file", type=click.Path())
-@click.option("--tier", "tiers", metavar="NAME", multiple=True, help="Only this tier. Repeatable. Without: all yours.")
 @click.option(
-    "--speech", metavar="NAME", multiple=True, help="A tier with what the participant said: gaps and overlaps follow."
+    "--tier", "tiers", metavar="NAME", multiple=True, help="Read only this tier. Repeatable. Default: all of yours."
 )
-@click.option("--annotator", metavar="NAME", default="", help="Who annotated, where the file does not say it.")
-@click.option("--observation", metavar="NAME", default="", help="Of a file of BORIS: which observation it is.")
+@click.option(
+    "--speech",
+    metavar="NAME",
+    multiple=True,
+    help="Take this tier as the participant's speech, for gaps and overlaps. Repeatable.",
+)
+@click.option("--annotator", metavar="NAME", default="", help="Name the annotator, if the file does not.")
+@click.option("--observation", metavar="NAME", default="", help="Choose one observation of a BORIS file.")
 @click.option(
     "--at",
     "moments",
     metavar="SECONDS|FILE=SESSION",
     multiple=True,
-    help="Where its times lie, as for `rise-engine media add`. Twice: their drift, too.",
+    help="Align its times, as for `rise-engine media add`. Give it twice to correct drift, too.",
 )
 @JSON
 @refusing(USAGE)
@@ -70,17 +75,17 @@ def add(
     moments: tuple[str, ...],
     as_json: bool,
 ) -> int:
-    """Keep FILE (.eaf of ELAN; .boris, or a table of events, of BORIS) with SESSION, and bring its times to its clock.
+    """Keep FILE (.eaf of ELAN; .boris, or a table of events, of BORIS) with SESSION, on the session's clock.
 
-    A file that `rise-engine export` wrote says itself how its times come from the session's. Any other one is laid by
-    the recording that it names (`rise-engine media add`), or by --at. What the program itself wrote into the file is
-    passed over. A file of the same name takes the place of the one that was there.
+    A file that `rise-engine export` wrote says how its times relate to the session's. Any other file is aligned by the
+    recording that it names (`rise-engine media add`), or by --at. What the program itself wrote into the file is
+    ignored. FILE replaces an earlier file of the same name.
 
     \b
       rise-engine coded add SESSION P07.eaf --speech "participant speech"
       rise-engine coded add SESSION events.tsv --at 14.04=12.34      a clap, at 14.04 s in it, at 12.34 s of the session
 
-    Exit status: 0; 1 it is kept, and something in it could not be read; 2 wrong usage, or nothing was kept.
+    Exit status: 0; 1 it is kept, but something in it could not be read; 2 wrong usage, or nothing was kept.
     """
     path = Path(file).expanduser()
     data = read_bytes(path)
@@ -153,7 +158,7 @@ def _find_clock(
 def list_coded(session: Path, as_json: bool) -> int:
     """List the annotation files of SESSION.
 
-    Exit status: 0; 1 when one cannot be read; 2 when the session cannot be read.
+    Exit status: 0; 1 if one cannot be read; 2 if the session cannot be read.
     """
     lines: list[str] = []
     documents, problems = [], []
@@ -175,7 +180,7 @@ def list_coded(session: Path, as_json: bool) -> int:
 def remove(session: Path, file: str) -> None:
     """Delete the annotation file FILE of SESSION.
 
-    Exit status: 0; 1 when there is no such file; 2 when the session cannot be read.
+    Exit status: 0; 1 if there is no such file; 2 if the session cannot be read.
     """
     remove_coded(session, Path(file).name)
     print_lines(f"{Path(file).name} is no annotation file of {session.name} any more")
@@ -184,7 +189,7 @@ def remove(session: Path, file: str) -> None:
 def _lines(folder: Path, file: CodedFile) -> list[str]:
     """A file in words. Raises SessionError."""
     counts = Counter(each.tier for each in read_spans(folder, file))
-    by = {"file": "as the file says", "media": "by its recording", "given": "as somebody has said"}[file.clock_by]
+    by = {"file": "as the file says", "media": "by its recording", "given": "as you have said"}[file.clock_by]
     clock = file.clock
     gaps = f", without {pluralize(len(clock.gaps), 'interruption')}" if clock.gaps else ""
     lines = [

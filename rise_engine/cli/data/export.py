@@ -73,7 +73,7 @@ def level_option(default: ExportLevel, about: str) -> Callable[[Command], Comman
     return click.option("--level", type=click.Choice(LEVELS), default=default, show_default=True, help=about)
 
 
-LEVEL = level_option("full", "How much is told. shared: for other researchers; public: for everybody.")
+LEVEL = level_option("full", "Choose how much to include. shared: for other researchers; public: for everybody.")
 
 
 def _known_format(ctx: click.Context, param: click.Parameter, value: str) -> str:
@@ -98,19 +98,19 @@ class _ExportCommand(click.Command):
 
 @click.command(cls=_ExportCommand)
 @STUDIES_OR_SESSIONS
-@click.option(
-    "--format", metavar="FORMAT", callback=_known_format, required=True, help="For which programs; see below."
-)
-@click.option("-o", "--output", metavar="NEW", type=click.Path(), help="A new file, or a new folder.")
+@click.option("--format", metavar="FORMAT", callback=_known_format, required=True, help="Choose the format; see below.")
+@click.option("-o", "--output", metavar="NEW", type=click.Path(), help="Write to this new file or folder.")
 @LEVEL
 @PRIVATE
 @ALL_SESSIONS
 @click.option(
     "--spreadsheet-safe",
     is_flag=True,
-    help="Of tables and csv: an apostrophe before what a spreadsheet would carry out.",
+    help="In tables and csv, put an apostrophe before what a spreadsheet would run as a formula.",
 )
-@click.option("--wide", is_flag=True, help="Of tables, also wide.csv: a row for each participant, with their trials.")
+@click.option(
+    "--wide", is_flag=True, help="With tables, also write wide.csv: a row for each participant, with their trials."
+)
 @refusing(USAGE)
 def export(
     named: tuple[str, ...],
@@ -122,14 +122,14 @@ def export(
     spreadsheet_safe: bool,
     wide: bool,
 ) -> int:
-    """Write what happened in sessions for other programs: of a STUDY, those that count and have ended; and each
-    SESSION, also one that is running, torn or damaged.
+    """Write what happened in sessions for other programs: for a STUDY, its sessions that count and have ended; and each
+    SESSION, even if it is running, torn or damaged.
 
     SESSION is a session's folder, or its name in the sessions folder ($RISE_SESSIONS, or ~/rise-sessions). One session
-    becomes a file, several a folder or one file, as the format is; csv and jsonl of one session go to standard output
-    unless -o says otherwise. Nothing is ever written over.
+    becomes a file. Several become a folder or one file, depending on the format. csv and jsonl of one session go to
+    standard output unless you give -o. Existing files are never overwritten.
 
-    Exit status: 0; 1 when something could not be read, and the rest was exported; 2 when nothing was.
+    Exit status: 0; 1 if something could not be read, and the rest was exported; 2 if nothing was.
     """
     request = ExportRequest(named, format, output, level, private, all_sessions, spreadsheet_safe, wide)
     if spreadsheet_safe and not load_format(format).spreadsheet_safe:

@@ -51,7 +51,7 @@ LARGE = 2_000_000_000
 
 @click.group("media")
 def media() -> None:
-    """Recordings that belong to a session: a camera's film, a microphone's sound, a bag."""
+    """Manage the recordings of a session: a camera's film, a microphone's sound, a bag."""
 
 
 class _Addition(Struct, frozen=True):
@@ -83,20 +83,20 @@ class _Added(Struct, frozen=True):
     "moments",
     metavar="SECONDS|FILE=SESSION",
     multiple=True,
-    help="Where it lies: the session second at which it begins; or a moment in it = the session's (markN: of that "
-    "mark). Twice: its drift, too.",
+    help="Align it: the session second at which it begins, or a moment in it = the session's (markN: of that mark). "
+    "Give it twice to correct drift, too.",
 )
 @click.option("--find-marks", is_flag=True, help="Find the session's marks in its sound.")
-@click.option("--name", metavar="NAME", default="", help="What it is called: camera.")
+@click.option("--name", metavar="NAME", default="", help="Name the recording, as in camera.")
 @JSON
 @refusing(USAGE)
 def add(
     session: Path, files: tuple[str, ...], moments: tuple[str, ...], find_marks: bool, name: str, as_json: bool
 ) -> int:
-    """Register FILE (or a bag's folder) as a recording of SESSION, and say where it lies against the session's clock.
+    """Register FILE (or a bag's folder) as a recording of SESSION, and align it with the session's clock.
 
-    The file stays where it is. One that is registered already is looked at again. Without FILE: all that the session
-    has, in its list or its record.
+    The file stays where it is. A file that is registered already is examined again. Without FILE, this applies to every
+    recording in the session's list or record.
 
     \b
       rise-engine media add SESSION room.mp4 --find-marks
@@ -104,10 +104,10 @@ def add(
       rise-engine media add SESSION room.mp4 --at 3.2=mark1 --at 1:02:10.4=mark2
       rise-engine media add SESSION room.mp4 --at -1.7               it began 1.7 s before the session
 
-    Exit status: 0; 1 it is registered, and nobody knows where it lies; 2 wrong usage, or nothing was registered.
+    Exit status: 0; 1 it is registered, but not aligned; 2 wrong usage, or nothing was registered.
     """
     if find_marks and moments:
-        exit_with_usage("say either --find-marks or --at")
+        exit_with_usage("use either --find-marks or --at")
     if len(files) != 1 and (moments or name):
         exit_with_usage("--at and --name are about one file: name it")
     marks, interruptions = read_marks(session)
@@ -232,7 +232,7 @@ def _by_start(folder: Path, path: Path) -> Alignment:
         if started and (folder / started).absolute() == wanted:
             remark = "by when its recorder was started, which is no time of its first picture: look for marks"
             return Alignment(-record.t, remarks=(remark,))
-    return Alignment(problem="nobody has said where it lies: --find-marks, or --at FILE=SESSION")
+    return Alignment(problem="no marks or times are given: use --find-marks, or --at FILE=SESSION")
 
 
 def read_marks(folder: Path) -> tuple[list[SessionMark], list[float]]:
@@ -289,9 +289,9 @@ def _parse_seconds(part: str, text: str) -> float:
 @JSON
 @refusing(USAGE)
 def list_media(session: Path, as_json: bool) -> int:
-    """List the recordings of SESSION, and where they lie against its clock.
+    """List the recordings of SESSION, and how they are aligned with its clock.
 
-    Exit status: 0; 1 when a file is not where it was; 2 when the session cannot be read.
+    Exit status: 0; 1 if a file is not where it was; 2 if the session cannot be read.
     """
     files = read_media(session)
     listed = {str(media_path(session, each)) for each in files}
@@ -314,12 +314,12 @@ def list_media(session: Path, as_json: bool) -> int:
 @click.argument("file")
 @JSON
 def remove(session: Path, file: str, as_json: bool) -> None:
-    """Take FILE out of the list of SESSION's recordings. The file itself stays where it is.
+    """Remove FILE from the list of SESSION's recordings. The file itself stays where it is.
 
-    FILE is its path, its last part, or its name in the list. After this nobody erases it when its participant
-    withdraws.
+    FILE is its path, its last part, or its name in the list. When the participant withdraws, a file that is not in the
+    list is not erased.
 
-    Exit status: 0; 1 there is no such file in the list, or several; 2 when the session cannot be read.
+    Exit status: 0; 1 there is no such file in the list, or several; 2 if the session cannot be read.
     """
     removed = remove_media(session, file)
     said = f"{removed.path} is no recording of {session.name} any more; the file itself was not touched"
@@ -339,14 +339,14 @@ def _lines(file: MediaFile) -> list[str]:
 def position_lines(file: MediaFile) -> list[str]:
     """Where it lies against the session's clock."""
     if file.offset is None:
-        return ["nobody has said where it lies against the session"]
+        return ["it is not aligned with the session"]
     begins = f"begins {abs(file.offset):.3f} s {'before' if file.offset >= 0 else 'after'} the session"
     drift = ""
     if file.has_drift:
         drift = f", its clock runs {abs(file.drift_ppm):.1f} ppm {'fast' if file.rate >= 1 else 'slow'}"
     elif file.drift_within_ppm is not None:
         drift = f", with no drift that can be told from none (within {file.drift_within_ppm:,.0f} ppm)"
-    by = {"marks": "by marks", "given": "as somebody has said", "start": "by when it was started", "": ""}
+    by = {"marks": "by marks", "given": "as you have said", "start": "by when it was started", "": ""}
     return [f"{begins}{drift} ({by[file.aligned_by]})"]
 
 

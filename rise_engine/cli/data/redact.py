@@ -21,14 +21,12 @@ from rise_engine.study.traces import study_of_session
 
 @click.command("redact")
 @SESSION
-@click.option(
-    "--replace", "replacements", metavar="WORD=NAME", multiple=True, help="What is to go, and what stands there then."
-)
+@click.option("--replace", "replacements", metavar="WORD=NAME", multiple=True, help="Replace WORD by NAME. Repeatable.")
 @click.option("--suggest", is_flag=True, help="List words that could be names, and change nothing.")
-@click.option("--whole-words", is_flag=True, help="Leave a word where it is only a part of a longer one.")
-@click.option("--match-case", is_flag=True, help="Only as it is written, in upper and lower case.")
-@click.option("--try", "try_only", is_flag=True, help="Say what would be done, and change nothing.")
-@click.option("--by", metavar="NAME", default="", help="Who does it; stands in session.toml. Default: nobody is named.")
+@click.option("--whole-words", is_flag=True, help="Keep a word that is only part of a longer one.")
+@click.option("--match-case", is_flag=True, help="Remove a word only with the same upper and lower case.")
+@click.option("--try", "try_only", is_flag=True, help="Show what would be done, and change nothing.")
+@click.option("--by", metavar="NAME", default="", help="Record in session.toml who does it. Default: no name.")
 @HERE
 @JSON
 def redact_session(
@@ -50,14 +48,14 @@ def redact_session(
       rise-engine redact SESSION --suggest
       rise-engine redact SESSION --replace Maria=NAME1 --replace "Anna Berg=NAME2"
 
-    A word goes from the inputs and the records of the journal and from session.toml, in upper and lower case and also
-    within longer words. Refused, and nothing changed, when the words decide what happened: then the session would not
-    replay. Nothing of the old journal is kept. Words of the scenario are the scenario's, and stay; that is said.
+    It removes a word from the inputs and the records of the journal and from session.toml, in upper and lower case and
+    also within longer words. It refuses, and changes nothing, if the words decide what happened: the session would not
+    replay then. Nothing of the old journal is kept. Words of the scenario itself stay, and are listed.
 
-    In a study the words go from study.jsonl, too, where it is about this session. Exports that were made before are
-    named, not changed.
+    In a study, it also removes the words from the entries about this session in study.jsonl. Earlier exports are listed
+    and stay unchanged.
 
-    Exit status: 0 done; 1 refused, the words still stand somewhere, or older exports are there; 2 wrong usage.
+    Exit status: 0 done; 1 refused, the words are still somewhere, or there are older exports; 2 wrong usage.
     """
     with refusing(USAGE):
         if suggest:

@@ -31,12 +31,14 @@ WIDEST = 100
 @click.command()
 @click.argument("named", metavar="SESSION|STUDY", type=click.Path())
 @click.option(
-    "-o", "--output", metavar="FILE.html", type=click.Path(), help="A new file. Default: text, on the screen."
+    "-o", "--output", metavar="FILE.html", type=click.Path(), help="Write a new HTML file. Default: print text."
 )
-@click.option("--sheet", metavar="FILE.md", type=click.Path(), help="Of a study: its reporting sheet, as a new file.")
+@click.option(
+    "--sheet", metavar="FILE.md", type=click.Path(), help="For a study, write its reporting sheet to a new file."
+)
 @LEVEL
 @PRIVATE
-@click.option("--conditions", is_flag=True, help="Of a study that hides its conditions and is not complete: tell them.")
+@click.option("--conditions", is_flag=True, help="Show the conditions of a study that hides them and is not complete.")
 @refusing(USAGE)
 def report(
     named: str,
@@ -46,14 +48,14 @@ def report(
     private: tuple[str, ...],
     conditions: bool,
 ) -> int:
-    """Tell what happened in a SESSION or a STUDY: how long participants waited, what the wizard and the robot did,
-    what went wrong; of a study, the plan against what happened, and the reporting sheet.
+    """Summarize a SESSION or a STUDY: how long participants waited, what the wizard and the robot did, and what went
+    wrong. For a study, it also compares the plan with what happened, and makes the reporting sheet.
 
-    SESSION is a session's folder, or its name in the sessions folder ($RISE_SESSIONS, or ~/rise-sessions). With -o it
-    is one HTML file with drawings, that needs nothing else and fetches nothing; otherwise the same as text. Nothing is
-    ever written over.
+    SESSION is a session's folder, or its name in the sessions folder ($RISE_SESSIONS, or ~/rise-sessions). With -o, the
+    report is one HTML file with drawings, which needs no other file and no network. Otherwise it is printed as text.
+    Existing files are never overwritten.
 
-    Exit status: 0; 1 when something could not be read, and the rest was told; 2 when nothing was.
+    Exit status: 0; 1 if something could not be read, and the rest was reported; 2 if nothing was.
     """
     path = without_file(named, STUDY_FILE)
     if is_study(path):

@@ -70,19 +70,21 @@ class Reproduction(Struct):
 
 @click.command()
 @click.argument("bundle", metavar="BUNDLE", type=click.Path())
-@click.option("--robot", metavar="NAME", help="Run the same inputs on this robot, simulated, and say what differs.")
+@click.option(
+    "--robot", metavar="NAME", help="Run the same inputs on this robot, simulated, and report the differences."
+)
 @JSON
 def reproduce(bundle: str, robot: str | None, as_json: bool) -> int:
-    """Say whether BUNDLE, a folder or zip file of `rise-engine study bundle`, is whole and comes out again.
+    """Check that BUNDLE, a folder or zip file of `rise-engine study bundle`, is whole and reproduces its results.
 
-    The recorded inputs of every session go through this program once more. Then tables, BIDS and the report are made
-    again from these sessions and the study's files, and compared with those in the bundle. At the end stands what this
-    has proved, and what it has not.
+    The recorded inputs of every session run through this program once more. Then it makes tables, BIDS and the report
+    again from these sessions and the study's files, and compares them with those in the bundle. The output ends with
+    what this has proved, and what it has not.
 
-    With --robot, what people and programs did is done again with another robot, which is simulated here and gives its
-    own reports and times; acts that end otherwise and rules that go another way are told.
+    With --robot, it repeats with another robot what people and programs did. That robot is simulated here and gives its
+    own reports and times. The output lists acts and rules that end differently.
 
-    Exit status: 0 as it was; 1 something differs, is missing or cannot be replayed; 2 there is no such bundle or robot.
+    Exit status: 0 nothing differs; 1 something differs, is missing or cannot be replayed; 2 no such bundle or robot.
     """
     path = Path(bundle)
     with refusing(USAGE, of=ExportError, where=bundle), opened_bundle(path) as root:

@@ -27,11 +27,9 @@ from rise_engine.scenario.source_files import FileReader
 @click.command()
 @SCENARIO
 @JSON
-@click.option("--all", "all_of_them", is_flag=True, help="Also the warnings that were silenced, with their reasons.")
-@click.option(
-    "--explain", "act", metavar="ACT", help="Say what scenario.toml sets for an act instead, and in which line."
-)
-@click.option("--deep", is_flag=True, help="Also look at what can happen in it, for some seconds.")
+@click.option("--all", "all_of_them", is_flag=True, help="Also list the silenced warnings, with their reasons.")
+@click.option("--explain", "act", metavar="ACT", help="Show what scenario.toml sets for this act, and in which line.")
+@click.option("--deep", is_flag=True, help="Also explore what can happen in a session, for a few seconds.")
 @ROBOT
 @MODE
 @LANGUAGE
@@ -45,12 +43,12 @@ def check(
     mode: str | None,
     language: str,
 ) -> int:
-    """Say everything that is wrong with the scenario in DIR.
+    """Report everything that is wrong with the scenario in DIR.
 
-    With --deep also what can go wrong in a session: everything that can happen is looked at, as `explore` does, but
-    without stops and lost robots, and for five seconds at most.
+    With --deep, also report what can go wrong in a session. It looks at everything that can happen, as `explore` does,
+    but without stops and lost robots, and for five seconds at most.
 
-    Exit status: 0 without errors (warnings may be there), 1 with errors or problems, 2 no such folder or act.
+    Exit status: 0 no errors (there may be warnings); 1 errors or problems; 2 no such folder or act.
     """
     if act is not None:
         _explain_act(load(folder, robot=robot, mode=mode), act, as_json=as_json)

@@ -10,7 +10,7 @@ from rise_engine.cli.scenario.convert_scxml import from_scxml, to_scxml
 
 @click.group("convert")
 def convert() -> None:
-    """Turn rules into SCXML and acts into BML, and back."""
+    """Convert rules to SCXML and acts to BML, and back."""
 
 
 for each in (to_bml, from_bml, to_scxml, from_scxml):

@@ -31,7 +31,7 @@ _NAMES = click.option(
     "names_file",
     metavar="FILE",
     type=click.Path(),
-    help="A TOML file: where targets are, and what lexemes of [head], [gesture], [posture] and [face] mean.",
+    help="Read from a TOML file where targets are, and what lexemes of [head], [gesture], [posture] and [face] mean.",
 )
 
 # --- to BML ---------------------------------------------------------------------------------------------------------
@@ -39,21 +39,25 @@ _NAMES = click.option(
 
 @click.command("to-bml")
 @SCENARIO
-@click.option("--act", "acts", metavar="NAME", multiple=True, help="An act. Repeatable. Default: all.")
+@click.option("--act", "acts", metavar="NAME", multiple=True, help="Convert this act. Repeatable. Default: all acts.")
 @click.option(
-    "-o", "--output", metavar="FILE|FOLDER", type=click.Path(), help="New. A file for one act; else a folder."
+    "-o",
+    "--output",
+    metavar="FILE|FOLDER",
+    type=click.Path(),
+    help="Write to a new file, for one act, or to a new folder.",
 )
 @_NAMES
 @STRICT
 def to_bml(folder: str, acts: tuple[str, ...], output: str | None, names_file: str | None, strict: bool) -> None:
-    """Write acts of the scenario in DIR as blocks of BML 1.0, one in each file.
+    """Write acts of the scenario in DIR as blocks of BML 1.0, one per file.
 
     \b
       rise-engine convert to-bml DIR --act R_Greeting
       rise-engine convert to-bml DIR -o FOLDER --names lab.toml
 
-    What other programs that read BML will not do of an act is listed first, with file, line and column. `from-bml` has
-    all of it again. Nothing is ever written over.
+    It first lists what other programs that read BML will not do of an act, with file, line and column. `from-bml`
+    restores all of it. Existing files are never overwritten.
 
     Exit status: 0; 1 the scenario has errors, or something is lost and --strict; 2 wrong usage; 74 it cannot be
     written.
@@ -122,18 +126,25 @@ class _NewAct(Struct, frozen=True):
 
 @click.command("from-bml")
 @click.argument("files", metavar="FILE...", nargs=-1, required=True, type=click.Path())
-@click.option("--into", "folder", metavar="DIR", required=True, type=click.Path(), help="A scenario, or a new folder.")
+@click.option(
+    "--into",
+    "folder",
+    metavar="DIR",
+    required=True,
+    type=click.Path(),
+    help="Write into this scenario, or a new folder.",
+)
 @_NAMES
 @STRICT
 def from_bml(files: tuple[str, ...], folder: str, names_file: str | None, strict: bool) -> None:
-    """Make acts of blocks of BML 1.0, and put each into a file of its own in the scenario DIR.
+    """Make acts from blocks of BML 1.0, each in a file of its own in the scenario DIR.
 
     \b
       rise-engine convert from-bml greet.xml --into DIR --names lab.toml
 
-    An act keeps all times exactly, or it is not made: what BML says and an act cannot is refused, with the sentence
-    that says why. What else an act has nothing for (marks in sentences, prosody) is listed as lost. All of this is said
-    before anything is written; with an error, nothing is.
+    An act keeps all times exactly, or it is not made: what an act cannot do is refused, with the reason. What else acts
+    do not have (marks in sentences, prosody) is listed as lost. You see all of this before anything is written; after
+    an error, nothing is.
 
     Exit status: 0; 1 refused; 2 wrong usage; 74 it cannot be written.
     """

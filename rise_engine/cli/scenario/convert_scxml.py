@@ -2,15 +2,15 @@
 
 from __future__ import annotations
 
-import os
 import re
 from collections.abc import Iterable
-from contextlib import suppress
 from pathlib import Path
 from shlex import quote
 
 import click
 
+from rise_engine.base.errors import StudyError
+from rise_engine.base.files import write_whole
 from rise_engine.base.nearest_name import did_you_mean
 from rise_engine.base.text import pluralize
 from rise_engine.cli.options import SCENARIO, STRICT
@@ -21,7 +21,6 @@ from rise_engine.scenario.file_names import DEFAULT_PATHS
 from rise_engine.scenario.loader import load
 from rise_engine.scenario.model import Rule, Scenario
 from rise_engine.scenario.new_study import write_new_folder
-from rise_engine.scenario.shipped_studies import StudyCopyError
 from rise_engine.scenario.source_files import FileReader
 from rise_engine.scenario.study_paths import why_not_written
 from rise_engine.scxml.chart_in_study import called_acts, check_neighbours, file_name, is_made_file, new_study_files
@@ -37,21 +36,21 @@ _ENDING = ".scxml"
 
 @click.command("to-scxml")
 @SCENARIO
-@click.option("--rule", "names", metavar="NAME", multiple=True, help="Only this rule. Repeatable.")
+@click.option("--rule", "names", metavar="NAME", multiple=True, help="Convert only this rule. Repeatable.")
 @click.option(
     "-o",
     "--output",
     metavar="PATH",
     type=click.Path(),
-    help="One file, FILE.scxml, or a folder with a file for each rule. What is there under these names is replaced.",
+    help="Write to FILE.scxml, or to a folder with a file for each rule. Existing files of these names are replaced.",
 )
-@click.option("--seed", metavar="N", type=int, default=1, show_default=True, help="What chance begins with.")
+@click.option("--seed", metavar="N", type=int, default=1, show_default=True, help="Set the seed of all random choices.")
 @STRICT
 def to_scxml(folder: str, names: tuple[str, ...], output: str | None, seed: int, strict: bool) -> None:
-    """Write the rules of the scenario in DIR as SCXML, each as a document of its own.
+    """Write the rules of the scenario in DIR as SCXML, one document per rule.
 
-    One document goes to standard output without -o. First it says, rule by rule, what a document does not have; a rule
-    that SCXML cannot say is refused, and then nothing is written.
+    Without -o, one document goes to standard output. It first lists, rule by rule, what a document leaves out. If SCXML
+    cannot express a rule, nothing is written.
 
     Exit status: 0; 1 nothing was written: the scenario has errors, a rule is refused, or --strict and something is
     lost; 2 there is no such folder or rule, or -o is missing or cannot be used; 74 it cannot be written.
@@ -119,20 +118,24 @@ def _file_names(rules: list[Rule]) -> list[str]:
 
 @click.command("from-scxml")
 @click.argument("file", metavar="FILE.scxml", type=click.Path())
-@click.option("--into", metavar="DIR", required=True, type=click.Path(), help="A study, or a new or empty folder.")
-@click.option("--name", metavar="RULE", default="", help="Of the rule. Default: the chart's name, or that of its file.")
+@click.option(
+    "--into", metavar="DIR", required=True, type=click.Path(), help="Write into this study, or a new or empty folder."
+)
+@click.option(
+    "--name", metavar="RULE", default="", help="Name the rule. Default: the chart's name, or that of its file."
+)
 @click.option(
     "--event",
     "events",
     metavar="EVENT",
     multiple=True,
-    help="An event from outside that the chart means by `*` or by a part of its name. Can be given several times.",
+    help="Name an event from outside that the chart means by `*` or by a part of its name. Repeatable.",
 )
 def from_scxml(file: str, into: str, name: str, events: tuple[str, ...]) -> None:
-    """Make rules of the statechart in FILE.scxml, in the study DIR: exactly what it means, or nothing.
+    """Make rules from the statechart in FILE.scxml, in the study DIR: exactly what it means, or nothing.
 
-    States within states, parallel states and histories are flattened. What rules cannot say exactly is refused with
-    its place and the reason, all of it at once, and then nothing is written.
+    States within states, parallel states and histories are flattened. Everything that rules cannot express exactly is
+    refused, with its place and the reason, and then nothing is written.
 
     Exit status: 0; 1 refused; 2 wrong usage, or no such file; 74 DIR cannot be written.
     """
@@ -172,7 +175,7 @@ def _write_new(folder: Path, made: MadeRules, title: str, text: str) -> Path:
     _refuse_errors(load(folder, held=held).errors)
     try:
         write_new_folder(folder, files)
-    except StudyCopyError as error:
+    except StudyError as error:
         raise Refused(f"{error}; nothing was written") from None
     except OSError as error:
         raise not_written(folder, error) from None
@@ -209,12 +212,8 @@ def _write_into(folder: Path, made: MadeRules, text: str) -> Path:
 
 def _write_whole(path: Path, text: str) -> None:
     """The whole file or nothing of it. Ends the command when it cannot be written."""
-    part = path.with_name(f".{path.name}.part")
     try:
         path.parent.mkdir(parents=True, exist_ok=True)
-        part.write_text(text, "utf-8", newline="\n")
-        os.replace(part, path)  # noqa: PTH105  # an earlier one may be there
+        write_whole(path, text.encode(), beside=path.with_name(f".{path.name}.part"), private=False)
     except OSError as error:
-        with suppress(OSError):
-            part.unlink()
         raise not_written(path, error) from None

@@ -35,10 +35,10 @@ _KIND = click.argument("kind", type=click.Choice(get_args(NameKind)))
 @click.argument("name")
 @JSON
 def uses(folder: str, kind: NameKind, name: str, as_json: bool) -> int:
-    """Say where NAME stands in the scenario in DIR: where it is defined, then all that names it.
+    """Find where NAME is used in the scenario in DIR: first its definition, then everything that names it.
 
-    A state is written RULE/STATE, an action ACT/ID, an event with or without its slash. Exit status: 0; 1 when there is
-    no such name; 2 when there is no such folder.
+    A state is RULE/STATE, an action ACT/ID, an event has its slash or not. Exit status: 0; 1 if there is no such name;
+    2 if there is no such folder.
     """
     loaded = load(folder)
     found = loaded.uses.of(kind, normal_topic(name) if kind == "event" else name)
@@ -75,17 +75,18 @@ def uses(folder: str, kind: NameKind, name: str, as_json: bool) -> int:
 @DIFF
 @JSON
 def rename(folder: str, kind: NameKind, old: str, new: str, as_diff: bool, as_json: bool) -> None:
-    """Give an act, rule, state, event, memory key or action another name, everywhere in the study in DIR.
+    """Rename an act, rule, state, event, memory key or action everywhere in the study in DIR.
 
-    A state is RULE/STATE, an action ACT/ID; NEW is the new name alone. Comments that have the old name are listed and
-    stay. Nothing is written when the name is taken, or the study has errors. Exit status: 0; 1 refused; 2 wrong usage.
+    A state is RULE/STATE, an action ACT/ID; NEW is the new name alone. Comments with the old name are listed and stay
+    unchanged. Nothing is written if the name is taken, or the study has errors. Exit status: 0; 1 refused; 2 wrong
+    usage.
     """
     path = without_file(folder, SCENARIO_FILE)
     loaded = load(path)
     try:
         sound_scenario(loaded)
     except Refused as refused:
-        raise refused.with_hint("fix that first: a file with errors does not show where its names are") from None
+        raise refused.with_hint("fix these errors first: they hide where names are used") from None
     try:
         files = read_study_files(path)
         state = StudyState(files, loaded, path, read_study_above(path))
@@ -104,13 +105,13 @@ def rename(folder: str, kind: NameKind, old: str, new: str, as_diff: bool, as_js
 
 @click.command()
 @SCENARIO
-@click.option("--check", "check_only", is_flag=True, help="Write nothing; exit status 1 when a file would change.")
+@click.option("--check", "check_only", is_flag=True, help="Write nothing, and exit with 1 if a file would change.")
 @DIFF
 def fmt(folder: str, check_only: bool, as_diff: bool) -> int:
-    """Bring the files of the study in DIR into the usual layout: indentation, blanks, empty lines.
+    """Format the files of the study in DIR: indentation, blanks, empty lines.
 
-    Nothing that is read changes, and no comment goes. A file that cannot be read stays as it is, and is named. Exit
-    status: 0; 1 when a file could not be laid out, or with --check would change; 2 when there is no such folder.
+    The content stays the same, and so do comments. A file that cannot be read stays unchanged and is named. Exit
+    status: 0; 1 if a file could not be formatted, or would change with --check; 2 if there is no such folder.
     """
     path = without_file(folder, SCENARIO_FILE)
     files = read_study_files(path)

@@ -25,13 +25,13 @@ _LARGEST = 10_000_000
 @click.command()
 @SCENARIO
 @click.argument("edits", metavar="EDITS.json")
-@click.option("--dry-run", is_flag=True, help="Say what would change, and write nothing.")
+@click.option("--dry-run", is_flag=True, help="Show what would change, and write nothing.")
 @JSON
 def edit(folder: str, edits: str, dry_run: bool, as_json: bool) -> int:
     """Make the changes in EDITS.json in the study in DIR: all of them, or none. `-` reads them from standard input.
 
-    It is a list of edits (docs/reference/edits.md); each is made on what the ones before it have left. Nothing is
-    written when one cannot be made, or the study would have errors then.
+    EDITS.json is a list of edits (docs/reference/edits.md). Each edit works on the result of the ones before it.
+    Nothing is written if an edit cannot be made, or if the study would then have errors.
 
     Exit status: 0; 1 refused; 2 no such folder, or EDITS.json cannot be read.
     """

@@ -48,15 +48,18 @@ class _ExpressionCommand(click.Command):
 
 @click.command("eval", cls=_ExpressionCommand)
 @click.argument("expression", required=False)
-@click.option("--functions", is_flag=True, help="List the functions: what each takes and gives, with an example.")
+@click.option("--functions", is_flag=True, help="List the functions: what each takes and returns, with an example.")
 @click.option(
-    "--memory", metavar="JSON", default="{}", help="The memory: a JSON object, or the path of a memory.json (or @PATH)."
+    "--memory",
+    metavar="JSON",
+    default="{}",
+    help="Use this memory: a JSON object, or the path of a memory.json (or @PATH).",
 )
 @JSON
 def evaluate(expression: str | None, functions: bool, memory: str, as_json: bool) -> int:
     """Show the value of EXPRESSION, its type, and how it was read. It may begin with a minus: -2^2.
 
-    Exit status: 0; 1 when it is refused or cannot be evaluated; 2 when the memory cannot be read.
+    Exit status: 0; 1 if it is refused or cannot be evaluated; 2 if the memory cannot be read.
     """
     if functions:
         rows = [{**each._asdict(), "written": list(each.written)} for each in SIGNATURES]

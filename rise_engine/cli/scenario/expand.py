@@ -21,13 +21,13 @@ from rise_engine.scenario.xml import XmlFile
 @click.command()
 @SCENARIO
 @click.option(
-    "-o", "--output", "new", metavar="NEWDIR", help="Write a copy of the scenario there, in a new or empty folder."
+    "-o", "--output", "new", metavar="NEWDIR", help="Write a copy of the scenario into this new or empty folder."
 )
 def expand(folder: str, new: str | None) -> None:
-    """Print the acts and rules of the scenario in DIR without templates, as they would have been written by hand.
+    """Print the acts and rules of the scenario in DIR without templates, as if they were written by hand.
 
-    Standard error says what is in them that RISE itself does not know. Exit status: 0; 1 when the scenario has errors
-    or the copy cannot be written; 2 when there is no such folder.
+    Standard error lists what RISE itself does not know in them. Exit status: 0; 1 if the scenario has errors or the
+    copy cannot be written; 2 if there is no such folder.
     """
     scenario = sound_scenario(load(folder))
     files = expanded_files(scenario)

@@ -25,13 +25,13 @@ from rise_engine.author.explore.questions_of_use import NOT_RUNNING
 from rise_engine.author.explore.space import Space
 from rise_engine.author.explore.telling import tell_path
 from rise_engine.base.exit_status import NOT_WRITTEN, OK, REFUSED
+from rise_engine.base.files import error_message
 from rise_engine.base.text import pluralize
 from rise_engine.checks.kinds import KindFinding, MergedFinding, explore_kind, findings_of, load_for, merge
 from rise_engine.cli.options import FOLDER_OR_NONE, JSON, ROBOT, is_study, resolve_scenario
 from rise_engine.cli.scenario.loading import load_scenario
 from rise_engine.cli.terminal import Refused, exit_with_usage, print_lines, print_notes, write_json
 from rise_engine.scenario.model import Scenario
-from rise_engine.session.disk import error_message
 from rise_engine.study.review import review_study
 from rise_engine.study.session_kinds import SessionKind, session_kinds
 
@@ -44,29 +44,33 @@ _SECONDS_BETWEEN = 0.5
 @click.command("explore")
 @FOLDER_OR_NONE
 @ROBOT
-@click.option("--all-keys", is_flag=True, help="Press also the keys that start acts by hand.")
-@click.option("--faults", metavar="N", type=click.IntRange(0, 5), help="So many things go wrong on one way.")
-@click.option("--line", metavar="N", type=click.IntRange(0, 5), help="So many acts wait at most.")
-@click.option("--beside", metavar="N", type=click.IntRange(0, 5), help="So many acts run beside others at most.")
-@click.option("--pace", metavar="LEAST-MOST|any", help="Acts take so many times what is expected: 0.5-3.")
-@click.option("--no-stop", is_flag=True, help="Nobody stops everything.")
-@click.option("--no-lost", is_flag=True, help="The robot is never lost.")
-@click.option("--cores", metavar="N", type=click.IntRange(1, 64), help="So many processes. Default: all cores.")
-@click.option("--show", metavar="N|all", help="Show the way to finding N, step by step.")
-@click.option("--write", metavar="DIR", type=click.Path(file_okay=False), help="Write each way as a task file.")
-@click.option("--keys", "show_keys", is_flag=True, help="Show which key does something in which state.")
+@click.option("--all-keys", is_flag=True, help="Also press the keys that start acts by hand.")
+@click.option("--faults", metavar="N", type=click.IntRange(0, 5), help="Let at most N things go wrong on one path.")
+@click.option("--line", metavar="N", type=click.IntRange(0, 5), help="Let at most N acts wait.")
+@click.option("--beside", metavar="N", type=click.IntRange(0, 5), help="Let at most N acts run beside others.")
+@click.option(
+    "--pace", metavar="LEAST-MOST|any", help="Let acts take this many times their expected duration, as in 0.5-3."
+)
+@click.option("--no-stop", is_flag=True, help="Never stop everything.")
+@click.option("--no-lost", is_flag=True, help="Never lose the robot.")
+@click.option("--cores", metavar="N", type=click.IntRange(1, 64), help="Use N processes. Default: all cores.")
+@click.option("--show", metavar="N|all", help="Show the path to finding N, step by step.")
+@click.option(
+    "--write", metavar="DIR", type=click.Path(file_okay=False), help="Write the path to each finding as a task file."
+)
+@click.option("--keys", "show_keys", is_flag=True, help="Show which keys do something in which state.")
 @JSON
 def explore_command(folder: str | None, robot: str | None, **options: Any) -> int:
-    """Look at everything that can happen in the scenario or study in DIR, and say what can go wrong.
+    """Look at everything that can happen in the scenario or study in DIR, and report what can go wrong.
 
-    All keys are pressed in every situation, acts end, fail, or are cut off, time passes, the robot is lost and
-    everything is stopped, within the bounds that the output names. ctrl+c ends it with what was found so far.
+    It presses every key in every situation. Acts end, fail or are cut off, time passes, the robot is lost, and
+    everything is stopped, within the bounds that the output names. ctrl+c ends it and reports the findings so far.
 
-    Of a study, a folder with study.toml, every kind of session is explored, each condition in each language, and
-    played once without a robot. A finding is told once, with the kinds of session that have it.
+    For a study, a folder with study.toml, it explores every kind of session, each condition in each language, and plays
+    it once without a robot. It lists each finding once, with the kinds of session that have it.
 
-    Exit status: 0 no problem was found; 1 there are problems, or the scenario has errors; 2 wrong usage; 74 the ways
-    cannot be written.
+    Exit status: 0 no problems; 1 problems, or the scenario has errors; 2 wrong usage; 74 the task files cannot be
+    written.
     """
     if is_study(Path(folder or ".")):
         return _explore_study(folder or ".", robot, options)

@@ -71,20 +71,24 @@ def _drawn(scenario: Scenario, acts: Sequence[Act], rules: Sequence[Rule], forma
 @click.command()
 @SCENARIO
 @click.argument("name", required=False, default="")
-@click.option("--format", "format", type=click.Choice(FORMATS), default="text", help="Default: text.")
-@click.option("--act", is_flag=True, help="NAME is an act, where a rule is called so too. Without NAME: all acts.")
+@click.option(
+    "--format", "format", type=click.Choice(FORMATS), default="text", help="Choose the format. Default: text."
+)
+@click.option(
+    "--act", is_flag=True, help="Draw the act NAME, even if a rule has the same name. Without NAME: all acts."
+)
 @click.option(
     "--width",
     type=click.IntRange(LEAST_WIDTH, MOST_WIDTH),
     default=None,
-    help=f"Characters that text and SVG take at most. Default: the terminal's, or {WIDTH}.",
+    help=f"Limit text and SVG to this many characters. Default: the terminal's width, or {WIDTH}.",
 )
-@click.option("-o", "--output", metavar="FILE", help="Write it there, where it takes the place of an earlier one.")
+@click.option("-o", "--output", metavar="FILE", help="Write the drawing to this file, and replace an earlier one.")
 def graph(folder: str, name: str, format: str, act: bool, width: int | None, output: str | None) -> None:
-    """Draw the rule or act NAME of the scenario in DIR, or all its rules: states, and what leads from one to another.
+    """Draw the rule or act NAME of the scenario in DIR, or all its rules, with states and transitions.
 
-    SVG goes into a paper or a browser, Mermaid into a page that draws it. The same scenario gives the same bytes.
-    Exit status: 0; 1 when the scenario has errors or the file cannot be written; 2 when there is no such rule or act.
+    SVG is for papers and browsers, Mermaid for pages that draw it. The same scenario gives the same bytes. Exit status:
+    0; 1 if the scenario has errors or the file cannot be written; 2 if there is no such rule or act.
     """
     scenario = sound_scenario(load(folder))
     if width is None:

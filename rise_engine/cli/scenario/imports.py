@@ -7,14 +7,13 @@ from shlex import quote
 
 import click
 
-from rise_engine.base.errors import ExchangeError
+from rise_engine.base.errors import ExchangeError, StudyError
 from rise_engine.cli.terminal import Refused, exit_with_usage, not_written, print_lines, reason_of
 from rise_engine.imports.woz4u_file import read_woz4u
 from rise_engine.imports.woz4u_study import ImportedStudy, make_study
 from rise_engine.scenario.diagnostics import Diagnostics
 from rise_engine.scenario.loader import load
 from rise_engine.scenario.new_study import write_new_folder
-from rise_engine.scenario.shipped_studies import StudyCopyError
 from rise_engine.scenario.study_paths import why_not_read
 
 _LARGEST = 10_000_000
@@ -22,20 +21,22 @@ _LARGEST = 10_000_000
 
 @click.group("import")
 def import_group() -> None:
-    """Make a scenario of what another tool has."""
+    """Make a scenario from another tool's files."""
 
 
 @import_group.command("woz4u")
 @click.argument("file", metavar="FILE.yaml", type=click.Path())
-@click.option("-o", "--output", metavar="DIR", required=True, type=click.Path(), help="A new or empty folder.")
-@click.option("--title", metavar="TEXT", help="Of the study. Default: the name of FILE.")
+@click.option(
+    "-o", "--output", metavar="DIR", required=True, type=click.Path(), help="Write into this new or empty folder."
+)
+@click.option("--title", metavar="TEXT", help="Set the study's title. Default: the name of FILE.")
 def woz4u(file: str, output: str, title: str | None) -> None:
-    """Make a scenario in DIR of a configuration of WoZ4U: an act for each button, with a key.
+    """Make a scenario in DIR from a WoZ4U configuration: an act for each button, with a key.
 
-    It says which key each button has now, and what could not be taken over; README.md in DIR says it, too.
+    It lists the key of each button, and what it could not take over. README.md in DIR lists them, too.
 
-    Exit status: 0; 1 the configuration has errors, nothing was made; 2 wrong usage, or no such file; 74 DIR cannot be
-    written.
+    Exit status: 0; 1 the configuration has errors, and nothing was made; 2 wrong usage, or no such file; 74 DIR cannot
+    be written.
     """
     path, folder = Path(file), Path(output)
     if folder.exists() and (not folder.is_dir() or any(folder.iterdir())):
@@ -84,7 +85,7 @@ def _write(folder: Path, study: ImportedStudy) -> None:
     """The whole folder or nothing. Ends the program when it cannot be written."""
     try:
         write_new_folder(folder, study.files)
-    except StudyCopyError as error:
+    except StudyError as error:
         raise Refused(f"{error}; nothing was written") from None
     except OSError as error:
         raise not_written(folder, error) from None

@@ -12,11 +12,11 @@ from rise_engine.cli.terminal import Refused, refusing
 
 
 @click.command("lsp")
-@click.option("--stdio", is_flag=True, help="Speak over standard input and output, as always.")
+@click.option("--stdio", is_flag=True, help="Use standard input and output, as always.")
 def lsp(stdio: bool) -> None:
-    """Serve editors: findings while typing, completion, definitions, renaming.
+    """Serve editors: diagnostics while typing, completion, definitions, renaming.
 
-    An editor starts this and speaks the language server protocol with it, over standard input and output.
+    An editor starts this command and speaks the language server protocol with it, over standard input and output.
     """
     try:
         from rise_engine.author.lsp.server import make_server  # pygls is an extra, and takes half a second

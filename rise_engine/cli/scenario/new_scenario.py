@@ -9,6 +9,7 @@ from shlex import quote
 
 import click
 
+from rise_engine.base.errors import StudyError
 from rise_engine.base.exit_status import OK, REFUSED
 from rise_engine.base.nearest_name import did_you_mean
 from rise_engine.cli.options import FOLDER_OR_NONE
@@ -16,7 +17,7 @@ from rise_engine.cli.terminal import Refused, exit_with_usage, print_lines
 from rise_engine.scenario.loader import load
 from rise_engine.scenario.new_study import write_agents_file, write_blank_study
 from rise_engine.scenario.robot_profiles import robot_names
-from rise_engine.scenario.shipped_studies import StudyCopyError, copy_study, shipped_studies, study_lines, study_title
+from rise_engine.scenario.shipped_studies import copy_study, shipped_studies, study_lines, study_title
 
 BLANK = "blank"
 
@@ -24,16 +25,18 @@ BLANK = "blank"
 @click.command()
 @FOLDER_OR_NONE
 @click.option(
-    "--template", metavar="NAME", help="What it begins as: a study that comes with the program (--list), or `blank`."
+    "--template", metavar="NAME", help="Begin with a study that comes with the program (--list), or with `blank`."
 )
-@click.option("--from", "study", metavar="NAME", help="The same, for a study that comes with the program.")
-@click.option("--title", metavar="TEXT", default="", help="What a blank study calls itself. Default: as its folder.")
-@click.option("--robot", metavar="NAME", default="", help="The robot of a blank study. Default: generic, simulated.")
+@click.option("--from", "study", metavar="NAME", help="Begin with this study that comes with the program.")
+@click.option("--title", metavar="TEXT", default="", help="Set the title of a blank study. Default: its folder's name.")
+@click.option(
+    "--robot", metavar="NAME", default="", help="Set the robot of a blank study. Default: generic, simulated."
+)
 @click.option("--list", "listing", is_flag=True, help="List the studies that come with the program.")
 def new(folder: str | None, template: str | None, study: str | None, title: str, robot: str, listing: bool) -> int:
-    """Make a study of your own in DIR, a new or empty folder. In a terminal it asks for what was not said.
+    """Make a study of your own in DIR, a new or empty folder. In a terminal, it asks for what is missing.
 
-    Exit status: 0; 1 when it could not be made; 2 wrong usage.
+    Exit status: 0; 1 if it could not be made; 2 wrong usage.
     """
     if listing:
         lines = study_lines()
@@ -74,7 +77,7 @@ def _copy(folder: str, study: str) -> None:
     try:
         number = copy_study(study, Path(folder))
         write_agents_file(Path(folder))
-    except StudyCopyError as why:
+    except StudyError as why:
         hints = () if study in shipped_studies() else (f"  {line}" for line in study_lines())
         raise Refused(str(why), hints=hints) from None
     print_lines(

@@ -23,12 +23,14 @@ from rise_engine.scenario.robot_profiles import DEFAULT_ROBOT, find_profile, rob
 
 @click.command()
 @SCENARIO_OR_NONE
-@click.option("--kind", type=click.Choice(["cra", "rules", "bml"]), required=True, help="Acts, rules, or BML 1.0.")
+@click.option(
+    "--kind", type=click.Choice(["cra", "rules", "bml"]), required=True, help="Choose acts (cra), rules, or BML 1.0."
+)
 @ROBOT
 def schema(folder: str | None, kind: str, robot: str | None) -> None:
     """Print the RELAX NG schema of act, rule or BML files, for an editor that completes and checks them.
 
-    With DIR, it knows the actions of that scenario and its robot too.
+    With DIR, it also knows the actions of that scenario and its robot.
     """
     if kind == "rules":
         text = rule_schema_text()
@@ -100,13 +102,13 @@ def _robot_lines(row: dict[str, Any]) -> list[str]:
     metavar="N",
     type=number("--seconds", "a number of seconds above 0, up to 600", 600, above=0),
     default="3",
-    help="How long to look for the robot at most. Default: 3.",
+    help="Look for the robot for at most N seconds. Default: 3.",
 )
 @JSON
 def doctor(folder: str | None, robot: str | None, ros: RosTransport, seconds: float, as_json: bool) -> int:
-    """Say how ROS 2 stands on this machine, and whether the robot answers: of the scenario in DIR, or --robot.
+    """Examine ROS 2 on this machine, and find out whether the robot of the scenario in DIR, or of --robot, answers.
 
-    Nothing is sent to the robot. Exit status: 0; 1 when something is in the way; 2 when there is no such robot.
+    Nothing is sent to the robot. Exit status: 0; 1 if there is a problem; 2 if there is no such robot.
     """
     profile: RobotProfile | None = None
     if robot is not None or folder is not None:

@@ -50,28 +50,30 @@ LANGUAGES = click.option(
     metavar="TAG",
     multiple=True,
     callback=_check_languages,
-    help="A language, also a new one: de, pt-BR. Repeatable. Default: all that there are.",
+    help="Choose a language, even a new one: de, pt-BR. Repeatable. Default: all languages.",
 )
 
 
 @click.group("texts")
 def texts() -> None:
-    """What a study says, as one table: for a spreadsheet, for translators, and back."""
+    """Export what a study says as one table, for spreadsheets and translators, and import it again."""
 
 
 @texts.command("export")
 @SCENARIO
 @click.option(
-    "-o", "--output", metavar="FILE", type=click.Path(), help="A new .csv, .xlsx or .po file. Default: CSV, printed."
+    "-o", "--output", metavar="FILE", type=click.Path(), help="Write a new .csv, .xlsx or .po file. Default: print CSV."
 )
 @LANGUAGES
-@click.option("--only", type=click.Choice(["missing", "stale"]), help="Texts of which a translation is.")
+@click.option(
+    "--only", type=click.Choice(["missing", "stale"]), help="Export only texts with a missing or stale translation."
+)
 @refusing(USAGE)
 def export(folder: str, output: str | None, languages: tuple[str, ...], only: Only | None) -> None:
-    """Write every text of the scenario in DIR as one table, a row for each, with its translations.
+    """Write every text of the scenario in DIR as one table, one row per text, with its translations.
 
-    For Excel take .xlsx: there every cell is a text. .po is for one language, for the tools of gettext. What is changed
-    in the table, `texts import` takes back. Nothing is ever written over.
+    For Excel, choose .xlsx, where every cell is a text. A .po file has one language, for the tools of gettext. `texts
+    import` reads the changed table. Existing files are never overwritten.
 
     Exit status: 0; 1 the scenario has errors; 2 wrong usage; 74 the file cannot be written.
     """
@@ -94,13 +96,13 @@ def export(folder: str, output: str | None, languages: tuple[str, ...], only: On
 @SCENARIO
 @click.argument("file", metavar="FILE", type=click.Path())
 @LANGUAGES
-@click.option("--dry-run", is_flag=True, help="Say what would change, and change nothing.")
-@click.option("--new", is_flag=True, help="Rows without an id become acts, called as their cell `act` says.")
+@click.option("--dry-run", is_flag=True, help="Show what would change, and write nothing.")
+@click.option("--new", is_flag=True, help="Make an act of each row without an id, named by its cell `act`.")
 def import_(folder: str, file: str, languages: tuple[str, ...], dry_run: bool, new: bool) -> int:
-    """Take back what was changed in a table that `texts export` made from the scenario in DIR: texts and translations.
+    """Import the changes of a table that `texts export` made from the scenario in DIR: texts and translations.
 
-    Rows are found by their id; their order, and what else stands in the table, does not matter. A row whose text was
-    changed in the study meanwhile is refused by itself, and all others are taken.
+    Rows are found by their id. Their order and other columns do not matter. If a row's text has since changed in the
+    study, that row is refused, and all others are imported.
 
     Exit status: 0; 1 something was refused, or the study would have errors; 2 wrong usage, or no such table.
     """
@@ -150,9 +152,9 @@ def _apply(workspace: Workspace, found: TextImport, *, dry_run: bool) -> str:
 @SCENARIO
 @LANGUAGES
 def check(folder: str, languages: tuple[str, ...]) -> int:
-    """Say which texts of the scenario in DIR are not translated, and of which the original has changed since.
+    """Report which texts of the scenario in DIR are not translated, and which have changed since their translation.
 
-    Exit status: 0 everything is translated; 1 something is not, or is of an earlier text; 2 wrong usage.
+    Exit status: 0 everything is translated; 1 a translation is missing or older than its text; 2 wrong usage.
     """
     loaded = _load(folder)
     known = {tag.lower(): found for tag, found in loaded.translations.items()}

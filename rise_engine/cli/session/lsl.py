@@ -29,24 +29,25 @@ OUTLET = "lsl"
     type=click.Choice(["machine", "link", "site"]),
     default="machine",
     show_default=True,
-    help="Who can see the stream: this computer, its network segment, or the whole network.",
+    help="Choose who can see the stream: this computer, its network segment, or the whole network.",
 )
 @click.option(
     "--payload",
     type=click.Choice(["short", "json"]),
     default="short",
     show_default=True,
-    help="short: names of the scenario, as act/R_Nod/robot. json: whole records, with all that is said.",
+    help="Choose what a marker has. short: names of the scenario, as act/R_Nod/robot. json: whole "
+    "records, with everything that is said.",
 )
 def lsl(session: str, scope: Literal["machine", "link", "site"], payload: Literal["short", "json"]) -> int:
     """Send the markers of the running SESSION to the Lab Streaming Layer, until it ends.
 
-    SESSION is its name (rise-engine sessions), or the path of its socket. It is only watched: whatever happens here,
-    the session goes on. A stamp is the time at which something happened, however late it is sent. Markers wait until
-    a program receives the stream.
+    SESSION is its name (rise-engine sessions), or the path of its socket. This command only watches, so the session
+    goes on whatever happens here. A stamp is the time at which something happened, however late it is sent. Markers
+    wait until a program receives the stream.
 
-    Exit status: 0 when the session has ended; 1 there is no such session; 2 wrong usage, or no stream can be made; 70
-    the engine went without an end; 130 interrupted.
+    Exit status: 0 the session has ended; 1 there is no such session; 2 wrong usage, or no stream can be made; 70 the
+    engine went without an end; 130 interrupted.
     """
     socket = session if "/" in session else str(socket_path(find_running(session)))
     if not Path(socket).exists():

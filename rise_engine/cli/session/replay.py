@@ -24,24 +24,26 @@ from rise_engine.study.labels import refuse_relabelled
 
 @click.command("replay")
 @SESSION
-@click.option("--scenario", metavar="DIR", type=click.Path(), help="Another scenario than the session's own copy.")
+@click.option(
+    "--scenario", metavar="DIR", type=click.Path(), help="Use this scenario instead of the session's own copy."
+)
 @JSON
 @click.option(
     "--speed",
     metavar="N",
     type=number("--speed", "a number above 0, up to 1000", 1000, above=0),
-    help="Play it in real time, N times as fast, into a console.",
+    help="Play it into a console, N times as fast.",
 )
 @refusing(USAGE)
 def replay_session(session: Path, scenario: str | None, as_json: bool, speed: float | None) -> int:
-    """Feed the inputs of SESSION to a fresh engine, and compare what comes out with what was recorded.
+    """Feed the inputs of SESSION to a new engine, and compare the result with the record.
 
     SESSION is a session's folder, or its name in the sessions folder ($RISE_SESSIONS, or ~/rise-sessions).
 
-    With --speed it is not compared but played: into a console (rise-tui --replay), or as a readable account where
-    standard output is no terminal.
+    With --speed, it plays the session instead: into a console (rise-tui --replay), or as readable text if standard
+    output is not a terminal.
 
-    Exit status: 0 identical; 1 different; 2 when it cannot be read.
+    Exit status: 0 identical; 1 different; 2 if it cannot be read.
     """
     if speed is not None:
         if scenario is not None or as_json:

@@ -40,21 +40,23 @@ _UNTIL = number(
 @click.command()
 @FOLDER_OR_NONE
 @options(*STUDY_OPTIONS, *BEGIN_OPTIONS)
-@click.option("--tasks", metavar="FILE|-", help="Tasks, one JSON object per line; - is standard input.")
-@click.option("--speed", metavar="N|max", type=_SPEED, default="1", help="How many times faster; max: virtual time.")
+@click.option("--tasks", metavar="FILE|-", help="Read tasks, one JSON object per line. -: from standard input.")
+@click.option("--speed", metavar="N|max", type=_SPEED, default="1", help="Run N times as fast. max: in virtual time.")
 @click.option(
     "--until",
     metavar="idle|SECONDS",
     type=_UNTIL,
     default="idle",
-    help="When to end; idle: when nothing happens by itself any more.",
+    help="End after SECONDS. idle: when nothing more happens by itself.",
 )
 @click.option(
-    "--seed", type=click.IntRange(min=0), help="For everything picked at random. Default: 0; with --study, the plan's."
+    "--seed",
+    type=click.IntRange(min=0),
+    help="Set the seed of all random choices. Default: 0; with --study, the plan's.",
 )
 @options(*SESSION_OPTIONS, FAULTS)
 @click.option("--json", "as_json", is_flag=True, help="Print the records, one JSON object per line.")
-@click.option("--strict", is_flag=True, help="Exit with 3 when a task was rejected or aborted.")
+@click.option("--strict", is_flag=True, help="Exit with 3 if a task was rejected or aborted.")
 @refusing(USAGE, of=RobotOptionsError)
 def run(
     folder: str | None,
@@ -72,17 +74,17 @@ def run(
 ) -> int:
     """Run the scenario in DIR without a screen.
 
-    First every --set, then every --rule, every --act, and the tasks by their time.
+    Each --set comes first, then each --rule, each --act, and the tasks at their times.
 
-    With --study, the session that the participant would have now, in debug mode: it takes no slot and keeps nothing.
+    With --study, it runs the participant's next session in debug mode. This session takes no slot and is not kept.
 
     \b
-    What --fault understands (simulated robot only; @N: only the N-th of that action):
+    Values of --fault (simulated robot only; @N: only the N-th of that action):
       Speech=reject  Speech=fail  Speech=fail@2  LookAt=slow:3  Speech=hang
       vanish@12.5    vanish@12.5-20
 
-    Exit status: 0; 1 scenario refused; 2 wrong usage; 3 with --strict, a task was rejected or aborted; 4 it would never
-    have ended; 130 interrupted.
+    Exit status: 0; 1 scenario refused; 2 wrong usage; 3 with --strict, a task was rejected or aborted; 4 the session
+    would never end; 130 interrupted.
     """
     virtual = speed is None
     if virtual and session["ros"] in ("rclpy", "dds"):

@@ -41,20 +41,22 @@ from rise_engine.run.server.spawn import EngineRefused, EngineStarted, StartOutc
 @click.command()
 @FOLDER_OR_NONE
 @options(*STUDY_OPTIONS)
-@click.option("--pilot", is_flag=True, help="With --study: with a participant, and it does not count.")
-@click.option("--training", is_flag=True, help="With --study: without a participant, to practise; it does not count.")
+@click.option("--pilot", is_flag=True, help="With --study: run a pilot session, which does not count.")
+@click.option(
+    "--training", is_flag=True, help="With --study: practise without a participant. The session does not count."
+)
 @click.option(
     "--record/--no-record",
     "record",
     default=None,
-    help="With --study: whether its recorders run. Usually those of sessions that count and of pilots.",
+    help="With --study: run its recorders, or not. Default: in sessions that count and in pilots.",
 )
 @options(*CHECK_OPTIONS)
-@click.option("--wizard", metavar="NAME", default="", help="Who begins it; stands in the session's folder.")
-@click.option("--name", metavar="NAME", help="Of the session's socket; without it, made from DIR.")
+@click.option("--wizard", metavar="NAME", default="", help="Record the session with this wizard's name.")
+@click.option("--name", metavar="NAME", help="Name the session's socket. Default: made from DIR.")
 @options(*BEGIN_OPTIONS)
 @RECOVER
-@click.option("--session", "which", metavar="SESSION", help="Go on with this session.")
+@click.option("--session", "which", metavar="SESSION", help="Continue this session.")
 @HERE
 @NEW
 @click.option(
@@ -62,11 +64,13 @@ from rise_engine.run.server.spawn import EngineRefused, EngineStarted, StartOutc
     metavar="N",
     type=number("--speed", "a number above 0, up to 1000000", 1e6, above=0),
     default="1",
-    help="How many times faster.",
+    help="Run N times as fast.",
 )
 @SEED
 @options(*SESSION_OPTIONS, FAULTS)
-@click.option("--tasks", metavar="FILE", help="In debug mode: what is done when, one JSON object per line.")
+@click.option(
+    "--tasks", metavar="FILE", help="In debug mode: carry out these tasks at their times, one JSON object per line."
+)
 @PLACES
 def serve(
     folder: str | None,
@@ -92,16 +96,16 @@ def serve(
 ) -> int:
     """Run a session of the scenario in DIR, for consoles to attach to (`rise-tui`). It needs no terminal.
 
-    With --study STUDY --participant P07 it is the next session of that participant: the plan gives scenario, condition,
-    memory and seed, and the study's log gets what becomes of it.
+    With --study STUDY --participant P07, it is that participant's next session. The plan sets the scenario, condition,
+    memory values and seed, and the study's log keeps the outcome.
 
-    It ends when a console ends it, with `rise-engine stop`, or by SIGTERM or SIGINT: first the robot stops.
+    It ends when a console ends it, with `rise-engine stop`, or by SIGTERM or SIGINT. The robot stops first.
 
     Exit status: 0; 1 scenario refused; 2 wrong usage; 3 a session of DIR is running already; 4 an earlier one did not
-    end: say --recover or --new; 5 it cannot be recovered; 70 the engine failed; 74 not everything could be recorded.
+    end: use --recover or --new; 5 it cannot be recovered; 70 the engine failed; 74 not everything could be recorded.
     """
     if (recover or which is not None) and new:
-        exit_with_usage("say either --recover or --new")
+        exit_with_usage("use either --recover or --new")
     if study is None:
         folder = named_scenario(folder, run_number, pilot, training, confirmed, skipped, record is not None)
     if here and not recover and which is None and not (new and study is not None):
@@ -148,9 +152,9 @@ def _refusal_lines(refused: EngineRefused, scenario_folder: str) -> list[str]:
     for folder, sentence in refused.others:
         lines += [f"  {sentence}", f"    {folder}"]
     if refused.code == UNFINISHED and not refused.unfinished:
-        lines.append("say --new to begin, or name theirs to go on with one (--participant, --condition)")
+        lines.append("use --new to begin, or name theirs to continue one (--participant, --condition)")
     elif refused.code == UNFINISHED:
-        lines.append("say --recover to go on with the latest, or --new")
+        lines.append("use --recover to continue the latest, or --new")
     elif refused.code == REFUSED:
         refused_folder = f"{scenario_folder} was refused: " if scenario_folder else ""
         lines.append(f"{refused_folder}nothing was started")

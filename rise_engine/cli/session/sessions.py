@@ -13,6 +13,7 @@ from msgspec import Struct
 from msgspec.structs import replace
 
 from rise_engine.base.errors import SessionError
+from rise_engine.base.files import is_locked
 from rise_engine.cli.options import JSON
 from rise_engine.cli.session.unfinished import unfinished_lines, unfinished_sessions
 from rise_engine.cli.terminal import exit_with_usage, print_lines, print_notes, show, table_lines, write_json
@@ -28,7 +29,6 @@ from rise_engine.session.folder import (
     read_info,
     sessions_folder,
 )
-from rise_engine.session.lock import is_journal_locked
 from rise_engine.study.labels import reassignment_of
 from rise_engine.study.sessions import SESSIONS, read_verdict
 from rise_engine.study.standing import when_text
@@ -38,15 +38,15 @@ from rise_engine.study.study_toml import is_study
 
 @click.command()
 @click.argument("where", metavar="[STUDY|DIR]", type=click.Path(), required=False)
-@click.option("--all", "everything", is_flag=True, help="Also those that have ended.")
+@click.option("--all", "everything", is_flag=True, help="Also list sessions that have ended.")
 @JSON
 def sessions(where: str | None, everything: bool, as_json: bool) -> None:
     """List the sessions that run on this machine, and those that did not end.
 
-    With STUDY, a scenario's DIR or a folder with sessions: every session that was recorded there, also those that have
-    ended, with participant, condition, outcome, length and mode. So with --all, for the folder where sessions lie.
+    With STUDY, a scenario's DIR or a folder of sessions, list every session that was recorded there, with participant,
+    condition, outcome, length and mode. With --all, do the same for the usual sessions folder.
 
-    Exit status: 0; 1 when they cannot be listed; 2 when there is no such folder.
+    Exit status: 0; 1 if they cannot be listed; 2 if there is no such folder.
     """
     if where is not None or everything:
         _print_recorded(where, as_json=as_json)
@@ -189,7 +189,7 @@ def _listed(folder: Path, info: SessionInfo, judged: tuple[str, str] | None) -> 
     status: Literal["running", "unfinished", "given-up", "ended"] = "unfinished"
     if has_ended(folder):
         status = "ended"
-    elif is_journal_locked(folder / JOURNAL):
+    elif is_locked(folder / JOURNAL):
         status = "running"
     elif is_abandoned(folder):
         status = "given-up"

@@ -13,6 +13,7 @@ import click
 
 from rise_engine.base.errors import SessionError
 from rise_engine.base.exit_status import FAILED
+from rise_engine.base.files import is_locked
 from rise_engine.cli.terminal import Refused, print_lines, print_notes
 from rise_engine.run.client.socket import SocketClient
 from rise_engine.run.protocol.client import Reply
@@ -20,7 +21,6 @@ from rise_engine.run.protocol.registry import (
     RegistryError,
     ask_summary,
     find_running,
-    is_locked,
     lock_path,
     running_names,
     session_name,
@@ -38,9 +38,10 @@ END_SECONDS = 40.0
 @click.command()
 @click.argument("which", metavar="[NAME|DIR|SOCKET]", required=False)
 def stop(which: str | None) -> None:
-    """End a running session: the robot is stopped, the record is completed.
+    """End a running session: stop the robot and complete the record.
 
-    Without an argument, the only one that runs. Exit status: 0 it has ended; 1 there is no such session, or several.
+    Without an argument, end the only running session. Exit status: 0 it has ended; 1 there is no such session, or
+    several.
     """
     name = find_session_name(which)
     lock = lock_path(socket_path(name))
@@ -69,7 +70,7 @@ def _to_judge_lines(folder: Path) -> list[str]:
     if info.purpose != "counted" or read_verdict(folder).report is not None:
         return []
     command = f"rise-engine study outcome {shlex.quote(str(folder.parent.parent))} {info.participant}"
-    return ["nobody has said how it counts. To say it:", f"  {command} complete | aborted | excluded"]
+    return ["it has no outcome yet. To set it:", f"  {command} complete | aborted | excluded"]
 
 
 def find_session_name(which: str | None) -> str:
@@ -88,7 +89,7 @@ def find_session_name(which: str | None) -> str:
     names = running_names()
     if len(names) == 1:
         return names[0]
-    raise RegistryError(f"say which: {', '.join(names)}" if names else "no session is running")
+    raise RegistryError(f"choose one: {', '.join(names)}" if names else "no session is running")
 
 
 async def _take_over(name: str) -> Reply:
@@ -103,11 +104,12 @@ async def _take_over(name: str) -> Reply:
 @click.command("take-over")
 @click.argument("session", required=False, metavar="[SESSION|DIR]")
 def take_over(session: str | None) -> None:
-    """Let a running session go on with the files of its scenario as they are now. Without an argument, the only one.
+    """Continue a running session with the files of its scenario as they are now. Default: the only running session.
 
-    Only at a safe moment: no act runs or waits, nothing is stopped, and where the rules stand is there still. Otherwise
-    it says why not, and the session goes on as it was. It is recorded, and the files are kept with the session.
-    Exit status: 0 they are taken over; 1 they are not, or there is no such session.
+    This works only at a safe moment: no act runs or waits, nothing is stopped, and the files still have the states that
+    the rules are in. Otherwise it names the reason, and the session continues unchanged. The record notes the change,
+    and the session keeps a copy of the files. Exit status: 0 the session uses the files; 1 it does not, or there is no
+    such session.
     """
     name = find_session_name(session)
     reply = asyncio.run(_take_over(name))

@@ -105,7 +105,7 @@ def parse_level_names(text: str) -> list[str]:
     if len(names) < 2 or "" in names:
         raise ValueError("two levels or more, with commas between them: yes, no")
     if len(set(names)) < len(names):
-        raise ValueError("a level stands there twice")
+        raise ValueError("a level is there twice")
     return names
 
 
@@ -180,7 +180,7 @@ def parse_stratum(text: str, taken: Collection[str]) -> tuple[str, tuple[str, ..
     if kind := personal_column(column):
         raise ValueError(f"`{column}` seems to hold {kind}: {WHY}")
     if len(set(values)) < len(values) or any("/" in value or "=" in value for value in values):
-        raise ValueError("each value stands there once, without `/` and `=`")
+        raise ValueError("give each value once, without `/` and `=`")
     return column, values
 
 

@@ -160,9 +160,9 @@ def read_check_options(
     for id in options.confirmed:
         check = _find_check(study, id, when, "--confirm", problems)
         if check is not None and not is_answered_by_person(check):
-            problems.append(f"--confirm {id}: nobody is asked, the program looks by itself ({check_text(check)})")
+            problems.append(f"--confirm {id}: the program checks this itself ({check_text(check)})")
         if id in reasons:
-            problems.append(f"{id} is both confirmed and skipped: say one of them")
+            problems.append(f"{id} is both confirmed and skipped: use one of them")
     if problems:
         raise Refused(*problems)
     return ChosenChecks(frozenset(options.confirmed), reasons)
@@ -204,8 +204,8 @@ class _Gathering:
         confirm = " ".join(f"--confirm {id}" for id in self._to_confirm)
         skip = " ".join(f"--skip-check {id}=REASON" for id in self._to_skip)
         return [
-            *([f"when it is so, say {confirm}"] if confirm else []),
-            *([f"what cannot be mended now is left out with {skip}"] if skip else []),
+            *([f"when it is true, use {confirm}"] if confirm else []),
+            *([f"to skip what you cannot fix now, use {skip}"] if skip else []),
         ]
 
     def gather(self, pending: PendingCheck) -> CheckReport | None:

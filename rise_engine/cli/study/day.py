@@ -31,9 +31,9 @@ _log_errors = refusing(NOT_WRITTEN, of=StudyLogError)
 @JSON
 @_log_errors
 def status(study: Path, as_json: bool) -> None:
-    """Say how STUDY (this folder, if none is given) stands: participants, cells, who is next, what somebody must do.
+    """Show the state of STUDY (default: this folder): participants, cells, who is next, and what is left to do.
 
-    Nothing is written. Exit status: 0; 1 when a file of the study has errors.
+    It writes nothing. Exit status: 0; 1 if a file of the study has errors.
     """
     state = read_state(study.absolute())
     show(status_lines(state), status_json(state), as_json=as_json)
@@ -44,9 +44,9 @@ def status(study: Path, as_json: bool) -> None:
 @JSON
 @_log_errors
 def next_participant(study: Path, as_json: bool) -> int:
-    """Say who of STUDY (this folder, if none is given) is next, and with which command their session begins.
+    """Show who is next in STUDY (default: this folder), and the command that begins their session.
 
-    Exit status: 0; 1 when nobody can begin, or a file of the study has errors.
+    Exit status: 0; 1 if nobody can begin, or a file of the study has errors.
     """
     state = read_state(study.absolute())
     show(next_lines(state), next_json(state), as_json=as_json)
@@ -59,9 +59,9 @@ def next_participant(study: Path, as_json: bool) -> int:
 @click.argument("reason")
 @_log_errors
 def exclude(study: Path, participant: str, reason: str) -> None:
-    """Exclude PARTICIPANT: they do not count, and their row of the plan goes to the next of their stratum.
+    """Exclude PARTICIPANT: they do not count, and the next of their stratum gets their row of the plan.
 
-    Exit status: 0; 1 when that cannot be; 74 when it cannot be written.
+    Exit status: 0; 1 if this is not possible; 74 if it cannot be written.
     """
     with OpenStudy(study.absolute()) as open:
         slot = exclude_participant(open, participant, reason)
@@ -72,13 +72,14 @@ def exclude(study: Path, participant: str, reason: str) -> None:
 @STUDY
 @click.argument("session", metavar="SESSION")
 @click.argument("participant")
-@click.option("--reason", metavar="TEXT", default="", help="Why; needed.")
+@click.option("--reason", metavar="TEXT", default="", help="Give the reason; required.")
 @_log_errors
 def reassign(study: Path, session: str, participant: str, reason: str) -> None:
-    """Give SESSION (its folder's name), which was run under the wrong participant, to PARTICIPANT, who heard it.
+    """Give SESSION (its folder's name), which ran under the wrong participant, to PARTICIPANT, who took part in it.
 
-    Its row of the plan goes with it, if nobody has done anything else in it. Its own record stays as it is; study.jsonl
-    says whose it is, and everything else follows. Exit status: 0; 1 when that cannot be; 74 when it cannot be written.
+    Its row of the plan moves with it, unless something else was done in that row. Its own record stays unchanged:
+    study.jsonl names the right participant, and everything else follows. Exit status: 0; 1 if this is not possible; 74
+    if it cannot be written.
     """
     name = Path(session).name
     with OpenStudy(study.absolute()) as open:
@@ -91,9 +92,12 @@ def reassign(study: Path, session: str, participant: str, reason: str) -> None:
 @STUDY
 @click.argument("participant")
 @click.argument("status", type=click.Choice(["complete", "aborted", "excluded"]))
-@click.option("--reason", metavar="TEXT", default="", help="Why; needed for aborted and excluded.")
+@click.option("--reason", metavar="TEXT", default="", help="Give the reason; required for aborted and excluded.")
 @click.option(
-    "--session", metavar="FOLDER", default="", help="Another session than the one without outcome or the last."
+    "--session",
+    metavar="FOLDER",
+    default="",
+    help="Choose another session than the one without an outcome or the last.",
 )
 @HERE
 @options(*CHECK_OPTIONS)
@@ -108,11 +112,11 @@ def outcome(
     confirmed: tuple[str, ...],
     skipped: tuple[str, ...],
 ) -> None:
-    """Say how a session of PARTICIPANT counts that ended without outcome, or did not end because its engine has gone.
+    """Record how a session of PARTICIPANT counts that ended without an outcome, or whose engine has gone.
 
-    With a reason, also how their last session counts that was judged wrongly. Then the study's checks after a session
-    are made; with --confirm or --skip-check also those of one that counts so already. Exit status: 0; 1 when that
-    cannot be; 74 when it cannot be written.
+    With --reason, it also corrects the outcome of their last session. Then it makes the study's checks after a session.
+    With --confirm or --skip-check, it also makes those of a session that counts like this already. Exit status: 0; 1 if
+    this is not possible; 74 if it cannot be written.
     """
     folder, checks = study.absolute(), CheckOptions(confirmed, skipped)
     read_check_options(read_state(folder).study, "counted", checks, "after")

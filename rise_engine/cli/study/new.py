@@ -42,46 +42,63 @@ _Answer = TypeVar("_Answer")
 
 @click.command()
 @click.argument("folder", metavar="STUDY", type=click.Path())
-@click.option("--title", metavar="TEXT", help="What the study is called.")
-@click.option("--id", metavar="WORD", help="Its short name: letters and digits.")
-@click.option("--scenario", metavar="NAME|DIR", help="The scenario that is copied: a shipped one, or a path.")
-@click.option("--n", metavar="N", help="Complete participants that are wanted.")
+@click.option("--title", metavar="TEXT", help="Set the title of the study.")
+@click.option("--id", metavar="WORD", help="Set its short name, of letters and digits.")
+@click.option("--scenario", metavar="NAME|DIR", help="Copy this scenario: a shipped one, or a path.")
+@click.option("--n", metavar="N", help="Set the number of complete participants that you want.")
 @MODE
 @ROBOT
-@click.option("--seed", type=click.IntRange(0, MAX_SEED), metavar="N", help="Of the plan. Without: drawn.")
-@click.option("--factor", "factors", metavar="NAME=KIND", multiple=True, help="noise=between, or within. Repeatable.")
+@click.option("--seed", type=click.IntRange(0, MAX_SEED), metavar="N", help="Set the seed of the plan. Default: drawn.")
+@click.option(
+    "--factor",
+    "factors",
+    metavar="NAME=KIND",
+    multiple=True,
+    help="Add a factor, as in noise=between or noise=within. Repeatable.",
+)
 @click.option(
     "--level",
     "levels",
     metavar="FACTOR.LEVEL=SETS",
     multiple=True,
-    help="'noise.loud=noise = true', or 'noise.loud=scenario DIR'. Repeatable.",
+    help="Add a level, as in 'noise.loud=noise = true' or 'noise.loud=scenario DIR'. Repeatable.",
 )
-@click.option("--label-only", metavar="FACTOR", multiple=True, help="What differs in it is done by people. Repeatable.")
-@click.option("--stratum", "strata", metavar="NAME=A,B", multiple=True, help="language=de,en. Repeatable.")
-@click.option("--consent", metavar="A,B", help="What must be consented to; - for nothing. Default: study.")
-@click.option("--auto", "automatic", metavar="A,B", help=f"Automatic checks; - for none. Default: {_USUAL_CHECKS}.")
-@click.option("--ask", "asked", metavar="SENTENCE", multiple=True, help="To be confirmed before a session. Repeatable.")
+@click.option(
+    "--label-only",
+    metavar="FACTOR",
+    multiple=True,
+    help="Let people carry out what differs in this factor. Repeatable.",
+)
+@click.option(
+    "--stratum", "strata", metavar="NAME=A,B", multiple=True, help="Add a stratum, as in language=de,en. Repeatable."
+)
+@click.option("--consent", metavar="A,B", help="Require consent to these; - for none. Default: study.")
+@click.option(
+    "--auto", "automatic", metavar="A,B", help=f"Make these automatic checks; - for none. Default: {_USUAL_CHECKS}."
+)
+@click.option(
+    "--ask", "asked", metavar="SENTENCE", multiple=True, help="Ask for this confirmation before a session. Repeatable."
+)
 @click.option(
     "--ask-after",
     "asked_after",
     metavar="SENTENCE",
     multiple=True,
-    help="The same after it; - for nothing. Repeatable.",
+    help="Ask for this confirmation after a session; - for none. Repeatable.",
 )
-@click.option("--hidden", is_flag=True, help="Screens show the condition only when the session begins.")
-@click.option("--yes", is_flag=True, help="Ask nothing: what no option says is as usual.")
+@click.option("--hidden", is_flag=True, help="Show the condition on screens only when the session begins.")
+@click.option("--yes", is_flag=True, help="Ask nothing, and use the defaults.")
 def new(folder: str, **given: Any) -> int:
-    """Make a study in the new or empty folder STUDY: asks what it is about, and writes study.toml with comments.
+    """Make a study in the new or empty folder STUDY: ask what it is about, and write study.toml with comments.
 
-    Exit status: 0; 1 when it could not be made; 2 wrong usage; 130 when it was broken off. Nothing is left half made.
+    Exit status: 0; 1 if it could not be made; 2 wrong usage; 130 if you broke it off. Nothing is left half made.
     """
     path = Path(folder)
     if problem := folder_problem(path):
         raise Refused(problem)
     if not given["yes"] and not (sys.stdin is not None and sys.stdin.isatty()):
         exit_with_usage(
-            "nobody can be asked, because standard input is no terminal; say --yes, and options for the rest"
+            "standard input is not a terminal, so no questions can be asked; use --yes, and options for the rest"
         )
     try:
         made = _Conversation(path, given).ask_all()
@@ -102,7 +119,7 @@ def new(folder: str, **given: Any) -> int:
     where = quote(folder)
     print_lines(
         "",
-        f"{folder} is there{', with errors that are to be mended in it' * bool(errors)}.",
+        f"{folder} is there{', with errors that you must fix in it' * bool(errors)}.",
         *(f"{copy_sentence(str(path / name), str(source))}." for name, source in made.sources.items()),
         "What is next:",
         "  1. Write a line for each participant into participants.csv; study.toml says",
@@ -162,7 +179,7 @@ class _Conversation:
     def ask_all(self) -> NewStudy | None:
         """Everything about the study; None: it is not to be written."""
         self.say(
-            f"A new study in {self.folder}. Enter takes what stands in [brackets]; ctrl+c ends, and nothing is "
+            f"A new study in {self.folder}. Enter takes the value in [brackets]; ctrl+c ends, and nothing is "
             "written before you have said so at the end. Everything can be changed in study.toml later."
         )
         given, usual = self.given, self.folder.resolve().name
@@ -356,7 +373,7 @@ class _Conversation:
                 with _meaning(f"{option} {sentence}"):
                     add(answers.parse_text(sentence), after=option == "--ask-after")
         if self.asks and not self.given["asked"]:
-            self.say("What is somebody to look at, and to confirm? A sentence: The lamp behind the robot is on")
+            self.say("What should people look at and confirm? A sentence: The lamp behind the robot is on")
             question = "Before each session (Enter: no more)"
             for sentence in self.answers(question, question, answers.parse_text):
                 add(sentence)

@@ -29,7 +29,7 @@ from rise_engine.study.study_log import StudyLogError, read_log
 from rise_engine.study.study_toml import STUDY_FILE, load_study
 
 _PROBLEMS = (
-    "nothing is planned as long as sessions have problems. Correct them, or say why the plan is made all the same: "
+    "nothing is planned as long as sessions have problems. Correct them, or give a reason for making the plan anyway: "
     "rise-engine study plan --anyway REASON"
 )
 
@@ -60,17 +60,19 @@ def look_lines(look: StudyLook | None) -> Iterator[str]:
 
 @click.command()
 @STUDY_OR_HERE
-@click.option("--sessions", is_flag=True, help="Prove every session: replay it, and compare what is said of it.")
+@click.option(
+    "--sessions", is_flag=True, help="Prove every session: replay it, and compare its entries with the result."
+)
 @JSON
 def check(study: Path, sessions: bool, as_json: bool) -> int:
-    """Say everything that is wrong with the study in the folder STUDY (this one, if none is given).
+    """Report everything that is wrong with the study in the folder STUDY (default: this folder).
 
-    study.toml, participants.csv, plan.csv, every scenario, and whether the plan is still the one that was made; also
-    whether session.toml and study.jsonl say of each session what its journal says. Without errors, every kind of
-    session, each condition in each language, is explored and played for a few seconds; what came of it is kept.
+    It checks study.toml, participants.csv, plan.csv and every scenario. It compares the plan with the one that was
+    made, and session.toml and study.jsonl with each session's journal. Without errors, it explores and plays every kind
+    of session, each condition in each language, for a few seconds, and keeps the result.
 
-    Exit status: 0 without errors (warnings may be there), 1 with errors, with a problem in some kind of session, or
-    with a session that is not proved, 2 when there is no study.
+    Exit status: 0 no errors (there may be warnings); 1 errors, a problem in some kind of session, or a session that is
+    not proved; 2 there is no study.
     """
     review = review_study(study)
     errors = len(review.errors)
@@ -93,7 +95,7 @@ def check(study: Path, sessions: bool, as_json: bool) -> int:
         return OK if not errors and not problems and all(each.proved for each in shown) else REFUSED
     print_lines(*review.diagnostics)
     for name in review.left_out:
-        print_lines(f"{name} was not looked at: {STUDY_FILE} says what stands in it, and has errors there")
+        print_lines(f"{name} was not checked: {STUDY_FILE} describes it, and has errors")
     found = f"{pluralize(errors, 'error')}, {pluralize(warnings, 'warning')}" if review.diagnostics else "no findings"
     print_lines(f"{found}{f' ({_contents_text(review.study, review)})' if review.study is not None else ''}")
     print_lines(*look_lines(look))
@@ -155,16 +157,18 @@ def _next_step(review: StudyReview, path: Path) -> str:
 
 @click.command()
 @STUDY_OR_HERE
-@click.option("--again", metavar="REASON", help="Make a new plan; study.jsonl keeps the reason.")
-@click.option("--anyway", metavar="REASON", help="Plan although sessions have problems; study.jsonl keeps the reason.")
+@click.option("--again", metavar="REASON", help="Make a new plan. study.jsonl keeps the reason.")
+@click.option(
+    "--anyway", metavar="REASON", help="Make the plan although sessions have problems. study.jsonl keeps the reason."
+)
 def plan(study: Path, again: str | None, anyway: str | None) -> None:
     """Make the plan of the study in the folder STUDY, once, and print the proof of its balance.
 
-    Before that, every kind of session, each condition in each language, is explored and played without a robot. With a
-    problem in one, there is no plan. With --again, there is a new plan: whoever holds a slot keeps it, and all other
-    rows are made anew.
+    First, it explores and plays every kind of session, each condition in each language, without a robot. If one has a
+    problem, there is no plan. With --again, there is a new plan: taken slots stay with their participants, and all
+    other rows are new.
 
-    Exit status: 0; 1 when no plan can be made; 2 when there is no study, or without a reason.
+    Exit status: 0; 1 if no plan can be made; 2 if there is no study, or no reason.
     """
     if again is not None and not again.strip():
         exit_with_usage("--again needs a reason: rise-engine study plan --again 'eight more participants'")

@@ -40,9 +40,9 @@ def study_session(
     :param checks: what it says about the study's checks, which are made here.
     """
     if folder is not None:
-        exit_with_usage("a session of a study has the study's scenario: say either DIR or --study")
+        exit_with_usage("a session of a study has the study's scenario: use either DIR or --study")
     if pilot and training:
-        exit_with_usage("say either --pilot or --training")
+        exit_with_usage("use either --pilot or --training")
     purpose: Purpose = "pilot" if pilot else "training" if training else "counted"
     where = resolve_study_folder(study).absolute()
     options = replace(options, study=str(where), run=run, purpose=purpose)
@@ -91,10 +91,10 @@ def rehearsed_session(
     Parameters as of `study_session`.
     """
     if folder is not None:
-        exit_with_usage("a session of a study has the study's scenario: say either DIR or --study")
+        exit_with_usage("a session of a study has the study's scenario: use either DIR or --study")
     if options.mode == "real":
         exit_with_usage(
-            "`run` keeps nothing, so it is always in debug mode with --study; for a real one: serve --study"
+            "`run` keeps nothing, so it is always in debug mode with --study; for a real session, use serve --study"
         )
     state = read_state(resolve_study_folder(study).absolute())
     seed = options.seed

@@ -72,10 +72,10 @@ def _as_json(name: str, outcome: StudyTestOutcome | tuple[str, ...]) -> dict[str
 @click.argument("files", nargs=-1, metavar="[FILE]...")
 @JSON
 def test(folder: str, files: tuple[str, ...], as_json: bool) -> int:
-    """Play the tests of the study in DIR, all in its folder tests/, or these: without robot and without waiting.
+    """Run the tests of the study in DIR: all in its folder tests/, or these. They need no robot and do not wait.
 
-    A test says what is done, a line each, and what is to come of it; a trial in the editor is kept as one.
-    Exit status: 0; 1 when a test fails, cannot be read, or the scenario has errors; 2 when there are no tests.
+    A test lists steps, one per line, and what they should lead to. The editor keeps a trial run as a test.
+    Exit status: 0; 1 if a test fails or cannot be read, or the scenario has errors; 2 if there are no tests.
     """
     scenario = sound_scenario(load(folder))
     root = Path(folder)

@@ -24,25 +24,25 @@ from rise_engine.study.withdrawal_work import WithdrawalPlan
 @click.command("withdraw")
 @click.argument("folder", metavar="STUDY", type=click.Path())
 @click.argument("participant", metavar="PARTICIPANT")
-@click.option("--yes", is_flag=True, help="Do not ask. It cannot be undone.")
+@click.option("--yes", is_flag=True, help="Do not ask. You cannot undo this.")
 @click.option(
     "--keep-anonymous",
     is_flag=True,
-    help="Keep how their sessions went, in numbers, under a fresh id, because they agreed to that (consent_anonymous).",
+    help="Keep numbers about their sessions under a new id, because they agreed (consent_anonymous).",
 )
 def withdraw(folder: str, participant: str, yes: bool, keep_anonymous: bool) -> int:
     """Erase everything about PARTICIPANT from STUDY, because they have withdrawn their consent.
 
-    Their session folders, the recordings that these have registered, and what was exported of them with `export -o` are
-    erased. In study.jsonl a salted hash takes the place of the pseudonym, and a slot that they hold is free. What
-    cannot be reached from here is listed. It cannot be undone; when it was interrupted, say it again.
+    It erases their session folders, the recordings that these have registered, and what `export -o` made of them. In
+    study.jsonl, a salted hash replaces the pseudonym, and their slot becomes free. It lists what it cannot reach. You
+    cannot undo this. If it was interrupted, run it again.
 
     With --keep-anonymous, anonymous.csv keeps a row for each of their sessions that counts: condition, duration,
-    numbers of acts, answer times; no date, no slot, no words. It is refused unless participants.csv has a date in
-    consent_anonymous for them.
+    numbers of acts, answer times; no date, no slot, no words. This needs a date in consent_anonymous for them in
+    participants.csv.
 
-    Exit status: 0 done; 1 refused, something that is known of was not erased, or they are still named in the study's
-    folder; 2 wrong usage.
+    Exit status: 0 done; 1 refused, something known was not erased, or the study's folder still names them; 2 wrong
+    usage.
     """
     study = Path(folder)
     if not ((study / STUDY_FILE).is_file() or (study / LOG_FILE).is_file()):
@@ -63,8 +63,8 @@ def withdraw(folder: str, participant: str, yes: bool, keep_anonymous: bool) -> 
     if report.remains:
         lines += ["still named in the study's folder:", *_indent(report.remains)]
     if report.unreached:
-        lines += ["not erased, and somebody has to see to it:", *_indent(report.unreached)]
-    lines += ["what this program cannot reach, and somebody has to see to:", *_indent(report.beyond)]
+        lines += ["not erased; you must see to it:", *_indent(report.unreached)]
+    lines += ["what this program cannot reach; you must see to it:", *_indent(report.beyond)]
     print_lines(*lines)
     return PARTIAL if report.remains or report.unreached else OK
 
@@ -95,7 +95,7 @@ def _plan_lines(plan: WithdrawalPlan, moved: Mapping[str, Reassignment]) -> list
 def _ask(participant: str) -> None:
     """Ends the command unless somebody types the pseudonym."""
     if not sys.stdin.isatty():
-        exit_with_usage("nobody can be asked here; say --yes to do it. Nothing was erased")
+        exit_with_usage("without a terminal, use --yes to do it. Nothing was erased")
     typed = click.prompt("To do it, type the pseudonym", default="", show_default=False)
     if typed.strip() != participant:
         raise Refused("that is another one; nothing was erased")

@@ -12,6 +12,7 @@ from msgspec import Struct, field
 from msgspec.structs import replace
 
 from rise_engine.base.errors import SessionError
+from rise_engine.base.files import make_private_folder, write_private_file
 from rise_engine.base.text import pluralize
 from rise_engine.privacy.sharing import share_session
 from rise_engine.results.analysis.model import SessionData
@@ -31,7 +32,6 @@ from rise_engine.results.export.formats import load_format
 from rise_engine.results.export.questionnaire_tables import answers_text, told_answers
 from rise_engine.results.export.writing import export_context, new_export
 from rise_engine.session.coded import coded_paths
-from rise_engine.session.disk import make_private_folder, write_private_file
 from rise_engine.session.folder import INFO, JOURNAL
 from rise_engine.session.media import MEDIA_FILE
 from rise_engine.session.scenario_copies import copy_folders

@@ -9,8 +9,8 @@ from pathlib import Path
 
 from msgspec import Struct, field
 
+from rise_engine.base.files import file_hash
 from rise_engine.scenario.study_paths import why_no_name
-from rise_engine.session.disk import file_hash
 from rise_engine.study.traces import MANIFEST_FILE
 
 

@@ -24,6 +24,7 @@ from typing import Any
 from msgspec import Struct, field
 
 from rise_engine import __version__
+from rise_engine.base.files import make_private_folder
 from rise_engine.results.analysis.model import SessionData, SessionFacts
 from rise_engine.results.export.bids_people import Labels, label_of, participants_table
 from rise_engine.results.export.bids_tables import (
@@ -44,7 +45,6 @@ from rise_engine.results.export.questionnaire_tables import told_answers
 from rise_engine.results.export.session_tables import factor_column
 from rise_engine.results.export.table_schema import UNSAFE, Column, Row
 from rise_engine.session.coded import coded_paths
-from rise_engine.session.disk import make_private_folder
 from rise_engine.session.folder import INFO, JOURNAL
 from rise_engine.session.journal_format import encode_record
 from rise_engine.session.media import MEDIA_FILE

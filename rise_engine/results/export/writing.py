@@ -11,6 +11,7 @@ from pathlib import Path
 from msgspec import Struct, field
 
 from rise_engine.base.errors import SessionError
+from rise_engine.base.files import error_message, tree_hash
 from rise_engine.privacy.levels import ExportLevel
 from rise_engine.results.analysis.model import SessionData
 from rise_engine.results.analysis.reading import read_sessions
@@ -18,7 +19,6 @@ from rise_engine.results.analysis.session_records import SessionRecords
 from rise_engine.results.export.format import ExportContext, ExportError, ExportFormat
 from rise_engine.scenario.file_names import SCENARIO_FILE
 from rise_engine.scenario.model import Json
-from rise_engine.session.disk import error_message, tree_hash
 from rise_engine.session.folder import SCENARIO_COPY, read_info
 from rise_engine.session.unfinished_files import unfinished
 from rise_engine.study.study_log import LockedLog, LogEntry, StudyLogError

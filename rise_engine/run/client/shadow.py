@@ -14,6 +14,7 @@ from collections.abc import AsyncIterator, Sequence
 from pathlib import Path
 
 from rise_engine.base.errors import SessionError
+from rise_engine.base.files import error_message, is_locked
 from rise_engine.kernel.inputs import Note, Submit
 from rise_engine.kernel.records import (
     AnyRecord,
@@ -38,10 +39,8 @@ from rise_engine.run.protocol.client import (
     UpdateOrResync,
 )
 from rise_engine.scenario.model import Scenario
-from rise_engine.session.disk import error_message
 from rise_engine.session.folder import JOURNAL, read_info
 from rise_engine.session.journal_reader import read_journal
-from rise_engine.session.lock import is_journal_locked
 from rise_engine.session.replay import load_session_scenario
 from rise_engine.session.shadow import (
     Shadow,
@@ -155,7 +154,7 @@ class ShadowClient:
 
     def _open(self) -> AttachReply:
         info = read_info(self._folder)
-        if is_journal_locked(self._folder / JOURNAL):
+        if is_locked(self._folder / JOURNAL):
             raise SessionError("the session still runs: its cues can be played when it has ended")
         records = list(read_journal(self._folder / JOURNAL).read_records())
         scenario = load_session_scenario(self._folder, info, [])

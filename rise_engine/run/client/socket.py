@@ -12,6 +12,7 @@ from itertools import count
 from pathlib import Path
 from typing import Any, get_args
 
+from rise_engine.base.files import is_locked
 from rise_engine.kernel.task_view import TaskView
 from rise_engine.kernel.view import SessionView
 from rise_engine.run.protocol import registry
@@ -245,7 +246,7 @@ class _ServerConnection:
         try:
             reader, writer = await asyncio.open_unix_connection(path, limit=READ_BYTES * 4)
         except (FileNotFoundError, ConnectionRefusedError):
-            if registry.is_locked(registry.lock_path(path)):
+            if is_locked(registry.lock_path(path)):
                 raise EngineGone(f"the session at {path} is just starting or being recovered: try again soon") from None
             raise EngineGone(f"no session runs at {path}: its engine has gone") from None
         except OSError as error:
@@ -369,7 +370,7 @@ class _ServerConnection:
         """The connection has ended without a word. An engine's lock goes with its process."""
         lock = registry.lock_path(self._path)
         deadline = time.monotonic() + LOCK_RELEASE_SECONDS
-        while registry.is_locked(lock):
+        while is_locked(lock):
             if time.monotonic() > deadline:
                 return LinkLost("the engine has cut this connection, but it goes on; attach again")
             await asyncio.sleep(0.02)

@@ -10,7 +10,6 @@ its lock is held, and a socket without one is left over from an engine that was 
 
 from __future__ import annotations
 
-import fcntl
 import os
 import re
 import socket
@@ -23,6 +22,7 @@ from pathlib import Path
 from zlib import crc32
 
 from rise_engine.base.errors import RiseError
+from rise_engine.base.files import is_locked, take_lock
 from rise_engine.run.protocol.messages import AskSummaryMessage, SessionSummary, decode_server_message, encode_line
 
 SUMMARY_SECONDS = 1.0
@@ -138,35 +138,17 @@ def _lock_file(path: Path) -> int | None:
     while True:
         descriptor = os.open(path, os.O_RDWR | os.O_CREAT | os.O_NOFOLLOW | os.O_CLOEXEC, 0o600)
         try:
-            fcntl.flock(descriptor, fcntl.LOCK_EX | fcntl.LOCK_NB)
+            if not take_lock(descriptor):
+                os.close(descriptor)
+                return None
             if os.path.samestat(os.fstat(descriptor), path.stat()):
                 return descriptor
-        except BlockingIOError:
-            os.close(descriptor)
-            return None
         except FileNotFoundError:
             pass
         except BaseException:
             os.close(descriptor)
             raise
         os.close(descriptor)  # its file was removed by the one who held it before: lock the one that is there now
-
-
-def is_locked(lock: Path) -> bool:
-    """Whether a process holds a lock. Does not wait."""
-    try:
-        descriptor = os.open(lock, os.O_RDONLY | os.O_NOFOLLOW | os.O_CLOEXEC)
-    except OSError:
-        return False
-    try:
-        fcntl.flock(descriptor, fcntl.LOCK_SH | fcntl.LOCK_NB)
-    except BlockingIOError:
-        return True
-    except OSError:
-        return False
-    finally:
-        os.close(descriptor)
-    return False
 
 
 def running_names() -> list[str]:

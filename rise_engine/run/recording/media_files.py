@@ -15,10 +15,10 @@ import msgspec
 from msgspec import Struct
 
 from rise_engine.base.errors import SessionError
+from rise_engine.base.files import file_hash
 from rise_engine.base.text import clean
 from rise_engine.ports.recorder import MediaKind
 from rise_engine.run.recording.finding import load_numpy
-from rise_engine.session.disk import file_hash
 
 if TYPE_CHECKING:
     from rise_engine.run.recording.finding import Samples

@@ -15,6 +15,7 @@ from typing import TypeAlias
 from msgspec.structs import replace
 
 from rise_engine.base.errors import RiseError
+from rise_engine.base.files import make_private_folder
 from rise_engine.ports.recorder import RecorderError, RecordingPlan
 from rise_engine.run.client import EngineGone, Session
 from rise_engine.run.protocol.client import Rejected
@@ -23,7 +24,6 @@ from rise_engine.run.recording.companion import CompanionRequest
 from rise_engine.run.recording.marks import GivenMark, give_mark
 from rise_engine.run.recording.one_recorder import RecordedFile, RecordingState, SupervisedRecorder, recording_size
 from rise_engine.run.recording.reporting import SessionReports
-from rise_engine.session.disk import make_private_folder
 from rise_engine.session.folder import without_home
 from rise_engine.session.media import MediaFile, register_media
 from rise_engine.study.model import SyncSettings

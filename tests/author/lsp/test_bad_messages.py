@@ -11,8 +11,9 @@ from typing import Any
 
 import pytest
 
-from rise_engine.author.lsp.headers import CheckedHeaders, HeaderError
+from rise_engine.author.lsp.headers import CheckedHeaders
 from rise_engine.author.lsp.positions import PositionEncoding, TextPositions
+from rise_engine.base.errors import ExchangeError
 
 PLACE = {"textDocument": {"uri": "file:///a.xml"}, "position": {"line": 0, "character": 0}}
 BAD_PARAMETERS: list[tuple[str, Any, str]] = [
@@ -70,7 +71,7 @@ def test_headers(line: bytes, is_right: bool) -> None:
     if is_right:
         assert headers.readline() == line
     else:
-        with pytest.raises(HeaderError, match="Content-Length"):
+        with pytest.raises(ExchangeError, match="Content-Length"):
             headers.readline()
 
 

@@ -11,6 +11,7 @@ import pytest
 from msgspec.structs import replace
 
 from rise_engine.base.errors import SessionError
+from rise_engine.base.files import Disk
 from rise_engine.kernel.inputs import CheckReport, Note, Submit
 from rise_engine.kernel.records import (
     ControlRecord,
@@ -23,7 +24,6 @@ from rise_engine.kernel.records import (
 )
 from rise_engine.run.client.shadow import ShadowClient, start_time
 from rise_engine.run.protocol.client import AttachReply, EngineGone, Reply, ShadowStatus
-from rise_engine.session.disk import Disk
 from rise_engine.session.folder import JOURNAL
 from rise_engine.session.shadow import (
     Shadow,

@@ -8,7 +8,7 @@ import threading
 from collections.abc import Callable
 from pathlib import Path
 
-from rise_engine.session.disk import Disk
+from rise_engine.base.files import Disk
 from tests.patience import PATIENCE
 
 

@@ -110,7 +110,7 @@ def test_a_study_above_that_has_another_scenario_stands_in_no_way(
 def test_a_study_with_errors_is_not_renamed(study: Path, capsys: pytest.CaptureFixture[str]) -> None:
     (study / "memory.json").write_text("{", "utf-8")
     status, _, err = call(capsys, "rename", study, "act", "R_Introduction", "R_Intro")
-    assert status == 1 and "memory.json:1:" in err and "does not show where its names are" in err
+    assert status == 1 and "memory.json:1:" in err and "they hide where names are used" in err
 
 
 def test_nothing_is_written_while_somebody_has_the_study_open(study: Path, capsys: pytest.CaptureFixture[str]) -> None:

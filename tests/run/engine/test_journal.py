@@ -8,7 +8,7 @@ from pathlib import Path
 
 import pytest
 
-from rise_engine.session.disk import Disk
+from rise_engine.base.files import Disk
 from rise_engine.session.journal import Journal
 from tests.patience import PATIENCE
 

@@ -9,6 +9,7 @@ from contextlib import asynccontextmanager, suppress
 from pathlib import Path
 from typing import Any
 
+from rise_engine.base.files import Disk
 from rise_engine.kernel.commands import StartAction
 from rise_engine.kernel.inputs import ActionReport, EstopReport, RobotChanged, StopReport, Submit
 from rise_engine.kernel.records import ActionRecord, AnyRecord, NoteRecord, SessionRecord, StopRecord, TaskRecord
@@ -16,7 +17,6 @@ from rise_engine.ports.robot import ReportCallback
 from rise_engine.run.engine.clock import RealClock
 from rise_engine.run.engine.engine import Engine
 from rise_engine.run.protocol.client import JournalStatus, Reply
-from rise_engine.session.disk import Disk
 from rise_engine.session.journal import Journal
 from rise_engine.session.journal_format import InputLine, encode_header, read_line
 from tests.patience import PATIENCE

@@ -83,7 +83,7 @@ def test_a_recording_is_registered_by_its_marks(tmp_path: Path, sound: Path) -> 
 def test_what_was_known_stays_when_nothing_is_found(tmp_path: Path, sound: Path) -> None:
     folder = session(tmp_path, *MARKS)
     first = run("add", folder, sound, "--at", "-4.5")
-    assert first.exit_code == 0 and "begins 4.500 s before the session (as somebody has said)" in first.output
+    assert first.exit_code == 0 and "begins 4.500 s before the session (as you have said)" in first.output
     noise = write_wav(sound, record_marks([], offset=0, seconds=5, noise=0.1, samples=16_000), 16_000)
     again = run("add", folder, noise, "--find-marks", "--json")
     [found] = json.loads(again.output)["files"]
@@ -129,7 +129,7 @@ def test_where_somebody_says_that_it_lies(
         (["--at", "soon"], "--at soon: 'soon' is no time: write seconds (75.2), a clock (1:15.2), or FILE=markN"),
         (["--at", "nan=1"], "--at nan=1: 'nan' is no time"),
         (["--at", "3=mark7"], "--at 3=mark7: the session has no mark 7; its marks are 1, 2"),
-        (["--at", "3", "--find-marks"], "say either --find-marks or --at"),
+        (["--at", "3", "--find-marks"], "use either --find-marks or --at"),
     ],
 )
 def test_what_cannot_be_meant_registers_nothing(tmp_path: Path, sound: Path, words: list[str], sentence: str) -> None:
@@ -161,8 +161,8 @@ def test_without_a_word_it_lies_where_its_recorder_was_started(tmp_path: Path, s
     assert "on record, and not in media.json (rise-engine media add):\n   /data/bag" in run("list", folder).output
     other = write_wav(tmp_path / "other.wav", [], 16_000)
     unknown = run("add", folder, other)
-    assert unknown.exit_code == 1 and "not aligned: nobody has said where it lies" in unknown.output
-    assert "nobody has said where it lies against the session" in run("list", folder).output
+    assert unknown.exit_code == 1 and "not aligned: no marks or times are given" in unknown.output
+    assert "it is not aligned with the session" in run("list", folder).output
 
 
 def test_all_that_the_session_has_is_looked_at_at_once(tmp_path: Path, sound: Path) -> None:

@@ -87,9 +87,9 @@ def test_options_that_cannot_be_meant_are_said_at_once_before_anything_is_looked
         "--skip-check door: say why: --skip-check 'door=the reason'",
         "--skip-check agreed: consent cannot be skipped in a session that counts",
         "--confirm lmap: the study has no such check; did you mean `lamp`?",
-        "--confirm wizard: nobody is asked, the program looks by itself (the wizard has given a name)",
+        "--confirm wizard: the program checks this itself (the wizard has given a name)",
         "--confirm debrief: this is looked at after a session (Participant was debriefed)",
-        "lamp is both confirmed and skipped: say one of them",
+        "lamp is both confirmed and skipped: use one of them",
     ]
     assert logged(tmp_path) == []
 
@@ -107,8 +107,8 @@ def test_what_cannot_be_skipped_is_not_proposed_to_be(tmp_path: Path) -> None:
             wizard="",
         )
     assert error.value.lines[-2:] == [
-        "when it is so, say --confirm lamp",
-        "what cannot be mended now is left out with --skip-check wizard=REASON",
+        "when it is true, use --confirm lamp",
+        "to skip what you cannot fix now, use --skip-check wizard=REASON",
     ]
 
 

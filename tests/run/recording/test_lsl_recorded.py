@@ -9,8 +9,8 @@ from pathlib import Path
 
 import pytest
 
+from rise_engine.base.files import Disk
 from rise_engine.run.client import connect
-from rise_engine.session.disk import Disk
 from tests.patience import PATIENCE
 from tests.run.server.conftest import scratch as scratch
 from tests.run.server.serving import GREETING, served

@@ -16,12 +16,12 @@ from typing import Any
 import pytest
 
 from rise_engine.base.errors import AdapterError
+from rise_engine.base.files import Disk
 from rise_engine.kernel.records import AnyRecord
 from rise_engine.ports.outlet import OutletPlan
 from rise_engine.run.client import EngineGone, connect
 from rise_engine.run.recording import marker_feed
 from rise_engine.run.recording.marker_feed import MarkerFeed, MarkerStream
-from rise_engine.session.disk import Disk
 from tests.patience import PATIENCE
 from tests.run.server.conftest import scratch as scratch
 from tests.run.server.serving import GREETING, Served, served

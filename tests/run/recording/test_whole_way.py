@@ -11,11 +11,11 @@ from time import monotonic
 import pytest
 from click.testing import CliRunner
 
+from rise_engine.base.files import Disk
 from rise_engine.cli import main
 from rise_engine.run.client import connect
 from rise_engine.run.recording.chirp import LEAD_SECONDS, SOUND_SECONDS
 from rise_engine.run.recording.marks import give_mark
-from rise_engine.session.disk import Disk
 from rise_engine.session.media import read_media
 from rise_engine.study.model import SyncSettings
 from tests.run.server.serving import GREETING, served

@@ -9,6 +9,7 @@ from contextlib import asynccontextmanager, closing, suppress
 from pathlib import Path
 from typing import Any
 
+from rise_engine.base.files import Disk
 from rise_engine.kernel.view import SessionView
 from rise_engine.run.client.socket import SocketClient
 from rise_engine.run.engine.clock import RealClock
@@ -28,7 +29,6 @@ from rise_engine.run.protocol.registry import SessionLock
 from rise_engine.run.server.hub import SessionHub
 from rise_engine.run.server.server import SessionServer
 from rise_engine.scenario.loader import load
-from rise_engine.session.disk import Disk
 from rise_engine.session.folder import JOURNAL, create_session
 from rise_engine.session.journal import Journal
 from tests.patience import PATIENCE

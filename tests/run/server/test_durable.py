@@ -7,9 +7,9 @@ import errno
 import threading
 from pathlib import Path
 
+from rise_engine.base.files import Disk
 from rise_engine.kernel.inputs import Note, Submit
 from rise_engine.run.server.server import MAX_UNANSWERED
-from rise_engine.session.disk import Disk
 from rise_engine.session.folder import JOURNAL
 from tests.patience import PATIENCE
 

@@ -12,12 +12,12 @@ from pathlib import Path
 import pytest
 
 from rise_engine.base.errors import SessionError
+from rise_engine.base.files import Disk
 from rise_engine.kernel.inputs import Submit
 from rise_engine.kernel.records import ScenarioRecord
 from rise_engine.privacy.sharing import share_session
 from rise_engine.run.protocol.client import LinkLost, Reply
 from rise_engine.run.server.take_over import ScenarioTakeover
-from rise_engine.session.disk import Disk
 from rise_engine.session.folder import JOURNAL
 from rise_engine.session.journal_format import encode_header
 from rise_engine.session.journal_reader import read_journal

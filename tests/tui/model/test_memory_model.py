@@ -11,12 +11,12 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from rise_engine.author.edit.json_edits import memory_file_text
+from rise_engine.author.edit.plan import EditRefused
 from rise_engine.expression import lookup
 from rise_engine.kernel.records import MemoryRecord
 from rise_engine.kernel.view import MemoryView
 from rise_engine.scenario.loader import load
 from rise_tui.config.initial_memory import (
-    MemoryNotWritable,
     describe_changes,
     memory_file_path,
     save_memory,
@@ -184,7 +184,7 @@ def scenario_in(tmp_path: Path) -> Path:
 def test_a_file_that_is_no_memory_is_left_alone(text: str, tmp_path: Path) -> None:
     path = tmp_path / "memory.json"
     path.write_text(text)
-    with pytest.raises(MemoryNotWritable, match=r"memory\.json: "):
+    with pytest.raises(EditRefused, match=r"memory\.json: "):
         save_memory(path, {"a": 1}, {"a": 2})
     assert path.read_text() == text and [each.name for each in tmp_path.iterdir()] == ["memory.json"]
 
@@ -228,7 +228,7 @@ def test_a_folder_that_cannot_be_written_is_said_before_anything_is_asked(
     scenario = load(str(folder)).scenario
     assert scenario is not None
     monkeypatch.setattr("os.access", lambda path, mode: False)  # root may write everywhere
-    with pytest.raises(MemoryNotWritable, match="cannot be written by you; work on a copy of the study's folder"):
+    with pytest.raises(EditRefused, match="cannot be written by you; work on a copy of the study's folder"):
         memory_file_path(scenario)
 
 
@@ -241,7 +241,7 @@ def test_a_file_that_cannot_be_written_stays_as_it_was(tmp_path: Path, monkeypat
         raise OSError(28, "No space left on device")
 
     monkeypatch.setattr("os.fsync", full)
-    with pytest.raises(MemoryNotWritable, match="No space left"):
+    with pytest.raises(EditRefused, match="No space left"):
         save_memory(path, {}, {"a": 1})
     assert path.read_text("utf-8") == before and sorted(each.name for each in folder.iterdir()) == sorted(
         each.name for each in Path(demo().folder).iterdir()
@@ -253,7 +253,7 @@ def test_no_folder_is_said(tmp_path: Path) -> None:
     scenario = load(str(folder)).scenario
     assert scenario is not None
     folder.rename(tmp_path / "elsewhere")
-    with pytest.raises(MemoryNotWritable, match="not on this computer"):
+    with pytest.raises(EditRefused, match="not on this computer"):
         memory_file_path(scenario)
 
 

@@ -8,8 +8,9 @@ from msgspec.structs import replace
 from rise_engine.kernel.records import MemoryRecord
 from rise_engine.scenario.model import Act, Action, ActionCall
 from rise_engine.scenario.template import parse_template
+from rise_tui.model.filtering import InvalidFilter
 from rise_tui.model.queue_estimate import QueuedTask, estimate_starts
-from rise_tui.model.session_times import InvalidTime, parse_moment
+from rise_tui.model.session_times import parse_moment
 from rise_tui.model.store import Store
 from rise_tui.rendering.text import format_clock
 from tests.tui.fake import FakeClient, demo
@@ -45,7 +46,7 @@ def test_times_as_people_type_them(typed: str, when: float | None) -> None:
 
 @pytest.mark.parametrize("typed", ["", "-", "later", "14:75", "1:75:00", "1:2:3:4", "5x", "s", "m5"])
 def test_what_is_no_time_says_so(typed: str) -> None:
-    with pytest.raises(InvalidTime, match=r"59|14:32"):
+    with pytest.raises(InvalidFilter, match=r"59|14:32"):
         parse_moment(typed, 1000.0)
 
 

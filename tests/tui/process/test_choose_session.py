@@ -10,11 +10,11 @@ from typing import Any
 import pytest
 from click.testing import CliRunner
 
+from rise_engine.cli.terminal import Refused
 from rise_engine.run.protocol.messages import SessionSummary
 from rise_tui.cli import choose_session
 from rise_tui.cli.main import main
 from rise_tui.cli.options import CommandLine
-from rise_tui.config.settings import NothingStarted
 from tests.tui.fake import DEMO
 from tests.tui.terminals import environment_of, run_rise_tui
 
@@ -66,9 +66,9 @@ TWO = [*ONE, ("/s/2026-11-20_090000_demo_debug", "Demo (debug, pepper), begun 20
 
 
 def test_without_a_session_it_says_how_to_start_one() -> None:
-    with pytest.raises(NothingStarted, match="no session is running; start one with: rise-tui --config DIR") as no:
+    with pytest.raises(Refused, match="no session is running; start one with: rise-tui --config DIR") as no:
         choose_session.choose_session({}, Typist())
-    assert no.value.code == 2
+    assert no.value.exit_code == 2
 
 
 def test_the_only_session_is_taken_without_asking() -> None:
@@ -96,9 +96,9 @@ def test_several_sessions_and_several_consoles() -> None:
 
 @pytest.mark.parametrize(("answers", "code"), [(["q"], 0), ([], 2)])
 def test_one_may_leave_without_choosing(answers: list[str], code: int) -> None:
-    with pytest.raises(NothingStarted) as nothing:
+    with pytest.raises(Refused) as nothing:
         choose_session.choose_session(SEVERAL, Typist(answers))
-    assert nothing.value.code == code
+    assert nothing.value.exit_code == code
 
 
 def test_a_session_that_runs_is_attached_to_only_when_it_is_the_one_that_was_meant() -> None:
@@ -115,9 +115,9 @@ def test_a_session_that_runs_is_attached_to_only_when_it_is_the_one_that_was_mea
         ({"new": True}, "to begin a new session"),
         ({"sets": ("a=1",), "places": ("acts=x",)}, "--set and --place can only be said of a session that begins"),
     ):
-        with pytest.raises(NothingStarted, match=said):
+        with pytest.raises(Refused, match=said):
             choose_session.check_matches("a", about(), CommandLine(**wanted))  # type: ignore[arg-type]
-    with pytest.raises(NothingStarted, match="with --participant P07 and not P08"):
+    with pytest.raises(Refused, match="with --participant P07 and not P08"):
         choose_session.check_matches("a", about(participant="P07"), CommandLine(participant="P08"))
 
 
@@ -133,9 +133,9 @@ def test_an_unfinished_session_is_recovered_only_on_purpose() -> None:
 def test_a_new_session_or_none() -> None:
     assert choose_session.choose_recovery(ONE, Typist(["n"])) == "new"
     for answers, code in ((["q"], 0), ([], 2)):
-        with pytest.raises(NothingStarted) as nothing:
+        with pytest.raises(Refused) as nothing:
             choose_session.choose_recovery(ONE, Typist(answers))
-        assert nothing.value.code == code
+        assert nothing.value.exit_code == code
 
 
 @pytest.mark.parametrize(("answer", "which"), [("r", 0), ("r1", 0), ("r 2", 1), ("2", 1)])
@@ -149,7 +149,7 @@ def test_another_participant_s_session_is_named_and_never_chosen() -> None:
     for answers, chosen in ((["r", "r1", "1", "n"], "new"), (["r"], None)):
         typist = Typist(answers)
         if chosen is None:
-            with pytest.raises(NothingStarted):
+            with pytest.raises(Refused):
                 choose_session.choose_recovery([], typist, ONE, "P08")
         else:
             assert choose_session.choose_recovery([], typist, ONE, "P08") == chosen
@@ -175,9 +175,9 @@ def test_what_is_asked_fits_on_the_narrowest_terminal() -> None:
 
 
 def test_without_a_terminal_the_options_are_named() -> None:
-    with pytest.raises(NothingStarted, match="--recover to go on with it, or --new") as nothing:
+    with pytest.raises(Refused, match="--recover to continue it, or --new") as nothing:
         choose_session.choose_recovery(ONE, Typist(interactive=False))
-    assert nothing.value.code == 2
+    assert nothing.value.exit_code == 2
 
 
 def test_nothing_that_a_title_contains_reaches_the_terminal_as_it_is() -> None:
@@ -193,9 +193,9 @@ def test_nothing_that_a_title_contains_reaches_the_terminal_as_it_is() -> None:
 @pytest.mark.parametrize(
     ("arguments", "said"),
     [
-        (("--mode", "debug"), "--mode say how a session starts: name its scenario with --config DIR"),
-        (("--new",), "--new say how"),
-        (("--config", "x", "--new", "--recover"), "say either --new or --recover"),
+        (("--mode", "debug"), "use --mode only with --config DIR"),
+        (("--new",), "use --new only with"),
+        (("--config", "x", "--new", "--recover"), "use either --new or --recover"),
         (("--config", "x", "--replay", "y"), "say either --config or --replay"),
         (("--config", "x", "--speed", "2"), "--speed is for --replay"),
     ],

@@ -70,17 +70,17 @@ def test_what_is_usual(asked: list[CommandLine]) -> None:
     [
         (("--config", "x", "--session", "y"), "say either --config or --session"),
         (("--session", "x", "--replay", "y"), "say either --session or --replay"),
-        (("--set", "a=1"), "--set say how a session starts"),
-        (("--place", "memory=b.json"), "--place say how a session starts"),
-        (("--participant", "P07"), "--participant say how a session starts: name its scenario"),
+        (("--set", "a=1"), "use --set only with --config DIR"),
+        (("--place", "memory=b.json"), "use --place only with --config DIR"),
+        (("--participant", "P07"), "use --participant only with --config DIR"),
         (("--colors", "mono", "--theme", "light"), "--colors mono leaves no colours for --theme light"),
         (("--colors", "88"), "Invalid value for '--colors'"),
         (("--theme", "pink"), "Invalid value for '--theme'"),
         (("--fps", "0"), "Invalid value for '--fps'"),
         (("--fps", "61"), "Invalid value for '--fps'"),
         (("--mouse", "maybe"), "Invalid value for '--mouse'"),
-        (("--theme", "light", "info"), "--theme cannot stand before `info`"),
-        (("--config", "x", "--new", "keys", "x"), "--config, --new cannot stand before `keys`"),
+        (("--theme", "light", "info"), "--theme cannot come before `info`"),
+        (("--config", "x", "--new", "keys", "x"), "--config, --new cannot come before `keys`"),
         (("nothing",), "No such command 'nothing'"),
         (("completions", "tcsh"), "Invalid value for '{bash|zsh|fish}'"),
     ],
@@ -193,6 +193,5 @@ def test_info_tells_what_is_wrong_with_the_key_file(tmp_path: Path) -> None:
 def test_a_start_ends_with_its_status(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(start, "prepare_textual", lambda *_: None)
     monkeypatch.setattr(start, "_attach", lambda *_: start._refuse_start("why"))
-    with pytest.raises(SystemExit) as ended:
-        start.start(CommandLine(keys="none"))
-    assert ended.value.code == 2
+    result = CliRunner().invoke(main, ["--keys", "none"])
+    assert (result.exit_code, result.stderr) == (2, "why\n")

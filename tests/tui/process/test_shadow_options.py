@@ -9,11 +9,11 @@ import pytest
 from click.testing import CliRunner
 from msgspec.structs import replace
 
+from rise_engine.cli.terminal import Refused
 from rise_engine.session.shadow import ShadowPlay, ShadowWriter
 from rise_tui.cli.main import main
 from rise_tui.cli.options import CommandLine
 from rise_tui.cli.shadow import make_shadow
-from rise_tui.config.settings import NothingStarted
 from tests.results.analysis.cues import CUES, add_shadow, make_session
 
 
@@ -42,9 +42,9 @@ def folder(tmp_path: Path) -> Path:
 
 
 def lines_of(options: CommandLine, person: Person | None = None) -> Sequence[str]:
-    with pytest.raises(NothingStarted) as refused:
+    with pytest.raises(Refused) as refused:
         make_shadow(options, person or Person())
-    return [str(refused.value.code), *refused.value.lines]
+    return [str(refused.value.exit_code), *refused.value.lines]
 
 
 def test_who_judges_is_asked_and_never_guessed(folder: Path) -> None:
@@ -102,10 +102,10 @@ def test_a_session_that_is_none_is_named(tmp_path: Path) -> None:
         (("--replay", "x", "--at", "3"), "--at is for --shadow"),
         (("--shadow", "x", "--recover", "--at", "3"), "--recover goes on where the shadow stopped"),
         (("--shadow", "x", "--recover", "--speed", "2"), "--recover goes on where the shadow stopped"),
-        (("--shadow", "x", "--new", "--recover"), "say either --new or --recover"),
-        (("--shadow", "x", "--participant", "P01"), "--participant say how a session starts"),
+        (("--shadow", "x", "--new", "--recover"), "use either --new or --recover"),
+        (("--shadow", "x", "--participant", "P01"), "use --participant only with --config DIR"),
         (("--speed", "2"), "--speed is for --replay and --shadow"),
-        (("--new",), "--new say how a session starts"),
+        (("--new",), "use --new only with --config DIR"),
     ],
 )
 def test_what_does_not_go_together(arguments: tuple[str, ...], said: str) -> None:

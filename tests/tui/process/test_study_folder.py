@@ -10,6 +10,7 @@ from pathlib import Path
 import pytest
 from msgspec.structs import replace
 
+from rise_engine.base.errors import StudyError
 from rise_engine.base.exit_status import REFUSED
 from rise_engine.kernel.inputs import CheckReport, Note, SessionEnded
 from rise_engine.ports.bridge import RosConnection
@@ -21,7 +22,7 @@ from rise_tui.cli import study_folder
 from rise_tui.cli.options import CommandLine
 from rise_tui.cli.running import find_study_session, is_study
 from rise_tui.cli.study_folder import StudyFolder, open_study
-from rise_tui.config.study_source import SessionRequest, StudyRefused
+from rise_tui.config.study_source import SessionRequest
 from tests.tui.fake import DEMO, FakeClient, demo
 from tests.tui.study_files import DESIGN, PEOPLE, write_study
 
@@ -69,7 +70,7 @@ def test_every_finding_is_told_at_once_with_its_place(folder: Path, source: Stud
     (folder / "study.toml").write_text(DESIGN, "utf-8")
     (folder / "participants.csv").write_text(PEOPLE.replace("P02,", "P 2,"), "utf-8")
     assert any(problem.startswith("participants.csv:3") for problem in source.load().problems)
-    with pytest.raises(StudyRefused, match=r"participants\.csv:3"):
+    with pytest.raises(StudyError, match=r"participants\.csv:3"):
         source.plan(SessionRequest("P01"), "anna")
 
 
@@ -95,7 +96,7 @@ def test_what_would_run_is_the_plans(folder: Path, source: StudyFolder) -> None:
     assert plan.recorded == str(folder / "sessions") and plan.title == "Demo study"
     assert plan.context.wizard == "anna" and not (folder / "sessions").exists()
     for participant, why in (("P03", "has not consented"), ("P09", "there is no participant")):
-        with pytest.raises(StudyRefused, match=why):
+        with pytest.raises(StudyError, match=why):
             source.plan(SessionRequest(participant), "anna")
 
 
@@ -128,7 +129,7 @@ def test_a_check_is_made_and_written_down(folder: Path, source: StudyFolder) -> 
     last = json.loads((folder / "study.jsonl").read_text("utf-8").splitlines()[-1])
     assert (last["kind"], last["id"], last["participant"], last["result"]) == ("checked", "lamp", "P01", "passed")
     (folder / "study.jsonl").write_text("{not json\n{}\n", "utf-8")
-    with pytest.raises(StudyRefused, match="the check lamp is not written down"):
+    with pytest.raises(StudyError, match="the check lamp is not written down"):
         source.note_check(plan.checks[1].check, plan.context, PASSED[1])
 
 
@@ -166,14 +167,14 @@ def test_the_engine_is_told_the_study_and_whose_session_it_is(
 def test_an_engine_that_refuses_is_a_sentence(source: StudyFolder, monkeypatch: pytest.MonkeyPatch) -> None:
     refused = Engine(spawn.EngineRefused(REFUSED, ["P01 has not consented", "the check `lamp` was not made"]))
     monkeypatch.setattr(study_folder, "start_engine", refused)
-    with pytest.raises(StudyRefused, match="P01 has not consented; the check `lamp` was not made"):
+    with pytest.raises(StudyError, match="P01 has not consented; the check `lamp` was not made"):
         source.start(source.plan(SessionRequest("P01"), "anna"), (), "anna", lambda sentence: None)
 
 
 def test_what_cannot_be_attached_to_or_judged_is_a_sentence(source: StudyFolder) -> None:
-    with pytest.raises(StudyRefused, match="is just beginning or ending"):
+    with pytest.raises(StudyError, match="is just beginning or ending"):
         source.attach(entry("P01", "2026_P01", status="running"), "anna")
-    with pytest.raises(StudyRefused, match="P01 has no session 2026_P01"):
+    with pytest.raises(StudyError, match="P01 has no session 2026_P01"):
         source.judge(entry("P01", "2026_P01"), "complete", "", "anna")
 
 

@@ -6,10 +6,10 @@ from pathlib import Path
 
 import pytest
 
+from rise_engine.base.errors import StudyError
 from rise_engine.ports.bridge import RosConnection
 from rise_engine.results.report.page import page_text
 from rise_tui.cli.study_folder import StudyFolder
-from rise_tui.config.study_source import StudyRefused
 from tests.results.analysis.samples import DESIGN, make_study, sessions_of
 
 
@@ -27,5 +27,5 @@ def test_a_blinded_study_calls_its_condition_by_the_label(tmp_path: Path) -> Non
 
 def test_a_session_that_is_not_there_is_refused_in_a_sentence(tmp_path: Path) -> None:
     source = StudyFolder(str(make_study(tmp_path / "study")), RosConnection())
-    with pytest.raises(StudyRefused, match=r"journal\.jsonl"):
+    with pytest.raises(StudyError, match=r"journal\.jsonl"):
         source.report("2024-11-23_000000_P09_gone")

@@ -8,9 +8,9 @@ from pathlib import Path
 
 import pytest
 
+from rise_engine.base.files import Disk
 from rise_engine.run.protocol.session_options import SessionOptions
 from rise_engine.scenario.model import Scenario
-from rise_engine.session.disk import Disk
 from rise_tui.config.launch import Launcher, load_scenario
 from rise_tui.console.app import ConsoleApp
 from tests.run.server.serving import OwnSession

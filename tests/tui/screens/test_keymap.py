@@ -79,7 +79,7 @@ def test_two_actions_can_change_places(tmp_path: Path) -> None:
         ('cue = "escape"', "2:7", "it leaves whatever is open"),
         ('stop = "s"', "2:8", "it works while you type too"),
         ('stop = "enter"', "2:8", "it works while you type too"),
-        ("stop = []", "2:8", "`stop` cannot be without a key"),
+        ("stop = []", "2:8", "`stop` needs a key"),
         ('cue = "f4"', "2:7", "`F4` is given to `cue`, and `zoom` has it too"),
         ('cue = "enter"', "2:7", "has it too"),
         ('stop = "ctrl+u"', "2:8", "has it too"),

@@ -9,8 +9,9 @@ from typing import Any
 from rise_adapters.ros2.mapping.action_mapping import EstopMapping
 from rise_adapters.ros2.mapping.compiler import ProfileMistakes
 from rise_adapters.ros2.mapping.field_sources import fit_literal
-from rise_adapters.ros2.mapping.field_types import FieldTypes, MissingTypeError
+from rise_adapters.ros2.mapping.field_types import FieldTypes
 from rise_adapters.ros2.transport.names import is_ros_name
+from rise_adapters.ros2.transport.port import PortError
 from rise_engine.scenario.durations import MAX_SECONDS
 
 WHERE = "options.estop"
@@ -69,7 +70,7 @@ def _read_values(
         if field is not None and field.is_list:
             raise ValueError(f"is a list ({field}), and lists are not compared")
         return tuple(fit_literal(value, field) for value in values)
-    except ValueError as error:
-        is_missing = isinstance(error, MissingTypeError)
+    except (ValueError, PortError) as error:
+        is_missing = isinstance(error, PortError)
         mistakes.add(f"{WHERE}.when.{'.'.join(path)}", str(error), "missing" if is_missing else "wrong")
         return ()

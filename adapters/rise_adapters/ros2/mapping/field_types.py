@@ -66,10 +66,6 @@ def parse_field_type(text: str) -> MessageFieldType:
     return MessageFieldType(*astuple(read_field_type(text, "a field")))
 
 
-class MissingTypeError(ValueError):
-    """A type is not installed here; a sentence."""
-
-
 class FieldTypes:
     """The fields of message types, asked for once. Without `fields` (no transport yet), no type is known."""
 
@@ -95,7 +91,7 @@ class FieldTypes:
             fields = self.fields_of(inside.base)
             if fields is None:
                 if missing := self.why_unknown(inside.base):
-                    raise MissingTypeError(f"cannot be checked: {missing}")
+                    raise PortError(f"cannot be checked: {missing}")
                 return None
             if name not in fields:
                 raise ValueError(f"names `{name}`, which is no field of {inside.base}{did_you_mean(name, fields)}")

@@ -8,7 +8,8 @@ from typing import Any
 
 from rise_adapters.ros2.mapping.action_mapping import ResultRule
 from rise_adapters.ros2.mapping.compiler import ProfileMistakes
-from rise_adapters.ros2.mapping.field_types import FieldTypes, MessageFieldType, MissingTypeError
+from rise_adapters.ros2.mapping.field_types import FieldTypes, MessageFieldType
+from rise_adapters.ros2.transport.port import PortError
 
 _KEYS = ("code", "ok", "minimum", "maximum", "text", "codes")
 _LIMITS = ("minimum", "maximum")
@@ -104,6 +105,6 @@ def _read_field_path(
         return names, None
     try:
         return names, types.find(type, names)
-    except ValueError as error:
-        mistakes.add(f"{where}.{key}", str(error), "missing" if isinstance(error, MissingTypeError) else "wrong")
+    except (ValueError, PortError) as error:
+        mistakes.add(f"{where}.{key}", str(error), "missing" if isinstance(error, PortError) else "wrong")
         return names, None
