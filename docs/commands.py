@@ -57,9 +57,9 @@ def shared_rows(program: str) -> list[Row]:
 
 def help_text(command: click.Command) -> str:
     """What a command does, and its exit status. The rest of its help is about details, or is examples."""
-    first, *others = inspect.cleandoc(command.help or "").split("\n\n")
-    prose = [first, *(each for each in others if each.startswith("Exit status"))]
-    return "\n\n".join(in_code(" ".join(each.split())) for each in prose)
+    first, *others = [" ".join(each.split()) for each in inspect.cleandoc(command.help or "").split("\n\n")]
+    statuses = [f"Exit status{each.partition('Exit status')[2]}" for each in others if "Exit status" in each]
+    return "\n\n".join(in_code(each) for each in [first, *statuses])
 
 
 def in_code(text: str) -> str:
