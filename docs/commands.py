@@ -57,9 +57,9 @@ def shared_rows(program: str) -> list[Row]:
 
 def help_text(command: click.Command) -> str:
     """What a command does, and its exit status. The rest of its help is about details, or is examples."""
-    first, *others = inspect.cleandoc(command.help or "").split("\n\n")
-    prose = [first, *(each for each in others if each.startswith("Exit status"))]
-    return "\n\n".join(in_code(" ".join(each.split())) for each in prose)
+    first, *others = [" ".join(each.split()) for each in inspect.cleandoc(command.help or "").split("\n\n")]
+    statuses = [f"Exit status{each.partition('Exit status')[2]}" for each in others if "Exit status" in each]
+    return "\n\n".join(in_code(each) for each in [first, *statuses])
 
 
 def in_code(text: str) -> str:
@@ -83,11 +83,9 @@ def command_text(context: click.Context, shared: list[Row]) -> str:
     return "\n\n".join(parts)
 
 
-def commands_table() -> str:
-    lines = ["| command | purpose |", "|---|---|"]
-    for title, section in _SECTIONS.items():
-        lines += [f"| **{title}** | |", *(f"| `{name}` | {about} |" for name, (_, about) in section.items())]
-    return "\n".join(lines)
+def commands_by_purpose() -> str:
+    names = {title: ", ".join(f"`{name}`" for name in section) for title, section in _SECTIONS.items()}
+    return "\n".join(f"- **{title}**: {each}" for title, each in names.items())
 
 
 def page_text(program: str, text: str) -> str:
@@ -96,7 +94,7 @@ def page_text(program: str, text: str) -> str:
 
     def between(kind: str, name: str) -> str:
         if kind == "commands":
-            return commands_table()
+            return commands_by_purpose()
         if kind == "shared options":
             return option_list(shared)
         contexts = [each for each in leaves(PROGRAMS[program], program) if is_marked(name, each.command_path)]
