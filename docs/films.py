@@ -1,8 +1,8 @@
 """Films of the tutorials: `.venv/bin/python docs/films.py [NAME]`.
 
 A tutorial is played on a terminal of 80 by 24 as the tests play it, key by key from its own page or from the file that
-`KEYS` names; what the screen shows after each step becomes a frame. Each film is written twice: as an SVG that moves by itself in any browser, and as an
-asciicast (https://docs.asciinema.org/manual/asciicast/v2/) for players that can pause.
+`KEYS` names. What the screen shows after each step becomes a frame. Each film is written twice: as an SVG that moves by
+itself in any browser, and as an asciicast (https://docs.asciinema.org/manual/asciicast/v2/) for players that can pause.
 """
 
 from __future__ import annotations

@@ -131,12 +131,11 @@ def test_add_a_robot(tmp_path: Path) -> None:
 
 def test_the_driver_of_add_a_robot(tmp_path: Path) -> None:
     """The whole example, against a lamp that is a socket: what it is sent, and what it reports."""
-    page = write_files("add-a-robot.md", tmp_path)
-    code = next(block["content"] for block in BLOCKS.finditer(page) if "class Lamp" in block["content"])
-    packaging = next(block["content"] for block in BLOCKS.finditer(page) if "rise.drivers" in block["content"])
+    write_files("add-a-robot.md", tmp_path)
+    packaging = (DOCS / "examples/lamp/pyproject.toml").read_text("utf-8")
     assert tomllib.loads(packaging)["project"]["entry-points"]["rise.drivers"] == {"lamp": "lamp:Lamp"}
     lamp = ModuleType("lamp")
-    exec(compile(code, "lamp.py", "exec"), lamp.__dict__)
+    exec(compile((DOCS / "examples/lamp/lamp.py").read_text("utf-8"), "lamp.py", "exec"), lamp.__dict__)
     findings = Diagnostics()
     profile = read_profile(tmp_path / "my-study/robots/lamp.toml", "lamp", FileReader(tmp_path, findings))
     assert profile.driver == "lamp" and not findings.errors
