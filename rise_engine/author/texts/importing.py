@@ -11,9 +11,9 @@ from collections.abc import Iterator, Sequence
 from msgspec import Struct
 
 from rise_engine.author.edit.edits import AddAct, AddColumn, AddLanguage, AnyEdit, SetCell, SetTranslation
-from rise_engine.author.edit.originals import edit_of_original
 from rise_engine.author.edit.plan import EditRefused
 from rise_engine.author.edit.read_outline import read_outline
+from rise_engine.author.edit.translations import edit_of_original
 from rise_engine.author.texts.reading import ReadRow, ReadTable
 from rise_engine.author.texts.table import FIXED_COLUMNS, id_of_cell, text_check
 from rise_engine.base.errors import ExchangeError
