@@ -27,8 +27,7 @@ from rise_engine.scenario.file_names import SCENARIO_FILE
 from rise_engine.scenario.memory import is_writable_key
 from rise_engine.scenario.model import SESSION, TemplateLocation, normal_topic, result_topics
 from rise_engine.scenario.source_files import SourceFile
-from rise_engine.scenario.toml_files import TomlFile
-from rise_engine.scenario.toml_tables import TomlTable
+from rise_engine.scenario.toml_files import TomlFile, TomlTable
 from rise_engine.scenario.uses import Use, UsedKind, Uses
 from rise_engine.scenario.xml import count_places
 from rise_engine.syntax.toml import toml_key

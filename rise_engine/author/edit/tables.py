@@ -20,8 +20,7 @@ from rise_engine.scenario.file_names import PARTICIPANTS_FILE, STUDY_FILE
 from rise_engine.scenario.source_files import SourceFile
 from rise_engine.scenario.table_settings import TableSettings
 from rise_engine.scenario.tables import TABLES_FOLDER
-from rise_engine.scenario.toml_files import TomlFile, read_toml
-from rise_engine.scenario.toml_tables import TomlTable
+from rise_engine.scenario.toml_files import TomlFile, TomlTable, read_toml
 from rise_engine.syntax.changes import TextEdit, changed_text
 
 _LOG_FILE = "study.jsonl"

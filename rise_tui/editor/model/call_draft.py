@@ -8,8 +8,8 @@ from typing import Literal, NamedTuple, TypeAlias
 from rise_engine.author.edit.edits import CallForm
 from rise_engine.base.nearest_name import did_you_mean
 from rise_engine.expression import Assignment, Environment, EvaluationError, ExpressionError, lookup
-from rise_engine.scenario.delays import MIN_SECONDS
 from rise_engine.scenario.durations import MAX_SECONDS, parse_time
+from rise_engine.scenario.element_reader import MIN_SECONDS
 from rise_engine.scenario.memory import is_writable_key
 from rise_engine.scenario.model import FunctionName, normal_topic
 from rise_tui.editor.model.condition_reading import FieldNote, unknown_key_notes, values_text

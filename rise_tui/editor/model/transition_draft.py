@@ -14,8 +14,8 @@ from rise_engine.author.edit.edits import AddState, AddTransition, AnyEdit, SetT
 from rise_engine.author.edit.outline import WrittenRule, WrittenState
 from rise_engine.base.nearest_name import did_you_mean
 from rise_engine.expression import EvaluationError, Expression, ExpressionError
-from rise_engine.scenario.delays import MIN_SECONDS
 from rise_engine.scenario.durations import MAX_SECONDS, UNITS, parse_time, seconds_from
+from rise_engine.scenario.element_reader import MIN_SECONDS
 from rise_engine.scenario.model import normal_topic
 from rise_tui.editor.model.condition_reading import (
     FieldNote,
