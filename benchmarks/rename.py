@@ -11,9 +11,8 @@ from check_edit import many, study
 from measure import Report, interleave
 
 from rise_engine.author.edit.edits import Rename
-from rise_engine.author.edit.plan import apply_plan
+from rise_engine.author.edit.plan import StudyState, apply_plan
 from rise_engine.author.edit.planning import plan
-from rise_engine.author.edit.study_state import StudyState
 from rise_engine.scenario.checker import ScenarioChecker
 
 RENAMES = (

@@ -14,8 +14,7 @@ from rise_engine.scenario.diagnostics import Diagnostics
 from rise_engine.scenario.model import RobotProfile
 from rise_engine.scenario.parameters import accepts_any_name, listed_names
 from rise_engine.scenario.source_files import SourceFile
-from rise_engine.scenario.toml_files import read_toml
-from rise_engine.scenario.toml_tables import TomlTable
+from rise_engine.scenario.toml_files import TomlTable, read_toml
 
 LexemeKind: TypeAlias = Literal["head", "gesture", "posture", "face"]
 KINDS: tuple[LexemeKind, ...] = ("head", "gesture", "posture", "face")

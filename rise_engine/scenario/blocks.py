@@ -8,9 +8,8 @@ from typing import Any, TypeVar, get_args
 
 from rise_engine.base.nearest_name import suggest
 from rise_engine.expression import Assignment, Expression, ExpressionError
-from rise_engine.scenario.delays import read_seconds
 from rise_engine.scenario.draft import Mention, StateMention
-from rise_engine.scenario.element_reader import ElementReader
+from rise_engine.scenario.element_reader import ElementReader, read_seconds
 from rise_engine.scenario.expression_checks import (
     UNREADABLE_CONDITION,
     expression_message,

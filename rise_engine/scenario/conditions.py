@@ -1,23 +1,23 @@
-"""What makes the conditions of a study: `[study]`, `[conditions.NAME]` and `private` in scenario.toml.
+"""The conditions of a study: `[study]`, `[conditions.NAME]` and `private` in scenario.toml.
 
 A condition is what the robot does, not a label: its table says the memory values that a session in it begins with.
 """
 
 from __future__ import annotations
 
+import json
 from collections import Counter
 from functools import cache, partial
 from typing import Any
 
 from msgspec.json import encode
 
-from rise_engine.base.nearest_name import suggest
+from rise_engine.base.nearest_name import did_you_mean, in_backquotes, suggest
 from rise_engine.scenario.diagnostics import Diagnostics
 from rise_engine.scenario.draft import ConditionValue, Mention, ScenarioDraft
-from rise_engine.scenario.model import SESSION, Condition, Json
+from rise_engine.scenario.model import SESSION, Condition, Json, Scenario
 from rise_engine.scenario.source_files import SourceFile
-from rise_engine.scenario.toml_files import TomlFile
-from rise_engine.scenario.toml_tables import TomlTable, is_integer
+from rise_engine.scenario.toml_files import TomlFile, TomlTable, is_integer
 from rise_engine.syntax.toml import toml_key
 
 MAX_PARTICIPANTS = 1_000_000
@@ -267,3 +267,65 @@ def _kind(value: Json) -> str:
             return "a list"
         case _:
             return "an object"
+
+
+# --- in a session -----------------------------------------------------------------------------------------------------
+
+
+_LONGEST_VALUE = 40
+"""Characters of a value that a sentence shows."""
+
+
+def study_conditions(scenario: Scenario) -> tuple[str, ...]:
+    """The names of the conditions, in their order; empty when there are none. Also names that say nothing of what the
+    robot does, as scenarios of earlier versions list them."""
+    if scenario.conditions:
+        return tuple(scenario.conditions)
+    found = scenario.study.get("conditions")
+    return tuple(name for name in found if isinstance(name, str)) if isinstance(found, list) else ()
+
+
+def condition_problem(scenario: Scenario, condition: str) -> str:
+    """Why a new session cannot be run in this condition, or empty.
+
+    :param condition: its name; empty: in none, which is right in debug mode, and where the scenario has none.
+    """
+    known = study_conditions(scenario)
+    if not condition:
+        if scenario.conditions and scenario.mode == "real":
+            return f"a real session is run in a condition of the study: name one of {in_backquotes(known)}"
+        return ""
+    if condition in scenario.conditions:
+        return ""
+    if condition in known:
+        return f"the condition `{condition}` is only a name; in scenario.toml, {how_to_write(condition)}"
+    if known:
+        near = did_you_mean(condition, known, limit=0)
+        return f"this study has no condition {condition!r}{near}; it has {in_backquotes(known)}"
+    problem = f"this scenario has no conditions, and {condition!r} alone would change nothing that the robot does"
+    return f"{problem}; in scenario.toml, {how_to_write(condition)}"
+
+
+def condition_memory(scenario: Scenario, condition: str) -> dict[str, Json]:
+    """What a session in this condition begins with, beside the start values; nothing for a name that is none."""
+    found = scenario.conditions.get(condition)
+    return {} if found is None else dict(found.memory)
+
+
+def condition_label(scenario: Scenario, condition: str) -> str:
+    """What screens call a condition: the label that it has, or its name."""
+    found = scenario.conditions.get(condition)
+    return (found.label if found is not None else "") or condition
+
+
+def condition_sentence(condition: Condition) -> str:
+    """What a condition sets, in words: `sets hesitation = true, pause = 600`."""
+    if condition.label_only:
+        return "sets nothing: what it stands for lies outside of the robot"
+    values = ", ".join(f"{key} = {_value_text(value)}" for key, value in condition.memory.items())
+    return f"sets {values}" if values else "sets nothing"
+
+
+def _value_text(value: Json) -> str:
+    text = json.dumps(value, ensure_ascii=False)
+    return text if len(text) <= _LONGEST_VALUE else f"{text[: _LONGEST_VALUE - 1]}…"

@@ -10,8 +10,7 @@ from rise_engine.scenario.draft import Mention, ScenarioDraft
 from rise_engine.scenario.explore_settings import ExploredKeys, ExploreSettings, PropertyKind, StudyProperty
 from rise_engine.scenario.expression_checks import expression_message, note_property
 from rise_engine.scenario.model import Json
-from rise_engine.scenario.toml_files import character_location
-from rise_engine.scenario.toml_tables import TomlTable, is_integer
+from rise_engine.scenario.toml_files import TomlTable, character_location, is_integer
 from rise_engine.syntax.toml import toml_key
 
 EXPLORE_KEYS = {

@@ -1,19 +1,22 @@
-"""Do the memory keys that a scenario names lead anywhere? Dotted ones are followed into the start values.
+"""Do the memory keys that a scenario names lead anywhere? And what does the engine itself keep under `session`?
 
-A key can exist when the start values have it, or when a rule or a key of the keyboard sets it, a part of the path to
-it, or something inside it. What nothing in the scenario ever sets stays as it is in the start values: there, a path
-that ends early can never be one. A null is a value that is still to come, so every path may go on behind it.
+Dotted keys are followed into the start values. A key can exist when the start values have it, or when a rule or a key
+of the keyboard sets it, a part of the path to it, or something inside it. What nothing in the scenario ever sets stays
+as it is in the start values: there, a path that ends early can never be one. A null is a value that is still to come,
+so every path may go on behind it.
 """
 
 from __future__ import annotations
 
 from collections.abc import Collection, Iterator, Mapping
 
-from rise_engine.base.nearest_name import in_backquotes, nearest_name
+from rise_engine.base.nearest_name import did_you_mean, in_backquotes, nearest_name
 from rise_engine.expression import lookup
 from rise_engine.expression.environment import reach_into
 from rise_engine.expression.values import describe
-from rise_engine.scenario.model import Json
+from rise_engine.scenario.diagnostics import Diagnostics
+from rise_engine.scenario.draft import ScenarioDraft
+from rise_engine.scenario.model import SESSION, Json
 
 _FEW = 12
 """How many names of an object a message lists."""
@@ -110,3 +113,64 @@ def _key_prefixes(key: str) -> Iterator[str]:
     while at >= 0:
         yield key[:at]
         at = key.find(".", at + 1)
+
+
+# --- the keys of the session ------------------------------------------------------------------------------------------
+
+
+EXAMPLE: dict[str, Json] = {
+    "speaking": False,
+    "cue": False,
+    "stopped": False,
+    "participant": "",
+    "condition": "",
+    "factors": None,
+    "language": "",
+}
+"""What there is in it; of the factors nobody knows the names before the study says them."""
+
+
+def add_session_keys(draft: ScenarioDraft, diagnostics: Diagnostics) -> None:
+    """See whether anything in the scenario asks for a value of the session."""
+    reads = [
+        mention
+        for mentions in (
+            draft.key_reads,
+            draft.optional_key_reads,
+            draft.property_reads,
+            draft.bare_words,
+            draft.bare_keys,
+        )
+        for mention in mentions
+        if mention.name.partition(".")[0] == SESSION
+    ]
+    if not reads:
+        return
+    is_own = SESSION in draft.tables or any(key.partition(".")[0] == SESSION for key in draft.settable_keys)
+    if not is_own:
+        draft.session_keys = EXAMPLE
+        draft.settable_keys.add(SESSION)
+    elif known := next((each for each in reads if each.name.partition(".")[2].partition(".")[0] in EXAMPLE), None):
+        message = (
+            f"`{known.name}` is a key of this scenario, because it sets `{SESSION}` itself; what the engine knows of "
+            "the session is not there under that name: call your own key something else"
+        )
+        diagnostics.warning("own-session", known.locate(), message)
+
+
+def factors_read(draft: ScenarioDraft) -> frozenset[str]:
+    """The names of the study's factors that anything asks for and that has no fallback: `pace` of
+    `session.factors.pace`."""
+    if not draft.session_keys:
+        return frozenset()
+    paths = (mention.name.split(".") for mention in (*draft.key_reads, *draft.bare_words, *draft.bare_keys))
+    return frozenset(path[2] for path in paths if path[:2] == [SESSION, "factors"] and len(path) > 2)
+
+
+def session_problem(draft: ScenarioDraft, key: str) -> str:
+    """What to say of a part of the session that there is not; empty for other keys."""
+    head, _, part = key.partition(".")
+    if head != SESSION or not draft.session_keys:
+        return ""
+    near = did_you_mean(key, [f"{SESSION}.{name}" for name in EXAMPLE])
+    return f"the engine keeps no `{part}` under `{SESSION}`{near}"

@@ -18,8 +18,7 @@ from rise_engine.scenario.file_names import SCENARIO_FILE
 from rise_engine.scenario.model import RobotProfile, SourceLocation
 from rise_engine.scenario.source_files import MAX_TOML_BYTES, FileReader, SourceFile
 from rise_engine.scenario.study_paths import why_no_name
-from rise_engine.scenario.toml_files import read_toml, toml_of
-from rise_engine.scenario.toml_tables import TomlTable
+from rise_engine.scenario.toml_files import TomlTable, read_toml, toml_of
 from rise_engine.scenario.tree import FileTree
 
 ENTRY_POINT_GROUP = "rise.robots"

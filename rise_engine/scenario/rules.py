@@ -14,9 +14,9 @@ from rise_engine.base.nearest_name import suggest
 from rise_engine.base.text import BLANKS
 from rise_engine.expression import Expression
 from rise_engine.scenario.blocks import NO_ATTRIBUTES, BlockReader
-from rise_engine.scenario.delays import read_delay
 from rise_engine.scenario.diagnostics import Diagnostics, unknown_code
 from rise_engine.scenario.draft import ForeignEnd, Mention, ScenarioDraft
+from rise_engine.scenario.element_reader import read_delay
 from rise_engine.scenario.graph import component_numbers
 from rise_engine.scenario.model import (
     ActOutcome,

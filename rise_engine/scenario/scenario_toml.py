@@ -9,10 +9,10 @@ from rise_engine.base.nearest_name import suggest
 from rise_engine.expression import Assignment, ExpressionError
 from rise_engine.scenario.act_settings import read_act_tables, read_on_failure
 from rise_engine.scenario.conditions import read_conditions, read_private, read_study
-from rise_engine.scenario.delays import MIN_SECONDS
 from rise_engine.scenario.diagnostics import Diagnostics
 from rise_engine.scenario.draft import Mention, ScenarioDraft, StateMention
 from rise_engine.scenario.durations import MAX_SECONDS, parse_time
+from rise_engine.scenario.element_reader import MIN_SECONDS
 from rise_engine.scenario.explore_tables import PROPERTY_TABLES, read_explore, read_properties
 from rise_engine.scenario.expression_checks import expression_message, note_assignment
 from rise_engine.scenario.keys import KeyRefusedError, bindable_key_name
@@ -28,8 +28,7 @@ from rise_engine.scenario.model import (
     normal_topic,
 )
 from rise_engine.scenario.suppressions import check_warning_code
-from rise_engine.scenario.toml_files import TomlFile
-from rise_engine.scenario.toml_tables import TomlTable, read_seconds
+from rise_engine.scenario.toml_files import TomlFile, TomlTable, read_seconds
 from rise_engine.scenario.trials import read_trials
 from rise_engine.syntax.toml import toml_key
 

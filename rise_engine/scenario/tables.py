@@ -19,8 +19,14 @@ from rise_engine.scenario.languages import language_problem, meant_language
 from rise_engine.scenario.memory import is_writable_key
 from rise_engine.scenario.model import Json, SourceLocation, Table, TranslatedColumn
 from rise_engine.scenario.source_files import FileReader, SourceFile
-from rise_engine.scenario.table_settings import TableSettings, read_table_settings
-from rise_engine.scenario.table_values import ColumnType, convert_value, guess_type, has_comma_numbers
+from rise_engine.scenario.table_settings import (
+    ColumnType,
+    TableSettings,
+    convert_value,
+    guess_type,
+    has_comma_numbers,
+    read_table_settings,
+)
 
 TABLES_FOLDER = "tables"
 MAX_TABLE_BYTES = 2_000_000

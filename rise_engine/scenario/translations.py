@@ -23,12 +23,17 @@ from rise_engine.scenario.languages import language_fits, language_problem
 from rise_engine.scenario.model import Act, Action, ActionCall, RobotProfile, SourceLocation
 from rise_engine.scenario.source_files import FileReader
 from rise_engine.scenario.spoken import LANGUAGE
-from rise_engine.scenario.spoken_texts import SpokenText, own_language, spoken_texts
+from rise_engine.scenario.spoken_texts import (
+    SpokenText,
+    TableText,
+    missing_sentences,
+    own_language,
+    spoken_texts,
+    table_texts,
+)
 from rise_engine.scenario.ssml_checks import find_ssml_problems
-from rise_engine.scenario.table_texts import TableText, missing_sentences, table_texts
 from rise_engine.scenario.template import Template, TemplateError, parse_template
-from rise_engine.scenario.toml_files import TomlFile, toml_of
-from rise_engine.scenario.toml_tables import TomlTable
+from rise_engine.scenario.toml_files import TomlFile, TomlTable, toml_of
 
 MAX_TEXTS_BYTES = 4_000_000
 _FORM = '"2/1" = { text = "Sehr gut!", of = "Very good!" }, under [ACT]'

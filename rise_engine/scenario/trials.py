@@ -13,8 +13,7 @@ from rise_engine.scenario.diagnostics import Diagnostics, unknown_code
 from rise_engine.scenario.draft import Mention, ScenarioDraft
 from rise_engine.scenario.expression_checks import expression_message, note_property
 from rise_engine.scenario.model import Rule, SourceLocation
-from rise_engine.scenario.toml_files import character_location
-from rise_engine.scenario.toml_tables import TomlTable
+from rise_engine.scenario.toml_files import TomlTable, character_location
 from rise_engine.scenario.trial_settings import MEASURES, PARTICIPANT, TRIAL_KEYS, TrialSettings, fits_state
 
 

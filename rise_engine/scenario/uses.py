@@ -1,14 +1,24 @@
-"""Who names what in a scenario: acts, rules, states, events, memory keys, actions; where, and for what."""
+"""Who names what in a scenario: acts, rules, states, events, memory keys, actions; where, and for what.
+
+Names in files of acts and rules are found here. A file with mistakes has its uses too.
+"""
 
 from __future__ import annotations
 
-from collections.abc import Iterable
-from functools import cached_property
+import re
+from collections.abc import Callable, Iterable, Iterator, Mapping
+from functools import cached_property, partial
 from typing import Literal, TypeAlias
 
 from msgspec import UNSET, Struct
 
-from rise_engine.scenario.model import SourceLocation
+from rise_engine.expression.key_places import KeyPlace, keys_in_assignment, keys_in_expression, keys_in_slots
+from rise_engine.scenario.element_reader import computed_part
+from rise_engine.scenario.model import RobotProfile, SourceLocation, normal_topic
+from rise_engine.scenario.parameters import is_bare_key
+from rise_engine.scenario.source_files import SourceFile
+from rise_engine.scenario.xml import XmlFile
+from rise_engine.syntax.xml import ENTITY, Element, read_entity
 
 UsedKind: TypeAlias = Literal["act", "rule", "state", "event", "key", "action"]
 """A state is called `RULE/STATE` here, an action `ACT/ID`; an event has no slash; a key is a memory key."""
@@ -84,3 +94,205 @@ class Uses:
 
 def _order(use: Use) -> tuple[bool, str, int, int]:
     return not use.defines, use.location.file, use.location.line, use.location.column
+
+
+# --- uses in acts and rules -------------------------------------------------------------------------------------------
+
+
+Sources = Mapping[str, SourceFile]
+"""By name; templates stand in other files than their `<use>`."""
+_COMMON = ("actionID", "waitForActions", "onFailure")
+_ID = re.compile(r"[^,;\s]+")
+_PART = re.compile(r"[^|]+")
+_COMMENT = re.compile(r"<!--.*?-->", re.DOTALL)
+_ACTS = {"startCommunicationRobotAct", "stopCommunicationRobotAct"}
+_RULES = {"startInteractionRule", "stopInteractionRule"}
+
+
+def written_length(text: str, offset: int, name: str) -> int:
+    """How many characters a name takes that stands at an offset of an XML text, entities as they are written; 0 when
+    something else stands there.
+
+    >>> written_length('x="a&amp;b"', 3, "a&b")
+    7
+    """
+    at = offset
+    for character in name:
+        if (entity := ENTITY.match(text, at)) is not None and read_entity(entity.group()) == character:
+            at = entity.end()
+        elif text.startswith(character, at):
+            at += 1
+        else:
+            return 0
+    return at - offset
+
+
+def uses_in_acts(file: XmlFile, robot: RobotProfile, sources: Sources) -> list[Use]:
+    """The uses in a file of acts, its templates put in."""
+    finder = _UseFinder(file, sources)
+    for element in _parts(file.root, "Dialog"):
+        finder.find_in_act(element, robot)
+    return finder.found
+
+
+def uses_in_rules(file: XmlFile, sources: Sources) -> list[Use]:
+    """The uses in a file of rules, its templates put in."""
+    finder = _UseFinder(file, sources)
+    for element in _parts(file.root, "InteractionRule"):
+        finder.find_in_rule(element)
+    return finder.found
+
+
+def _parts(root: Element, tag: str) -> Iterator[Element]:
+    return (element for element in ([root] if root.tag == tag else root) if element.tag == tag)
+
+
+class _UseFinder:
+    def __init__(self, file: XmlFile, sources: Sources) -> None:
+        self.file = file
+        self.sources = sources
+        self.found: list[Use] = []
+        self.of = ""
+        self.where = ""
+
+    def add(
+        self,
+        kind: UsedKind,
+        name: str,
+        shown: str,
+        location: SourceLocation,
+        *,
+        defines: bool = False,
+        may_be_text: bool = False,
+    ) -> None:
+        """A name as it is known (`RULE/STATE`), and as it is written there (`STATE`)."""
+        length = self.length_at(location.file, location.line, location.column, shown)
+        in_template = False
+        if not length and (template := location.template) is not UNSET:
+            length = self.length_at(template.file, template.line, template.column, shown)
+            in_template = length > 0
+        use = Use(kind, name, location, length, defines, self.where, self.of, in_template, may_be_text)
+        self.found.append(use)
+
+    def length_at(self, file: str, line: int, column: int, name: str) -> int:
+        source = self.sources.get(file)
+        return written_length(source.text, source.offset(line, column), name) if source is not None else 0
+
+    def add_keys(self, places: Iterable[KeyPlace], locate: Callable[[int], SourceLocation]) -> None:
+        for place in places:
+            self.add("key", place.key, place.key, locate(place.start), may_be_text=place.may_be_text)
+
+    def add_attribute(
+        self, kind: UsedKind, element: Element, attribute: str, of: str = "", *, defines: bool = False
+    ) -> None:
+        """The name that is the whole value of an attribute."""
+        value = element.get(attribute)
+        if value is None or not (name := normal_topic(value) if kind == "event" else value.strip()):
+            return
+        location = self.file.value_location(element, attribute, value.index(name))
+        self.add(kind, f"{of}/{name}" if of else name, name, location, defines=defines)
+
+    # --- acts ---------------------------------------------------------------------------------------------------------
+
+    def find_in_act(self, element: Element, robot: RobotProfile) -> None:
+        self.of = (element.get("name") or "").strip()
+        self.where = f"act {self.of}"
+        self.add_attribute("act", element, "name", defines=True)
+        for action in element:
+            common = {child.tag: child for child in action if child.tag in _COMMON}
+            id_element, wait = common.get("actionID"), common.get("waitForActions")
+            id = id_element.text.strip() if id_element is not None else ""
+            if id_element is not None and id:
+                location = self.file.text_location(id_element, id_element.text.index(id))
+                self.add("action", f"{self.of}/{id}", id, location, defines=True)
+            self.where = f"act {self.of}, action {id or action.tag}"
+            if wait is not None:
+                for wanted in _ID.finditer(wait.text):
+                    location = self.file.text_location(wait, wanted.start())
+                    self.add("action", f"{self.of}/{wanted.group()}", wanted.group(), location)
+            for call in [each for each in action if each.tag not in _COMMON] if action.tag == "Variants" else [action]:
+                self.find_in_call(call, robot)
+            self.where = f"act {self.of}"
+
+    def find_in_call(self, call: Element, robot: RobotProfile) -> None:
+        spec = robot.actions.get(call.tag)
+        where = self.where
+        for child in call:
+            if child.tag in _COMMON:
+                continue
+            self.where = f"{where}: {child.tag}"
+            parameter = spec.parameters.get(child.tag) if spec is not None else None
+            text = child.text
+            if parameter is not None and is_bare_key(parameter, text.strip()):
+                key = text.strip()
+                self.add("key", key, key, self.file.text_location(child, text.index(key)))
+            elif len(child):  # SSML
+                written = _COMMENT.sub(lambda found: " " * len(found.group()), self.file.written(child[0]))
+                self.add_keys(keys_in_slots(written), partial(self.file.written_location, child[0]))
+            else:
+                self.add_keys(keys_in_slots(text), partial(self.file.text_location, child))
+        self.where = where
+
+    # --- rules --------------------------------------------------------------------------------------------------------
+
+    def find_in_rule(self, element: Element) -> None:
+        self.of = (element.get("name") or "").strip()
+        top = self.where = f"rule {self.of}"
+        self.add_attribute("rule", element, "name", defines=True)
+        self.add_attribute("state", element, "initial", self.of)
+        for child in element:
+            if child.tag == "State":
+                self.add_attribute("state", child, "id", self.of, defines=True)
+                inside = f"{top}, state {(child.get('id') or '').strip()}"
+            elif child.tag == "transitions":
+                self.where = inside = f"{top}, transitions of several states"
+                value = child.get("in") or ""
+                for found in _PART.finditer(value):
+                    if name := found.group().strip():
+                        at = found.start() + found.group().index(name)
+                        self.add("state", f"{self.of}/{name}", name, self.file.value_location(child, "in", at))
+            else:
+                continue
+            number = 0
+            for part in child:
+                number += part.tag == "transition"
+                names = {"onEntry": "on entry", "onExit": "on exit"}
+                self.where = f"{inside}, {names.get(part.tag, f'transition {number}')}"
+                self.find_in_statement(part)
+            self.where = top
+
+    def find_in_statement(self, element: Element) -> None:
+        """A transition, a block, a function, and all that they hold."""
+        rest = [element]
+        while rest:
+            each = rest.pop()
+            rest += each[::-1]
+            attributes = each.attributes
+            for name in ("cond", "while"):
+                if name in attributes:
+                    self.add_keys(keys_in_expression(attributes[name]), partial(self.file.value_location, each, name))
+            if each.tag == "transition":
+                self.find_in_transition(each)
+            elif each.tag == "function":
+                self.find_in_function(each)
+
+    def find_in_transition(self, element: Element) -> None:
+        self.add_attribute("event", element, "eventTopic")
+        self.add_attribute("act", element, "ended")
+        self.add_attribute("state", element, "target", self.of)
+        computed = computed_part(element.get("after") or "")
+        if computed is not None:
+            self.add_keys(keys_in_expression(*computed), partial(self.file.value_location, element, "after"))
+
+    def find_in_function(self, element: Element) -> None:
+        for name, value in element.attributes.items():
+            if name in _ACTS:
+                self.add_attribute("act", element, name)
+            elif name in _RULES:
+                self.add_attribute("rule", element, name)
+            elif name == "raiseEventTopic":
+                self.add_attribute("event", element, name)
+            elif name == "assignValue":
+                self.add_keys(keys_in_assignment(value), partial(self.file.value_location, element, name))
+            elif name == "state":
+                self.add_attribute("state", element, name, (element.get("startInteractionRule") or "").strip())

@@ -6,7 +6,7 @@ import re
 from pathlib import Path
 
 from rise_engine.base.nearest_name import did_you_mean, in_backquotes
-from rise_engine.scenario.toml_tables import TomlTable
+from rise_engine.scenario.toml_files import TomlTable
 from rise_engine.study.check_kinds import AUTOMATIC, OF_THE_PARTICIPANT
 from rise_engine.study.check_programs import program_problem
 from rise_engine.study.model import StudyCheck

@@ -8,7 +8,7 @@ from collections.abc import Collection
 from msgspec.json import encode
 
 from rise_engine.base.nearest_name import did_you_mean, nearest_name
-from rise_engine.scenario.toml_tables import TomlTable
+from rise_engine.scenario.toml_files import TomlTable
 from rise_engine.study.model import Factor, FactorKind, Level
 
 _FACTOR_KEYS = ("kind", "levels", "labels", "label_only")

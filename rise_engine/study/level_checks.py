@@ -8,7 +8,7 @@ from rise_engine.base.nearest_name import did_you_mean
 from rise_engine.expression import lookup
 from rise_engine.scenario.memory_paths import MemoryPaths
 from rise_engine.scenario.model import SESSION, Json, Scenario
-from rise_engine.scenario.toml_tables import TomlTable
+from rise_engine.scenario.toml_files import TomlTable
 from rise_engine.study.model import Factor, Level, Study
 from rise_engine.study.study_scenarios import scenario_folder
 

@@ -8,7 +8,7 @@ from typing import Any
 
 from rise_engine.base.nearest_name import did_you_mean, in_backquotes, nearest_name
 from rise_engine.ports.recorder import RecorderError
-from rise_engine.scenario.toml_tables import TomlTable
+from rise_engine.scenario.toml_files import TomlTable
 from rise_engine.study.model import MarkerSettings, RecorderSettings, RecordingSettings, SyncSettings
 from rise_engine.study.quantities import parse_length
 from rise_engine.study.recorder_drivers import open_recorder, recorder_drivers

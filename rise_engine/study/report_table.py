@@ -9,7 +9,7 @@ from __future__ import annotations
 
 from msgspec import Struct
 
-from rise_engine.scenario.toml_tables import TomlTable
+from rise_engine.scenario.toml_files import TomlTable
 from rise_engine.study.publishing import authors_of, orcid_problem
 
 

@@ -13,7 +13,7 @@ from rise_engine.scenario.file_names import SCENARIO_FILE
 from rise_engine.scenario.loader import load
 from rise_engine.scenario.model import Scenario
 from rise_engine.scenario.study_paths import why_not_read
-from rise_engine.scenario.toml_tables import TomlTable
+from rise_engine.scenario.toml_files import TomlTable
 from rise_engine.study.model import Study
 
 

@@ -14,8 +14,7 @@ from rise_engine.scenario.diagnostics import Diagnostic, Diagnostics
 from rise_engine.scenario.file_names import STUDY_FILE as STUDY_FILE
 from rise_engine.scenario.model import Mode, Scenario, SourceLocation
 from rise_engine.scenario.source_files import MAX_TOML_BYTES, FileReader
-from rise_engine.scenario.toml_files import TomlFile, read_toml
-from rise_engine.scenario.toml_tables import TomlTable, is_integer
+from rise_engine.scenario.toml_files import TomlFile, TomlTable, is_integer, read_toml
 from rise_engine.scenario.tree import FileTree, Held
 from rise_engine.study.check_tables import read_checks
 from rise_engine.study.design import PLAN_COLUMNS, cells, runs, with_hashes

@@ -1,6 +1,6 @@
 """Changing entries of a TOML file and nothing else: comments, order, alignment, quotes and line ends stay.
 
-Each function gives the whole new text; what differs becomes splices (`text_edits.edits_between`).
+Each function gives the whole new text; what differs becomes splices (`syntax.changes.edits_between`).
 """
 
 from __future__ import annotations

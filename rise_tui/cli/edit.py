@@ -10,7 +10,7 @@ from pathlib import Path
 import click
 
 from rise_engine.author.edit.plan import EditRefused
-from rise_engine.author.edit.study_above import scenarios_below
+from rise_engine.author.edit.study_folder import scenarios_below
 from rise_engine.author.edit.workspace import Workspace
 from rise_engine.base.errors import RiseError
 from rise_engine.base.exit_status import REFUSED, USAGE

@@ -7,7 +7,7 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
-from rise_engine.author.edit.json_edits import edit_memory_text, memory_file_text
+from rise_engine.author.edit.memory import edit_memory_text, memory_file_text
 from rise_engine.author.edit.plan import EditRefused
 from rise_engine.author.edit.saving import write_files
 from rise_engine.base.json_codec import json_equal

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from rise_engine.kernel.records import SessionRecord
-from rise_engine.scenario.study import condition_label
+from rise_engine.scenario.conditions import condition_label
 from rise_tui.model.store import Store
 from rise_tui.model.task_messages import act_label
 from rise_tui.rendering.text import clean

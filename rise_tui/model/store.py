@@ -49,8 +49,8 @@ from rise_engine.run.protocol.client import (
     ShadowStatus,
     UpdateOrResync,
 )
+from rise_engine.scenario.lexicon import RobotWording
 from rise_engine.scenario.model import CUE_TOPICS, KeyBinding, Scenario, normal_topic
-from rise_engine.scenario.robot_wording import RobotWording
 from rise_tui.model import control
 from rise_tui.model.blocked import BlockedReason, Deed
 from rise_tui.model.expected_inputs import ExpectedInputs, find_expected_inputs

@@ -7,6 +7,7 @@ from collections.abc import Callable, Iterable, Mapping, Sequence
 
 from msgspec.structs import replace
 
+from rise_engine.author.edit.addresses import act_of, action_of, check_changeable, places_of_parameter
 from rise_engine.author.edit.edits import (
     AddAction,
     AddVariant,
@@ -18,12 +19,10 @@ from rise_engine.author.edit.edits import (
     SetParameter,
     SetWaits,
 )
-from rise_engine.author.edit.finding import act_of, action_of, check_changeable, places_of_parameter
-from rise_engine.author.edit.following import follow_act, follow_action
 from rise_engine.author.edit.outline import WrittenAct, WrittenAction
-from rise_engine.author.edit.plan import EditRefused, Plan, Splice
-from rise_engine.author.edit.study_state import StudyState
-from rise_engine.author.edit.templates import plan_use_parameter
+from rise_engine.author.edit.parts import plan_use_parameter
+from rise_engine.author.edit.plan import EditRefused, Plan, Splice, StudyState
+from rise_engine.author.edit.translations import follow_act, follow_action
 from rise_engine.author.edit.variants import plan_add_variant, plan_remove_variant
 from rise_engine.base.nearest_name import did_you_mean
 from rise_engine.base.text import pluralize

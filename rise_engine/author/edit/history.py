@@ -1,15 +1,19 @@
-"""The steps of an editor, backwards and forwards without limit, over several files and over saves.
+"""The steps of an editor, backwards and forwards without limit, and what they changed, in words.
 
-A step back is the files as they were before it, not the contrary edit: quotation marks and blanks come back too.
+A step back restores the files as they were before it, over several files and over saves. It is not the contrary edit:
+quotation marks and blanks come back too.
 """
 
 from __future__ import annotations
 
+import difflib
+import re
 from collections.abc import Mapping
 
 from msgspec import Struct
 from msgspec.structs import replace
 
+from rise_engine.author.edit.edits import AnyEdit
 from rise_engine.author.edit.plan import Files
 
 
@@ -91,3 +95,57 @@ class History:
     def begin_anew(self, steps: list[Step]) -> None:
         """Forget what was before: the files have changed outside where steps had changed them."""
         self.done, self.undone, self.saved = list(steps), [], []
+
+
+# --- in words --------------------------------------------------------------------------------------------------------
+
+
+_LINE = re.compile(r"[^\r\n]*(?:\r\n|\r|\n)|[^\r\n]+")
+
+
+class Change(Struct, frozen=True):
+    """One step that can be undone: an edit, or several that belong together."""
+
+    edits: tuple[AnyEdit, ...]
+    says: tuple[str, ...]
+    """What it does, in words."""
+    noticed: tuple[str, ...] = ()
+
+
+class OutsideChange(Struct, frozen=True):
+    """What somebody else has done to the files meanwhile."""
+
+    files: tuple[str, ...]
+    """Those that differ."""
+    clash: tuple[str, ...] = ()
+    """Those with unsaved changes of one's own, which are as they are here."""
+    forgotten: bool = False
+    """Whether all steps from before are one step now."""
+
+
+class Refusal(Struct, frozen=True):
+    """An edit that cannot be made."""
+
+    edit: int
+    """Which one, from 0."""
+    why: str
+
+
+class SaveReport(Struct, frozen=True):
+    files: tuple[str, ...]
+    """What was written, made or deleted; empty: nothing was to be saved."""
+
+
+def diff_of(before: Files, after: Files) -> str:
+    """The lines that differ between two states of files, as `diff -u` has them; CR alone ends a line too."""
+    pieces: list[str] = []
+    for name in sorted(changed_names(before, after)):
+        old, new = (side.get(name) for side in (before, after))
+        one, other = (_LINE.findall((data or b"").decode("utf-8", "replace")) for data in (old, new))
+        from_name = f"a/{name}" if old is not None else "/dev/null"
+        to_name = f"b/{name}" if new is not None else "/dev/null"
+        for line in difflib.unified_diff(one, other, from_name, to_name):
+            if line.endswith("\r"):
+                line = f"{line[:-1]}\n"
+            pieces.append(line if line.endswith("\n") else f"{line}\n\\ No newline at end of file\n")
+    return "".join(pieces)

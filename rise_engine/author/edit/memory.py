@@ -1,22 +1,200 @@
-"""Edits of the memory's start values, `memory.json` in either of its forms."""
+"""Edits of start values: in a memory file they change values and nothing else. Its layout, order and form stay."""
 
 from __future__ import annotations
 
 import json
+import re
 import tomllib
-from collections.abc import Callable
-from typing import Any
+from collections.abc import Callable, Mapping, Sequence
+from itertools import pairwise
+from typing import Any, NamedTuple
 
 from rise_engine.author.edit.edits import Edit, RemoveStartValue, SetStartValue
-from rise_engine.author.edit.json_edits import memory_file_text, memory_text_edits, memory_values
-from rise_engine.author.edit.plan import EditRefused, Files, Plan
-from rise_engine.author.edit.study_above import sets_key
-from rise_engine.author.edit.study_state import StudyState
-from rise_engine.author.edit.text_edits import file_of
-from rise_engine.base.json_codec import JsonError, decode
+from rise_engine.author.edit.plan import EditRefused, Files, Plan, StudyState, file_of
+from rise_engine.author.edit.study_folder import sets_key
+from rise_engine.base.json_codec import (
+    JsonArray,
+    JsonError,
+    JsonMember,
+    JsonObject,
+    decode,
+    json_equal,
+    read_json,
+    to_plain,
+)
 from rise_engine.base.nearest_name import did_you_mean
 from rise_engine.scenario.file_names import DEFAULT_PATHS, SCENARIO_FILE
-from rise_engine.scenario.memory import is_writable_key
+from rise_engine.scenario.memory import LIST_KEY, is_writable_key
+from rise_engine.syntax.changes import TextEdit, changed_text
+
+
+_BLANK_LINES = re.compile(r"(?:(?:\r\n|\r(?!\n)|\n)[ \t]*)*(\r\n|\r(?!\n)|\n)")
+
+
+class _Span(NamedTuple):
+    start: int
+    end: int
+
+
+def edit_memory_text(text: str, before: Mapping[str, Any], now: Mapping[str, Any]) -> str:
+    """The file's text after the changes that `memory_text_edits` gives."""
+    return changed_text(text, memory_text_edits(text, before, now))
+
+
+def memory_text_edits(text: str, before: Mapping[str, Any], now: Mapping[str, Any]) -> list[TextEdit]:
+    """What is to change in a memory file, so that keys are set, added and deleted as from `before` to `now`.
+
+    :param text: the file's, without byte order mark.
+    :param before: values by key, as the author of the change knows them.
+    :param now: the values that are wanted. Keys that do not differ between the two stay in the file as they are there.
+    :raises EditRefused: it is not JSON, or not what a scenario's memory is.
+    """
+    document = _read_document(text)
+    members = _memory_members(document)
+    wanted = {member.key: to_plain(member.value) for member in members}
+    for key in (*before, *now):
+        if key not in now:
+            wanted.pop(key, None)
+        elif key not in before or not json_equal(before[key], now[key], in_order=True):
+            wanted[key] = now[key]
+    listed = document.get(LIST_KEY)
+    if isinstance(listed, JsonArray):
+        edits = _list_edits(text, listed, wanted)
+    elif not document.members and wanted:  # each key has a line of its own from the first one on
+        line_end = next((end for end in ("\r\n", "\n", "\r") if end in text), "\n")
+        rows = f",{line_end}  ".join(f"{_dumps(key)}: {_dumps(value)}" for key, value in wanted.items())
+        edits = [TextEdit(document.at + 1, text.index("}", document.at), f"{line_end}  {rows}{line_end}")]
+    else:
+        edits = _object_edits(text, document, wanted)
+    after = _memory_members(_read_document(changed_text(text, edits)))
+    if not json_equal({member.key: to_plain(member.value) for member in after}, wanted):
+        raise EditRefused("it is written in a way that cannot be changed here; change it with an editor")
+    return edits
+
+
+def memory_file_text(memory: Mapping[str, Any]) -> str:
+    """The text of a new memory file, in RISE's form."""
+    entries = [f"  {json.dumps({key: value}, ensure_ascii=False)}" for key, value in memory.items()]
+    return f'{{"{LIST_KEY}":\n[\n' + ",\n".join(entries) + "\n]\n}\n"
+
+
+def memory_values(text: str) -> dict[str, Any]:
+    """The start values of a memory file. :raises EditRefused: it is none."""
+    return {member.key: to_plain(member.value) for member in _memory_members(_read_document(text))}
+
+
+def _read_document(text: str) -> JsonObject:
+    def refuse_duplicate(key: str, offset: int, first: int) -> None:
+        raise EditRefused(f'the key "{key}" stands in it twice')
+
+    try:
+        found = read_json(text, refuse_duplicate)
+    except JsonError as error:
+        line = text.count("\n", 0, error.offset) + 1
+        raise EditRefused(f"line {line}: {error}") from None
+    if not isinstance(found, JsonObject):
+        raise EditRefused("it is no object of keys and values")
+    return found
+
+
+def _memory_members(document: JsonObject) -> list[JsonMember]:
+    """The memory's keys, in either form. Raises EditRefused."""
+    listed = document.get(LIST_KEY)
+    if not isinstance(listed, JsonArray):
+        return list(document.members)
+    items = [item for item in listed if isinstance(item, JsonObject)]
+    members = [member for item in items for member in item.members]
+    if len(document) > 1 or len(items) < len(listed) or len({member.key for member in members}) < len(members):
+        raise EditRefused(
+            f'"{LIST_KEY}" is a list of objects, each key in one of them, and nothing stands beside it'
+        )
+    return members
+
+
+def _list_edits(text: str, items: JsonArray, wanted: Mapping[str, Any]) -> list[TextEdit]:
+    """RISE's form: an object for each key."""
+    edits, gone = [], set()
+    for index, item in enumerate(items):
+        keys = {member.key for member in item.members}
+        if keys and not keys & wanted.keys():
+            gone.add(index)
+        else:
+            edits += _object_edits(text, item, {key: wanted[key] for key in item if key in wanted})
+    there = {key for item in items for key in item}
+    new = [_dumps({key: value}) for key, value in wanted.items() if key not in there]
+    spans = [_Span(offset, _find_end(text, offset)) for offset in items.items_at]
+    return [*edits, *_entry_edits(text, items.at, spans, gone, new)]
+
+
+def _object_edits(text: str, object: JsonObject, wanted: Mapping[str, Any]) -> list[TextEdit]:
+    edits: list[TextEdit] = []
+    gone = set()
+    for index, member in enumerate(object.members):
+        if member.key in wanted:
+            edits += _value_edits(text, member.value_at, member.value, wanted[member.key])
+        else:
+            gone.add(index)
+    new = [f"{_dumps(key)}: {_dumps(value)}" for key, value in wanted.items() if key not in object]
+    spans = [_Span(member.key_at, _find_end(text, member.value_at)) for member in object.members]
+    return [*edits, *_entry_edits(text, object.at, spans, gone, new)]
+
+
+def _value_edits(text: str, offset: int, old: Any, new: Any) -> list[TextEdit]:
+    if json_equal(to_plain(old), new, in_order=True):
+        return []
+    if isinstance(old, JsonObject) and isinstance(new, dict):
+        return _object_edits(text, old, new)
+    if isinstance(old, JsonArray) and isinstance(new, list | tuple) and len(old) == len(new):
+        pairs = zip(old.items_at, old, new, strict=True)
+        return [edit for offset, one, other in pairs for edit in _value_edits(text, offset, one, other)]
+    return [TextEdit(offset, _find_end(text, offset), _dumps(new))]
+
+
+def _entry_edits(text: str, opening: int, spans: Sequence[_Span], gone: set[int], new: Sequence[str]) -> list[TextEdit]:
+    """Entries of an object or a list that go and that come, with their commas; new ones stand as the last ones do.
+
+    Blank lines between groups stay: of the two gaps beside an entry that goes, the one with more lines is left.
+    """
+    if not gone and not new:
+        return []
+    if not spans:
+        return [TextEdit(opening + 1, opening + 1, ", ".join(new))]
+    indent = text[opening + 1 : spans[0].start]
+    between = text[spans[-2].end : spans[-1].start] if len(spans) > 1 else "," + (indent if "\n" in indent else " ")
+    between = _BLANK_LINES.sub(r"\1", between)
+    kept = [index for index in range(len(spans)) if index not in gone]
+    if not kept:
+        return [TextEdit(spans[0].start, spans[-1].end, between.join(new))]
+    edits = []
+    for one, other in pairwise([-1, *kept]):
+        if other == one + 1:
+            continue
+        first, last = spans[one + 1].start, spans[other].start
+        if one < 0:
+            edits.append(TextEdit(first, last, ""))
+            continue
+        gaps = [text[spans[at].end : spans[at + 1].start] for at in range(one, other)]
+        widest = max(gaps, key=_count_lines)
+        edits.append(TextEdit(spans[one].end, last, widest))
+    tail = TextEdit(spans[kept[-1]].end, spans[-1].end, "".join(between + entry for entry in new))
+    return [*edits, tail] if tail.start < tail.end or tail.text else edits
+
+
+def _count_lines(gap: str) -> int:
+    return gap.count("\n") or gap.count("\r")
+
+
+def _find_end(text: str, offset: int) -> int:
+    """Where the value ends that begins here."""
+    return json.JSONDecoder().raw_decode(text, offset)[1]
+
+
+def _dumps(value: Any) -> str:
+    return json.dumps(value, ensure_ascii=False)
+
+
+# --- start values of a study ------------------------------------------------------------------------------------------
+
 
 _SHOWN = 60
 """Characters of a value that a sentence shows."""

@@ -1,15 +1,20 @@
-"""What an edit does to files: stretches of their texts that others take the place of, and what it says about itself."""
+"""What an edit is planned on, and what it does to files: it replaces pieces of their texts, and says what it does."""
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
+from functools import cached_property
+from pathlib import Path
 from typing import TypeAlias
 
 from msgspec import Struct
 
+from rise_engine.author.edit.outline import Outline
+from rise_engine.author.edit.read_outline import read_outline
+from rise_engine.scenario.loader import LoadResult
 from rise_engine.syntax.changes import EditRefused as EditRefused
 from rise_engine.syntax.changes import Splice as Splice
-from rise_engine.syntax.changes import changed_text
+from rise_engine.syntax.changes import TextEdit, changed_text
 
 Files: TypeAlias = Mapping[str, bytes]
 """A study's files by their names relative to its folder, with slashes. Never changed; unchanged contents are shared."""
@@ -46,3 +51,48 @@ def apply_plan(files: Files, plan: Plan) -> Files:
         else:
             after[file] = content
     return after
+
+
+class EditedText:
+    """One file of a study as text."""
+
+    def __init__(self, name: str, data: bytes, encoding: str = "utf-8") -> None:
+        """:raises EditRefused: it is not in this encoding."""
+        self.name = name
+        try:
+            self.text = data.decode("utf-8-sig" if encoding == "utf-8" else encoding)
+        except UnicodeDecodeError:
+            raise EditRefused(f"{name} is not {encoding.upper()}; save it as UTF-8 first") from None
+
+    def line(self, offset: int) -> int:
+        """The number of the line of a character, from 1; as an editor counts, a lone CR ends one too."""
+        before = self.text[:offset].replace("\r\n", "\n")
+        return before.count("\n") + before.count("\r") + 1
+
+    def splices(self, edits: Iterable[TextEdit]) -> tuple[Splice, ...]:
+        """The same changes with the file's name; those that change nothing are left out."""
+        return tuple(Splice(self.name, *edit) for edit in edits if self.text[edit.start : edit.end] != edit.text)
+
+
+def file_of(files: Files, name: str) -> EditedText:
+    """A file of the study. :raises EditRefused: there is none of this name, or it is not UTF-8."""
+    if name not in files:
+        raise EditRefused(f"there is no file {name} in this study")
+    return EditedText(name, files[name])
+
+
+class StudyState(Struct, frozen=True, dict=True):
+    """A study as it stands, for planning an edit."""
+
+    files: Files
+    checked: LoadResult
+    """The check of these files."""
+    folder: Path
+    """Where the study lies. Nothing of it is read while an edit is planned, but where links lead to."""
+    above: Files = {}
+    """The study.toml of a folder above, by its path (`read_study_above`): what it names is known, and not changed."""
+
+    @cached_property
+    def outline(self) -> Outline:
+        """What is written in its acts and rules."""
+        return read_outline(self.checked.parts)

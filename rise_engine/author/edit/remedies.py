@@ -36,12 +36,10 @@ from rise_engine.author.edit.edits import (
     SetUseParameter,
     SetWaits,
 )
-from rise_engine.author.edit.finding_place import FindingPlace, Way, place_of
 from rise_engine.author.edit.memory import value_text
-from rise_engine.author.edit.plan import EditRefused
+from rise_engine.author.edit.plan import EditRefused, StudyState
 from rise_engine.author.edit.planning import plan
-from rise_engine.author.edit.study_state import StudyState
-from rise_engine.author.edit.written_remedies import WRITTEN
+from rise_engine.author.edit.written_remedies import WRITTEN, FindingPlace, Way, place_of
 from rise_engine.scenario.diagnostics import Diagnostic
 from rise_engine.scenario.keys import KeyRefusedError, bindable_key_name
 from rise_engine.syntax.toml import KeyPath, toml_path_at

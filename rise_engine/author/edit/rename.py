@@ -12,14 +12,11 @@ from collections import Counter
 from collections.abc import Callable, Iterator
 from typing import Any
 
-from rise_engine.author.edit.comments import comments_with
 from rise_engine.author.edit.edits import Edit, Rename
-from rise_engine.author.edit.name_places import NamePlace, NamePlaces
-from rise_engine.author.edit.plan import EditRefused, Plan, Splice
-from rise_engine.author.edit.rename_data import data_splices
-from rise_engine.author.edit.renaming import Renaming
-from rise_engine.author.edit.study_above import sets_key
-from rise_engine.author.edit.study_state import StudyState
+from rise_engine.author.edit.name_places import NamePlace, NamePlaces, comments_with
+from rise_engine.author.edit.plan import EditRefused, Plan, Splice, StudyState
+from rise_engine.author.edit.rename_data import Renaming, data_splices
+from rise_engine.author.edit.study_folder import sets_key
 from rise_engine.base.nearest_name import did_you_mean
 from rise_engine.base.text import BLANKS, find_unseen, pluralize
 from rise_engine.scenario.act_settings import ActTables, read_act_tables
@@ -30,8 +27,7 @@ from rise_engine.scenario.file_names import SCENARIO_FILE
 from rise_engine.scenario.memory import is_writable_key
 from rise_engine.scenario.model import SESSION, TemplateLocation, normal_topic, result_topics
 from rise_engine.scenario.source_files import SourceFile
-from rise_engine.scenario.toml_files import TomlFile
-from rise_engine.scenario.toml_tables import TomlTable
+from rise_engine.scenario.toml_files import TomlFile, TomlTable
 from rise_engine.scenario.uses import Use, UsedKind, Uses
 from rise_engine.scenario.xml import count_places
 from rise_engine.syntax.toml import toml_key
@@ -105,7 +101,7 @@ def plan_rename(edit: Rename, study: StudyState) -> Plan:
     """
     if study.outline.unreadable:
         file, problem = next(iter(study.outline.unreadable.items()))
-        raise EditRefused(f"{file} cannot be read ({problem}), so nobody knows what names it has; mend it first")
+        raise EditRefused(f"{file} cannot be read ({problem}), so the names in it are not known; fix it first")
     names = _RenamedName(edit, study)
     _check_new_name(names)
     if edit.kind == "key" and (above := sets_key(study.above, names.old)):

@@ -1,18 +1,79 @@
-"""A name in what stands beside a scenario: task files, `study.toml`, translations."""
+"""A name in what belongs to a scenario: task files and tests, `study.toml`, translations."""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+import json
+from collections.abc import Callable, Iterable, Iterator
 from typing import Any
 
-from rise_engine.author.edit.plan import EditRefused, Files, Splice
-from rise_engine.author.edit.rename_task_files import task_splices
-from rise_engine.author.edit.renaming import Renaming
-from rise_engine.author.edit.text_edits import EditedText
-from rise_engine.expression.key_places import keys_in_slots
-from rise_engine.syntax.changes import edits_between
+from rise_engine.author.edit.edits import NameKind
+from rise_engine.author.edit.plan import EditedText, EditRefused, Files, Splice
+from rise_engine.base.json_codec import JsonArray, JsonError, JsonObject, read_json
+from rise_engine.expression.key_places import KeyPlace, keys_in_assignment, keys_in_slots
+from rise_engine.scenario.model import normal_topic
+from rise_engine.syntax.changes import TextEdit, changed_text, edits_between
 from rise_engine.syntax.toml import KeyPath
 from rise_engine.syntax.toml_edits import TomlText, rename_key, set_value
+
+
+class Renaming:
+    """What a rename makes of names of every kind: an act's new name is that of the events of its end, too."""
+
+    def __init__(self, kind: NameKind, owner: str, old: str, new: str, events: dict[str, str]) -> None:
+        """
+        :param kind: what is renamed.
+        :param owner: of a state its rule, of an action its act; otherwise empty.
+        :param old: the name alone, without the owner and without slash.
+        :param new: the new one.
+        :param events: events that are called otherwise because of it: old name, new name, without slash.
+        """
+        self.kind, self.owner, self.old, self.new = kind, owner, old, new
+        self.events = events
+
+    def act(self, name: str) -> str:
+        return self.new if self.kind == "act" and name == self.old else name
+
+    def rule(self, name: str) -> str:
+        return self.new if self.kind == "rule" and name == self.old else name
+
+    def state(self, rule: str, name: str) -> str:
+        return self.new if self.kind == "state" and (rule, name) == (self.owner, self.old) else name
+
+    def event(self, written: str) -> str:
+        """An event; also the end of an act as records have it, `ended R_Yes succeeded`, which tests may expect."""
+        topic, end = normal_topic(written), f"ended {self.old} "
+        if self.kind == "act" and topic.startswith(end) and " " not in topic.removeprefix(end):
+            return written.replace(end, f"ended {self.new} ", 1)
+        return written.replace(topic, self.events[topic]) if topic in self.events else written
+
+    def key(self, written: str) -> str:
+        """A memory key, and one that begins with it: `person.name`, if `person` is renamed."""
+        renamed = renamed_key(written, self.old, self.new) if self.kind == "key" else None
+        return written if renamed is None else renamed
+
+    def keys_in(self, text: str, places: Iterable[KeyPlace]) -> str:
+        """A text with these keys in it."""
+        return rename_in(text, places, self.old, self.new) if self.kind == "key" else text
+
+
+def renamed_key(written: str, old: str, new: str) -> str | None:
+    """What a key is called where `old` is called `new`: `person.name` too, if `person` is. None: it is another one."""
+    if written == old:
+        return new
+    return new + written[len(old) :] if written.startswith(f"{old}.") else None
+
+
+def rename_in(text: str, places: Iterable[KeyPlace], old: str, new: str) -> str:
+    """A text with a key renamed at these places of keys."""
+    for place in sorted(places, key=lambda each: each.start, reverse=True):
+        renamed, end = renamed_key(place.key, old, new), place.start + len(place.key)
+        if renamed is not None and text[place.start : end] == place.key:
+            text = text[: place.start] + renamed + text[end:]
+    return text
+
+
+# --- files of data ---------------------------------------------------------------------------------------------------
+
 
 _STUDY = "study.toml"
 _TEXTS = "texts/"
@@ -93,3 +154,143 @@ def _tables(values: Any) -> list[tuple[str, dict[str, Any]]]:
 
 def _tables_or_none(values: Any) -> dict[str, Any]:
     return values if isinstance(values, dict) else {}
+
+
+# --- task files and tests, line by line ------------------------------------------------------------------------------
+
+
+def task_splices(file: EditedText, renaming: Renaming) -> tuple[Splice, ...]:
+    """What changes in a task file. A line that is no JSON object is left to whoever reads the file."""
+    edits: list[TextEdit] = []
+    at = 0
+    for line in file.text.splitlines(keepends=True):
+        if line.lstrip().startswith("{"):
+            edits += (TextEdit(at + edit.start, at + edit.end, edit.text) for edit in _line_edits(line, renaming))
+        at += len(line)
+    return file.splices(edits)
+
+
+def pressed_key_splices(file: EditedText, old: str, new: str) -> tuple[Splice, ...]:
+    """What changes in a test of the study when another key of the keyboard is pressed: `{"key": "n"}`."""
+    edits: list[TextEdit] = []
+    at = 0
+    for line in file.text.splitlines(keepends=True):
+        found, value = _JsonEdits(line), _read(line) if line.lstrip().startswith("{") else None
+        for member in value.members if value is not None else ():
+            if member.key == "key" and member.value == old:
+                found.replace(member.value_at, old, new)
+        edits += (TextEdit(at + edit.start, at + edit.end, edit.text) for edit in found.found)
+        at += len(line)
+    return file.splices(edits)
+
+
+def _line_edits(line: str, renaming: Renaming) -> list[TextEdit]:
+    value = _read(line)
+    if value is None:
+        return []
+    edits = _JsonEdits(line)
+    function = value.get("function_type")
+    for member in value.members:
+        if member.key == "domain_task_behavior" and isinstance(function, str):
+            if isinstance(member.value, str):
+                edits.replace(member.value_at, member.value, _behavior(function, member.value, renaming))
+            elif isinstance(member.value, JsonObject):
+                _edit_behavior(edits, function, member.value, renaming)
+        elif member.key == "expect" and isinstance(member.value, JsonObject):
+            _edit_expectation(edits, member.value, renaming)
+        elif member.key == "memory":
+            edits.rename_keys(member.value, renaming.key)
+    return edits.found
+
+
+class _JsonEdits:
+    """Collects what changes in a JSON text."""
+
+    def __init__(self, text: str) -> None:
+        self.text = text
+        self.found: list[TextEdit] = []
+
+    def replace(self, at: int, old: str, new: str) -> None:
+        """Another text for the one that stands there, written with escapes if that one was."""
+        if old != new:
+            end = json.JSONDecoder().raw_decode(self.text, at)[1]
+            is_escaped = self.text[at:end].isascii() and not old.isascii()
+            self.found.append(TextEdit(at, end, json.dumps(new, ensure_ascii=is_escaped)))
+
+    def rename_keys(self, value: Any, name: Callable[[str], str]) -> None:
+        """The keys of an object."""
+        for member in value.members if isinstance(value, JsonObject) else ():
+            self.replace(member.key_at, member.key, name(member.key))
+
+    def rename_items(self, value: Any, name: Callable[[str], str]) -> None:
+        """The texts of an array."""
+        if isinstance(value, JsonArray):
+            for item, at in zip(value, value.items_at, strict=True):
+                if isinstance(item, str):
+                    self.replace(at, item, name(item))
+
+
+def _read(text: str) -> JsonObject | None:
+    try:
+        value = read_json(text, lambda key, at, first: None)
+    except JsonError:
+        return None
+    return value if isinstance(value, JsonObject) else None
+
+
+def _behavior(function: str, behavior: str, renaming: Renaming) -> str:
+    """The behaviour of a task that is a text: a name, an assignment, or JSON."""
+    if function == "assignValue":
+        return renaming.keys_in(behavior, keys_in_assignment(behavior))
+    if behavior.lstrip().startswith("{"):
+        value = _read(behavior)
+        if value is None:
+            return behavior
+        edits = _JsonEdits(behavior)
+        _edit_behavior(edits, function, value, renaming)
+        return changed_text(behavior, edits.found)
+    match function:
+        case "startCommunicationRobotAct" | "stopCommunicationRobotAct":
+            return renaming.act(behavior)
+        case "startInteractionRule" | "stopInteractionRule" | "stepBack":
+            return renaming.rule(behavior)
+        case "raiseEventTopic":
+            return renaming.event(behavior)
+        case "deleteValue":
+            return renaming.key(behavior)
+    return behavior
+
+
+def _edit_behavior(edits: _JsonEdits, function: str, value: JsonObject, renaming: Renaming) -> None:
+    """The behaviour of a task that is an object (rise_engine/kernel/behaviors.py)."""
+    if function == "assignValue":
+        edits.rename_keys(value, renaming.key)
+        return
+    if function == "releaseStop":
+        edits.rename_keys(value, renaming.rule)
+        return
+    rule = value.get("rule")
+    for member in value.members:
+        if member.key == "take_back":
+            edits.rename_items(member.value, renaming.key)
+        elif isinstance(member.value, str):
+            new = member.value
+            if member.key == "rule":
+                new = renaming.rule(new)
+            elif member.key == "state" and isinstance(rule, str):
+                new = renaming.state(rule, new)
+            elif member.key == "event":
+                new = renaming.event(new)
+            edits.replace(member.value_at, member.value, new)
+
+
+def _edit_expectation(edits: _JsonEdits, value: JsonObject, renaming: Renaming) -> None:
+    """What a test of the study expects: states of rules, values of keys, acts and events."""
+    rules = value.get("rules")
+    for member in rules.members if isinstance(rules, JsonObject) else ():
+        edits.replace(member.key_at, member.key, renaming.rule(member.key))
+        if isinstance(member.value, str):
+            edits.replace(member.value_at, member.value, renaming.state(member.key, member.value))
+    edits.rename_keys(value.get("memory"), renaming.key)
+    edits.rename_items(value.get("starts"), renaming.act)
+    edits.rename_items(value.get("events"), renaming.event)

@@ -8,10 +8,8 @@ from typing import Any
 
 from rise_engine.author.edit.edits import Edit, RenameSetting, SetSetting
 from rise_engine.author.edit.memory import value_text
-from rise_engine.author.edit.plan import EditRefused, Plan
-from rise_engine.author.edit.rename_task_files import pressed_key_splices
-from rise_engine.author.edit.study_state import StudyState
-from rise_engine.author.edit.text_edits import EditedText
+from rise_engine.author.edit.plan import EditedText, EditRefused, Plan, StudyState
+from rise_engine.author.edit.rename_data import pressed_key_splices
 from rise_engine.scenario.file_names import SCENARIO_FILE
 from rise_engine.scenario.study_paths import why_no_name
 from rise_engine.syntax.changes import edits_between

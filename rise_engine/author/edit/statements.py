@@ -8,6 +8,14 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 
+from rise_engine.author.edit.addresses import (
+    BranchPlace,
+    StatementList,
+    branch_at,
+    check_changeable,
+    list_at,
+    statement_at,
+)
 from rise_engine.author.edit.edits import (
     AddBranch,
     AddStatement,
@@ -21,12 +29,9 @@ from rise_engine.author.edit.edits import (
     SetCall,
     StatementForm,
 )
-from rise_engine.author.edit.finding import check_changeable
 from rise_engine.author.edit.outline import WrittenStatement
-from rise_engine.author.edit.plan import EditRefused, Plan, Splice
+from rise_engine.author.edit.plan import EditRefused, Plan, Splice, StudyState
 from rise_engine.author.edit.rule_words import ONE_OF, call_words, statement_words
-from rise_engine.author.edit.statement_places import BranchPlace, StatementList, branch_at, list_at, statement_at
-from rise_engine.author.edit.study_state import StudyState
 from rise_engine.scenario.blocks import FUNCTIONS
 from rise_engine.scenario.model import normal_topic
 from rise_engine.syntax.xml import Element

@@ -1,20 +1,40 @@
-"""A rule's beginning, its priority, its states."""
+"""Edits of the states of rules and of their transitions."""
 
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 
-from rise_engine.author.edit.edits import AddState, Edit, RemoveState, SetInitial, SetPriority
-from rise_engine.author.edit.finding import check_changeable, check_name, rule_of, state_of, still_named
-from rise_engine.author.edit.outline import WrittenRule
-from rise_engine.author.edit.plan import EditRefused, Plan, Splice
-from rise_engine.author.edit.study_state import StudyState
+from rise_engine.author.edit.addresses import check_changeable, check_name, rule_of, state_of, still_named
+from rise_engine.author.edit.edits import (
+    AddState,
+    AddTransition,
+    Edit,
+    MoveTransition,
+    RemoveState,
+    RemoveTransition,
+    SetInitial,
+    SetPriority,
+    SetTransition,
+    TransitionForm,
+)
+from rise_engine.author.edit.outline import WrittenRule, WrittenState, WrittenTransition
+from rise_engine.author.edit.plan import EditRefused, Plan, Splice, StudyState
+from rise_engine.author.edit.rule_words import transition_words
 from rise_engine.base.nearest_name import did_you_mean
+from rise_engine.scenario.model import normal_topic
 from rise_engine.syntax.xml import Element
-from rise_engine.syntax.xml_layout import collapse, gap_behind, gap_in, removal
+from rise_engine.syntax.xml_layout import (
+    collapse,
+    gap_before,
+    gap_behind,
+    gap_in,
+    move_siblings,
+    removal,
+    removal_or_collapse,
+)
 from rise_engine.syntax.xml_writing import NewElement, set_attributes, set_value
 
-_ORDER = ("name", "initial", "priority")
+_RULE_ORDER = ("name", "initial", "priority")
 
 
 def _changeable_rule(study: StudyState, name: str) -> WrittenRule:
@@ -31,7 +51,7 @@ def plan_set_initial(edit: SetInitial, study: StudyState) -> Plan:
         raise EditRefused(f"there is no state `{edit.state}` in {edit.rule}{did_you_mean(edit.state, known)}")
     if edit.state == rule.initial:
         return Plan()
-    splices = set_attributes(rule.node, {"initial": edit.state}, _ORDER)
+    splices = set_attributes(rule.node, {"initial": edit.state}, _RULE_ORDER)
     return Plan(tuple(splices), says=(f"{edit.rule} begins in {edit.state} (was {rule.initial or 'nowhere'})",))
 
 
@@ -41,7 +61,7 @@ def plan_set_priority(edit: SetPriority, study: StudyState) -> Plan:
     value = None if edit.priority is None else edit.priority.strip()
     if value == rule.priority:
         return Plan()
-    splices = set_attributes(rule.node, {"priority": value}, _ORDER)
+    splices = set_attributes(rule.node, {"priority": value}, _RULE_ORDER)
     words = "no priority any more" if value is None else f"priority {value}"
     return Plan(tuple(splices), says=(f"{edit.rule} has {words} (was {rule.priority or '0'})",))
 
@@ -103,9 +123,166 @@ def _without_state(shared: Element, name: str) -> list[Splice]:
     return [set_value(shared, "in", " | ".join(left))]
 
 
+# --- transitions -----------------------------------------------------------------------------------------------------
+
+
+_TRANSITION_ORDER = ("eventTopic", "ended", "outcome", "while", "after", "cond", "target")
+
+
+def transition_attributes(form: TransitionForm) -> dict[str, str | None]:
+    """The attributes of a way out; None: it has none. :raises EditRefused: it waits for nothing, or for two things."""
+    triggers = [name for name, value in (("event", form.event), ("ended", form.ended), ("after", form.after)) if value]
+    if len(triggers) > 1:
+        raise EditRefused(f"a way out waits for one thing, and here are {' and '.join(triggers)}; make two ways")
+    if not triggers and not form.condition:
+        raise EditRefused("a way out waits for something: an event, the end of an act, a time, or a condition")
+    if form.outcomes and not form.ended:
+        raise EditRefused("how an act ends is asked of a way that waits for its end; name the act")
+    if form.held and not form.after:
+        raise EditRefused("what must hold for some time needs the time; without one it is a condition")
+    return {
+        "eventTopic": f"/{normal_topic(form.event)}" if form.event else None,
+        "ended": form.ended or None,
+        "outcome": " | ".join(form.outcomes) or None,
+        "while": form.held or None,
+        "after": form.after or None,
+        "cond": form.condition or None,
+        "target": form.target or None,
+    }
+
+
+def same_form(one: TransitionForm, other: TransitionForm) -> bool:
+    """Whether two forms say the same."""
+    return _normal(one) == _normal(other)
+
+
+def _normal(form: TransitionForm) -> tuple[object, ...]:
+    texts = (form.ended, form.after, form.held, form.condition, form.target)
+    event = normal_topic(form.event) if form.event is not None else ""
+    return event, tuple(form.outcomes), *((text or "").strip() for text in texts)
+
+
+def find_transition(state: WrittenState, index: int, was: TransitionForm) -> int:
+    """The number of the way out that is meant: the one there, or the nearest that says what it said.
+
+    :raises EditRefused: no way out of the state says that any more.
+    """
+    ways = state.transitions
+    if 0 <= index < len(ways) and same_form(ways[index].form, was):
+        return index
+    like = [number for number, way in enumerate(ways) if same_form(way.form, was)]
+    if not like:
+        raise EditRefused(f"`{state.id}` has no way out any more that is taken {transition_words(was)}")
+    return min(like, key=lambda number: abs(number - index))
+
+
+def _found(edit: SetTransition | RemoveTransition | MoveTransition, study: StudyState) -> _Way:
+    rule, state = state_of(study, edit.rule, edit.state)
+    index = find_transition(state, edit.index, edit.was)
+    way = state.transitions[index]
+    check_changeable(f"the way out of {state.id}", way.reason, rule.file, way.line)
+    return _Way(state, index, way)
+
+
+class _Way:
+    """A way out that an edit is about."""
+
+    def __init__(self, state: WrittenState, index: int, written: WrittenTransition) -> None:
+        self.state = state
+        self.index = index
+        self.written = written
+        self.node = written.node
+        others = [name for name in written.shared_by if name != state.id]
+        self.whose = state.id + (f" (and {', '.join(others)})" if others else "")
+
+
+def plan_add(edit: AddTransition, study: StudyState) -> Plan:
+    """A new way out of a state, before those that it shares with others."""
+    rule, state = state_of(study, edit.rule, edit.state)
+    check_changeable(f"the state {edit.state}", state.reason, rule.file, state.line)
+    values = transition_attributes(edit.transition)
+    element = NewElement("transition", {name: value for name, value in values.items() if value is not None})
+    own = [way for way in state.transitions if not way.shared_by]
+    at = len(own) if edit.at is None else min(max(edit.at, 0), len(own))
+    if at < len(own):
+        if at and own[at - 1].node is own[at].node:
+            check_changeable("the place between these ways", own[at].reason)
+        gap = gap_before(own[at].node)
+    elif own:
+        gap = gap_behind(own[-1].node)
+    else:
+        gap = gap_behind(state.node[-1]) if state.node else gap_in(state.node)
+    says = f"{edit.state} gets a way: {transition_words(edit.transition)}"
+    return Plan((gap.insert(element),), says=(says,))
+
+
+def plan_set(edit: SetTransition, study: StudyState) -> Plan:
+    """What a way out waits for and where it leads; its functions stay."""
+    way = _found(edit, study)
+    now, values = way.written.form, transition_attributes(edit.transition)
+    if same_form(now, edit.transition):
+        return Plan()
+    old = {name: (value or "").strip() for name, value in transition_attributes_of(way.node).items()}
+    changed = {name: value for name, value in values.items() if (value or "").strip() != old[name]}
+    splices = set_attributes(way.node, changed, _TRANSITION_ORDER)
+    says = f"{way.whose}: {transition_words(edit.transition)} (was: {transition_words(now)})"
+    return Plan(tuple(splices), says=(says,))
+
+
+def transition_attributes_of(node: Element) -> dict[str, str]:
+    """The attributes as `transition_attributes` writes them, so that only what is meant otherwise changes."""
+    values = {name: node.attributes.get(name, "").strip() for name in _TRANSITION_ORDER}
+    if "eventTopic" in node.attributes:
+        values["eventTopic"] = f"/{normal_topic(values['eventTopic'])}"
+    if values["outcome"]:
+        values["outcome"] = " | ".join(word.strip() for word in values["outcome"].split("|") if word.strip())
+    return values
+
+
+def plan_remove(edit: RemoveTransition, study: StudyState) -> Plan:
+    """A way out goes with its functions; what holds the shared ways goes with the last one."""
+    way = _found(edit, study)
+    says = (f"{way.whose} loses the way: {transition_words(way.written.form)}",)
+    parent = way.node.parent
+    if parent is not None and parent.tag == "transitions" and len(parent) == 1 and collapse(parent) is not None:
+        return Plan((removal(parent),), says=says)
+    return Plan((removal_or_collapse(way.node),), says=says)
+
+
+def plan_move(edit: MoveTransition, study: StudyState) -> Plan:
+    """A way out is tried earlier or later."""
+    way = _found(edit, study)
+    ways = way.state.transitions
+    to = min(max(edit.to, 0), len(ways) - 1)
+    if to == way.index:
+        return Plan()
+    order = [each for each in range(len(ways)) if each != way.index]
+    order.insert(to, way.index)
+    before = ways[order[to - 1]] if to else None
+    behind = ways[order[to + 1]] if to + 1 < len(order) else None
+    parent = way.node.parent
+    for neighbour, is_behind in ((before, False), (behind, True)):
+        if neighbour is None:
+            continue
+        node = neighbour.node
+        if node.parent is parent and node is not way.node:
+            if before is not None and behind is not None and before.node is behind.node:
+                break
+            splices = move_siblings(way.node, way.node, node, node, behind=not is_behind)
+            says = f"{way.whose}: the way {transition_words(way.written.form)} is number {to + 1} now"
+            return Plan(splices, says=(says,))
+    raise EditRefused(
+        "a way out keeps its place among those that stand with it: a state's own are tried before those that it shares"
+    )
+
+
 PLANNERS: Mapping[type[Edit], Callable[..., Plan]] = {
     SetInitial: plan_set_initial,
     SetPriority: plan_set_priority,
     AddState: plan_add_state,
     RemoveState: plan_remove_state,
+    AddTransition: plan_add,
+    SetTransition: plan_set,
+    RemoveTransition: plan_remove,
+    MoveTransition: plan_move,
 }

@@ -1,12 +1,20 @@
-"""The files of a study's folder."""
+"""The files of a study's folder, and the study.toml of a folder above it.
+
+That one belongs to all scenarios of the study, and a plan may have been made from it. So it is not edited with one of
+them, but a rename has to know what it says of this scenario.
+"""
 
 from __future__ import annotations
 
+import tomllib
 from collections.abc import Iterator
 from contextlib import suppress
 from pathlib import Path
+from typing import Any
 
 from rise_engine.author.edit.plan import EditRefused, Files
+from rise_engine.author.edit.rename_data import Renaming, data_splices
+from rise_engine.scenario.file_names import SCENARIO_FILE, STUDY_FILE
 from rise_engine.scenario.interrupted_save import contents_of_interrupted_save
 from rise_engine.scenario.source_files import MAX_BYTES
 from rise_engine.scenario.study_paths import RECORDED, SUFFIXES, why_not_read
@@ -48,3 +56,73 @@ def _paths(folder: Path, study: Path) -> Iterator[Path]:
             yield from _paths(path, study)
         elif path.suffix.lower() in SUFFIXES and path.is_file():
             yield path
+
+
+# --- the study.toml above --------------------------------------------------------------------------------------------
+
+
+_USUAL_SCENARIO = "scenario"
+_LEVELS_UP = 3
+
+
+def read_study_above(folder: Path) -> Files:
+    """The study.toml that names this scenario, by its path; empty: there is none.
+
+    :param folder: the scenario's. What is in it is not meant: a study.toml beside scenario.toml is one of its files.
+    """
+    folder = folder.resolve()
+    for above in list(folder.parents)[:_LEVELS_UP]:
+        try:
+            data = (above / STUDY_FILE).read_bytes()
+        except OSError:
+            continue
+        return {str(above / STUDY_FILE): data} if _may_name(data, above, folder) else {}
+    return {}
+
+
+def scenarios_below(folder: Path) -> list[Path]:
+    """The scenarios of a study, where a study's folder has none in itself: those that are there, its own first.
+
+    :param folder: with a study.toml. Empty where it has none, or is a scenario, too.
+    """
+    if (folder / SCENARIO_FILE).exists():
+        return []
+    try:
+        values = tomllib.loads((folder / STUDY_FILE).read_text("utf-8-sig"))
+    except (OSError, ValueError, RecursionError):
+        return []
+    own = str(values.get("scenario", _USUAL_SCENARIO))
+    names = [own, *sorted({str(name) for name in _scenarios(values)} - {own})]
+    return [folder / name for name in names if (folder / name / SCENARIO_FILE).is_file()]
+
+
+def sets_key(above: Files, key: str) -> str:
+    """That a study.toml sets a memory key, or that nobody knows, in words; empty: none does."""
+    renaming = Renaming("key", "", key, f"{key}_", {})
+    for path, data in above.items():
+        try:
+            if any(data_splices({STUDY_FILE: data}, renaming)):
+                return f"{path} sets `{key}`"
+        except EditRefused:
+            return f"{path} cannot be read, and may set `{key}`"
+    return ""
+
+
+def _may_name(data: bytes, above: Path, folder: Path) -> bool:
+    """Whether a study has this scenario; one that cannot be read may have it."""
+    try:
+        values = tomllib.loads(data.decode("utf-8-sig"))
+    except (ValueError, RecursionError):
+        return True
+    return any((above / name).resolve() == folder for name in _scenarios(values))
+
+
+def _scenarios(values: dict[str, Any]) -> set[str]:
+    """The folders that a study names: its own, and those of levels of factors."""
+    found = {values.get("scenario", _USUAL_SCENARIO)}
+    factors = values.get("factors")
+    for factor in factors.values() if isinstance(factors, dict) else ():
+        levels = factor.get("levels") if isinstance(factor, dict) else None
+        for level in levels.values() if isinstance(levels, dict) else ():
+            found.add(level.get("scenario") if isinstance(level, dict) else None)
+    return {name for name in found if isinstance(name, str)}

@@ -11,9 +11,7 @@ from typing import Any
 from msgspec import Struct
 
 from rise_engine.author.edit.edits import AddColumn, AddRow, Edit, RemoveRow, SetCell
-from rise_engine.author.edit.plan import EditRefused, Files, Plan
-from rise_engine.author.edit.study_state import StudyState
-from rise_engine.author.edit.text_edits import EditedText
+from rise_engine.author.edit.plan import EditedText, EditRefused, Files, Plan, StudyState
 from rise_engine.base.nearest_name import did_you_mean
 from rise_engine.base.text import pluralize
 from rise_engine.scenario.csv_reader import MAX_COLUMNS, CsvReader, TableRecord, find_spans
@@ -22,8 +20,7 @@ from rise_engine.scenario.file_names import PARTICIPANTS_FILE, STUDY_FILE
 from rise_engine.scenario.source_files import SourceFile
 from rise_engine.scenario.table_settings import TableSettings
 from rise_engine.scenario.tables import TABLES_FOLDER
-from rise_engine.scenario.toml_files import TomlFile, read_toml
-from rise_engine.scenario.toml_tables import TomlTable
+from rise_engine.scenario.toml_files import TomlFile, TomlTable, read_toml
 from rise_engine.syntax.changes import TextEdit, changed_text
 
 _LOG_FILE = "study.jsonl"

@@ -1,4 +1,4 @@
-"""Edits of translations, `texts/LANGUAGE.toml` (docs/reference/languages.md)."""
+"""Edits of translations, `texts/LANGUAGE.toml` (docs/reference/languages.md), and of the texts that they translate."""
 
 from __future__ import annotations
 
@@ -6,11 +6,18 @@ import tomllib
 from collections.abc import Callable, Mapping, Sequence
 from typing import Any
 
-from rise_engine.author.edit.edits import AddLanguage, Edit, SetSetting, SetTranslation
-from rise_engine.author.edit.plan import EditRefused, Plan, Splice
+from rise_engine.author.edit.edits import (
+    AddLanguage,
+    AnyEdit,
+    Edit,
+    SetParameter,
+    SetSetting,
+    SetTranslation,
+    SetUseParameter,
+)
+from rise_engine.author.edit.outline import Outline, WrittenValue
+from rise_engine.author.edit.plan import EditedText, EditRefused, Plan, Splice, StudyState, file_of
 from rise_engine.author.edit.settings import plan_set_setting
-from rise_engine.author.edit.study_state import StudyState
-from rise_engine.author.edit.text_edits import EditedText, file_of
 from rise_engine.base.nearest_name import did_you_mean
 from rise_engine.scenario.file_names import SCENARIO_FILE, TEXTS_FOLDER
 from rise_engine.scenario.languages import language_problem
@@ -227,3 +234,52 @@ PLANNERS: dict[type[Edit], Callable[[Any, StudyState], Plan]] = {
     SetTranslation: plan_set_translation,
     AddLanguage: plan_add_language,
 }
+
+
+# --- translations go with their texts --------------------------------------------------------------------------------
+
+
+def follow_act(study: StudyState, act: str, key_of: Callable[[SpokenText], str | None]) -> tuple[Splice, ...]:
+    """What becomes of the translations of an act.
+
+    :param key_of: the key that a text of the act has afterwards; None: it goes.
+    :raises EditRefused: a file of translations is written so that this cannot be done in it.
+    """
+    moved = {(text.act, text.key): key_of(text) for text in study.checked.texts if text.act == act}
+    return follow_texts(study, {of: key for of, key in moved.items() if key != of[1]})
+
+
+def follow_action(
+    study: StudyState, act: str, action: str, key_of: Callable[[SpokenText], str | None]
+) -> tuple[Splice, ...]:
+    """The same for one action of an act."""
+    return follow_act(study, act, lambda text: key_of(text) if text.action.id == action else text.key)
+
+
+# --- what an act says itself -----------------------------------------------------------------------------------------
+
+
+def edit_of_original(text: SpokenText, said: str, outline: Outline) -> AnyEdit:
+    """The edit after which the act says something else in the place of a text.
+
+    :raises EditRefused: it is written in a way in which it can be changed in its file only.
+    """
+    act, written = outline.act(text.act), written_original(text, outline)
+    if act is None or written is None:
+        raise EditRefused("it cannot be found in the files")
+    if written.parameter:
+        use = next((each for each in outline.uses if each.node is written.node), None)
+        if use is not None:
+            return SetUseParameter(use.file, use.line, use.template, written.parameter, said)
+    if reason := written.reason or act.reason:
+        raise EditRefused(reason)
+    return SetParameter(text.act, text.action.id, text.parameter, said, text.variant)
+
+
+def written_original(text: SpokenText, outline: Outline) -> WrittenValue | None:
+    """What stands in the file of its act for a text; None: it cannot be found there."""
+    act = outline.act(text.act)
+    action = next((each for each in act.actions if each.id == text.action.id), None) if act is not None else None
+    if action is None or text.variant >= len(action.calls):
+        return None
+    return action.calls[text.variant].parameters.get(text.parameter)

@@ -10,20 +10,19 @@ from typing import TypeAlias
 
 from msgspec.structs import replace
 
-from rise_engine.author.edit.changes import Change as Change
-from rise_engine.author.edit.changes import OutsideChange as OutsideChange
-from rise_engine.author.edit.changes import Refusal as Refusal
-from rise_engine.author.edit.changes import SaveReport as SaveReport
-from rise_engine.author.edit.changes import diff_of as diff_of
 from rise_engine.author.edit.drafts import Draft, DraftFile, EditorLock, hashes
 from rise_engine.author.edit.edits import AnyEdit
+from rise_engine.author.edit.history import Change as Change
 from rise_engine.author.edit.history import History, Step, changed_names
+from rise_engine.author.edit.history import OutsideChange as OutsideChange
+from rise_engine.author.edit.history import Refusal as Refusal
+from rise_engine.author.edit.history import SaveReport as SaveReport
+from rise_engine.author.edit.history import diff_of as diff_of
 from rise_engine.author.edit.outline import Outline
 from rise_engine.author.edit.plan import EditRefused, Files, apply_plan
 from rise_engine.author.edit.planning import StudyState, plan
 from rise_engine.author.edit.saving import finish_interrupted, refuse_shipped, write_files
-from rise_engine.author.edit.study_above import read_study_above
-from rise_engine.author.edit.study_folder import read_study_files
+from rise_engine.author.edit.study_folder import read_study_above, read_study_files
 from rise_engine.base.text import pluralize
 from rise_engine.scenario.checker import ScenarioChecker
 from rise_engine.scenario.diagnostics import Diagnostic

@@ -1,4 +1,4 @@
-"""Remedies that write something else at the place of a finding: the name that was meant, a quotation mark, a number.
+"""Remedies that write something else at the place of a diagnostic: the name that was meant, a quotation mark, a number.
 
 Each is a pair of what it does and the edit.
 """
@@ -7,17 +7,134 @@ from __future__ import annotations
 
 import re
 from collections.abc import Callable, Iterable, Iterator
-from xml.sax.saxutils import unescape
+from xml.sax.saxutils import escape, unescape
 
-from msgspec import UNSET
+from msgspec import UNSET, Struct
 
 from rise_engine.author.edit.acts import next_id
-from rise_engine.author.edit.edits import AnyEdit
-from rise_engine.author.edit.finding_place import FindingPlace
-from rise_engine.syntax.changes import EditRefused, TextEdit
+from rise_engine.author.edit.edits import AnyEdit, ReplaceFile
+from rise_engine.author.edit.outline import (
+    Written,
+    WrittenAct,
+    WrittenAction,
+    WrittenRule,
+    WrittenState,
+    WrittenTransition,
+)
+from rise_engine.author.edit.plan import StudyState
+from rise_engine.scenario.diagnostics import Diagnostic
+from rise_engine.scenario.source_files import SourceFile
+from rise_engine.scenario.uses import Use, UsedKind
+from rise_engine.syntax.changes import EditRefused, TextEdit, changed_text
 from rise_engine.syntax.xml_layout import gap_before, gap_in
 from rise_engine.syntax.xml_repair import RepairedText
 from rise_engine.syntax.xml_writing import NewElement, set_text
+
+
+class Way(Struct, frozen=True):
+    """A way out of a state."""
+
+    rule: WrittenRule
+    state: WrittenState
+    index: int
+    """Its number in the state, from 0."""
+
+    @property
+    def written(self) -> WrittenTransition:
+        return self.state.transitions[self.index]
+
+
+class FindingPlace(Struct, frozen=True):
+    """A finding, and what stands there."""
+
+    finding: Diagnostic
+    study: StudyState
+    text: str
+    """Of the file, without a byte order mark."""
+    start: int
+    """The character of the text at which the finding begins."""
+    end: int
+
+    @property
+    def file(self) -> str:
+        return self.finding.location.file
+
+    @property
+    def is_xml(self) -> bool:
+        return self.file.lower().endswith(".xml")
+
+    @property
+    def written(self) -> str:
+        """What the finding is about, as it stands in the file."""
+        return self.text[self.start : self.end]
+
+    def use(self, kind: UsedKind) -> Use | None:
+        """The name of a kind that stands there."""
+        place = self.finding.location
+        column = place.column + (self.written[:1] in ("'", '"'))  # a text of TOML or JSON
+        found = self.study.checked.uses.at(place.file, place.line, column)
+        return found if found is not None and found.kind == kind else None
+
+    def rewritten(self, *edits: TextEdit) -> ReplaceFile:
+        """The file with other text at some places."""
+        return ReplaceFile(self.file, changed_text(self.text, edits))
+
+    def replaced(self, new: str) -> ReplaceFile:
+        """The file with other text in the place of what the finding is about, escaped as XML wants it."""
+        return self.rewritten(TextEdit(self.start, self.end, self.escaped(new)))
+
+    def escaped(self, new: str) -> str:
+        """As it stands in an attribute of this file, where it is one of XML."""
+        return escape(new, {'"': "&quot;"}).replace("&gt;", ">") if self.is_xml else new
+
+    # --- what it stands in ------------------------------------------------------------------------------------------
+
+    @property
+    def act(self) -> WrittenAct | None:
+        return next((each for each in self.study.outline.acts if self.is_in(each)), None)
+
+    @property
+    def action(self) -> tuple[WrittenAct, WrittenAction] | None:
+        act = self.act
+        found = next((each for each in act.actions if self.is_in(each)), None) if act else None
+        return (act, found) if act is not None and found is not None else None
+
+    @property
+    def rule(self) -> WrittenRule | None:
+        return next((each for each in self.study.outline.rules if self.is_in(each)), None)
+
+    @property
+    def way(self) -> Way | None:
+        rule = self.rule
+        for state in rule.states if rule is not None else ():
+            for index, way in enumerate(state.transitions):
+                if rule is not None and self.is_in(way) and not way.shared_by:
+                    return Way(rule, state, index)
+        return None
+
+    def is_in(self, written: Written) -> bool:
+        """Whether it stands in something that is written in the acts and rules."""
+        return written.file == self.file and written.holds(self.start)
+
+
+def place_of(finding: Diagnostic, study: StudyState) -> FindingPlace | None:
+    """The place of a finding; None: its file is none of the study, or is not UTF-8."""
+    name = finding.location.file
+    data = study.files.get(name)
+    try:
+        text = data.decode("utf-8-sig") if data is not None else None
+    except UnicodeDecodeError:
+        return None
+    if data is None or text is None:
+        return None
+    source = SourceFile(name, data, text)
+    start = source.offset(finding.location.line, finding.location.column)
+    end = start if finding.end is UNSET else source.offset(finding.end.line, finding.end.column)
+    return FindingPlace(finding, study, text, start, max(start, end))
+
+
+# --- remedies --------------------------------------------------------------------------------------------------------
+
 
 _OF_EXPRESSIONS = ("condition", "assignment", "time")
 _NUMBER = re.compile(r"\s*([\d.]+)\s*\Z")
@@ -29,10 +146,10 @@ _CONFLICT = re.compile(
 _ALLOW_COMMENT = re.compile(r"<!--.*?-->|#[^\r\n]*", re.DOTALL)
 _BLANKS = " \t"
 
-Written = tuple[str, AnyEdit]
+WrittenRemedy = tuple[str, AnyEdit]
 
 
-def _meant_name(place: FindingPlace) -> Iterator[Written]:
+def _meant_name(place: FindingPlace) -> Iterator[WrittenRemedy]:
     """The nearest right name."""
     suggestion = place.finding.suggestion
     if suggestion is UNSET or not suggestion.meant or place.finding.code in _OF_EXPRESSIONS:
@@ -47,7 +164,7 @@ def _meant_name(place: FindingPlace) -> Iterator[Written]:
     yield f"write {meant}", place.rewritten(TextEdit(at, at + len(inner), place.escaped(slash + meant)))
 
 
-def _meant_sign(place: FindingPlace) -> Iterator[Written]:
+def _meant_sign(place: FindingPlace) -> Iterator[WrittenRemedy]:
     """What an expression has for `AND`, `&`, `≥` or a function that there is not."""
     suggestion = place.finding.suggestion
     if suggestion is UNSET or place.finding.code not in _OF_EXPRESSIONS:
@@ -59,7 +176,7 @@ def _meant_sign(place: FindingPlace) -> Iterator[Written]:
             return
 
 
-def _quoted_word(place: FindingPlace) -> Iterator[Written]:
+def _quoted_word(place: FindingPlace) -> Iterator[WrittenRemedy]:
     """A word that is meant as a text."""
     suggestion = place.finding.suggestion
     if place.finding.code != "bare-word" or suggestion is UNSET:
@@ -72,14 +189,14 @@ def _quoted_word(place: FindingPlace) -> Iterator[Written]:
     yield f"write '{at.group()}' in quotation marks", place.rewritten(TextEdit(*at.span(), f"'{at.group()}'"))
 
 
-def _time_unit(place: FindingPlace) -> Iterator[Written]:
+def _time_unit(place: FindingPlace) -> Iterator[WrittenRemedy]:
     number = _NUMBER.match(place.written) if place.finding.code == "time" else None
     if number is not None:
         for unit in ("s", "ms"):
             yield f"write {number.group(1)}{unit}", place.replaced(number.group(1) + unit)
 
 
-def _escaped_marks(place: FindingPlace) -> Iterator[Written]:
+def _escaped_marks(place: FindingPlace) -> Iterator[WrittenRemedy]:
     """`<`, `&` and quotation marks as XML wants them. In the whole file: with one that is left it cannot be read."""
     if place.finding.code not in ("unescaped", "quotes") or not place.is_xml:
         return
@@ -87,7 +204,7 @@ def _escaped_marks(place: FindingPlace) -> Iterator[Written]:
     yield f"write the marks in {place.file} as XML wants them", place.rewritten(TextEdit(0, len(place.text), mended))
 
 
-def _one_version(place: FindingPlace) -> Iterator[Written]:
+def _one_version(place: FindingPlace) -> Iterator[WrittenRemedy]:
     """What git could not join: one of the two."""
     if place.finding.code != "merge-conflict" or (found := _CONFLICT.match(place.text, place.start)) is None:
         return
@@ -95,7 +212,7 @@ def _one_version(place: FindingPlace) -> Iterator[Written]:
         yield f"keep the {words} of the two versions", place.rewritten(TextEdit(*found.span(), found[version]))
 
 
-def _no_silencing(place: FindingPlace) -> Iterator[Written]:
+def _no_silencing(place: FindingPlace) -> Iterator[WrittenRemedy]:
     """A comment that silences nothing goes, with its line if nothing else stands there."""
     comment = _ALLOW_COMMENT.match(place.text, place.start) if place.finding.code == "unused-allow" else None
     if comment is None:
@@ -107,7 +224,7 @@ def _no_silencing(place: FindingPlace) -> Iterator[Written]:
     yield "remove the comment, which silences nothing", place.rewritten(TextEdit(start, end, ""))
 
 
-def _no_attribute(place: FindingPlace) -> Iterator[Written]:
+def _no_attribute(place: FindingPlace) -> Iterator[WrittenRemedy]:
     """An attribute that there is not; a function's says what to do, and is not just taken out."""
     attribute = _ATTRIBUTE.match(place.text, place.start) if place.finding.code == "unknown-attribute" else None
     opened = place.text.rfind("<", 0, place.start)
@@ -117,7 +234,7 @@ def _no_attribute(place: FindingPlace) -> Iterator[Written]:
     yield f"remove {place.written}", place.rewritten(TextEdit(start, attribute.end(), ""))
 
 
-def _own_id(place: FindingPlace) -> Iterator[Written]:
+def _own_id(place: FindingPlace) -> Iterator[WrittenRemedy]:
     """The next free number for an action without an actionID, or with one that another has."""
     found = place.action if place.finding.code in ("missing-id", "duplicate-id") else None
     if found is None or found[0].reason or found[1].reason:
@@ -136,7 +253,7 @@ def _own_id(place: FindingPlace) -> Iterator[Written]:
     yield f"give it the actionID {number}", place.rewritten(TextEdit(*splice[1:]))
 
 
-WRITTEN: tuple[Callable[[FindingPlace], Iterable[Written]], ...] = (
+WRITTEN: tuple[Callable[[FindingPlace], Iterable[WrittenRemedy]], ...] = (
     _meant_name,
     _meant_sign,
     _quoted_word,

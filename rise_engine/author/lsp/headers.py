@@ -1,4 +1,4 @@
-"""The headers of messages, looked at before pygls does: it waits for ever after one that it does not understand.
+"""The headers of messages, looked at before pygls does: it waits without a limit after one that it does not understand.
 
 https://microsoft.github.io/language-server-protocol/specifications/lsp/3.17/specification/#headerPart
 """

@@ -3,15 +3,102 @@
 from __future__ import annotations
 
 import re
+from collections.abc import Iterator, Mapping
 
-from rise_engine.author.lsp.explore_hover import explore_notes
 from rise_engine.author.lsp.served_study import ServedStudy
 from rise_engine.base.json_codec import encode
 from rise_engine.base.text import pluralize
 from rise_engine.expression import Expression, ExpressionError
+from rise_engine.expression.signatures import SITUATION_SIGNATURES
+from rise_engine.scenario.explore_tables import EVENTUALLY_KEYS, EXPLORE_KEYS, PROPERTY_MEANINGS, PROPERTY_TABLES
 from rise_engine.scenario.model import Parameter
 from rise_engine.scenario.parameters import listed_names
+from rise_engine.scenario.trial_settings import TRIAL_KEYS
 from rise_engine.scenario.uses import Use
+
+_HEADER = re.compile(r"^[ \t]*\[[ \t]*([\w-]+)([^\]\n]*)\]", re.MULTILINE)
+
+
+def table_at(before: str) -> tuple[str, str]:
+    """The table in which a text ends, and what its header has behind the first name: `.a` of `[eventually.a]`.
+
+    >>> table_at('[explore]\\nfaults = 1\\n[eventually."it ends"]\\nthen')
+    ('eventually', '."it ends"')
+    """
+    headers = list(_HEADER.finditer(before))
+    return (headers[-1].group(1), headers[-1].group(2)) if headers else ("", "")
+
+
+def opened_text(line: str) -> int | None:
+    """Where in a line the text begins that is not closed at its end; null: there is none.
+
+    >>> opened_text("a = \\"runs('R_"), opened_text("a = 'b' # \\"")
+    (4, None)
+    """
+    at, opened = 0, None
+    while at < len(line):
+        character = line[at]
+        if opened is None:
+            if character == "#":
+                return None
+            if character in "\"'":
+                opened = at
+        elif character == "\\" and line[opened] == '"':
+            at += 1
+        elif character == line[opened]:
+            opened = None
+        at += 1
+    return opened
+
+
+# --- [trials], [explore], [always], [reachable], [eventually] ---------------------------------------------------------
+
+
+_HEADER_LINE = re.compile(r"\s*\[\s*([\w-]+)[^\]]*\]")
+_ENTRY = re.compile(r"([\w-]+)\s*=")
+_CALL = re.compile(r"\b(in|rule|runs|waits)\s*\(")
+_TEXT = re.compile(r""""([^"\\]*)"|'([^']*)'""")
+_MEANINGS: Mapping[str, str] = {
+    "explore": "what `rise-engine explore` looks at",
+    "trials": "what a trial is: a row of trials.csv",
+    **{str(kind): meaning for kind, meaning in PROPERTY_MEANINGS.items()},
+}
+
+
+def explore_notes(text: str, offset: int) -> Iterator[str]:
+    """In Markdown, what is known of a place of scenario.toml besides the names there."""
+    start = text.rfind("\n", 0, offset) + 1
+    line, column = text[start:].partition("\n")[0], offset - start
+    if (header := _HEADER_LINE.match(line)) is not None and column <= header.end():
+        if (name := header.group(1)) in _MEANINGS:
+            yield f"**[{name}]**: {_MEANINGS[name]}"
+        return
+    table, _ = table_at(text[:offset])
+    opened = opened_text(line[:column])
+    if opened is None:
+        known = {"explore": EXPLORE_KEYS, "eventually": EVENTUALLY_KEYS, "trials": TRIAL_KEYS}.get(table, {})
+        for found in _ENTRY.finditer(line):
+            if found.start() <= column <= found.end(1) and found.group(1) in known:
+                yield f"**{found.group(1)}**: {known[found.group(1)]}"
+    elif table in PROPERTY_TABLES and line[:opened].rstrip().endswith("="):
+        for found in _CALL.finditer(line, opened):
+            signature = next(each for each in SITUATION_SIGNATURES if each.name == found.group(1))
+            if found.start() <= column <= found.end(1):
+                yield f"{signature.usage}: {signature.meaning}"
+        if (whole := _TEXT.match(line, opened)) is not None:
+            yield from _reading(whole.group(1) if whole.group(1) is not None else whole.group(2))
+
+
+def _reading(written: str) -> Iterator[str]:
+    """How a condition is read."""
+    try:
+        yield f"read as `{Expression.parse_property(written).with_all_brackets}`"
+    except ExpressionError:
+        return
+
+
+# --- all files --------------------------------------------------------------------------------------------------------
+
 
 _ELEMENT = re.compile(r"</?([\w.:-]+)")
 _CONDITION = re.compile(r"""\s(?:cond|while)\s*=\s*(?:"([^"<]*)"|'([^'<]*)')""")

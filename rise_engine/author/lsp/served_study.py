@@ -9,11 +9,10 @@ from msgspec.structs import replace
 
 from rise_engine.author.edit.edits import AddRule, Rename
 from rise_engine.author.edit.formatting import format_file
-from rise_engine.author.edit.plan import EditRefused, Files, Plan
+from rise_engine.author.edit.plan import EditRefused, Files, Plan, StudyState
 from rise_engine.author.edit.planning import plan
 from rise_engine.author.edit.remedies import Remedy, remedies
 from rise_engine.author.edit.study_folder import read_study_files
-from rise_engine.author.edit.study_state import StudyState
 from rise_engine.author.lsp.positions import PositionEncoding, TextPositions
 from rise_engine.scenario.checker import ScenarioChecker
 from rise_engine.scenario.diagnostics import Diagnostic

@@ -11,18 +11,17 @@ from collections.abc import Iterator, Sequence
 from msgspec import Struct
 
 from rise_engine.author.edit.edits import AddAct, AddColumn, AddLanguage, AnyEdit, SetCell, SetTranslation
-from rise_engine.author.edit.originals import edit_of_original
 from rise_engine.author.edit.plan import EditRefused
 from rise_engine.author.edit.read_outline import read_outline
+from rise_engine.author.edit.translations import edit_of_original
 from rise_engine.author.texts.reading import ReadRow, ReadTable
 from rise_engine.author.texts.table import FIXED_COLUMNS, id_of_cell, text_check
 from rise_engine.base.errors import ExchangeError
 from rise_engine.base.nearest_name import did_you_mean
 from rise_engine.base.text import pluralize
 from rise_engine.scenario.loader import LoadResult
-from rise_engine.scenario.spoken_texts import SpokenText
+from rise_engine.scenario.spoken_texts import SpokenText, TableText
 from rise_engine.scenario.ssml_checks import find_ssml_problems
-from rise_engine.scenario.table_texts import TableText
 from rise_engine.scenario.template import Template, TemplateError, parse_template
 from rise_engine.scenario.translations import LanguageTexts, slot_problem
 

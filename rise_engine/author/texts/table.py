@@ -13,8 +13,7 @@ from rise_engine.scenario.loader import LoadResult
 from rise_engine.scenario.model import Act, Action, Scenario
 from rise_engine.scenario.parameters import fill_parameters
 from rise_engine.scenario.spoken import MESSAGE
-from rise_engine.scenario.spoken_texts import SpokenText
-from rise_engine.scenario.table_texts import TableText
+from rise_engine.scenario.spoken_texts import SpokenText, TableText
 from rise_engine.scenario.template import MissingValueError
 from rise_engine.scenario.translations import LanguageTexts
 

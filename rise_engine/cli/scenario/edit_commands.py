@@ -9,12 +9,10 @@ import click
 
 from rise_engine.author.edit.edits import NameKind, Rename
 from rise_engine.author.edit.formatting import lay_out
-from rise_engine.author.edit.plan import EditRefused, Files, Plan, apply_plan
+from rise_engine.author.edit.plan import EditRefused, Files, Plan, StudyState, apply_plan
 from rise_engine.author.edit.planning import plan
 from rise_engine.author.edit.saving import refuse_shipped, write_files
-from rise_engine.author.edit.study_above import read_study_above, sets_key
-from rise_engine.author.edit.study_folder import read_study_files
-from rise_engine.author.edit.study_state import StudyState
+from rise_engine.author.edit.study_folder import read_study_above, read_study_files, sets_key
 from rise_engine.author.edit.workspace import Workspace, diff_of
 from rise_engine.base.exit_status import OK, REFUSED
 from rise_engine.base.nearest_name import did_you_mean

@@ -10,8 +10,8 @@ from typing import Literal, NamedTuple, TypeAlias
 from msgspec.structs import replace
 
 from rise_engine.author.edit.edits import AnyEdit, SetTranslation
-from rise_engine.author.edit.originals import edit_of_original, written_original
 from rise_engine.author.edit.plan import EditRefused
+from rise_engine.author.edit.translations import edit_of_original, written_original
 from rise_engine.scenario.durations import expected_seconds
 from rise_engine.scenario.file_names import SCENARIO_FILE
 from rise_engine.scenario.loader import LoadResult

@@ -13,8 +13,8 @@ import msgspec
 from rise_engine.author.edit import edits as of
 from rise_engine.author.edit.edits import Edit
 from rise_engine.author.edit.outline import WrittenAct, WrittenRule, WrittenState, WrittenUse
-from rise_engine.author.edit.study_state import StudyState
-from rise_engine.author.edit.transitions import find_transition
+from rise_engine.author.edit.plan import StudyState
+from rise_engine.author.edit.states import find_transition
 from rise_engine.author.edit.translations import existing_language
 from rise_engine.expression import Assignment, Expression
 from rise_engine.expression.tokens import escape_text

@@ -8,9 +8,8 @@ from typing import Any
 import pytest
 
 from rise_engine.author.edit.edits import Edit, RemoveStartValue, RenameSetting, SetSetting, SetStartValue
-from rise_engine.author.edit.plan import EditRefused, Files, Plan, apply_plan
+from rise_engine.author.edit.plan import EditRefused, Files, Plan, StudyState, apply_plan
 from rise_engine.author.edit.planning import plan as plan_edit
-from rise_engine.author.edit.study_state import StudyState
 from rise_engine.scenario.loader import LoadResult
 
 

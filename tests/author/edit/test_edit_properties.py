@@ -52,7 +52,7 @@ from rise_engine.author.edit.edits import (
 from rise_engine.author.edit.outline import WrittenRule, WrittenStatement
 from rise_engine.author.edit.plan import EditRefused, Files, Plan, Splice, apply_plan
 from rise_engine.author.edit.planning import StudyState, plan
-from rise_engine.author.edit.transitions import same_form
+from rise_engine.author.edit.states import same_form
 from rise_engine.syntax.xml import XmlTree
 from rise_engine.syntax.xml_writing import one_line
 from tests.author.edit.guard import changed_paths, check_guard, differences, model_of

@@ -9,8 +9,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from rise_engine.author.edit.format_data import format_memory, format_toml
-from rise_engine.author.edit.formatting import format_file, lay_out
+from rise_engine.author.edit.formatting import format_file, format_memory, format_toml, lay_out
 from rise_engine.author.edit.plan import EditRefused
 from rise_engine.syntax.xml import comments_of
 from rise_engine.syntax.xml_format import format_xml

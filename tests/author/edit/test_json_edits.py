@@ -9,7 +9,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from rise_engine.author.edit.json_edits import edit_memory_text, memory_file_text
+from rise_engine.author.edit.memory import edit_memory_text, memory_file_text
 from rise_engine.base.json_codec import json_equal
 
 AUTHORED = """\

@@ -10,9 +10,8 @@ from pathlib import Path
 import pytest
 
 from rise_engine.author.edit.edits import NameKind, Rename
-from rise_engine.author.edit.plan import EditRefused, Files, Plan, apply_plan
+from rise_engine.author.edit.plan import EditRefused, Files, Plan, StudyState, apply_plan
 from rise_engine.author.edit.planning import plan
-from rise_engine.author.edit.study_state import StudyState
 from rise_engine.cli import main
 from rise_engine.scenario.loader import load
 from tests.author.edit.guard import check_guard

@@ -8,10 +8,9 @@ from pathlib import Path
 import pytest
 
 from rise_engine.author.edit.edits import NameKind, Rename, SetSetting, SetStartValue
-from rise_engine.author.edit.plan import EditRefused, apply_plan
+from rise_engine.author.edit.plan import EditRefused, StudyState, apply_plan
 from rise_engine.author.edit.planning import plan
 from rise_engine.author.edit.remedies import remedies
-from rise_engine.author.edit.study_state import StudyState
 from rise_engine.scenario.loader import load
 from tests.author.edit.guard import BeyondTheEdit, check_guard
 from tests.scenario.folders import SPEECH, act, folder, rule

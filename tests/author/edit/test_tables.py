@@ -12,9 +12,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from rise_engine.author.edit.edits import AddColumn, AddRow, Edit, RemoveRow, SetCell
-from rise_engine.author.edit.plan import EditRefused, apply_plan
+from rise_engine.author.edit.plan import EditRefused, StudyState, apply_plan
 from rise_engine.author.edit.planning import plan
-from rise_engine.author.edit.study_state import StudyState
 from rise_engine.scenario.loader import LoadResult
 
 TEXT = 'sep=;\r\nid;"say";n\r\nlamp; "Put; it"  ;1\r\n;;\r\nrug;Lay it ;2'

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import pytest
 
-from rise_engine.author.lsp.explore_hover import explore_notes
+from rise_engine.author.lsp.hover import explore_notes
 
 TEXT = """[explore]
 faults = 2 # runs('x')

@@ -9,10 +9,9 @@ from lsprotocol import types as lsp
 from pygls.exceptions import JsonRpcException
 
 from rise_engine.author.edit.edits import Rename
-from rise_engine.author.edit.plan import apply_plan
+from rise_engine.author.edit.plan import StudyState, apply_plan
 from rise_engine.author.edit.planning import plan
 from rise_engine.author.edit.study_folder import read_study_files
-from rise_engine.author.edit.study_state import StudyState
 from rise_engine.scenario.loader import load
 from tests.author.lsp.editor import editing
 

@@ -7,7 +7,7 @@ from pathlib import Path
 import pytest
 
 from rise_engine.author.edit.edits import AddRule
-from rise_engine.author.edit.study_above import scenarios_below
+from rise_engine.author.edit.study_folder import scenarios_below
 from rise_engine.author.edit.workspace import Workspace
 from rise_tui.editor.act_page import ActPage
 from rise_tui.editor.data_pages import KeysPage

@@ -10,7 +10,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from rise_engine.author.edit.json_edits import memory_file_text
+from rise_engine.author.edit.memory import memory_file_text
 from rise_engine.author.edit.plan import EditRefused
 from rise_engine.expression import lookup
 from rise_engine.kernel.records import MemoryRecord

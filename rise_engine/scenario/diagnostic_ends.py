@@ -14,8 +14,8 @@ from msgspec.structs import replace
 
 from rise_engine.base.text import match_end
 from rise_engine.scenario.diagnostics import Diagnostic
-from rise_engine.scenario.find_uses import written_length
 from rise_engine.scenario.source_files import SourceFile
+from rise_engine.scenario.uses import written_length
 
 _QUOTED = re.compile(r"`([^`\r\n]+)`")
 _MOST_QUOTED = 4
