@@ -27,7 +27,6 @@ from rise_engine.scenario.file_names import DEFAULT_PATHS, SCENARIO_FILE
 from rise_engine.scenario.memory import LIST_KEY, is_writable_key
 from rise_engine.syntax.changes import TextEdit, changed_text
 
-
 _BLANK_LINES = re.compile(r"(?:(?:\r\n|\r(?!\n)|\n)[ \t]*)*(\r\n|\r(?!\n)|\n)")
 
 
@@ -105,9 +104,7 @@ def _memory_members(document: JsonObject) -> list[JsonMember]:
     items = [item for item in listed if isinstance(item, JsonObject)]
     members = [member for item in items for member in item.members]
     if len(document) > 1 or len(items) < len(listed) or len({member.key for member in members}) < len(members):
-        raise EditRefused(
-            f'"{LIST_KEY}" is a list of objects, each key in one of them, and nothing stands beside it'
-        )
+        raise EditRefused(f'"{LIST_KEY}" is a list of objects, each key in one of them, and nothing stands beside it')
     return members
 
 
