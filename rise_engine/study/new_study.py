@@ -19,7 +19,7 @@ from rise_engine.scenario.toml_tables import quote_toml_key
 from rise_engine.session.disk import error_message
 from rise_engine.study.model import Level, Study, StudyCheck
 from rise_engine.study.participants import PARTICIPANTS_FILE, header_line
-from rise_engine.study.report_table import REPORT_ITEMS
+from rise_engine.study.publishing import REPORT_ITEMS
 from rise_engine.study.study_toml import STUDY_FILE, load_study
 
 

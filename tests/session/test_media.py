@@ -10,7 +10,7 @@ from pathlib import Path
 import pytest
 
 from rise_engine.base.errors import SessionError
-from rise_engine.session import listed_files
+from rise_engine.session import media
 from rise_engine.session.media import (
     MEDIA_FILE,
     FoundMark,
@@ -96,7 +96,7 @@ def test_a_disk_that_takes_nothing_leaves_what_was_there(tmp_path: Path, monkeyp
         path.write_bytes(data[:10])
         raise OSError(28, "No space left on device")
 
-    monkeypatch.setattr(listed_files, "write_private_file", full)
+    monkeypatch.setattr(media, "write_private_file", full)
     with pytest.raises(SessionError, match=r"media.json cannot be written: the disk is full"):
         register_media(tmp_path, MediaFile(path="/data/mic.wav", kind="audio"))
     assert read_media(tmp_path) == (FILM,)
