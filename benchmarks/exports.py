@@ -18,7 +18,7 @@ from pathlib import Path
 from measure import Report
 
 from rise_engine.kernel.inputs import Note, OutcomeReport, SessionStarted
-from rise_engine.results.export.formats import format_names
+from rise_engine.results.export.format import format_names
 from rise_engine.session.journal_reader import read_journal
 from rise_engine.study.plan import runs_of
 from rise_engine.study.planning import plan_study

@@ -144,8 +144,7 @@ def walk_study(place: Path) -> set[tuple[str, str]]:
 def walk_bids(place: Path) -> set[tuple[str, str]]:
     """A journal, to a first export as BIDS."""
     from rise_engine.results.analysis.reading import read_session
-    from rise_engine.results.export.format import ExportContext
-    from rise_engine.results.export.formats import load_format
+    from rise_engine.results.export.format import ExportContext, load_format
     from tests.results.analysis.samples import play_session
 
     session = play_session(place / "sessions")

@@ -19,8 +19,7 @@ from rise_engine.checks.outcome import (
     skipped_check,
 )
 from rise_engine.checks.runner import append_checked, limit_seconds, report_check, run_check
-from rise_engine.study.check_kinds import AUTOMATIC
-from rise_engine.study.check_programs import program_problem
+from rise_engine.study.check_tables import AUTOMATIC, program_problem
 from rise_engine.study.checked import (
     PendingCheck,
     check_text,

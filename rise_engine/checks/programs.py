@@ -1,7 +1,7 @@
 """Programs of a study that look at something, `run = ["./check-tracker.sh"]`, and children of our own that do.
 
 A program gets no shell, no input and a limit. It is the leader of a process group of its own, all of which is ended at
-the limit, or when whoever waits for it gives up. Everything here blocks; `rise_engine.checks.background` calls it.
+the limit, or when whoever waits for it gives up. Everything here blocks; `rise_engine.checks.runner` calls it.
 """
 
 from __future__ import annotations
@@ -22,7 +22,7 @@ from msgspec import Struct
 
 from rise_engine.base.text import clean
 from rise_engine.checks.outcome import CheckContext, Finding
-from rise_engine.study.check_programs import program_problem
+from rise_engine.study.check_tables import program_problem
 
 TICK_SECONDS = 0.05
 """How often it is looked whether the program has ended although something still holds its output open."""

@@ -1,16 +1,20 @@
-"""Making one check, of whatever kind: one call, with a limit, which never blocks and never raises for what it finds."""
+"""Making one check, of whatever kind: one call, with a limit, which never blocks and never raises for what it finds.
+
+A check that takes long goes on in the background.
+"""
 
 from __future__ import annotations
 
+import asyncio
 import logging
 from collections.abc import Callable
+from concurrent.futures import Executor, Future
 from pathlib import Path
-from threading import Event
-from typing import TypeAlias
+from threading import Event, Thread
+from typing import Any, TypeAlias, TypeVar
 
 from rise_engine.base.errors import RiseError
 from rise_engine.checks import automatic
-from rise_engine.checks.background import call_in_background
 from rise_engine.checks.child import KINDS, ChildRequest, look_in_child
 from rise_engine.checks.outcome import CheckContext, CheckOutcome, Finding, make_outcome
 from rise_engine.checks.programs import look_with_program
@@ -18,10 +22,73 @@ from rise_engine.kernel.inputs import CheckReport
 from rise_engine.kernel.records import ENGINE
 from rise_engine.scenario.model import Json
 from rise_engine.study.model import StudyCheck
-from rise_engine.study.recorded import RecordingDecision, decide_recording
+from rise_engine.study.recording_table import RecordingDecision, decide_recording
 from rise_engine.study.sessions import SESSIONS
 from rise_engine.study.state import StudyStatus, read_state
 from rise_engine.study.study_log import LockedLog
+
+Result = TypeVar("Result")
+
+ENDING_SECONDS = 3.0
+"""For which the work may go on after its limit, to end what it has started."""
+
+
+class BackgroundExecutor(Executor):
+    """A thread of its own for each call. A disk that does not answer holds up neither the loop nor the program's end,
+    which would wait for the threads of asyncio's own executor."""
+
+    def submit(self, function: Callable[..., Any], /, *arguments: Any, **named: Any) -> Future[Any]:
+        future: Future[Any] = Future()
+
+        def work() -> None:
+            if not future.set_running_or_notify_cancel():
+                return
+            try:
+                result = function(*arguments, **named)
+            except BaseException as error:  # whoever waits is told
+                future.set_exception(error)
+            else:
+                future.set_result(result)
+
+        Thread(target=work, name="rise-check", daemon=True).start()
+        return future
+
+
+_EXECUTOR = BackgroundExecutor()
+
+
+async def call_in_background(work: Callable[[Event], Result], limit: float) -> Result:
+    """Call something that blocks, and wait without blocking.
+
+    :param work: gets an event that is set when nobody waits any more, and then ends what it has started, soon.
+    :param limit: seconds after which it is given up.
+    :raises TimeoutError: it did not end within the limit, nor within ENDING_SECONDS after that.
+    :raises asyncio.CancelledError: whoever waits was cancelled; the work was told, and had a moment to end.
+    """
+    cancelled = Event()
+    future = asyncio.get_running_loop().run_in_executor(_EXECUTOR, work, cancelled)
+    future.add_done_callback(_take_exception)
+    try:
+        done, _ = await asyncio.wait({future}, timeout=limit)
+        if not done:
+            cancelled.set()
+            done, _ = await asyncio.wait({future}, timeout=ENDING_SECONDS)
+        if not done:
+            raise TimeoutError
+        return future.result()
+    except asyncio.CancelledError:
+        cancelled.set()
+        await asyncio.wait({future}, timeout=ENDING_SECONDS)
+        raise
+    finally:
+        future.cancel()  # what is still not done goes nowhere
+
+
+def _take_exception(future: asyncio.Future[Any]) -> None:
+    """So that one which came after everybody had left is nobody's warning."""
+    if not future.cancelled():
+        future.exception()
+
 
 _LOG = logging.getLogger(__name__)
 

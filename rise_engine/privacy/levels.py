@@ -39,6 +39,10 @@ _SENTENCES = ("text", "value", "reason", "detail")
 _DATE = re.compile(
     r"\b\d{4}-\d{2}-\d{2}(?:[T _]\d{2}:?\d{2}(?::?\d{2}(?:[.,]\d+)?)?(?:\s?(?:UTC|Z|[+-]\d{2}:?\d{2})\b)?)?(?!\d)"
 )
+OLDEST = 89
+"""Years: BIDS has participants who are older at this age, so that nobody is known by it."""
+_AGES = frozenset({"age", "alter", "edad"})
+"""Columns of ages, in small letters."""
 
 
 class LevelFilter:
@@ -228,3 +232,17 @@ def told_span(span: CodedSpan, file: CodedFile, level: LevelFilter) -> CodedSpan
         value=level.count_typed_words(span.value) if span.tier in file.speech else span.value,
         comment=level.count_typed_words(span.comment),
     )
+
+
+def cut_age(column: str, value: str) -> str:
+    """A value of participants.csv as others get it: nobody is older than OLDEST.
+
+    >>> [cut_age("age", "91"), cut_age("Alter", "89.5"), cut_age("age", "34"), cut_age("stage", "91")]
+    ['89', '89', '34', '91']
+    """
+    if column.casefold() not in _AGES:
+        return value
+    try:
+        return str(OLDEST) if float(value) > OLDEST else value
+    except ValueError:
+        return value

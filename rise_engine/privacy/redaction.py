@@ -24,13 +24,13 @@ from rise_engine.kernel import Kernel
 from rise_engine.kernel.inputs import AnyInput, TaskFunction
 from rise_engine.privacy.changed_session import ChangedSession, why_not_replayed
 from rise_engine.session.coded import CODED_FILE, CODED_FOLDER, redacted_files
-from rise_engine.session.erasure import has_other_names
 from rise_engine.session.folder import INFO, JOURNAL, SCENARIO_COPY, SessionInfo, read_info
 from rise_engine.session.journal_format import InputLine, encode_line
 from rise_engine.session.journal_reader import JournalContents, read_journal
 from rise_engine.session.lock import HOLDER_FILE, JournalLock
 from rise_engine.session.replay import Replay, load_session_scenario, require_inputs
 from rise_engine.session.shadow import SHADOW_FOLDER, replace_words, shadow_files
+from rise_engine.session.unfinished_files import has_other_names
 
 NEW_SUFFIX = ".redacting"
 """Of the new files, until they are put in place (they hold none of the words), and of what is just being erased."""

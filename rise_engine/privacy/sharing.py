@@ -43,7 +43,7 @@ from rise_engine.session.journal_format import (
     encode_line,
 )
 from rise_engine.session.journal_reader import JournalContents, read_journal
-from rise_engine.session.listed_files import list_bytes
+from rise_engine.session.media import list_bytes
 from rise_engine.session.scenario_copies import copy_folders
 
 _BY_NUMBER = frozenset(

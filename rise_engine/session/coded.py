@@ -17,7 +17,7 @@ from msgspec.structs import replace
 from rise_engine.base.errors import SessionError
 from rise_engine.base.files import make_private_folder, write_private_file
 from rise_engine.session.coded_formats import CodedClock, CodedSpan, read_coded_document, replace_words
-from rise_engine.session.listed_files import change_list, list_bytes, read_list
+from rise_engine.session.media import change_list, list_bytes, read_list
 
 CODED_FILE, CODED_FOLDER = "coded.json", "coded"
 MAX_BYTES = 200_000_000

@@ -6,6 +6,7 @@ record by `label_differences`; a difference is an error, so that nobody can give
 
 from __future__ import annotations
 
+import re
 from collections.abc import Iterable, Mapping
 from pathlib import Path
 from typing import Any
@@ -107,3 +108,21 @@ def _as_text(value: Any) -> str:
         return msgspec.json.encode(value).decode()
     except UnicodeEncodeError:
         return ascii(value)
+
+
+_PSEUDONYM = re.compile(r"[A-Za-z0-9]+")
+
+
+def pseudonym_problem(participant: str) -> str:
+    """Why a real session cannot be recorded under this, or empty. Nobody named is right.
+
+    >>> pseudonym_problem("P07")
+    ''
+    """
+    if not participant or _PSEUDONYM.fullmatch(participant):
+        return ""
+    return (
+        f"{participant!r} is no pseudonym: letters without accents and digits only, such as P07. What is recorded, the "
+        "folder's name and every export carry it, so in real mode it must not be anybody's name; keep the list of who "
+        "is who elsewhere"
+    )

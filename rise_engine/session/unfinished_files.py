@@ -1,7 +1,7 @@
 """Something new that is put in its place only when it is whole, and what a killed program has left of it.
 
 Until then it lies beside its place, in a folder for its owner alone: `.p07.csv.unfinished-x1y2`. Whoever writes it has
-that folder locked, so that nobody takes for a leftover what is being written.
+that folder locked, so that nobody takes for a leftover what is being written. Leftovers are erased (`erase_folder`).
 """
 
 from __future__ import annotations
@@ -168,3 +168,32 @@ def _put(here: Path, path: Path) -> None:
         if os.path.lexists(path):
             raise FileExistsError(errno.EEXIST, os.strerror(errno.EEXIST), str(path)) from None
         here.rename(path)
+
+
+def has_other_names(path: Path) -> bool:
+    """Whether the file has further names (hard links): then it stays under those, because they may be a backup's."""
+    return path.lstat().st_nlink > 1
+
+
+def erase_folder(folder: Path) -> int:
+    """Remove every file in a folder and below, then the folder; how many files there were. Links are not followed.
+
+    What is gone already is passed over, so that one that was interrupted can be called again. Raises OSError.
+    """
+    if folder.is_symlink():
+        folder.unlink()
+        return 0
+    count = 0
+    for where, folders, files in os.walk(folder, topdown=False):
+        for name in files:
+            Path(where, name).unlink(missing_ok=True)
+            count += 1
+        for name in folders:
+            path = Path(where, name)
+            if path.is_symlink():
+                path.unlink()
+            else:
+                path.rmdir()
+    if folder.exists():
+        folder.rmdir()
+    return count

@@ -1,16 +1,124 @@
-"""Reading `[[check]]` of study.toml."""
+"""Reading `[[check]]` of study.toml: kinds of checks, their programs, lengths of time and sizes."""
 
 from __future__ import annotations
 
+import os
 import re
+import shutil
+from collections.abc import Sequence
+from contextlib import suppress
 from pathlib import Path
 
 from rise_engine.base.nearest_name import did_you_mean, in_backquotes
+from rise_engine.base.text import clean, escape_surrogates
 from rise_engine.scenario.toml_files import TomlTable
-from rise_engine.study.check_kinds import AUTOMATIC, OF_THE_PARTICIPANT
-from rise_engine.study.check_programs import program_problem
 from rise_engine.study.model import StudyCheck
-from rise_engine.study.quantities import parse_length, parse_size
+
+_QUANTITY = re.compile(r"\s*(\d+(?:\.\d+)?)\s*([A-Za-z]+)\s*\Z", re.ASCII)
+DAY = 86_400.0
+"""Seconds."""
+TIME_UNITS = {"s": 1.0, "min": 60.0, "h": 3600.0, "d": DAY, "w": 7 * DAY, "y": 365.25 * DAY}
+SIZE_UNITS = {"kB": 10**3, "MB": 10**6, "GB": 10**9, "TB": 10**12}
+_SIZES = {name.casefold(): factor for name, factor in SIZE_UNITS.items()}
+
+
+def parse_length(text: str) -> float | None:
+    """Seconds of a length of time as it is written; None when it is none.
+
+    >>> parse_length("30 d"), parse_length("90min"), parse_length("a while")
+    (2592000.0, 5400.0, None)
+    """
+    found = _QUANTITY.match(text)
+    if found is None or found.group(2) not in TIME_UNITS:
+        return None
+    return float(found.group(1)) * TIME_UNITS[found.group(2)]
+
+
+def parse_size(text: str) -> int | None:
+    """Bytes of a size as it is written; None when it is none.
+
+    >>> parse_size("20 GB"), parse_size("1.5gb"), parse_size("much")
+    (20000000000, 1500000000, None)
+    """
+    found = _QUANTITY.match(text)
+    if found is None or found.group(2).casefold() not in _SIZES:
+        return None
+    return round(float(found.group(1)) * _SIZES[found.group(2).casefold()])
+
+
+def program_problem(arguments: Sequence[str], folder: str | Path) -> str:
+    """Why a program of a study cannot be started, in a sentence; empty: it can, as far as one can see without doing so.
+
+    :param arguments: the check's `run`.
+    :param folder: the study's.
+    """
+    if not arguments or not arguments[0]:
+        return "`run` names no program"
+    name, folder = arguments[0], Path(folder)
+    if any("\0" in argument for argument in arguments):
+        return "a program and its arguments cannot have a NUL in them"
+    if "/" not in name:
+        if shutil.which(name) is not None:
+            return ""
+        if (folder / name).is_file():
+            return f"{name} lies in the study's folder, and is no program of this computer: write ./{name}"
+        return f"there is no program {name} on this computer"
+    path = folder / name
+    if not path.exists():
+        near = did_you_mean(path.name, _names_in(path.parent), limit=0)
+        return f"there is no program {name} in the study's folder{near}"
+    if not path.is_file():
+        return f"{name} is no program but a folder"
+    if not os.access(path, os.X_OK):
+        return f"{name} may not be executed: chmod +x {escape_surrogates(str(path))}"
+    return _interpreter_problem(name, path)
+
+
+def _names_in(folder: Path) -> list[str]:
+    with suppress(OSError):
+        return sorted(each.name for each in folder.iterdir())
+    return []
+
+
+def _interpreter_problem(name: str, path: Path) -> str:
+    """What is wrong with the first line of a script; empty: nothing, or it is no script."""
+    try:
+        with path.open("rb") as file:
+            head = file.read(256)
+    except OSError as error:
+        return f"{name} cannot be read: {error.strerror or error}"
+    if not head:
+        return f"{name} is empty"
+    first, end, _ = head.partition(b"\n")
+    if not first.startswith(b"#!"):
+        return ""
+    if end and first.endswith(b"\r"):
+        return f"{name} has line ends of Windows, which hide its interpreter: save it with line ends of Unix"
+    words = first[2:].split()
+    interpreter = words[0].decode("utf-8", "replace") if words else ""
+    if not interpreter or not Path(interpreter).exists():
+        return f"the first line of {name} names an interpreter that is not there: {clean(interpreter) or 'none'}"
+    return ""
+
+
+AUTOMATIC: dict[str, str] = {
+    "robot": "the robot answers and offers every action that the scenario uses",
+    "disk": "there is room for the session",
+    "clock": "this computer's clock is right",
+    "sound": "the robot says a word, and somebody hears it",
+    "consent": "the participant has consented",
+    "participant": "the participant may take part now",
+    "scenario": "the scenario is the one that the plan was made with",
+    "wizard": "the wizard has given a name",
+    "recorder": "everything that records the session records, and its files grow",
+    "replay": "the last session replays identically",
+    "explored": "what can happen in this condition and language was looked at, and nothing gets stuck or fails",
+}
+"""Each automatic check and what it looks at, in words that stand on screens and in records."""
+OF_THE_PARTICIPANT = frozenset({"consent", "participant"})
+"""Those about one participant: that they passed for another one says nothing (so `every` is not for them), and nobody
+can skip them in a session that counts."""
+
 
 _KEYS = ("id", "ask", "auto", "run", "when", "min", "every", "blocks", "limit")
 _WAYS = ("ask", "auto", "run")

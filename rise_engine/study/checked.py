@@ -10,7 +10,7 @@ from typing import Literal
 
 from msgspec import Struct
 
-from rise_engine.study.check_kinds import AUTOMATIC, OF_THE_PARTICIPANT
+from rise_engine.study.check_tables import AUTOMATIC, OF_THE_PARTICIPANT
 from rise_engine.study.model import Purpose, SessionEntry, Study, StudyCheck
 from rise_engine.study.study_log import LogEntry
 

@@ -66,7 +66,7 @@ class StudyCheck(Struct, frozen=True):
     ask: str = ""
     """A sentence that somebody confirms."""
     auto: str = ""
-    """What the program itself looks at: one of `rise_engine.study.check_kinds.AUTOMATIC`."""
+    """What the program itself looks at: one of `rise_engine.study.check_tables.AUTOMATIC`."""
     run: tuple[str, ...] = ()
     """A program and its arguments, run in the study's folder: exit status 0 is passed, its first line the value."""
     minimum: str = ""

@@ -18,7 +18,7 @@ from rise_engine.scenario.model import Json
 from rise_engine.scenario.study_paths import why_no_name, why_not_read
 from rise_engine.study.model import Level, Study, StudyCheck
 from rise_engine.study.participants import PARTICIPANTS_FILE, header_line
-from rise_engine.study.report_table import REPORT_ITEMS
+from rise_engine.study.publishing import REPORT_ITEMS
 from rise_engine.study.study_toml import STUDY_FILE, load_study
 from rise_engine.syntax.toml import toml_key
 

@@ -14,9 +14,8 @@ from rise_engine.scenario.diagnostics import Diagnostic, Diagnostics
 from rise_engine.scenario.file_names import PARTICIPANTS_FILE as PARTICIPANTS_FILE
 from rise_engine.scenario.model import SourceLocation
 from rise_engine.scenario.tree import Held
-from rise_engine.study.csv_table import CsvRow, CsvTable, read_csv
+from rise_engine.study.csv_table import WHY, CsvRow, CsvTable, mail_address_in, personal_column, read_csv
 from rise_engine.study.model import Participant, Study
-from rise_engine.study.personal_data import WHY, mail_address_in, personal_column
 
 STATUSES = ("invited", "excluded")
 CONSENT_PREFIX = "consent_"

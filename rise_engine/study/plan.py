@@ -10,10 +10,9 @@ from msgspec.structs import replace
 
 from rise_engine.base.nearest_name import did_you_mean, in_backquotes
 from rise_engine.scenario.model import Json
-from rise_engine.study.chance import SEEDS, Chance, session_seed
+from rise_engine.study.chance import SEEDS, Chance, make_orders, session_seed
 from rise_engine.study.design import cells, condition_name, factors_of, runs, strata_of, stratum_name
 from rise_engine.study.model import Factor, PlannedRun, Slot, Study
-from rise_engine.study.orders import make_orders
 from rise_engine.study.study_scenarios import scenario_folder
 
 

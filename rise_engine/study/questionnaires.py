@@ -17,9 +17,8 @@ from rise_engine.scenario.diagnostics import Diagnostic, Diagnostics
 from rise_engine.scenario.model import SourceLocation
 from rise_engine.scenario.study_paths import why_no_name, why_not_read
 from rise_engine.scenario.toml_files import TomlTable
-from rise_engine.study.csv_table import CsvRow, CsvTable, read_csv
+from rise_engine.study.csv_table import WHY, CsvRow, CsvTable, mail_address_in, personal_column, read_csv
 from rise_engine.study.model import ItemDescription, Participant, QuestionnaireSettings, Study
-from rise_engine.study.personal_data import WHY, mail_address_in, personal_column
 
 SUFFIXES = (".csv", ".tsv", ".txt")
 COLUMNS_OF_TABLES = ("session", "participant", "run", "condition", "mode", "purpose", "outcome")

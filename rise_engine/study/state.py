@@ -7,7 +7,8 @@ decides something, and writes what it decided, does so within it.
 from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
-from datetime import datetime
+from contextlib import suppress
+from datetime import date, datetime, timedelta
 from pathlib import Path
 from types import TracebackType
 
@@ -15,19 +16,61 @@ from msgspec import Struct
 from msgspec.structs import replace
 
 from rise_engine.base.errors import FileError
+from rise_engine.base.text import pluralize
 from rise_engine.scenario.model import Json
 from rise_engine.session.folder import mark_abandoned
-from rise_engine.study.minimise import cell_for
+from rise_engine.study.chance import cell_for
 from rise_engine.study.model import Participant, ParticipantState, Slot, Study, StudyStanding
 from rise_engine.study.participants import load_participants
 from rise_engine.study.plan_file import read_plan
 from rise_engine.study.planning import last_planned, plan_problem
-from rise_engine.study.retention import due_retention
 from rise_engine.study.sessions import MissingEntry, StudySession, missing_entries, read_sessions
 from rise_engine.study.standing import Places, places_of, study_standing
 from rise_engine.study.study_log import LockedLog, LogEntry, read_log
 from rise_engine.study.study_toml import is_study, load_study
+from rise_engine.study.traces import registered_recordings
 from rise_engine.study.withdrawn import is_withdrawn
+
+NAMED = 3
+"""So many are named in a sentence; of the others, how many there are."""
+
+
+def due_retention(study: Study, sessions: Iterable[StudySession], today: date) -> list[str]:
+    """What was promised to be deleted by today and is still there, in sentences.
+
+    :param study: the checked design: `retention` has days by `media` and `sessions`.
+    :param sessions: as `rise_engine.study.sessions.read_sessions` gives them.
+    :param today: the day that counts.
+    """
+    kept = [(each, day) for each in sessions if each.info is not None and (day := _day(each)) is not None]
+    due: list[str] = []
+    days = study.retention.get("media")
+    if days is not None:
+        paths: dict[str, date] = {}
+        for session, day in kept:
+            if day + timedelta(days=days) <= today:
+                found = registered_recordings(session.path, inside=True)
+                paths.update((path, day) for path in found if Path(path).exists())
+        if paths:
+            names = _name_some([f"{path} of {day}" for path, day in paths.items()])
+            due.append(f"{pluralize(len(paths), 'recording')} kept longer than {days:g} days, delete: {names}")
+    days = study.retention.get("sessions")
+    if days is not None:
+        old = [f"{each.name}" for each, day in kept if day + timedelta(days=days) <= today]
+        if old:
+            due.append(f"{pluralize(len(old), 'session')} kept longer than {days:g} days, delete: {_name_some(old)}")
+    return due
+
+
+def _day(session: StudySession) -> date | None:
+    with suppress(ValueError):
+        return datetime.fromisoformat(session.entry.started).date()
+    return None
+
+
+def _name_some(names: list[str]) -> str:
+    more = len(names) - NAMED
+    return ", ".join(names[:NAMED]) + (f" and {more} more" if more > 0 else "")
 
 
 class StudyFiles(Struct, frozen=True):

@@ -22,7 +22,6 @@ from rise_engine.base.files import Disk, error_message, is_locked
 from rise_engine.base.nearest_name import did_you_mean
 from rise_engine.session.folder import JOURNAL, sessions_folder
 from rise_engine.session.lock import read_holder, running_message
-from rise_engine.study.erasable import KnownBy, why_not_export, why_not_recording
 from rise_engine.study.labels import reassignments
 from rise_engine.study.sessions import SESSIONS
 from rise_engine.study.study_log import LOG_FILE, SET_ASIDE_FILE, LockedLog, LogEntry, read_log
@@ -41,6 +40,7 @@ from rise_engine.study.traces import (
 )
 from rise_engine.study.withdrawal_work import (
     Erasing,
+    KnownBy,
     WithdrawalPlan,
     WithdrawalReport,
     erase_leftovers,
@@ -49,6 +49,8 @@ from rise_engine.study.withdrawal_work import (
     left_work,
     new_work,
     read_list,
+    why_not_export,
+    why_not_recording,
     write_list,
 )
 from rise_engine.study.withdrawn import PREFIX, hash_pseudonym, is_withdrawn, new_salt
@@ -87,7 +89,7 @@ def withdraw(
 
     :param study: the study's folder.
     :param participant: their pseudonym.
-    :param keep: rows that stay (`rise_engine.study.kept_rows`), where they have agreed to it.
+    :param keep: rows that stay (`rise_engine.study.withdrawn`), where they have agreed to it.
     :param disk: what writes, for tests that let it fail.
     :raises StudyError: as `plan_withdrawal`, or something cannot be erased; what was not stays listed for the next
         time.

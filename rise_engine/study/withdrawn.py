@@ -1,4 +1,4 @@
-"""Who has withdrawn, without their pseudonym: a salted hash in study.jsonl.
+"""What stays of people who have withdrawn: a salted hash in study.jsonl, and rows of `anonymous.csv` if they agreed.
 
 A hash answers one question: whether somebody who is to take part now has withdrawn before. With the salt beside it,
 whoever tries all pseudonyms finds the one; so the salt stays in the study's folder, and is taken out of whatever of
@@ -7,13 +7,17 @@ study.jsonl is given to others (`without_salts`).
 
 from __future__ import annotations
 
+import csv
 import hashlib
+import io
 import secrets
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable, Mapping, Sequence
+from pathlib import Path
 
 from msgspec import Struct
 from msgspec.structs import replace
 
+from rise_engine.base.files import Disk
 from rise_engine.study.study_log import LogEntry
 
 PREFIX = "withdrawn:"
@@ -61,3 +65,46 @@ def without_salts(log: Sequence[LogEntry]) -> list[LogEntry]:
     return [
         replace(each, fields={name: value for name, value in each.fields.items() if name != "salt"}) for each in log
     ]
+
+
+# --- rows that stay ---------------------------------------------------------------------------------------------------
+
+FILE = "anonymous.csv"
+CONSENT = "anonymous"
+"""`consent_anonymous` in participants.csv is the day on which somebody agreed to it."""
+ID = "id"
+
+
+def new_id() -> str:
+    """An id that says nothing."""
+    return f"A{secrets.token_hex(4)}"
+
+
+def add_rows(study: Path, rows: Sequence[Mapping[str, str]], disk: Disk) -> None:
+    """Put rows into the study's file, unless their ids are there already: so it can be said again after a kill.
+
+    :param study: the study's folder.
+    :param rows: each with an `id`.
+    :raises OSError: it cannot be written; then the file is as it was.
+    """
+    columns, kept = read_rows(study)
+    known = {row.get(ID) for row in kept}
+    added = [dict(row) for row in rows if row[ID] not in known]
+    if not added:
+        return
+    columns = list(dict.fromkeys([ID, *columns, *(name for row in added for name in row)]))
+    text = io.StringIO()
+    writer = csv.DictWriter(text, columns, restval="", lineterminator="\n")
+    writer.writeheader()
+    writer.writerows(sorted([*kept, *added], key=lambda row: (row.get(ID, ""), row.get("run", ""))))
+    disk.write_whole(study / FILE, text.getvalue().encode())
+
+
+def read_rows(study: Path) -> tuple[list[str], list[dict[str, str]]]:
+    """The file's columns and rows; none where there is no file. Raises OSError."""
+    try:
+        text = (study / FILE).read_text("utf-8")
+    except FileNotFoundError:
+        return [], []
+    reader = csv.DictReader(io.StringIO(text))
+    return list(reader.fieldnames or ()), [dict(row) for row in reader]

@@ -30,7 +30,7 @@ from rise_engine.study.judge import judge_session
 from rise_engine.study.model import OutcomeStatus, SessionEntry, Study, StudyCheck, StudyStanding
 from rise_engine.study.participants import load_participants
 from rise_engine.study.plan_file import read_plan
-from rise_engine.study.recorded import decide_recording, recorders_text
+from rise_engine.study.recording_table import decide_recording, recorders_text
 from rise_engine.study.session_kinds import SessionKind
 from rise_engine.study.sessions import SESSIONS
 from rise_engine.study.state import OpenStudy, StudyStatus, read_state

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from rise_engine.study.model import Study
-from rise_engine.study.recorded import recorders_text
+from rise_engine.study.recording_table import recorders_text
 from rise_tui.actions import BY_ID, actions_in
 from rise_tui.key_labels import first_key_label
 from rise_tui.model.notice import Level

@@ -11,8 +11,7 @@ import pytest
 from msgspec.structs import replace
 
 from rise_engine.checks import CheckContext, CheckOutcome, append_checked, report_check, run_check
-from rise_engine.checks.background import call_in_background
-from rise_engine.checks.runner import limit_seconds
+from rise_engine.checks.runner import call_in_background, limit_seconds
 from rise_engine.kernel.inputs import CheckReport
 from rise_engine.study.model import StudyCheck
 from rise_engine.study.study_log import read_log
@@ -191,7 +190,7 @@ def test_limits() -> None:
 
 
 async def test_what_never_ends_holds_up_nobody(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("rise_engine.checks.background.ENDING_SECONDS", 0.05)
+    monkeypatch.setattr("rise_engine.checks.runner.ENDING_SECONDS", 0.05)
     never, told = Event(), []
 
     def work(cancelled: Event) -> None:
@@ -228,7 +227,7 @@ async def test_what_work_raises_is_raised() -> None:
 
 
 def test_a_program_ends_although_a_disk_never_answers(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("rise_engine.checks.background.ENDING_SECONDS", 0.05)
+    monkeypatch.setattr("rise_engine.checks.runner.ENDING_SECONDS", 0.05)
 
     async def look() -> None:
         with pytest.raises(TimeoutError):

@@ -24,7 +24,7 @@ from pathlib import Path
 
 from rise_engine.base.files import tree_hash
 from rise_engine.cli import main
-from rise_engine.results.export.formats import format_names
+from rise_engine.results.export.format import format_names
 from rise_engine.study.study_log import LOG_FILE, LockedLog
 from rise_engine.study.traces import name_pattern
 

@@ -25,7 +25,7 @@ import click
 from click.testing import CliRunner
 
 from rise_engine.cli import main as rise_engine
-from rise_engine.results.export.formats import format_names
+from rise_engine.results.export.format import format_names
 from rise_tui.cli.main import main as rise_tui
 from tests.author.edit.samples import NAMES, SCENARIOS, SPELLINGS, study_files
 from tests.fuzz.mutations import mutate

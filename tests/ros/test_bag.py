@@ -21,8 +21,7 @@ from rise_engine.kernel.records import AnyRecord, RuleRecord, TaskRecord
 from rise_engine.privacy.levels import ExportLevel
 from rise_engine.results.analysis.model import SessionData
 from rise_engine.results.analysis.reading import read_session
-from rise_engine.results.export.format import ExportContext, ExportError
-from rise_engine.results.export.formats import load_format
+from rise_engine.results.export.format import ExportContext, ExportError, load_format
 from tests.results.analysis.samples import BEGAN, play_session, recovered_session
 
 pytest.importorskip("mcap", reason="the extra bag is not installed")

@@ -12,7 +12,7 @@ from pathlib import Path
 import pytest
 from click.testing import CliRunner
 
-from rise_engine.checks.replay import look_at_last_session
+from rise_engine.checks.child_main import look_at_last_session
 from rise_engine.cli.program import main
 from rise_engine.kernel.inputs import SessionStarted
 from rise_engine.results.analysis.reading import read_session

@@ -7,9 +7,9 @@ from pathlib import Path
 import pytest
 from msgspec.structs import replace
 
+from rise_engine.study.csv_table import mail_address_in, personal_column
 from rise_engine.study.model import Participant
 from rise_engine.study.participants import header_line, load_participants
-from rise_engine.study.personal_data import mail_address_in, personal_column
 from rise_engine.study.study_toml import load_study
 from tests.study.designs import DESIGN, HEADER, study_folder
 

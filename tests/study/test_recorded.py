@@ -8,7 +8,7 @@ import pytest
 
 from rise_engine.study.model import Purpose, RecordingSettings
 from rise_engine.study.participants import load_participants
-from rise_engine.study.recorded import decide_recording, recorders_text, recording_lines
+from rise_engine.study.recording_table import decide_recording, recorders_text, recording_lines
 from tests.study.studies import DESIGN, write_study
 
 RECORDING = '[recording]\nobs = {}\ncamera = { by = "ffmpeg", input = ["-i", "x"] }\nlsl = true\nsync = true\n'

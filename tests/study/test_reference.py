@@ -11,8 +11,8 @@ from typing import get_args
 import rise_engine.study
 from rise_engine.study.balance import prove_balance
 from rise_engine.study.chance import Chance
-from rise_engine.study.check_kinds import AUTOMATIC
 from rise_engine.study.check_tables import _KEYS as CHECK_KEYS
+from rise_engine.study.check_tables import AUTOMATIC
 from rise_engine.study.factor_tables import _FACTOR_KEYS as FACTOR_KEYS
 from rise_engine.study.participants import load_participants
 from rise_engine.study.plan import make_plan

@@ -8,7 +8,7 @@ import pytest
 
 from rise_engine.study.model import Study
 from rise_engine.study.new_study import NewStudy, study_toml_text
-from rise_engine.study.report_table import ITEM_NAMES, REPORT_ITEMS
+from rise_engine.study.publishing import ITEM_NAMES, REPORT_ITEMS
 from rise_engine.study.study_toml import load_study
 
 HEAD = 'title = "A"\nid = "a"\nseed = 1\nn = 2\n'

@@ -23,8 +23,7 @@ from rise_engine.results.export.writing import new_export
 from rise_engine.session.lock import JournalLock
 from rise_engine.session.media import MEDIA_FILE, MediaFile, register_media
 from rise_engine.session.unfinished_files import private_folder
-from rise_engine.study.retention import due_retention
-from rise_engine.study.state import OpenStudy, read_state
+from rise_engine.study.state import OpenStudy, due_retention, read_state
 from rise_engine.study.study_log import LOG_FILE, SET_ASIDE_FILE, LockedLog, StudyLogError, read_log
 from rise_engine.study.traces import WORK_FOLDER, find_names
 from rise_engine.study.withdrawal import plan_withdrawal, withdraw

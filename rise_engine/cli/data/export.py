@@ -20,8 +20,7 @@ from rise_engine.base.text import pluralize
 from rise_engine.cli.options import ALL_SESSIONS, PRIVATE, STUDIES_OR_SESSIONS, without_file
 from rise_engine.cli.terminal import print_notes, refusing, standard_output
 from rise_engine.privacy.levels import LEVELS, ExportLevel
-from rise_engine.results.export.format import ExportError, ExportFormat
-from rise_engine.results.export.formats import format_names, load_format
+from rise_engine.results.export.format import ExportError, ExportFormat, format_names, load_format
 from rise_engine.results.export.records import RecordFormat, SessionExport
 from rise_engine.results.export.writing import export_context, export_sessions, new_export
 from rise_engine.session.folder import find_session

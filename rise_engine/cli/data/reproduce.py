@@ -19,12 +19,10 @@ from rise_engine.cli.options import JSON
 from rise_engine.cli.session.other_robot import compare_on_robot, load_for_robot
 from rise_engine.cli.terminal import Refused, print_lines, refusing, write_json
 from rise_engine.results.bundle.about import AboutBundle, read_about
-from rise_engine.results.bundle.archive import opened_bundle
 from rise_engine.results.bundle.courses import CourseComparison
-from rise_engine.results.bundle.derived import DerivedCheck, compare_derived, sessions_in_order
+from rise_engine.results.bundle.derived import DerivedCheck, check_bundle, compare_derived, sessions_in_order
 from rise_engine.results.bundle.inputs import InputsCheck, check_inputs
-from rise_engine.results.bundle.manifest import ManifestCheck, fingerprint
-from rise_engine.results.bundle.reproducing import check_bundle
+from rise_engine.results.bundle.manifest import ManifestCheck, fingerprint, opened_bundle
 from rise_engine.results.export.format import ExportError
 from rise_engine.study.proof import ProvedSession, prove_sessions
 from rise_engine.study.state import StudyStatus, read_state

@@ -26,7 +26,7 @@ from rise_engine.cli.terminal import Refused, exit_with_usage, print_lines
 from rise_engine.scenario.model import Mode, Scenario
 from rise_engine.scenario.shipped_studies import shipped_studies
 from rise_engine.study.balance import with_blocks_that_fit
-from rise_engine.study.check_kinds import AUTOMATIC
+from rise_engine.study.check_tables import AUTOMATIC
 from rise_engine.study.design import cells, runs
 from rise_engine.study.factor_tables import what_it_does
 from rise_engine.study.model import AssignmentSettings, Factor, FactorKind, Level, Study, StudyCheck

@@ -11,14 +11,14 @@ import click
 from rise_engine.base.exit_status import OK, PARTIAL
 from rise_engine.base.text import pluralize
 from rise_engine.cli.terminal import Refused, exit_with_usage, print_lines
-from rise_engine.results.export.anonymous import rows_to_keep
-from rise_engine.study.kept_rows import FILE as KEPT_FILE
+from rise_engine.results.export.session_tables import rows_to_keep
 from rise_engine.study.labels import Reassignment, reassignments
 from rise_engine.study.study_log import LOG_FILE, read_log
 from rise_engine.study.traces import STUDY_FILE
 from rise_engine.study.withdrawal import plan_withdrawal
 from rise_engine.study.withdrawal import withdraw as withdraw_participant
 from rise_engine.study.withdrawal_work import WithdrawalPlan
+from rise_engine.study.withdrawn import FILE as KEPT_FILE
 
 
 @click.command("withdraw")

@@ -1,7 +1,7 @@
 """What follows from the other files of a bundle: tables, BIDS, the report, participants.csv as the level tells it.
 
 `write_derived` makes all of it from the bundle's own sessions and study files alone: once when the bundle is made, and
-again when somebody asks whether it is still what follows (`compare_derived`).
+again when somebody asks whether it is still what follows (`compare_derived`). `check_bundle` looks at the check sums.
 """
 
 from __future__ import annotations
@@ -16,10 +16,11 @@ from msgspec import Struct, field
 from msgspec.structs import replace
 
 from rise_engine.results.analysis.reading import read_sessions
-from rise_engine.results.bundle.about import AboutBundle, BundleOptions
-from rise_engine.results.bundle.manifest import files_in
+from rise_engine.results.bundle.about import ABOUT_FILE, AboutBundle, BundleOptions
+from rise_engine.results.bundle.crate import METADATA
+from rise_engine.results.bundle.manifest import ManifestCheck, check_manifest, files_in
 from rise_engine.results.bundle.study_files import participants_text
-from rise_engine.results.export.formats import load_format
+from rise_engine.results.export.format import ExportError, load_format
 from rise_engine.results.export.writing import export_context
 from rise_engine.results.report.making import make_study_report
 from rise_engine.results.report.page import page_text
@@ -27,7 +28,7 @@ from rise_engine.session.unfinished_files import private_folder
 from rise_engine.study.model import Study
 from rise_engine.study.sessions import session_folders
 from rise_engine.study.state import StudyStatus, read_state
-from rise_engine.study.traces import PARTICIPANTS_FILE
+from rise_engine.study.traces import MANIFEST_FILE, PARTICIPANTS_FILE
 
 FORMATS = ("tables", "bids")
 """Exports that are in every bundle."""
@@ -198,3 +199,18 @@ def _around(line: str, again: str) -> tuple[str, str]:
 
 def _quoted(text: str) -> str:
     return f'"{text if len(text) <= _LONGEST else text[: _LONGEST - 1] + "…"}"' if text else "nothing"
+
+
+def check_bundle(root: Path) -> ManifestCheck:
+    """Compare a bundle with its check sums.
+
+    :param root: its folder.
+    :raises ExportError: it is no bundle, or cannot be read.
+    """
+    missing = [name for name in (METADATA, ABOUT_FILE, MANIFEST_FILE) if not (root / name).is_file()]
+    if missing:
+        raise ExportError(f"it is no bundle: it has no {' and no '.join(missing)}")
+    try:
+        return check_manifest(root)
+    except OSError as error:
+        raise ExportError(f"it cannot be read: {error.strerror or error}") from None

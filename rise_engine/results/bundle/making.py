@@ -17,18 +17,22 @@ from rise_engine.base.text import pluralize
 from rise_engine.privacy.sharing import share_session
 from rise_engine.results.analysis.model import SessionData
 from rise_engine.results.analysis.reading import read_sessions
-from rise_engine.results.bundle.about import ABOUT_FILE, AboutBundle, BundleOptions, write_about
-from rise_engine.results.bundle.archive import write_zip
+from rise_engine.results.bundle.about import (
+    ABOUT_FILE,
+    AboutBundle,
+    BundleOptions,
+    license_text,
+    readme_text,
+    write_about,
+)
 from rise_engine.results.bundle.crate import METADATA, CrateContents, CrateSession, metadata_text
 from rise_engine.results.bundle.derived import FORMATS, REPORT, sessions_in_order, with_license, write_derived
 from rise_engine.results.bundle.environment import ENVIRONMENT_FILE, PROGRAM, environment_text, wheel_in, write_program
 from rise_engine.results.bundle.inputs import check_inputs
 from rise_engine.results.bundle.look_at import LookAt
-from rise_engine.results.bundle.manifest import fingerprint, manifest_text
+from rise_engine.results.bundle.manifest import fingerprint, manifest_text, write_zip
 from rise_engine.results.bundle.study_files import copy_scenarios, log_text, participants_text, study_text, told_name
-from rise_engine.results.bundle.texts import license_text, readme_text
-from rise_engine.results.export.format import ExportError
-from rise_engine.results.export.formats import load_format
+from rise_engine.results.export.format import ExportError, load_format
 from rise_engine.results.export.questionnaire_tables import answers_text, told_answers
 from rise_engine.results.export.writing import export_context, new_export
 from rise_engine.session.coded import coded_paths

@@ -13,10 +13,9 @@ from typing import Any
 
 from rise_engine.base.files import make_private_folder
 from rise_engine.base.json_codec import encode
-from rise_engine.privacy.levels import ExportLevel, LevelFilter, without_dates
-from rise_engine.results.export.bids_people import cut_age
+from rise_engine.privacy.levels import ExportLevel, LevelFilter, cut_age, without_dates
 from rise_engine.results.export.format import ExportError
-from rise_engine.study.check_kinds import AUTOMATIC
+from rise_engine.study.check_tables import AUTOMATIC
 from rise_engine.study.model import Participant, Study
 from rise_engine.study.study_log import LogEntry
 from rise_engine.study.study_scenarios import scenario_folder

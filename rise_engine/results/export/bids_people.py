@@ -7,16 +7,13 @@ import re
 from msgspec import Struct
 from msgspec.structs import replace
 
+from rise_engine.privacy.levels import OLDEST, cut_age
 from rise_engine.results.export.bids_tables import ENTITIES, Columns
 from rise_engine.results.export.table_schema import Column
 from rise_engine.study.model import Participant, Study
 
 UNNAMED = "unnamed"
 """Who took part where the session does not say it."""
-OLDEST = 89
-"""Years: BIDS has participants who are older at this age, so that nobody is known by it."""
-_AGES = frozenset({"age", "alter", "edad"})
-"""Columns of ages, in small letters."""
 _NO_LABEL = re.compile(r"[^A-Za-z0-9]+")
 _SEXES = {"male", "m", "female", "f", "other", "o", "MALE", "M", "FEMALE", "F", "OTHER", "O", "n/a"}
 _HANDS = {"left", "l", "right", "r", "ambidextrous", "a", "n/a", "LEFT", "L", "RIGHT", "R", "AMBIDEXTROUS", "A"}
@@ -132,16 +129,6 @@ def _fits(name: str, values: list[str]) -> bool:
         case "participant_id" | "group" | "species" | "strain" | "strain_rrid" | "HED":
             return False
     return name not in ENTITIES
-
-
-def cut_age(column: str, value: str) -> str:
-    """A value of participants.csv as others get it: nobody is older than OLDEST.
-
-    >>> [cut_age("age", "91"), cut_age("Alter", "89.5"), cut_age("age", "34"), cut_age("stage", "91")]
-    ['89', '89', '34', '91']
-    """
-    years = _number(value) if column.casefold() in _AGES else None
-    return str(OLDEST) if years is not None and years > OLDEST else value
 
 
 def _number(text: str) -> float | None:

@@ -1,12 +1,20 @@
-"""The table of trials, and the columns that scenarios declare for it."""
+"""The table of trials with the columns that scenarios declare for it, and the wide table of participants."""
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from statistics import fmean
+from typing import Any, TypeAlias
 
+from msgspec import Struct, field
+
+from rise_engine.privacy.levels import cut_age
 from rise_engine.results.analysis.model import SessionData
+from rise_engine.results.analysis.statistics import median
 from rise_engine.results.analysis.trials import trials_of
-from rise_engine.results.export.session_tables import OF_SESSION
+from rise_engine.results.export.format import ExportContext
+from rise_engine.results.export.questionnaire_tables import ToldAnswers
+from rise_engine.results.export.session_tables import OF_SESSION, factor_column
 from rise_engine.results.export.table_levels import TRIAL_ENDS
 from rise_engine.results.export.table_schema import (
     Column,
@@ -19,6 +27,8 @@ from rise_engine.results.export.table_schema import (
     seconds,
 )
 from rise_engine.scenario.trial_settings import PARTICIPANT
+from rise_engine.study.model import Participant
+from rise_engine.study.participants import load_participants
 
 
 def _trial_rows(data: SessionData) -> Iterator[Row]:
@@ -77,3 +87,144 @@ def declared_column(name: str) -> Column:
     taken = name in {column.name for column in TRIALS.columns}
     about = f"The memory's {name} before the moment at which the trial ended; empty: there was none."
     return Column(f"memory_{name}" if taken else name, about, lambda row: row.of.values.get(name), "any")
+
+
+# --- one row for each participant -------------------------------------------------------------------------------------
+
+WHOLE = "all"
+"""The condition of sessions that have none."""
+
+
+class _WideRow(Struct):
+    """A participant's trials so far."""
+
+    sessions: int = 0
+    between: dict[str, Any] = field(default_factory=dict)
+    measures: dict[str, list[float | None]] = field(default_factory=dict)
+    """By condition, of each trial."""
+
+
+_WideRowRow: TypeAlias = tuple[str, _WideRow]
+
+
+class WideTable:
+    """Collects a row for each participant."""
+
+    def __init__(self, context: ExportContext) -> None:
+        self._context = context
+        self._study = context.study
+        self._people: dict[str, _WideRow] = {}
+        self._measures: dict[str, None] = {}
+
+    def add(self, data: SessionData) -> None:
+        """Take in a session, if it counts and was not broken off."""
+        facts = data.facts
+        if facts.outcome not in ("complete", None) or facts.purpose not in ("counted", ""):
+            return
+        if facts.purpose == "counted" and facts.outcome is None:
+            return
+        between = self._between()
+        within = [str(level) for name, level in facts.factors.items() if name not in between]
+        condition = "+".join(within) if facts.factors else facts.condition
+        person = self._people.setdefault(facts.participant, _WideRow())
+        person.sessions += 1
+        person.between |= {name: level for name, level in facts.factors.items() if name in between}
+        values = person.measures.setdefault(condition or WHOLE, [])
+        if data.scenario is not None and data.scenario.trials is not None:
+            measure = data.scenario.trials.measure
+            self._measures[measure] = None
+            values += [trial.number(measure) for trial in trials_of(data)]
+
+    def _between(self) -> set[str]:
+        factors = self._study.factors if self._study is not None else ()
+        return {each.name for each in factors if each.kind == "between"}
+
+    @property
+    def measure(self) -> str:
+        """What is measured; `measure`: several scenarios say several."""
+        return next(iter(self._measures)) if len(self._measures) == 1 else "measure"
+
+    def schema(self, answered: Iterable[ToldAnswers] = ()) -> TableSchema:
+        """Its columns. Each takes its value from a participant's name and trials.
+
+        :param answered: the questionnaires of the export.
+        """
+        conditions = sorted({name for person in self._people.values() for name in person.measures})
+        columns = [
+            Column("participant", "The participant's pseudonym; empty: nobody was named.", lambda row: row[0]),
+            *self._columns_of_people(),
+            *(self._between_column(name) for name in sorted(self._between())),
+            count("sessions", "That are complete, or of no study.", lambda row: row[1].sessions),
+        ]
+        for condition in conditions:
+            columns += self._columns_of(condition)
+        for answers in answered:
+            columns += _columns_of_answers(answers)
+        key = ("participant",) if all(self._people) else ()  # somebody without a name cannot be told by it
+        about = "One row is one participant: their trials in sessions that are complete, or of no study."
+        return TableSchema("wide", about, tuple(columns), key, lambda data: iter(()))
+
+    def rows(self) -> list[_WideRowRow]:
+        """What its columns take their values from: a row each."""
+        return sorted(self._people.items(), key=lambda item: item[0])
+
+    def _columns_of_people(self) -> Iterator[Column]:
+        if self._study is None:
+            return
+        known: Mapping[str, Participant] = {
+            each.participant: each for each in load_participants(self._study).participants
+        }
+        is_full = self._context.level == "full"
+        for name in dict.fromkeys([*self._study.strata, *self._study.columns]):
+
+            def value(row: _WideRowRow, name: str = name) -> str:
+                person = known.get(row[0])
+                told = (person.strata.get(name) or person.columns.get(name, "")) if person is not None else ""
+                return told if is_full else cut_age(name, told)
+
+            yield Column(name, f"{name}, as participants.csv has it.", value)
+
+    def _between_column(self, name: str) -> Column:
+        described = factor_column(name, self._study)
+        return Column(described.name, described.about, lambda row: row[1].between.get(name), levels=described.levels)
+
+    def _columns_of(self, condition: str) -> Iterator[Column]:
+        def all_of(row: _WideRowRow) -> Sequence[float | None]:
+            values: Sequence[float | None] = row[1].measures.get(condition, ())
+            return values
+
+        def known(row: _WideRowRow) -> list[float]:
+            return [each for each in all_of(row) if each is not None]
+
+        measure, where = self.measure, f"in the condition {condition}"
+        unit = "s" if measure.endswith("_s") else ""
+        yield count(f"trials.{condition}", f"Trials {where}.", lambda row: len(all_of(row)))
+        yield count(f"measured.{condition}", f"Trials {where} that have a {measure}.", lambda row: len(known(row)))
+        about = f"of {measure} over the trials {where} that have one; empty: none has."
+        median_name, mean_name = f"{measure}.{condition}.median", f"{measure}.{condition}.mean"
+        yield Column(median_name, f"Median {about}", lambda row: median(known(row)), "number", unit)
+        yield Column(mean_name, f"Mean {about}", lambda row: fmean(known(row)) if known(row) else None, "number", unit)
+        most = max((len(person.measures.get(condition, ())) for person in self._people.values()), default=0)
+        for at in range(most):
+
+            def one(row: _WideRowRow, at: int = at) -> float | None:
+                found = all_of(row)
+                return found[at] if at < len(found) else None
+
+            told = f"{measure} of trial {at + 1} {where}, in their order over the participant's sessions."
+            yield Column(f"{measure}.{condition}.t{at + 1:02}", told, one, "number", unit)
+
+
+def _columns_of_answers(answers: ToldAnswers) -> Iterator[Column]:
+    """The columns of a questionnaire: `NAME.ITEM`, and `NAME.ITEM.run1`, ... where it is asked after each run."""
+    rows = {(row.participant, row.run): row for _, row in answers.rows}
+    for run in sorted({row.run for _, row in answers.rows}, key=lambda run: run or 0):
+        of_run, after = (f".run{run}", f" After run {run}.") if run is not None else ("", "")
+        for column in answers.columns:
+
+            def value(row: _WideRowRow, column: Column = column, run: int | None = run) -> Any:
+                found = rows.get((row[0], run))
+                return column.of(found) if found is not None else None
+
+            name, about = f"{answers.name}.{column.name}{of_run}", f"{column.about.rstrip('.')}.{after}"
+            yield Column(name, about, value, column.type, levels=column.levels)

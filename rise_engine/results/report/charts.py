@@ -13,9 +13,8 @@ from msgspec import Struct
 
 from rise_engine.base.text import clean
 from rise_engine.results.analysis.statistics import Summary, summarise
-from rise_engine.results.report.bands import BANDS
 from rise_engine.results.report.document import Figure, number_text, seconds_text
-from rise_engine.results.report.latency import BIN, LAST_BIN, LatencyFacts, LatencyPart, histogram
+from rise_engine.results.report.latency import BANDS, BIN, LAST_BIN, LatencyFacts, LatencyPart, histogram
 from rise_engine.results.report.svg import Drawing
 
 WIDTH = 1000.0

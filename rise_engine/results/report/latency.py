@@ -1,4 +1,4 @@
-"""How long participants waited for an answer, in its parts: numbers from the acts of a session, or of several."""
+"""How long participants waited for an answer, in its parts: numbers and their distribution."""
 
 from __future__ import annotations
 
@@ -8,7 +8,111 @@ from msgspec import Struct
 
 from rise_engine.results.analysis.model import Cue, PlayedAct
 from rise_engine.results.analysis.statistics import Share, Summary, share_over, summarise
-from rise_engine.results.report.bands import BANDS, band_of
+
+
+class Band(Struct, frozen=True):
+    """Latencies above the band before, up to a limit."""
+
+    limit: float
+    """Seconds; infinite for the last."""
+    name: str
+    """`up to 1 s`."""
+    short: str
+    """For a drawing: `1 s`."""
+    known: str
+    """What is known of it."""
+
+
+class Source(Struct, frozen=True):
+    """A publication behind the bands."""
+
+    citation: str
+    doi: str = ""
+    """Empty: it has none."""
+    found: str = ""
+    """What it says, in our words."""
+
+
+BANDS = (
+    Band(
+        0.25,
+        "up to 0.25 s",
+        "0.25",
+        "between people: gaps between turns are of the order of 0.2 s in every language that was looked at",
+    ),
+    Band(
+        1.0,
+        "up to 1 s",
+        "1",
+        "liked best of a communication robot, and unchanged within it; between people, from about 0.6 s on an answer "
+        "is heard as less willing",
+    ),
+    Band(
+        2.0, "up to 2 s", "2", "a robot should react by then; above it people like the wait less, unless it is filled"
+    ),
+    Band(4.0, "up to 4 s", "4", "a wait that people notice; a filler makes it seem shorter"),
+    Band(float("inf"), "above 4 s", "", "perceived as less fluent, as far as few people could tell"),
+)
+
+SOURCES = (
+    Source(
+        "Stivers et al. 2009, PNAS 106(26), 10587–10592",
+        "10.1073/pnas.0903616106",
+        "ten languages; each one's mean lies within 0.25 s of the mean of all",
+    ),
+    Source(
+        "Levinson & Torreira 2015, Frontiers in Psychology 6:731",
+        "10.3389/fpsyg.2015.00731",
+        "gaps of about 0.2 s, although planning a word takes more than 0.6 s",
+    ),
+    Source(
+        "Templeton et al. 2022, PNAS 119(4), e2116915119",
+        "10.1073/pnas.2116915119",
+        "answers within 0.25 s go with feeling connected",
+    ),
+    Source(
+        "Roberts, Margutti & Takano 2011, Discourse Processes 48(5), 331–354",
+        "10.1080/0163853X.2011.558002",
+        "after 0.6 s and 1.2 s speakers are rated less willing, in English, Italian and Japanese",
+    ),
+    Source(
+        "Kendrick & Torreira 2015, Discourse Processes 52(4), 255–289",
+        "10.1080/0163853X.2014.955997",
+        "among late answers, those that are not wished for prevail",
+    ),
+    Source(
+        "Shiwa et al. 2008, HRI, 153–160; 2009, International Journal of Social Robotics 1, 141–155",
+        "",
+        "best liked at 1 s; a robot should react within 2 s; a filler moderates the wait",
+    ),
+    Source(
+        "Stedtler et al. 2024, HRI companion, 1013–1017",
+        "",
+        "waits of 4 s and 10 s lowered the fluency that people perceived, not significantly (17 people)",
+    ),
+    Source(
+        "Thesis, Utrecht University, handle 20.500.12932/18293",
+        "",
+        "with fillers a robot seemed faster and livelier to children, and the wizard was calmer",
+    ),
+)
+
+CAVEATS = (
+    "A cue is marked by a person's key, whose own delay is not measured and lies within every latency.",
+    "The robot confirms an action before it is heard or seen: the first sound comes later. Measure it in a recording.",
+    "The bands come from speech, between people and with few robots, in Japanese, English and other European samples.",
+    "They are orientation, and no test of anything.",
+)
+
+
+def band_of(seconds: float) -> int:
+    """The index of the band in which a latency lies; its limit belongs to it.
+
+    >>> [band_of(each) for each in (0.25, 0.26, 1.0, 60.0)]
+    [0, 1, 1, 4]
+    """
+    return next(at for at, band in enumerate(BANDS) if seconds <= band.limit)
+
 
 BIN = 0.25
 """Seconds of a histogram's bin."""
@@ -49,7 +153,7 @@ class LatencyFacts(Struct, frozen=True):
     without_filler: LatencyPart
     """The same, of the others."""
     in_bands: tuple[int, ...]
-    """How many responses lie in each of `rise_engine.results.report.bands.BANDS`."""
+    """How many responses lie in each of `rise_engine.results.report.latency.BANDS`."""
 
 
 def latencies(acts: Iterable[PlayedAct], cues: Iterable[Cue] = ()) -> LatencyFacts:

@@ -9,7 +9,7 @@ from collections.abc import Iterable
 from importlib.resources import files
 
 from rise_engine.results.report.document import Block, Document, Facts, Figure, Paragraph, ReportTable, Section
-from rise_engine.results.report.markup import element, escape
+from rise_engine.results.report.svg import element, escape
 
 POLICY = "default-src 'none'; style-src 'unsafe-inline'"
 """What a browser may do with it: show it, with the styles that stand in it."""

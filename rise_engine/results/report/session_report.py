@@ -11,29 +11,27 @@ from rise_engine.privacy.levels import ExportLevel
 from rise_engine.results.analysis.model import PlayedAct, SessionData, SessionFacts
 from rise_engine.results.report.course import course_figure
 from rise_engine.results.report.document import (
+    ACTOR_NAMES,
     Block,
     Document,
     Facts,
     Paragraph,
     ReportTable,
     Section,
-    clock_text,
-    length_text,
-    number_text,
-    seconds_text,
-    share_text,
-)
-from rise_engine.results.report.latency_section import latency_section
-from rise_engine.results.report.session_facts import MARKS, SessionFigures, session_figures
-from rise_engine.results.report.wording import (
-    ACTOR_NAMES,
     actor_shares,
+    clock_text,
     interval_text,
+    length_text,
     marks_text,
     moment_text,
+    number_text,
     per_hundred,
+    seconds_text,
+    share_text,
     source_name,
 )
+from rise_engine.results.report.session_facts import MARKS, SessionFigures, session_figures
+from rise_engine.results.report.trials_section import latency_section
 from rise_engine.session.media import MediaFile
 
 LEVEL_WORDS = {

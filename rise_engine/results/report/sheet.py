@@ -14,11 +14,19 @@ from msgspec import Struct
 
 from rise_engine.base.text import clean, pluralize
 from rise_engine.results.analysis.statistics import summarise
-from rise_engine.results.report.document import length_text, number_text, share_text
+from rise_engine.results.report.document import (
+    actor_shares,
+    interval_text,
+    length_text,
+    marks_text,
+    number_text,
+    per_hundred,
+    share_text,
+    source_name,
+)
 from rise_engine.results.report.study_facts import SessionRow, StudyFigures, WizardCourse
-from rise_engine.results.report.wording import actor_shares, interval_text, marks_text, per_hundred, source_name
 from rise_engine.study.model import Study, StudyStanding
-from rise_engine.study.report_table import REPORT_ITEMS
+from rise_engine.study.publishing import REPORT_ITEMS
 from rise_engine.study.withdrawn import Withdrawn
 
 ORIGIN = (

@@ -10,8 +10,7 @@ from msgspec import Struct
 from rise_engine.results.analysis.model import ActorKind, SessionData, SessionFacts
 from rise_engine.results.analysis.statistics import Share, Summary, summarise
 from rise_engine.results.analysis.trials import trials_of
-from rise_engine.results.report.bands import BANDS
-from rise_engine.results.report.latency import LatencyFacts, LatencyPart
+from rise_engine.results.report.latency import BANDS, LatencyFacts, LatencyPart
 from rise_engine.results.report.session_facts import SessionFigures, session_figures
 from rise_engine.study.checked import asks_debriefing, check_text
 from rise_engine.study.model import StudyCheck

@@ -20,12 +20,15 @@ from rise_engine.results.report.document import (
     ReportTable,
     Section,
     clock_text,
+    interval_text,
     length_text,
+    marks_text,
     number_text,
+    per_hundred,
     seconds_text,
     share_text,
+    source_name,
 )
-from rise_engine.results.report.latency_section import latency_section
 from rise_engine.results.report.session_report import LEVEL_WORDS, colophon, problem_paragraphs
 from rise_engine.results.report.sheet import (
     ORIGIN,
@@ -38,8 +41,13 @@ from rise_engine.results.report.sheet import (
     still_to_say,
 )
 from rise_engine.results.report.study_facts import SessionRow, StudyFigures, WizardCourse
-from rise_engine.results.report.trials_section import TrialRow, trial_rows, trials_section, trials_summary
-from rise_engine.results.report.wording import interval_text, marks_text, per_hundred, source_name
+from rise_engine.results.report.trials_section import (
+    TrialRow,
+    latency_section,
+    trial_rows,
+    trials_section,
+    trials_summary,
+)
 from rise_engine.study.design import factors_of
 from rise_engine.study.model import Study, StudyStanding
 from rise_engine.study.withdrawn import Withdrawn

@@ -5,9 +5,36 @@ Colours and fonts come from the page's style sheet by class, so that a drawing f
 
 from __future__ import annotations
 
+import re
 from collections.abc import Iterable
+from html import escape as escape_html
 
-from rise_engine.results.report.markup import element, escape
+from rise_engine.base.text import clean
+
+_ADDRESSES = re.compile(r"http|url\(", re.IGNORECASE)
+
+
+def escape(text: str) -> str:
+    """A text for the inside of an element or an attribute: unseen characters marked, everything else as it reads.
+
+    >>> escape("<b>see http://x</b>")
+    '&lt;b&gt;see &#104;ttp://x&lt;/b&gt;'
+    """
+    safe = escape_html(clean(text), quote=True)
+    return _ADDRESSES.sub(lambda found: f"&#{ord(found[0][0])};{found[0][1:]}", safe)
+
+
+def element(tag: str, inner: str = "", **attributes: str) -> str:
+    """An element.
+
+    :param tag: its name.
+    :param inner: markup, made by this module.
+    :param attributes: texts by name; `class_` is `class`, `_` stands for `-`. Empty ones are left out.
+    """
+    given = "".join(
+        f' {name.rstrip("_").replace("_", "-")}="{escape(value)}"' for name, value in attributes.items() if value
+    )
+    return f"<{tag}{given}>{inner}</{tag}>"
 
 
 class Drawing:

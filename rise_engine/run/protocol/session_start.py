@@ -10,7 +10,7 @@ from rise_engine.kernel.inputs import SessionStarted, Submit
 from rise_engine.run.protocol.session_options import SessionOptions
 from rise_engine.scenario.conditions import condition_memory, condition_problem
 from rise_engine.scenario.model import Scenario
-from rise_engine.session.pseudonyms import pseudonym_problem
+from rise_engine.session.labels import pseudonym_problem
 
 
 def start_problems(scenario: Scenario, options: SessionOptions) -> list[str]:

@@ -22,7 +22,7 @@ from rise_engine.ports.recorder import (
 from rise_engine.run.recording.calls import call_within
 from rise_engine.run.recording.watch import GrowthWatch
 from rise_engine.study.model import RecorderSettings
-from rise_engine.study.recorder_drivers import open_recorder
+from rise_engine.study.recording_table import open_recorder
 
 LOOK_SECONDS = 1.0
 """Between two looks at a recorder."""

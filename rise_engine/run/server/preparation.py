@@ -48,7 +48,7 @@ from rise_engine.session.lock import JournalLock, JournalLockedError, one_at_a_t
 from rise_engine.session.recovery import RecoveredSession, recover
 from rise_engine.study.begin import CannotBegin, SessionPlan
 from rise_engine.study.model import RecordingSettings
-from rise_engine.study.recorded import RecordingDecision
+from rise_engine.study.recording_table import RecordingDecision
 from rise_engine.study.study_log import StudyLogError
 from rise_engine.study.traces import study_of_session
 

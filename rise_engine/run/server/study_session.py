@@ -30,7 +30,7 @@ from rise_engine.study.begin import (
     to_give_up,
     unfinished_sessions_of,
 )
-from rise_engine.study.recorded import RecordingDecision, decide_recording
+from rise_engine.study.recording_table import RecordingDecision, decide_recording
 from rise_engine.study.sessions import (
     SESSIONS,
     StudySession,

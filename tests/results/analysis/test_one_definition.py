@@ -15,7 +15,7 @@ from rise_engine.kernel.inputs import SessionStarted
 from rise_engine.results.analysis.judged_cues import judge_session
 from rise_engine.results.analysis.model import SessionData
 from rise_engine.results.analysis.reading import read_session
-from rise_engine.results.export.formats import load_format
+from rise_engine.results.export.format import load_format
 from rise_engine.results.export.writing import export_context
 from rise_engine.results.report.study_facts import session_row
 from tests.sources import ROOT

@@ -17,8 +17,8 @@ import rise_adapters
 import rise_engine
 import rise_tui
 from rise_engine.results.bundle import environment
+from rise_engine.results.bundle.about import PYTHON
 from rise_engine.results.bundle.environment import Wheel, environment_text, program_wheel, wheel_in, write_program
-from rise_engine.results.bundle.texts import PYTHON
 
 
 @pytest.fixture(scope="module")

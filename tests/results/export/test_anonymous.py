@@ -11,11 +11,11 @@ from click.testing import CliRunner
 from rise_engine.base.errors import StudyError
 from rise_engine.base.files import Disk
 from rise_engine.cli import main
-from rise_engine.results.export.anonymous import rows_to_keep
-from rise_engine.study.kept_rows import FILE, add_rows
+from rise_engine.results.export.session_tables import rows_to_keep
 from rise_engine.study.traces import WORK_FOLDER
 from rise_engine.study.withdrawal import plan_withdrawal
 from rise_engine.study.withdrawal import withdraw as withdraw_participant
+from rise_engine.study.withdrawn import FILE, add_rows
 from tests.results.analysis.samples import make_study
 
 

@@ -11,9 +11,8 @@ from pathlib import Path
 
 import pytest
 
-from rise_engine.results.export.codebook import R_FILE, SPSS_FILE, DescribedTable, r_text, spss_text
 from rise_engine.results.export.table_schema import Column
-from rise_engine.results.export.tables import FORMAT, TABLES
+from rise_engine.results.export.tables import FORMAT, R_FILE, SPSS_FILE, TABLES, DescribedTable, r_text, spss_text
 from rise_engine.results.export.writing import export_context, export_sessions
 from tests.results.analysis.samples import play_session
 

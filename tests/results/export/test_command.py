@@ -11,7 +11,7 @@ from click.testing import CliRunner, Result
 
 from rise_engine.cli import main
 from rise_engine.kernel.inputs import SessionStarted
-from rise_engine.results.export.formats import format_names
+from rise_engine.results.export.format import format_names
 from rise_engine.session.folder import JOURNAL
 from rise_engine.study.withdrawal import plan_withdrawal, withdraw
 from tests.results.analysis.samples import make_study, play_session, sessions_of, short, torn_session

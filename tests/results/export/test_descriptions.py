@@ -8,7 +8,7 @@ from pathlib import Path
 import pytest
 
 from rise_engine.results.analysis.reading import read_sessions
-from rise_engine.results.export.formats import load_format
+from rise_engine.results.export.format import load_format
 from rise_engine.results.export.writing import export_context
 from rise_engine.study.study_toml import load_study
 from tests.results.analysis.samples import make_study, sessions_of

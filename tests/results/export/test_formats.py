@@ -7,9 +7,8 @@ from importlib.metadata import EntryPoint, EntryPoints
 import pytest
 
 from rise_engine.base import plugins
-from rise_engine.results.export import formats
-from rise_engine.results.export.format import ExportError, ExportFormat
-from rise_engine.results.export.formats import format_names, load_format
+from rise_engine.results.export import format
+from rise_engine.results.export.format import ExportError, ExportFormat, format_names, load_format
 
 
 def test_every_format_of_ours_is_called_as_it_is_listed() -> None:
@@ -23,10 +22,10 @@ def test_every_format_of_ours_is_called_as_it_is_listed() -> None:
 
 def test_formats_of_other_packages(monkeypatch: pytest.MonkeyPatch) -> None:
     brought = [
-        EntryPoint("again", "rise_engine.results.export.records:CSV", formats.ENTRY_POINTS),
-        EntryPoint("broken", "rise_engine.results.export.nothing:FORMAT", formats.ENTRY_POINTS),
-        EntryPoint("other", "rise_engine.results.export.records:COLUMNS", formats.ENTRY_POINTS),
-        EntryPoint("csv", "rise_engine.results.export.nothing:FORMAT", formats.ENTRY_POINTS),
+        EntryPoint("again", "rise_engine.results.export.records:CSV", format.ENTRY_POINTS),
+        EntryPoint("broken", "rise_engine.results.export.nothing:FORMAT", format.ENTRY_POINTS),
+        EntryPoint("other", "rise_engine.results.export.records:COLUMNS", format.ENTRY_POINTS),
+        EntryPoint("csv", "rise_engine.results.export.nothing:FORMAT", format.ENTRY_POINTS),
     ]
     monkeypatch.setattr(plugins, "_installed_on", lambda path, group: EntryPoints(brought).select(group=group))
     assert format_names()[-3:] == ["again", "broken", "other"]

@@ -5,7 +5,7 @@ from __future__ import annotations
 import re
 from pathlib import Path
 
-from rise_engine.results.export.formats import format_names
+from rise_engine.results.export.format import format_names
 from rise_engine.results.export.session_tables import FACTS
 from rise_engine.results.export.table_schema import Column
 from rise_engine.results.export.tables import TABLES

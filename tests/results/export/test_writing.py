@@ -14,8 +14,7 @@ from pathlib import Path
 import pytest
 
 from rise_engine.results.analysis.model import SessionData
-from rise_engine.results.export.format import ExportContext, ExportError, ExportFormat, Shape
-from rise_engine.results.export.formats import load_format
+from rise_engine.results.export.format import ExportContext, ExportError, ExportFormat, Shape, load_format
 from rise_engine.results.export.writing import export_context, export_sessions, new_export
 from rise_engine.session import unfinished_files
 from rise_engine.session.folder import JOURNAL

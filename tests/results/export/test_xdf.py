@@ -19,8 +19,7 @@ from rise_engine.privacy.levels import ExportLevel
 from rise_engine.results.analysis.markers import recorded_markers
 from rise_engine.results.analysis.model import SessionData, SessionFacts
 from rise_engine.results.analysis.reading import read_session
-from rise_engine.results.export.format import ExportContext
-from rise_engine.results.export.formats import load_format
+from rise_engine.results.export.format import ExportContext, load_format
 from rise_engine.results.export.xdf import BOUNDARY, SAMPLES, STREAM_FOOTER, write_session
 from tests.chance import examples
 from tests.results.analysis.samples import BEGAN, play_session

@@ -10,11 +10,9 @@ from hypothesis import strategies as st
 
 from rise_engine.results.analysis.model import Phase, PlayedAct
 from rise_engine.results.analysis.statistics import summarise
-from rise_engine.results.report.bands import BANDS, SOURCES, band_of
 from rise_engine.results.report.charts import CourseOfSessions, DotRow, dot_plot, drift_figure, latency_figure
-from rise_engine.results.report.course import FEW_ROWS, MAX_ROWS, row_seconds
-from rise_engine.results.report.lanes import MAX_RULES, left_out_rules
-from rise_engine.results.report.latency import BIN, LAST_BIN, histogram, latencies
+from rise_engine.results.report.course import FEW_ROWS, MAX_ROWS, MAX_RULES, left_out_rules, row_seconds
+from rise_engine.results.report.latency import BANDS, BIN, LAST_BIN, SOURCES, band_of, histogram, latencies
 from rise_engine.results.report.study_facts import pool
 from tests.results.report.pages import PageReader
 

@@ -10,7 +10,7 @@ from pathlib import Path
 
 import pytest
 
-from rise_engine.results.export.formats import load_format
+from rise_engine.results.export.format import load_format
 from rise_engine.results.export.writing import export_context, export_sessions
 from rise_engine.results.report.document import Facts
 from rise_engine.results.report.making import MadeReport, make_study_report
@@ -18,7 +18,7 @@ from rise_engine.results.report.page import page_text
 from rise_engine.results.report.plain_text import cells_wide, text_lines
 from rise_engine.results.report.study_facts import study_figures
 from rise_engine.results.report.study_report import StudyReportInput, _assignment, study_report
-from rise_engine.study.report_table import ITEM_NAMES, REPORT_ITEMS
+from rise_engine.study.publishing import ITEM_NAMES, REPORT_ITEMS
 from rise_engine.study.state import read_state
 from rise_engine.study.withdrawn import Withdrawn
 from tests.results.analysis.samples import DESIGN, make_study, sessions_of

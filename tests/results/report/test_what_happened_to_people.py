@@ -9,7 +9,7 @@ import pytest
 
 from rise_engine.kernel.inputs import CheckReport, OutcomeReport
 from rise_engine.results.analysis.reading import read_sessions
-from rise_engine.results.export.formats import load_format
+from rise_engine.results.export.format import load_format
 from rise_engine.results.export.writing import export_context
 from rise_engine.results.report.making import make_study_report
 from rise_engine.results.report.plain_text import text_lines
