@@ -168,6 +168,14 @@ class EditPage(Vertical):
         """Whether a field is open; then what was changed outside waits."""
         return False
 
+    def hide_list(self, hidden: bool) -> None:
+        """Give the page the room of the list of the study beside it, or take it back."""
+        for page in self.screen.query("StudyPage"):
+            if hidden:
+                page.styles.display = "none"
+            else:
+                page.styles.clear_rule("display")
+
     def preview(self, edits: Callable[[], tuple[AnyEdit, ...]], say: Callable[..., None]) -> None:
         """While something is typed: `say` what would be wrong with the study then that is not wrong now."""
         self.run_worker(Later(self._preview, edits, say), group="preview", exclusive=True)
