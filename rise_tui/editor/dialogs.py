@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from datetime import datetime
-from pathlib import Path
 from typing import ClassVar
 
 from textual import on
@@ -19,7 +18,6 @@ from rise_tui.editor.model.fields import FieldChoice
 from rise_tui.editor.model.study_rows import find_at
 from rise_tui.editor.page import EditFrame
 from rise_tui.editor.pick_list import Picked, PickList
-from rise_tui.editor.study import EditedStudy
 from rise_tui.rendering.modal import SingleDismissModal
 from rise_tui.rendering.text import ListRow, TextRole, clean, crop, shorten, wrap
 from rise_tui.screens.detail import DetailScreen
@@ -32,11 +30,6 @@ from rise_tui.widgets.titled_box import TitledBox
 
 _SHOWN = 8
 """Changes that a dialog names."""
-
-
-def folder_of(study: EditedStudy) -> Path:
-    """Where the study lies."""
-    return Path(study.draft.folder)
 
 
 def open_help(app: App[object]) -> None:

@@ -1,14 +1,14 @@
 """What a page of the editor is, and what it can ask of the frame around it.
 
-A page is added in three steps: a subclass of `EditPage` with its `KIND`; one line in `pages.PAGES`; rows that open it,
+A page is added in three steps: a subclass of `EditPage` with its `KIND`; one name in `screen.PAGES`; rows that open it,
 by `frame.open_page(KIND, NAME)`. Top line, findings, save, undo, `e`, drafts and F9 come from the frame.
 """
 
 from __future__ import annotations
 
 import asyncio
-from collections.abc import Callable, Coroutine, Mapping, Sequence
-from typing import Any, ClassVar, Protocol
+from collections.abc import Callable, Mapping, Sequence
+from typing import ClassVar, Protocol
 
 from textual import events
 from textual.containers import Vertical
@@ -45,12 +45,6 @@ class EditFrame(Protocol):
         """Make edits as one step, and draw everything anew; `then` is called when they are made.
 
         What cannot be made is said. Nothing is to be made without edits.
-        """
-
-    def work(self, work: Coroutine[Any, Any, str]) -> None:
-        """Do something beside the loop, draw everything anew, and say the sentence that it gives.
-
-        What is refused is said.
         """
 
     def open_page(self, kind: str, name: str = "", *, back: tuple[str, str] | None = None) -> None:
@@ -173,6 +167,14 @@ class EditPage(Vertical):
     def is_typing(self) -> bool:
         """Whether a field is open; then what was changed outside waits."""
         return False
+
+    def hide_list(self, hidden: bool) -> None:
+        """Give the page the room of the list of the study beside it, or take it back."""
+        for page in self.screen.query("StudyPage"):
+            if hidden:
+                page.styles.display = "none"
+            else:
+                page.styles.clear_rule("display")
 
     def preview(self, edits: Callable[[], tuple[AnyEdit, ...]], say: Callable[..., None]) -> None:
         """While something is typed: `say` what would be wrong with the study then that is not wrong now."""

@@ -14,12 +14,11 @@ from rise_engine.author.drawing.state_graph import GraphLayout
 from rise_engine.author.edit.edits import AnyEdit
 from rise_engine.author.edit.outline import Outline, WrittenRule, WrittenState
 from rise_engine.base.text import pluralize
-from rise_engine.scenario.diagnostics import Diagnostic
+from rise_engine.scenario.diagnostics import Diagnostic, Severity
 from rise_tui.editor.form_panel import FormPanel
 from rise_tui.editor.model.draft import StudyDraft
 from rise_tui.editor.model.explored import findings_in_rules
 from rise_tui.editor.model.rule_graph import (
-    NO_FINDINGS,
     SEVERITY_MARKS,
     GraphSpot,
     beside,
@@ -28,6 +27,7 @@ from rise_tui.editor.model.rule_graph import (
     parse_spot,
     rule_findings,
     valid_spot,
+    worst,
 )
 from rise_tui.editor.model.state_parts import PartRow, state_parts, use_of
 from rise_tui.editor.model.study_names import StudyNames, study_names
@@ -143,7 +143,7 @@ class RuleDisplay(Vertical):
         self.spot = GraphSpot(state) if state else None
         self._layout: GraphLayout | None = None
         self._laid_out: tuple[WrittenRule, int] | None = None
-        self._findings = NO_FINDINGS
+        self._findings: dict[GraphSpot, list[Diagnostic]] = {}
         self.heading, self.state_heading = StaticLines(id="rule-heading"), StaticLines(id="state-heading")
         self.graph, self.parts, self.panel = RuleGraphList(id="rule-graph-list"), PartList(), FormPanel()
         self._opened_from: RowView = self.graph
@@ -196,9 +196,13 @@ class RuleDisplay(Vertical):
         self._draw_graph()
         self._draw_parts()
 
+    @property
+    def _marks(self) -> dict[GraphSpot, Severity]:
+        return {spot: worst(found) for spot, found in self._findings.items()}
+
     def _draw_graph(self) -> None:
         assert self._layout is not None and self.spot is not None
-        self.graph.show(draw_rule(self._layout, self.spot, self._findings.marks))
+        self.graph.show(draw_rule(self._layout, self.spot, self._marks))
         self.graph.select(self.spot.id)
 
     def _draw_parts(self) -> None:
@@ -207,9 +211,9 @@ class RuleDisplay(Vertical):
             return
         use = use_of(self._study.outline, state)
         parts = state_parts(rule.name, state, use)
-        marks = self._findings.marks
+        marks = {spot: SEVERITY_MARKS[severity] for spot, severity in self._marks.items()}
         of_parts = [
-            SEVERITY_MARKS[marks[spot]] if (spot := _spot_of(state, part)) in marks else NO_MARK for part in parts
+            marks.get(GraphSpot(state.id, part.way), NO_MARK) if part.kind == "way" else NO_MARK for part in parts
         ]
         width = self.parts.row_width or self.size.width
         self.parts.show_parts(parts, width, of_parts)
@@ -231,7 +235,7 @@ class RuleDisplay(Vertical):
     def _state_line(self, rule: WrittenRule, state: WrittenState, width: int) -> StyledLine:
         first = "  the rule begins here" if state.id == rule.initial else ""
         template = f"  from the template {state.template}" if state.template else ""
-        found = self._findings.of_spot.get(self.spot or GraphSpot(""), ())
+        found = self._findings.get(self.spot or GraphSpot(""), ())
         problem: StyledLine = ()
         if found:
             mark = SEVERITY_MARKS[found[0].severity]
@@ -303,11 +307,6 @@ class RuleDisplay(Vertical):
     def _resized(self, event: RowView.Resized) -> None:
         event.stop()
         self.redraw()
-
-
-def _spot_of(state: WrittenState, part: PartRow) -> GraphSpot | None:
-    """The place of the graph whose findings belong to a row of the list."""
-    return GraphSpot(state.id, part.way) if part.kind == "way" else None
 
 
 def _starts(binding: object, rule: str) -> bool:

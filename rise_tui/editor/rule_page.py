@@ -22,7 +22,6 @@ from rise_tui.editor.model.trial_rows import standing_of
 from rise_tui.editor.page import EditFrame, EditPage
 from rise_tui.editor.rule_display import RuleStudy
 from rise_tui.editor.rule_editor import RuleEditor
-from rise_tui.editor.study_page import StudyPage
 from rise_tui.editor.trial_view import TrialView
 from rise_tui.widgets.row_list import RowList
 
@@ -149,7 +148,7 @@ class RulePage(EditPage):
 
     def _open_trial(self, scenario: Scenario, event: RuleEditor.TryRule) -> None:
         self.add_class("-trying")
-        self._show_list(not self._is_beside)
+        self.hide_list(self._is_beside)
         self._place_trial()
         self.trial.play(scenario, event.rule, event.state)
         self.trial.rows.focus()
@@ -157,7 +156,7 @@ class RulePage(EditPage):
 
     def _close_trial(self) -> None:
         self.remove_class("-trying", "-beside")
-        self._show_list(True)
+        self.hide_list(False)
         self.editor.graph.focus()
 
     def _place_trial(self) -> None:
@@ -166,17 +165,8 @@ class RulePage(EditPage):
         self.set_class(beside, "-beside")
         self.trial.set_class(beside, "-beside")
 
-    def _show_list(self, shown: bool) -> None:
-        """The list of the study makes room for a trial beside the rule."""
-        for page in self.screen.query(StudyPage):
-            if shown:
-                page.styles.clear_rule("display")
-            else:
-                page.styles.display = "none"
-
     def on_unmount(self) -> None:
-        if self.is_trying:
-            self._show_list(True)
+        self.hide_list(False)
 
     @on(TrialView.Played)
     def _played(self, event: TrialView.Played) -> None:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from abc import abstractmethod
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import ClassVar
 
@@ -11,6 +12,7 @@ from textual.app import ComposeResult
 from textual.binding import Binding, BindingType
 from textual.containers import Horizontal
 from textual.message import Message
+from textual.widget import Widget
 from textual.widgets import TextArea
 
 from rise_engine.author.edit.edits import AnyEdit
@@ -18,14 +20,15 @@ from rise_engine.author.edit.plan import EditRefused
 from rise_engine.base.text import clean
 from rise_tui.editor.model.fields import FieldNote, note_lines
 from rise_tui.editor.page import EditFrame, EditPage
-from rise_tui.rendering.text import crop, shorten
+from rise_tui.rendering.text import ListRow, StyledLine, crop, shorten
 from rise_tui.rendering.typing_fields import TakesText
+from rise_tui.widgets.row_list import RowList, RowView
 from rise_tui.widgets.static_lines import StaticLines
 
 LABEL = 8
 """Cells before what is typed."""
-SAID = 2
-"""Rows for what is said of it."""
+SAID, LEAST_ROWS = 2, 3
+"""Rows for the remarks below it, and of the list at least."""
 
 
 STEPS = {"enter": 0, "tab": 1, "shift+tab": -1}
@@ -94,27 +97,74 @@ class SentenceField(TextArea, TakesText):
 
 
 class SentencePage(EditPage):
-    """Subclasses say what becomes of what is typed (`edits_typed`), and yield `compose_field` at their end."""
+    """A list, below it what is under the cursor as a whole, and below that the field in which it is changed."""
 
+    LEAST_DETAIL: ClassVar[int]
+    """Rows for what is under the cursor, where there is room."""
     DEFAULT_CSS = """
+    SentencePage #head, SentencePage #parting { background: $rise-bar; }
     SentencePage #typed { display: none; height: auto; }
     SentencePage #label { width: 8; }
     SentencePage #said { display: none; height: 2; }
     SentencePage.-typing #typed, SentencePage.-typing #said { display: block; }
     """
+    BINDINGS: ClassVar[list[BindingType]] = [Binding("space", "read_on", show=False)]
 
-    def __init__(self, frame: EditFrame, name: str = "", *, exact: bool = False) -> None:
+    def __init__(self, frame: EditFrame, name: str, rows: RowView, *, exact: bool = False) -> None:
         """`exact`: whether blanks and line ends within what is typed count."""
         super().__init__(frame, name)
+        self.head, self.rows, self.parting = StaticLines(id="head"), rows, StaticLines(id="parting")
+        self.detail = RowList(id="detail")
+        self.detail.can_focus = False
         self.label, self.field, self.said = StaticLines(id="label"), SentenceField(exact=exact), StaticLines(id="said")
         self._is_open = False
 
-    def compose_field(self) -> ComposeResult:
-        """The field with its label, and what is said of it."""
+    def compose_head(self) -> ComposeResult:
+        """The lines above the list."""
+        yield self.head
+
+    def compose(self) -> ComposeResult:
+        yield from self.compose_head()
+        yield self.rows
+        yield self.parting
+        yield self.detail
         with Horizontal(id="typed"):
             yield self.label
             yield self.field
         yield self.said
+
+    @property
+    def first_focus(self) -> Widget | None:
+        return self.rows
+
+    @property
+    def own_hints(self) -> Sequence[tuple[str, str]]:
+        is_more = self.detail.count > max(1, self.detail.size.height)
+        return [("space", "read on")] if is_more else []
+
+    def show_detail(self, lines: Sequence[StyledLine]) -> None:
+        """As high as the lines need, as far as there is room; never lower than usual while nothing is typed."""
+        room = self.size.height - 3
+        if self.is_typing:
+            half = max(2, (room - SAID) // 2)
+            self.field.styles.max_height = half
+            height = min(len(lines), max(1, room - SAID - half))
+        else:
+            height = max(1, min(max(self.LEAST_DETAIL, len(lines)), room - LEAST_ROWS))
+        if self.detail.styles.height is None or self.detail.styles.height.value != height:
+            self.detail.styles.height = height
+        self.detail.show([ListRow(str(at), line, selectable=False) for at, line in enumerate(lines)])
+        self.detail.scroll_to(y=len(lines) if self.is_typing else 0, animate=False)
+
+    def action_read_on(self) -> None:
+        """The next lines where there are more than there is room for; behind their end, the first ones."""
+        top, height = self.detail.scroll_offset.y, max(1, self.detail.size.height)
+        following = top + height - 1 if top + height < self.detail.count else 0
+        self.detail.scroll_to(y=following, animate=False)
+
+    @abstractmethod
+    def draw_detail(self) -> None:
+        """Show what is under the cursor, or beside what is typed."""
 
     @abstractmethod
     def edits_typed(self, said: str) -> tuple[AnyEdit, ...]:
@@ -123,10 +173,6 @@ class SentencePage(EditPage):
     @abstractmethod
     def go_on(self, step: int, *, changed: bool) -> None:
         """The field was taken and is closed; go on to the next (1) or the one before (-1), 0: to none."""
-
-    @abstractmethod
-    def focus_list(self) -> None:
-        """The field is closed."""
 
     def step_over(self, step: int) -> int:
         """Called when what is typed is taken, before it is made: gives what `go_on` is called with."""
@@ -145,13 +191,15 @@ class SentencePage(EditPage):
             self.field.begin(text)
         self.field.focus()
         self.say_typed()
+        self.draw_detail()
         self.frame.draw_bars()
 
     def close_field(self) -> None:
         """Leave the field."""
         self._is_open = False
         self.remove_class("-typing")
-        self.focus_list()
+        self.rows.focus()
+        self.draw_detail()
         self.frame.draw_bars()
 
     def say_typed(self, *notes: FieldNote) -> None:

@@ -64,11 +64,6 @@ class EditedStudy:
         """Write all changed files or none. :raises EditRefused: it cannot be."""
         return await self._do("saving", self._workspace.save)
 
-    @property
-    def read_only(self) -> str:
-        """Why nothing can be saved here; empty: it can."""
-        return self._workspace.read_only
-
     async def read_draft(self) -> Draft | None:
         """What an earlier editor has not saved."""
         return await self._do("", lambda: self._workspace.draft)

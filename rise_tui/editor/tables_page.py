@@ -6,9 +6,7 @@ from collections.abc import Callable, Mapping, Sequence
 from typing import ClassVar
 
 from textual import on
-from textual.app import ComposeResult
 from textual.geometry import Size
-from textual.widget import Widget
 
 from rise_engine.author.edit.edits import AddRow, AnyEdit, RemoveRow
 from rise_engine.author.edit.plan import EditRefused
@@ -32,14 +30,11 @@ from rise_tui.editor.model.table_grid import (
     row_at_line,
 )
 from rise_tui.editor.page import EditFrame
-from rise_tui.editor.sentence_page import SAID, SentencePage
-from rise_tui.rendering.text import ListRow, StyledLine, crop, plain_text, wrap
+from rise_tui.editor.sentence_page import SentencePage
+from rise_tui.rendering.text import ListRow, StyledLine, TextRole, crop, plain_text, wrap
 from rise_tui.widgets.row_list import RowView
-from rise_tui.widgets.static_lines import StaticLines
 
 EMPTY = "this study has no tables yet: n adds one"
-CELL_ROWS = 4
-"""Rows for the cell under the cursor, whole."""
 
 
 class TableGrid(RowView):
@@ -91,29 +86,13 @@ class TablesPage(SentencePage):
 
     KIND: ClassVar[str] = "tables"
     CAN_FILTER = True
-    DEFAULT_CSS = """
-    TablesPage #head, TablesPage #parting { background: $rise-bar; }
-    TablesPage #cell { height: 4; }
-    TablesPage.-typing #cell { display: none; }
-    """
+    LEAST_DETAIL = 4
 
     def __init__(self, frame: EditFrame, name: str = "") -> None:
         """`name`: where the cursor begins, `tables/items.csv:3`; empty: on the first row."""
-        super().__init__(frame, name, exact=True)
-        self.head, self.grid = StaticLines(id="head"), TableGrid()
-        self.parting, self.cell = StaticLines(id="parting"), StaticLines(id="cell")
+        self.grid = TableGrid()
+        super().__init__(frame, name, self.grid, exact=True)
         self._begins_at = name
-
-    def compose(self) -> ComposeResult:
-        yield self.head
-        yield self.grid
-        yield self.parting
-        yield self.cell
-        yield from self.compose_field()
-
-    @property
-    def first_focus(self) -> Widget | None:
-        return self.grid
 
     @property
     def hints(self) -> Mapping[str, str]:
@@ -129,7 +108,7 @@ class TablesPage(SentencePage):
 
     @property
     def own_hints(self) -> Sequence[tuple[str, str]]:
-        return (("←→", "column"),) if self.row is not None else ()
+        return (*super().own_hints, *([("←→", "column")] if self.row is not None else []))
 
     @property
     def row(self) -> tuple[GridRow, WrittenCells] | None:
@@ -174,17 +153,17 @@ class TablesPage(SentencePage):
         self.head.show(crop(head, max(20, self.size.width)))
         if self.is_typing and self.row is None:
             self.close_field()
-        self._draw_cell()
+        self.draw_detail()
 
     @on(RowView.CursorMoved)
     def _moved(self) -> None:
         self.grid.refresh()  # of another table, other columns are marked
-        self._draw_cell()
+        self.draw_detail()
 
-    def _draw_cell(self) -> None:
+    def draw_detail(self) -> None:
         if self.row is None:
             self.parting.show()
-            self.cell.show()
+            self.show_detail([])
             return
         row, table = self.row
         width = max(20, self.size.width)
@@ -198,10 +177,9 @@ class TablesPage(SentencePage):
             (f"  column {self.column + 1} of {len(table.columns)}  {'  '.join(more)}", "muted"),
         )
         self.parting.show(crop(left, width))
-        pieces = wrap(self.value, width - 3) if self.value else ["–"]
-        if len(pieces) > CELL_ROWS:
-            pieces[CELL_ROWS - 1 :] = [f"{pieces[CELL_ROWS - 1]} …  enter shows all of it"]
-        self.cell.show(*(crop(((f"  {piece}", "plain" if self.value else "muted"),), width) for piece in pieces))
+        role: TextRole = "plain" if self.value else "muted"
+        pieces = [] if self.is_typing else wrap(self.value or "–", width - 3)
+        self.show_detail([((f"  {piece}", role),) for piece in pieces])
 
     # --- what keys do -----------------------------------------------------------------------------------------------
 
@@ -213,7 +191,7 @@ class TablesPage(SentencePage):
         if self.row is not None and 0 <= column < len(self.row[1].columns):
             self.grid.column = column
             self.grid.refresh()
-            self._draw_cell()
+            self.draw_detail()
             self.frame.draw_bars()
 
     @property
@@ -241,12 +219,7 @@ class TablesPage(SentencePage):
         if problem := cell_problem(self.value):
             self.frame.say(f"{problem}: e opens its file", "wait")
             return
-        self.field.styles.max_height = max(2, self.size.height - 2 - SAID - 4)
         self.open_field(self.row[1].columns[self.column], self.value)
-
-    def focus_list(self) -> None:
-        self.grid.focus()
-        self._draw_cell()
 
     def edits_typed(self, said: str) -> tuple[AnyEdit, ...]:
         if self.row is None:
@@ -290,7 +263,7 @@ class TablesPage(SentencePage):
 
         def go_to_new() -> None:
             self.grid.select(new)
-            self._draw_cell()
+            self.draw_detail()
             self.frame.draw_bars()
 
         self.frame.make(edit, then=go_to_new)

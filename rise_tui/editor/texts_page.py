@@ -8,8 +8,6 @@ from typing import ClassVar
 
 from textual import on
 from textual.app import ComposeResult
-from textual.binding import Binding, BindingType
-from textual.widget import Widget
 
 from rise_engine.author.edit.edits import AddLanguage, AnyEdit, SetSetting
 from rise_engine.author.edit.plan import EditRefused
@@ -40,15 +38,12 @@ from rise_tui.editor.model.text_rows import (
     view_named,
 )
 from rise_tui.editor.page import EditFrame
-from rise_tui.editor.sentence_page import SAID, SentencePage
-from rise_tui.editor.study_page import StudyPage
-from rise_tui.rendering.text import ListRow, StyledLine
+from rise_tui.editor.sentence_page import SentencePage
+from rise_tui.rendering.text import StyledLine
 from rise_tui.widgets.row_list import RowList, RowView
 from rise_tui.widgets.static_lines import StaticLines
 
 LANGUAGE_HINT = "Its tag: fr, pt-BR. Another way of speaking to people: de-x-sie."
-LEAST_ROWS, LEAST_DETAIL = 3, 6
-"""Rows of the list, and of the text that is shown whole."""
 
 
 class TextsPage(SentencePage):
@@ -57,20 +52,13 @@ class TextsPage(SentencePage):
     KIND: ClassVar[str] = "texts"
     CAN_FILTER = True
     EXPECTED = ("stale-translation", "untranslated")
-    DEFAULT_CSS = """
-    TextsPage #head { background: $rise-bar; }
-    TextsPage #parting { background: $rise-bar; }
-    TextsPage #detail { height: 6; }
-    """
-    BINDINGS: ClassVar[list[BindingType]] = [Binding("space", "read_on", show=False)]
+    LEAST_DETAIL = 6
 
     def __init__(self, frame: EditFrame, name: str = "") -> None:
-        super().__init__(frame, name)
+        super().__init__(frame, name, RowList(id="texts"))
+        self.rows: RowList
         self.view = view_named(name)
-        self.head, self.columns = StaticLines(id="head"), StaticLines(id="columns")
-        self.rows = RowList(id="texts")
-        self.parting, self.detail = StaticLines(id="parting"), RowList(id="detail")
-        self.detail.can_focus = False
+        self.columns = StaticLines(id="columns")
         self.column = 1
         self._entries: list[TextEntry] = []
         self._shown: list[TextEntry] = []
@@ -78,17 +66,9 @@ class TextsPage(SentencePage):
         self._following = ""
         """The id of the text that is opened when what was typed is made."""
 
-    def compose(self) -> ComposeResult:
+    def compose_head(self) -> ComposeResult:
         yield self.head
         yield self.columns
-        yield self.rows
-        yield self.parting
-        yield self.detail
-        yield from self.compose_field()
-
-    @property
-    def first_focus(self) -> Widget | None:
-        return self.rows
 
     @property
     def entry(self) -> TextEntry | None:
@@ -112,13 +92,12 @@ class TextsPage(SentencePage):
 
     @property
     def own_hints(self) -> Sequence[tuple[str, str]]:
-        more = [("space", "read on")] if self._is_more else []
-        return (*more, *([("←→", "language")] if self.view.language else []))
+        return (*super().own_hints, *([("←→", "language")] if self.view.language else []))
 
     # --- what is shown ----------------------------------------------------------------------------------------------
 
     def draw(self) -> None:
-        self._make_room(True)
+        self.hide_list(True)  # two languages beside each other need the whole width
         languages = languages_of(self.draft)
         if self.view.language not in languages:
             self.view = self.view._replace(language=languages[0] if languages else "")
@@ -140,10 +119,12 @@ class TextsPage(SentencePage):
             self._typing = next((each for each in self._entries if each.text.id == self._typing.text.id), None)
             if self._typing is None:
                 self.close_field()
-        self._draw_detail()
+        self.draw_detail()
 
     @on(RowView.CursorMoved)
-    def _draw_detail(self) -> None:
+    def draw_detail(self) -> None:
+        if not self.is_typing:
+            self._typing = None
         width, entry = max(40, self.size.width), self._typing or self.entry
         if entry is None:
             if not self._entries:
@@ -153,10 +134,10 @@ class TextsPage(SentencePage):
             else:
                 nothing = "no such text: esc shows all"
             self.parting.show(((f" {nothing}", "muted"),))
-            self._show_detail([])
+            self.show_detail([])
             return
         self.parting.show(entry_head(self.draft, entry, width))
-        self._show_detail(self._detail_lines(entry, width))
+        self.show_detail(self._detail_lines(entry, width))
 
     def _detail_lines(self, entry: TextEntry, width: int) -> list[StyledLine]:
         """The text whole; while it is changed, all but what is typed, which stands below."""
@@ -168,41 +149,8 @@ class TextsPage(SentencePage):
         folder = folder_from(Path.cwd(), self.draft.folder)
         return [*own, *other, *note_lines(self.draft, entry, language, folder, width)]
 
-    def _show_detail(self, lines: Sequence[StyledLine]) -> None:
-        """As high as the text needs, as far as there is room; a short one is no higher than the one before it."""
-        room = self.size.height - 3 - LEAST_ROWS
-        if self.is_typing:
-            half = max(2, (self.size.height - 3 - SAID) // 2)
-            self.field.styles.max_height = half
-            height = min(len(lines), max(1, self.size.height - 3 - SAID - half))
-        else:
-            height = max(1, min(max(LEAST_DETAIL, len(lines)), room))
-        if self.detail.styles.height is None or self.detail.styles.height.value != height:
-            self.detail.styles.height = height
-        self.detail.show([ListRow(str(at), line, selectable=False) for at, line in enumerate(lines)])
-        self.detail.scroll_to(y=len(lines) if self.is_typing else 0, animate=False)
-
-    @property
-    def _is_more(self) -> bool:
-        """Whether the text has lines that are not in view."""
-        return self.detail.count > max(1, self.detail.size.height)
-
-    def action_read_on(self) -> None:
-        """The next lines of a text that is longer than there is room; behind its end, its beginning."""
-        top, height = self.detail.scroll_offset.y, max(1, self.detail.size.height)
-        following = top + height - 1 if top + height < self.detail.count else 0
-        self.detail.scroll_to(y=following, animate=False)
-
-    def _make_room(self, alone: bool) -> None:
-        """Two languages beside each other need the whole width: the list of the study gives its own."""
-        for page in self.screen.query(StudyPage):
-            if alone:
-                page.styles.display = "none"
-            else:
-                page.styles.clear_rule("display")
-
     def on_unmount(self) -> None:
-        self._make_room(False)
+        self.hide_list(False)
 
     # --- what keys do -----------------------------------------------------------------------------------------------
 
@@ -299,12 +247,6 @@ class TextsPage(SentencePage):
         self._typing = entry
         name = self.view.language if self.column == 1 else own_language(self.draft) or ORIGINAL
         self.open_field(name, entry.text.text if self.column == 0 else entry.said)
-        self._draw_detail()
-
-    def focus_list(self) -> None:
-        self._typing = None
-        self.rows.focus()
-        self._draw_detail()
 
     def edits_typed(self, said: str) -> tuple[AnyEdit, ...]:
         entry = self._typing

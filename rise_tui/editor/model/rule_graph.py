@@ -5,7 +5,7 @@ The drawing is the console's; here it is made of what is written, right or wrong
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from typing import NamedTuple
 
 from rise_engine.author.drawing.state_graph import GraphLayout, GraphRow, edge_path, lay_out_graph
@@ -153,41 +153,21 @@ def _emphasize(line: StyledLine, *, way: bool) -> StyledLine:
     return (*kept, *((text, muted) for text, _ in line[at:]))
 
 
-class RuleFindings(NamedTuple):
-    """The findings of a rule, in the order of the file."""
-
-    of_rule: tuple[Diagnostic, ...]
-    """All of them."""
-    of_spot: Mapping[GraphSpot, tuple[Diagnostic, ...]]
-    """Of each state what stands in it outside of its ways, and of each way what stands in it."""
-
-    @property
-    def marks(self) -> dict[GraphSpot, Severity]:
-        """For each place the worst there is."""
-        return {
-            spot: "error" if any(each.severity == "error" for each in found) else "warning"
-            for spot, found in self.of_spot.items()
-        }
+def worst(findings: Sequence[Diagnostic]) -> Severity:
+    """An error, if there is one."""
+    return "error" if any(each.severity == "error" for each in findings) else "warning"
 
 
-NO_FINDINGS = RuleFindings((), {})
-
-
-def rule_findings(rule: WrittenRule, findings: Iterable[Diagnostic]) -> RuleFindings:
-    """The findings that stand in a rule."""
+def rule_findings(rule: WrittenRule, findings: Iterable[Diagnostic]) -> dict[GraphSpot, list[Diagnostic]]:
+    """The findings in each state outside of its transitions, and in each transition, in the order of the file."""
     source = SourceFile(rule.file, b"", rule.node.tree.text)
-    every: list[Diagnostic] = []
     spots: dict[GraphSpot, list[Diagnostic]] = {}
     for finding in findings:
-        if finding.location.file != rule.file:
-            continue
-        offset = source.offset(finding.location.line, finding.location.column)
-        if not rule.holds(offset):
-            continue
-        every.append(finding)
-        for spot in _spots_at(rule, offset):
-            spots.setdefault(spot, []).append(finding)
-    return RuleFindings(tuple(every), {spot: tuple(found) for spot, found in spots.items()})
+        if finding.location.file == rule.file:
+            offset = source.offset(finding.location.line, finding.location.column)
+            for spot in _spots_at(rule, offset):
+                spots.setdefault(spot, []).append(finding)
+    return spots
 
 
 def _spots_at(rule: WrittenRule, offset: int) -> Iterator[GraphSpot]:

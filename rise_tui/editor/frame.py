@@ -1,0 +1,364 @@
+"""The study under the editor: changes, exploring, files that others change, saving, stopping, leaving."""
+
+from __future__ import annotations
+
+import asyncio
+import os
+import shlex
+import subprocess
+import tempfile
+from abc import abstractmethod
+from collections.abc import Callable, Coroutine, Sequence
+from pathlib import Path
+from typing import Any
+
+from textual.app import App
+from textual.screen import Screen
+
+from rise_engine.author.edit.drafts import Draft
+from rise_engine.author.edit.edits import AnyEdit, ReplaceFile
+from rise_engine.author.edit.plan import EditRefused
+from rise_engine.author.edit.workspace import Change
+from rise_engine.base.text import clean
+from rise_tui.editor import dialogs
+from rise_tui.editor.dialogs import SaveDialog
+from rise_tui.editor.exploring import Explorer, ExploringBeside
+from rise_tui.editor.model.draft import FilePlace, StudyDraft, count, is_study_alone
+from rise_tui.editor.model.explored import ExploredStudy
+from rise_tui.editor.page import EditPage
+from rise_tui.editor.study import EditedStudy, NoSessions, RunningHere, SessionWatch
+from rise_tui.model.notice import Level
+from rise_tui.rendering.later import Later
+from rise_tui.rendering.terminal_app import TerminalApp
+from rise_tui.screens.dialog import Dialog, DialogChoice
+from rise_tui.typed_ahead import EDITOR
+from rise_tui.widgets.study_bars import StudyNotice
+
+WATCH_SECONDS = 2.0
+"""How soon a change of the files outside, or a new session, is seen."""
+USUAL_EDITORS = ("nano", "vim", "vi")
+
+
+def editor_command() -> list[str]:
+    """The program that `$VISUAL` or `$EDITOR` names, else the first usual one."""
+    named = os.environ.get("VISUAL") or os.environ.get("EDITOR")
+    if named:
+        return shlex.split(named)
+    folders = os.environ.get("PATH", os.defpath).split(os.pathsep)
+    return [next((each for each in USUAL_EDITORS if any(Path(at, each).is_file() for at in folders)), "vi")]
+
+
+def arguments_at(command: list[str], path: str, line: int) -> list[str]:
+    """The command line that opens a file at a line, as this editor wants it.
+
+    >>> arguments_at(["vim"], "a.xml", 3), arguments_at(["hx"], "a.xml", 3)
+    (['vim', '+3', 'a.xml'], ['hx', 'a.xml:3'])
+    >>> arguments_at(["code"], "a.xml", 3)
+    ['code', '--wait', '--goto', 'a.xml:3']
+    """
+    name = Path(command[0]).name
+    if name in ("code", "codium", "code-insiders"):
+        waits = [] if "--wait" in command or "-w" in command else ["--wait"]
+        return [*command, *waits, "--goto", f"{path}:{line}"]
+    if name in ("hx", "helix", "subl", "zed"):
+        return [*command, f"{path}:{line}"]
+    return [*command, f"+{line}", path]
+
+
+async def edit_file(app: App[Any], frame: StudyFrame, place: FilePlace) -> None:
+    """Give the terminal to the editor until it ends; then the caller looks what has changed on the disk.
+
+    A file without unsaved changes is edited where it lies, and read again; else a copy of the draft is, and what came
+    of it is one more change of the draft. :raises EditRefused: the draft cannot take it.
+    """
+    draft = frame.study.draft
+    content = draft.files.get(place.file)
+    if place.file in draft.above:  # of the study that this scenario is of: it lies outside, and is no part of the draft
+        await _run(app, frame, place.file, place.line)
+        return
+    if content is None:
+        frame.say(f"{place.file} no longer exists", "wait")
+        return
+    if content == draft.saved.get(place.file):
+        await _run(app, frame, str(Path(draft.folder, place.file)), place.line)
+        return
+    written = await _edit_copy(app, frame, place, content)
+    if written != content:
+        try:
+            text = written.decode("utf-8")
+        except UnicodeDecodeError:
+            frame.say(f"{place.file} was not read: it is not UTF-8", "fault")
+            return
+        frame.make(ReplaceFile(place.file, text))
+
+
+async def _edit_copy(app: App[Any], frame: StudyFrame, place: FilePlace, content: bytes) -> bytes:
+    """What came of a copy of the draft."""
+    with tempfile.TemporaryDirectory(prefix="rise-draft-") as folder:
+        copy = Path(folder, Path(place.file).name)
+        await asyncio.to_thread(copy.write_bytes, content)
+        await _run(app, frame, str(copy), place.line)
+        return await asyncio.to_thread(copy.read_bytes)
+
+
+async def _run(app: App[Any], frame: StudyFrame, path: str, line: int) -> None:
+    arguments = arguments_at(editor_command(), path, line)
+    try:
+        with app.suspend():
+            await asyncio.to_thread(subprocess.run, arguments, check=False)
+    except OSError as error:
+        frame.say(f"{arguments[0]} could not be started ({error.strerror}): name your editor in $EDITOR", "fault")
+    if isinstance(app, TerminalApp):
+        app.repaint_everything()
+
+
+class StudyFrame(Screen[None]):
+    """What the editor does with a study, whatever page shows it."""
+
+    def __init__(
+        self,
+        study: EditedStudy,
+        *,
+        sessions: SessionWatch | None = None,
+        may_suspend: bool = True,
+        explorer: Explorer | None = None,
+    ) -> None:
+        """
+        :param sessions: finds a session that runs meanwhile; None: the console below has the stop key.
+        :param may_suspend: whether another program may have the terminal for a while: not where a session runs here.
+        :param explorer: explores the study when it was opened and after each save; None: nothing does.
+        """
+        super().__init__(classes=EDITOR).__init__()
+        self.study, self._sessions = study, sessions or NoSessions()
+        self._may_suspend = may_suspend
+        self._exploring = ExploringBeside(explorer)
+        self.running: RunningHere | None = None
+        self._has_stop = sessions is not None
+        self.notice = StudyNotice()
+        self._is_closing = False
+        self._works = 0
+        """Pieces of work that keys have begun."""
+
+    @property
+    @abstractmethod
+    def page(self) -> EditPage:
+        """The page that gets the keys."""
+
+    @abstractmethod
+    def draw(self) -> None:
+        """Draw everything, from the draft as it is now."""
+
+    @abstractmethod
+    def draw_bars(self) -> None:
+        """Draw the lines around the page."""
+
+    def begin(self) -> None:
+        """Offer what an earlier editor has left, explore, and watch the files."""
+        self.set_interval(WATCH_SECONDS, self._watch)
+        self._work(self._offer_draft())
+        self._explore()
+
+    @property
+    def explored(self) -> ExploredStudy:
+        """What exploring has found."""
+        return self._exploring.found
+
+    def say(self, sentence: str, level: Level = "info") -> None:
+        self.notice.draw(clean(sentence), level)
+
+    def make(self, *edits: AnyEdit, then: Callable[[], None] | None = None) -> None:
+        if edits:
+            self._work(self._make(edits, then))
+
+    async def _make(self, edits: Sequence[AnyEdit], then: Callable[[], None] | None) -> None:
+        change = await self.study.apply(*edits)
+        self._said(change)
+        self.draw()
+        if then is not None:
+            then()
+
+    @property
+    def is_working(self) -> bool:
+        """Whether something is being done that a key has begun, and that may open something."""
+        return self._works > 0
+
+    def _work(self, work: Coroutine[Any, Any, None]) -> None:
+        self._works += 1
+        self.run_worker(self._carry_out(work), group="edit")
+
+    async def _carry_out(self, work: Coroutine[Any, Any, None]) -> None:
+        try:
+            await work
+        except EditRefused as refused:
+            self.say(str(refused), "wait")
+            self.draw()
+        finally:
+            self._works -= 1
+
+    def _said(self, change: Change, verb: str = "") -> None:
+        sentence = "; ".join((*change.says, *change.noticed))
+        self.say(f"{verb}{sentence}", "wait" if change.noticed else "info")
+
+    async def _step(self, step: Coroutine[Any, Any, Change | None], verb: str, nothing: str) -> None:
+        change = await step
+        if change is None:
+            self.say(nothing, "wait")
+        else:
+            self._said(change, f"{verb}: ")
+        self.draw()
+
+    # --- exploring ---------------------------------------------------------------------------------------------------
+
+    def _explore(self) -> None:
+        """Explore what is saved now, beside everything else; what an earlier one has not found yet is not wanted."""
+        self.workers.cancel_group(self, "explore")
+        if not is_study_alone(self.study.draft) and self._exploring.ask(self.study.draft):
+            self.run_worker(self._explore_saved(self.study.draft), group="explore")
+
+    async def _explore_saved(self, draft: StudyDraft) -> None:
+        await self._exploring.explore(draft)
+        self.draw()
+
+    # --- what somebody else has done, and what an earlier editor has left --------------------------------------------
+
+    def _watch(self) -> None:
+        """Look whether files have changed outside or a session has begun, while nothing is being typed."""
+        if self.app.screen is self and not self.study.busy and not self.page.is_typing:
+            self.run_worker(Later(self._look), group="watch", exclusive=True)
+
+    async def _look(self) -> None:
+        found = await asyncio.to_thread(self._sessions.find, Path(self.study.draft.folder))
+        if found != self.running:
+            self.running = found
+            self.draw_bars()
+        await self._look_outside()
+
+    def look_outside(self) -> None:
+        """Look now whether files have changed."""
+        self.run_worker(Later(self._look), group="watch", exclusive=True)
+
+    async def _look_outside(self) -> bool:
+        """Read again what somebody else has written. True: the author is asked which version is to stay."""
+        try:
+            outside = await self.study.notice_outside()
+        except EditRefused as refused:
+            self.say(str(refused), "fault")
+            return True
+        if outside is None:
+            return False
+        files = ", ".join(outside.files)
+        self._explore()
+        self.draw()
+        if outside.clash:
+            self._ask_about_clash(outside.clash)
+        else:
+            self.say(f"{files} changed on the disk: read again", "wait")
+        return bool(outside.clash)
+
+    def _ask_about_clash(self, files: Sequence[str]) -> None:
+        dialogs.ask_about_clash(self.app, files, lambda: self._work(self._take_outside(files)))
+
+    async def _take_outside(self, files: Sequence[str]) -> None:
+        self._said(await self.study.take_outside(files))
+        self.draw()
+
+    async def _offer_draft(self) -> None:
+        """What an earlier editor has not saved is offered before anything is changed."""
+        draft = await self.study.read_draft()
+        if draft is None:
+            return
+
+        def answer(key: str | None) -> None:
+            if key == "t":
+                self._work(self._take_up(draft))
+            elif key == "d":
+                self._work(self.study.discard_draft())
+            else:
+                self.close()
+
+        self.app.push_screen(dialogs.draft_dialog(draft), answer)
+
+    async def _take_up(self, draft: Draft) -> None:
+        outside = await self.study.take_up(draft)
+        self.say("your changes are restored: ctrl+o saves them")
+        self.draw()
+        if outside.clash:
+            self._ask_about_clash(outside.clash)
+
+    # --- files -------------------------------------------------------------------------------------------------------
+
+    async def _ask_to_save(self) -> None:
+        if await self._look_outside():
+            return
+        if not self.study.draft.changed_files:
+            self.say("nothing to save")
+            return
+        diff = self.study.diff()
+        self.app.push_screen(SaveDialog(self.study.draft, diff), self._save_if)
+
+    def _save_if(self, yes: bool | None) -> None:
+        if yes:
+            self._work(self._save())
+
+    async def _save(self) -> None:
+        report = await self.study.save()
+        self._explore()
+        after = "; the session that runs goes on with its own copy" if self.running is not None else ""
+        self.say(f"saved: {', '.join(report.files)}{after}")
+        self.draw()
+
+    async def _open_file(self) -> None:
+        place = self.page.place
+        if place is None:
+            self.say("this row has no line in a file", "wait")
+        elif not self._may_suspend or self.running is not None:
+            path = Path(self.study.draft.folder) / place.file
+            self.say(f"a session runs, and the stop key must work. Open {path}, line {place.line}, elsewhere", "wait")
+        else:
+            await edit_file(self.app, self, place)
+            self.draw()
+            self.look_outside()
+
+    # --- stopping and leaving ----------------------------------------------------------------------------------------
+
+    def stop_pressed(self) -> None:
+        """The stop key, where the console below has none of its own."""
+        if self.running is None:
+            self.say("no session of this study runs here")
+        else:
+            self.say("sending STOP …", "fault")
+            self.run_worker(self._stop(self.running), group="stop")
+
+    async def _stop(self, session: RunningHere) -> None:
+        self.say(await asyncio.to_thread(self._sessions.stop, session), "fault")
+
+    def ask_to_leave(self) -> None:
+        """Close the editor; with unsaved changes it asks."""
+        if not self.study.draft.changed_files:
+            self.close()
+            return
+        number = count(len(self.study.draft.changes), "change")
+        question = Dialog(
+            "Leave the editor?",
+            [f"{number} not saved. They stay as a draft for the next time."],
+            DialogChoice("s", "Save first"),
+            DialogChoice("l", "Leave"),
+            no="Keep editing",
+        )
+
+        def answer(key: str | None) -> None:
+            if key == "s":
+                self._work(self._ask_to_save())
+            elif key == "l":
+                self.close()
+
+        self.app.push_screen(question, answer)
+
+    def close(self) -> None:
+        """Leave the editor; a draft stays."""
+        if not self._is_closing:
+            self._is_closing = True
+            self.dismiss()
+
+    async def on_unmount(self) -> None:
+        await self.study.close()
