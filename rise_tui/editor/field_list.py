@@ -15,7 +15,7 @@ from textual.widgets import Input
 
 from rise_tui.editor.model.fields import EditField, FormColumns, field_line, field_rows, form_columns
 from rise_tui.rendering.text import StyledLine, TextRole, crop, line_width, wrap
-from rise_tui.widgets.memory_editor import TextField
+from rise_tui.widgets.prompt_bar import TextField
 from rise_tui.widgets.row_list import RowList, RowView
 from rise_tui.widgets.static_lines import StaticLines
 

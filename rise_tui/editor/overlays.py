@@ -13,8 +13,7 @@ from rise_engine.base.text import clean
 from rise_tui.editor.study import EditedStudy
 from rise_tui.screens.dialog import Dialog, DialogChoice
 from rise_tui.screens.help import HelpScreen, edit_help_entries
-from rise_tui.screens.palette import Palette
-from rise_tui.screens.palette_commands import PaletteCommand, edit_commands, theme_commands
+from rise_tui.screens.palette import Palette, PaletteCommand, edit_commands, theme_commands
 
 _SHOWN = 8
 """Changes that a dialog names."""

@@ -11,10 +11,9 @@ from textual.binding import Binding, BindingType
 
 from rise_engine.scenario.diagnostics import Diagnostic
 from rise_tui.editor.model.draft import StudyDraft, count
-from rise_tui.rendering.modal import SingleDismissModal
+from rise_tui.rendering.modal import SingleDismissModal, TitledBox
 from rise_tui.rendering.text import ListRow, TextRole, clean, crop, wrap
 from rise_tui.widgets.row_list import RowList, RowView
-from rise_tui.widgets.titled_box import TitledBox
 
 
 class SaveDialog(SingleDismissModal[bool]):

@@ -17,7 +17,7 @@ from textual.widgets import Input
 from rise_tui.editor.model.condition_reading import FieldNote, NoteLevel
 from rise_tui.editor.model.form import RuleField
 from rise_tui.rendering.text import StyledLine, StyledSpan, TextRole, crop, line_width, wrap
-from rise_tui.widgets.memory_editor import TextField
+from rise_tui.widgets.prompt_bar import TextField
 from rise_tui.widgets.static_lines import StaticLines
 
 LABEL_WIDTH = 16

@@ -8,9 +8,9 @@ from msgspec.structs import replace
 from rise_engine.kernel.records import MemoryRecord
 from rise_engine.scenario.model import Act, Action, ActionCall
 from rise_engine.scenario.template import parse_template
-from rise_tui.model.queue_estimate import QueuedTask, estimate_starts
-from rise_tui.model.session_times import InvalidTime, parse_moment
+from rise_tui.model.log_text import InvalidTime, parse_moment
 from rise_tui.model.store import Store
+from rise_tui.model.upcoming import QueuedTask, estimate_starts
 from rise_tui.rendering.text import format_clock
 from tests.tui.fake import FakeClient, demo
 

@@ -6,8 +6,7 @@ import pytest
 from msgspec.structs import replace
 
 from rise_engine.study.model import CellStanding
-from rise_tui.model.study_conditions import NO_CONDITIONS
-from rise_tui.model.study_rows import plan_rows, session_line
+from rise_tui.model.study_rows import NO_CONDITIONS, plan_rows, session_line
 from tests.tui.fake_study import entry, standing
 
 

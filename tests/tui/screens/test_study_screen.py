@@ -31,13 +31,11 @@ from rise_tui.console.screen import ConsoleScreen
 from rise_tui.console.study_screen import StudyScreen
 from rise_tui.screens.checks import ChecksScreen
 from rise_tui.screens.dialog import Dialog
-from rise_tui.screens.end_session import EndSessionDialog
 from rise_tui.screens.help import HelpScreen
-from rise_tui.screens.outcome import OutcomeDialog
+from rise_tui.screens.outcome import EndSessionDialog, OutcomeDialog
 from rise_tui.screens.palette import Palette
-from rise_tui.screens.rehearsal import RehearsalDialog
 from rise_tui.screens.report import ReportScreen
-from rise_tui.screens.wizard_name import WizardNameDialog
+from rise_tui.screens.study_questions import RehearsalDialog, WizardNameDialog
 from tests.patience import PATIENCE
 from tests.tui.fake import DEMO, FakeClient, FakeLauncher, demo
 from tests.tui.fake_study import CHECKS, FakeStudy, entry, pending, person, standing, study
