@@ -13,8 +13,8 @@ from textual.binding import Binding
 
 from rise_engine.kernel.records import stopper_words
 from rise_engine.kernel.speech import why_not_speak
-from rise_engine.scenario.act_settings import filler_acts
-from rise_tui.model.blocked import BlockedReason, Deed
+from rise_engine.kernel.wizard_marks import filler_acts
+from rise_tui.model.control import BlockedReason, Deed
 from rise_tui.model.store import Store
 
 KeyScope: TypeAlias = Literal[

@@ -6,7 +6,7 @@ from collections.abc import Mapping
 
 from rise_engine.scenario.keys import PUNCTUATION
 from rise_tui.actions import BY_ID, ConsoleAction
-from rise_tui.model.blocked import BlockedReason, Deed, blocked_text
+from rise_tui.model.control import BlockedReason, Deed, blocked_text
 from rise_tui.model.store import Store
 
 KEY_LABELS = {

@@ -12,7 +12,6 @@ from msgspec import Struct, field
 from rise_engine.kernel.core import Core, Task, TimerTarget, parse_task_id
 from rise_engine.kernel.records import CueRecord, Mark, MistakeRecord, TaskRecord
 from rise_engine.kernel.speech import act_name
-from rise_engine.scenario.act_settings import next_filler
 
 MARKS: tuple[Mark, ...] = get_args(Mark)
 REMEMBERED = 1000
@@ -159,3 +158,16 @@ class WizardMarks:
         number, _, mark = behavior.partition(" ")
         task = parse_task_id(number)
         self._core.emit(MistakeRecord, task, self.state.act_tasks.get(task, ""), mark, source)  # type: ignore[arg-type]
+
+
+def filler_acts(scenario: Scenario) -> tuple[str, ...]:
+    """The scenario's fillers, in the order of its acts."""
+    return tuple(name for name in scenario.acts if scenario.settings_of(name).filler)
+
+
+def next_filler(scenario: Scenario, last: str | None) -> str | None:
+    """The filler after the one that was used last, in turn; None when the scenario has none."""
+    found = filler_acts(scenario)
+    if not found:
+        return None
+    return found[(found.index(last) + 1) % len(found)] if last in found else found[0]

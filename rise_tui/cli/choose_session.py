@@ -13,7 +13,7 @@ from rise_engine.run.protocol.messages import SessionSummary
 from rise_tui.cli.options import CommandLine
 from rise_tui.cli.terminal import not_started
 from rise_tui.config.paths import abbreviate_home
-from rise_tui.model.control import short_name
+from rise_tui.model.notice import short_name
 from rise_tui.rendering.text import clean, format_age, wrap
 
 NOT_OFFERED_AGAIN = "The earlier record stays as it is, and is not offered again."

@@ -46,7 +46,7 @@ from rise_tui.config.study_source import (
     StartedSession,
     StudyNow,
 )
-from rise_tui.model.study_conditions import NO_CONDITIONS, conditions_of
+from rise_tui.model.study_rows import NO_CONDITIONS, conditions_of
 
 TAIL_BYTES = 262_144
 """Of a journal: more than its last lines take."""

@@ -34,7 +34,7 @@ from rise_tui.model.notice import Notice
 from rise_tui.rendering import themes
 from rise_tui.rendering.terminal_app import TerminalApp
 from rise_tui.rendering.typing_fields import takes_text
-from rise_tui.screens.end_session import end_session_dialog
+from rise_tui.screens.outcome import end_session_dialog
 from rise_tui.screens.report import ReportScreen
 from rise_tui.screens.settings import SettingsScreen
 

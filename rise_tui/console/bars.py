@@ -11,13 +11,12 @@ from textual.widgets import Input
 from rise_tui.actions import BY_ID, ConsoleAction, actions_in
 from rise_tui.console.layout import Layout
 from rise_tui.key_labels import why_blocked, why_unavailable
-from rise_tui.model.input_lock import LOCKED_ACTIONS
+from rise_tui.model.control import LOCKED_ACTIONS
 from rise_tui.model.store import Store
 from rise_tui.widgets.alarm import AlarmBar, AttentionBar, FailureBar, ShadowBar
-from rise_tui.widgets.bars import KeyHints, NoticeLine, StatusLine
+from rise_tui.widgets.bars import KeyHints, KeyStrip, NoticeLine, SpeechBand, StatusLine
 from rise_tui.widgets.mistake_line import MistakeLine
-from rise_tui.widgets.note_line import NoteLine
-from rise_tui.widgets.speech_band import KeyStrip, SpeechBand
+from rise_tui.widgets.prompt_bar import NoteLine
 from rise_tui.widgets.speech_input import SpeechField, SpeechInput
 
 COMMON_ACTIONS = (

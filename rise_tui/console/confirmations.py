@@ -3,21 +3,48 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from typing import Any, Protocol
+
+from textual.app import App
 
 from rise_engine.kernel.records import stopper_words
 from rise_engine.run.protocol.client import ControlVerb
 from rise_engine.scenario.model import rule_start_behavior
 from rise_tui.actions import BY_ID
-from rise_tui.console.console_host import ConsoleHost
 from rise_tui.key_labels import key_name, keys_of
 from rise_tui.model.control import control_question
-from rise_tui.model.entry_text import entry_lines
 from rise_tui.model.key_action import KeyAction
-from rise_tui.model.resumption import InterruptedRule, interrupted_rules
-from rise_tui.model.step_back import find_back_step, question_lines
+from rise_tui.model.notice import Level
+from rise_tui.model.resumption import InterruptedRule, entry_lines, find_back_step, interrupted_rules, question_lines
+from rise_tui.model.store import Store
+from rise_tui.screens.choices import ReleaseDialog, StepBackDialog
 from rise_tui.screens.dialog import Dialog, DialogChoice
-from rise_tui.screens.release import ReleaseDialog
-from rise_tui.screens.step_back import StepBackDialog
+
+
+class ConsoleHost(Protocol):
+    """For what opens over the console: questions, help, palette, tour."""
+
+    @property
+    def app(self) -> App[Any]: ...
+
+    @property
+    def store(self) -> Store: ...
+
+    def show_notice(self, text: str, level: Level = "info") -> None:
+        """Tell the wizard something."""
+
+    def action_do(self, action: str) -> None:
+        """Carry out an action of the registry, or say why not."""
+
+    def start(self, action: KeyAction) -> None:
+        """Ask for a start, with all care against accidents."""
+
+    def send(self, function: str, behavior: str = "") -> None:
+        """Give a task to the engine, without waiting."""
+
+    def request_control(self, verb: ControlVerb) -> None:
+        """Take, ask for, give or release control, without waiting."""
+
 
 DIALOG_WIDTH = 58
 """Characters of a line that a question has room for."""

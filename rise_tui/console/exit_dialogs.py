@@ -6,7 +6,7 @@ import shlex
 
 from rise_tui.config.paths import abbreviate_home
 from rise_tui.key_labels import why_blocked
-from rise_tui.model.session_summary import running_lines, session_title
+from rise_tui.model.status import running_lines, session_title
 from rise_tui.model.store import Store
 from rise_tui.rendering.text import format_clock
 from rise_tui.screens.dialog import Dialog, DialogChoice

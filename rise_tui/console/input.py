@@ -15,8 +15,7 @@ from rise_engine.kernel.behaviors import describe_behavior, is_object
 from rise_engine.scenario.model import normal_topic
 from rise_tui.actions import BY_ID
 from rise_tui.key_labels import key_name, keys_of, why_blocked, why_task_blocked
-from rise_tui.model.failures import is_question, unanswered_failures
-from rise_tui.model.input_lock import (
+from rise_tui.model.control import (
     LOCKED_ACTIONS,
     STARTING_FUNCTIONS,
     InputMode,
@@ -24,11 +23,10 @@ from rise_tui.model.input_lock import (
     toggle_lock,
     toggle_safe,
 )
+from rise_tui.model.failures import is_question, newest_markable, unanswered_failures
 from rise_tui.model.key_action import HELD_KEY_SECONDS, KeyAction, action_of_key, start_action
-from rise_tui.model.mistakes import newest_markable
-from rise_tui.model.notice import Level
+from rise_tui.model.notice import Level, task_label
 from rise_tui.model.store import Store
-from rise_tui.model.task_messages import task_label
 
 TOGETHER_SECONDS = 0.012
 """Two different keys nearer than this cannot come from two fingers' intent."""

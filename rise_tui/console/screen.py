@@ -41,7 +41,7 @@ from rise_tui.rendering.typing_fields import takes_text
 from rise_tui.screens.tour import is_tour_due
 from rise_tui.typed_ahead import is_editing
 from rise_tui.widgets.mistake_line import MistakeLine, is_mark_key
-from rise_tui.widgets.note_line import NoteLine
+from rise_tui.widgets.prompt_bar import NoteLine
 from rise_tui.widgets.speech_input import SpeechInput
 from rise_tui.widgets.static_lines import StaticLines
 

@@ -11,10 +11,9 @@ from rise_engine.kernel.inputs import CheckReport, Note, OutcomeReport, Submit
 from rise_engine.run.client.shadow import ShadowClient
 from rise_engine.run.protocol.client import AttachReply, Client, ControlVerb, EngineGone, LinkLost, UpdateOrResync
 from rise_tui.key_labels import key_name, why_blocked
-from rise_tui.model.blocked import Deed
-from rise_tui.model.notice import Notice
+from rise_tui.model.control import Deed
+from rise_tui.model.notice import Notice, task_label
 from rise_tui.model.store import ALL_PARTS, SentTask, Store, StorePart
-from rise_tui.model.task_messages import task_label
 
 ChangeCallback = Callable[[frozenset[StorePart] | set[StorePart]], None]
 

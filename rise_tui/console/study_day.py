@@ -22,13 +22,12 @@ from rise_tui.console.session import ConsoleSession
 from rise_tui.console.study_dialogs import StudyChecker
 from rise_tui.model.check_list import CheckList
 from rise_tui.model.notice import Notice
-from rise_tui.model.session_summary import participant_text, running_lines, session_title
+from rise_tui.model.status import participant_text, running_lines, session_title
 from rise_tui.model.store import Store
-from rise_tui.model.study_conditions import conditions_of
+from rise_tui.model.study_rows import conditions_of
 from rise_tui.rendering.text import clean
 from rise_tui.screens.checks import ChecksScreen
-from rise_tui.screens.end_session import end_session_dialog
-from rise_tui.screens.outcome import OutcomeDialog
+from rise_tui.screens.outcome import OutcomeDialog, end_session_dialog
 
 
 class Ending(NamedTuple):

@@ -16,15 +16,13 @@ from rise_engine.study.model import ParticipantStanding, Purpose, SessionEntry, 
 from rise_tui.config.paths import abbreviate_home
 from rise_tui.config.study_source import SessionPreview, SessionRequest, StudySource
 from rise_tui.model.check_list import CheckList
-from rise_tui.model.study_conditions import HIDDEN, Conditions, condition_names
-from rise_tui.model.study_rows import begun_text, session_line
+from rise_tui.model.study_rows import HIDDEN, Conditions, begun_text, condition_names, session_line
 from rise_tui.rendering.text import StyledLine, StyledSpan, clean, format_clock, wrap
 from rise_tui.screens.checks import CheckMaker, ChecksScreen
 from rise_tui.screens.dialog import Dialog, DialogChoice
 from rise_tui.screens.outcome import Outcome, OutcomeDialog
-from rise_tui.screens.rehearsal import RehearsalDialog
 from rise_tui.screens.report import ReportOf
-from rise_tui.screens.wizard_name import WizardNameDialog
+from rise_tui.screens.study_questions import RehearsalDialog, WizardNameDialog
 
 LABEL = 13
 """Cells for what a line of the plan is about."""

@@ -9,8 +9,9 @@ from textual.containers import Container, Vertical
 from rise_engine.study.model import ParticipantStanding, StudyStanding
 from rise_tui.config.study_source import StudyNow
 from rise_tui.model.filtering import Filter, InvalidFilter
-from rise_tui.model.study_conditions import NO_CONDITIONS, Conditions
 from rise_tui.model.study_rows import (
+    NO_CONDITIONS,
+    Conditions,
     due_rows,
     find_participant,
     participant_rows,

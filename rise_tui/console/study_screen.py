@@ -35,8 +35,10 @@ from rise_tui.console import overlays, study_dialogs
 from rise_tui.console.study_lists import StudyLists
 from rise_tui.messages import RunAction
 from rise_tui.model.notice import Level
-from rise_tui.model.study_conditions import NO_CONDITIONS, Conditions, conditions_of
 from rise_tui.model.study_rows import (
+    NO_CONDITIONS,
+    Conditions,
+    conditions_of,
     find_participant,
     open_entry,
     running_people,

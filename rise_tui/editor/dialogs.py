@@ -18,15 +18,13 @@ from rise_tui.editor.model.fields import FieldChoice
 from rise_tui.editor.model.study_rows import find_at
 from rise_tui.editor.page import EditFrame
 from rise_tui.editor.pick_list import Picked, PickList
-from rise_tui.rendering.modal import SingleDismissModal
+from rise_tui.rendering.modal import SingleDismissModal, TitledBox
 from rise_tui.rendering.text import ListRow, TextRole, clean, crop, shorten, wrap
 from rise_tui.screens.detail import DetailScreen
 from rise_tui.screens.dialog import Dialog, DialogChoice
 from rise_tui.screens.help import HelpScreen, edit_help_entries
-from rise_tui.screens.palette import Palette
-from rise_tui.screens.palette_commands import PaletteCommand, edit_commands, theme_commands
+from rise_tui.screens.palette import Palette, PaletteCommand, edit_commands, theme_commands
 from rise_tui.widgets.row_list import RowList, RowView
-from rise_tui.widgets.titled_box import TitledBox
 
 _SHOWN = 8
 """Changes that a dialog names."""

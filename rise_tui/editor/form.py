@@ -27,7 +27,7 @@ from rise_tui.editor.model.fields import (
 )
 from rise_tui.editor.page import EditFrame, EditPage
 from rise_tui.rendering.text import StyledLine, crop, line_width, wrap
-from rise_tui.widgets.memory_editor import TextField
+from rise_tui.widgets.prompt_bar import TextField
 from rise_tui.widgets.row_list import RowList, RowView
 from rise_tui.widgets.static_lines import StaticLines
 

@@ -128,7 +128,7 @@ class StudyFrame(Screen[None]):
         :param may_suspend: whether another program may have the terminal for a while: not where a session runs here.
         :param explorer: explores the study when it was opened and after each save; None: nothing does.
         """
-        super().__init__(classes=EDITOR).__init__()
+        super().__init__(classes=EDITOR)
         self.study, self._sessions = study, sessions or NoSessions()
         self._may_suspend = may_suspend
         self._exploring = ExploringBeside(explorer)

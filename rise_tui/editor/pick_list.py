@@ -10,13 +10,12 @@ from textual.app import ComposeResult
 from textual.widgets import Input
 
 from rise_tui.editor.model.fields import FieldChoice
-from rise_tui.rendering.modal import SingleDismissModal
+from rise_tui.rendering.modal import SingleDismissModal, TitledBox
 from rise_tui.rendering.text import ListRow, StyledSpan, cell_width, crop, fixed_span, wrap
 from rise_tui.screens.search_dialog import SearchDialog
-from rise_tui.widgets.memory_editor import TextField
+from rise_tui.widgets.prompt_bar import TextField
 from rise_tui.widgets.row_list import RowView
 from rise_tui.widgets.static_lines import StaticLines
-from rise_tui.widgets.titled_box import TitledBox
 
 NEW = "\0new"
 """The id of the row that makes what was typed."""

@@ -13,10 +13,10 @@ from rise_engine.scenario.model import Act, Action, ActionCall
 from rise_engine.scenario.spoken import MESSAGE
 from rise_engine.scenario.ssml import plain_words
 from rise_engine.scenario.template import MissingValueError, Template, spoken_text
-from rise_tui.model.act_seconds import estimate_action_seconds
+from rise_tui.model.log_text import field_lines
+from rise_tui.model.robot_speech import estimate_action_seconds
 from rise_tui.model.states import READY, act_progress, action_state, newest_task, task_state
 from rise_tui.model.store import Store
-from rise_tui.model.task_text import field_lines
 from rise_tui.rendering.text import (
     ListRow,
     StyledLine,

@@ -1,16 +1,116 @@
-"""Who of several consoles may act, in words. Pure; knows no screen."""
+"""Who may do what now: reasons that something cannot be done, the modes of the keyboard, control of several consoles.
+
+Pure. A reason has a code; it becomes a sentence once somebody names the keys, because the model knows no keys of the
+console (console.md 6.3): whoever shows a reason says how a key is called, as a function.
+"""
 
 from __future__ import annotations
 
-from typing import NamedTuple
+from collections.abc import Callable
+from typing import Literal, NamedTuple, TypeAlias
 
 from msgspec import Struct
 
-from rise_engine.kernel.records import ControlRecord, stopper_words
+from rise_engine.kernel.records import ControlRecord
 from rise_engine.run.protocol.client import ControlVerb
-from rise_tui.model.blocked import KeyNames
-from rise_tui.model.notice import Notice
-from rise_tui.rendering.text import clean, format_clock
+from rise_engine.scenario.model import CUE_TOPICS
+from rise_tui.model.notice import Notice, short_name
+from rise_tui.rendering.text import format_clock
+
+Deed: TypeAlias = Literal["reach", "remark", "change", "start"]
+"""What somebody may want of the engine, each with all that the one before it needs.
+
+reach: anything at all. remark: a note, a question about control. change: whatever changes the session. start: whatever
+makes the robot or a rule do something.
+"""
+
+KeyNames: TypeAlias = Callable[[str], str]
+"""From the id of an action of the console to its key, as a sentence names it: `ctrl+x`, `F9`."""
+
+
+class BlockedReason(Struct, frozen=True):
+    """One thing that stands in the way."""
+
+    code: Literal["over", "gone", "cut", "replay", "control", "not-recording", "stopped", "safe", "locked", "paused"]
+    detail: str = ""
+    """What the session ended with, why the engine has gone, what is wrong with the disk."""
+    holder: str = ""
+    """`control`: who has it."""
+    watches: bool = False
+    """`control`: this console only watches, and could not take it."""
+
+
+def blocked_text(reason: BlockedReason | None, key_name: KeyNames) -> str:
+    """The reason as a sentence, and what to press where a key helps; empty when nothing stands in the way."""
+    if reason is None:
+        return ""
+    match reason.code:
+        case "over":
+            return f"the session is over: {reason.detail}"
+        case "gone":
+            return f"the engine has gone: {reason.detail}"
+        case "cut":
+            return "the connection is cut; the console is reconnecting"
+        case "replay":
+            return "this is a replay"
+        case "control":
+            has = f"{reason.holder} has control"
+            return f"{has} and this console only watches" if reason.watches else f"{has} ({key_name('control')})"
+        case "not-recording":
+            return f"NOT RECORDING, the session is paused: {reason.detail}"
+        case "stopped":
+            return f"STOPPED: {key_name('release')} releases the stop"
+        case "safe":
+            return f"SAFE: {key_name('safe')} turns keys on"
+        case "locked":
+            return f"LOCKED: {key_name('lock')} unlocks"
+        case "paused":
+            return f"paused: {key_name('control')} resumes it"
+
+
+InputMode: TypeAlias = Literal["LIVE", "SAFE", "LOCKED"]
+"""LIVE: keys start acts and rules. SAFE: everything can be looked at, nothing is started. LOCKED: keys do nothing."""
+
+STARTING_FUNCTIONS = frozenset(
+    {
+        "startCommunicationRobotAct",
+        "startInteractionRule",
+        "raiseEventTopic",
+        "assignValue",
+        "say",
+        "nextFiller",
+        "repeatAct",
+        "stepBack",
+    }
+)
+"""What a key may ask for that makes something happen; stopping, and marks for the record, are not among it."""
+
+CUE_EVENTS = dict(zip(("markCue", "undoCue"), CUE_TOPICS, strict=True))
+"""The event of a cue: where a rule waits for it, marking one makes something happen, too."""
+
+LOCKED_ACTIONS = ("stop", "quit", "lock")
+"""Actions of the registry that work while everything is locked."""
+
+
+def toggle_safe(mode: InputMode) -> InputMode:
+    """The mode after the key that changes between LIVE and SAFE; a locked keyboard stays locked."""
+    return "SAFE" if mode == "LIVE" else "LIVE" if mode == "SAFE" else mode
+
+
+def toggle_lock(mode: InputMode) -> InputMode:
+    """The mode after the key that locks. Unlocked is never LIVE at once: that takes the other key, on purpose."""
+    return "SAFE" if mode == "LOCKED" else "LOCKED"
+
+
+def mode_notice(mode: InputMode, key_name: KeyNames) -> str:
+    """What to say when the mode has just been chosen."""
+    match mode:
+        case "LIVE":
+            return "LIVE: keys start acts and rules"
+        case "SAFE":
+            return f"SAFE: keys start nothing; {key_name('safe')} turns them on"
+        case "LOCKED":
+            return f"LOCKED: every key is ignored except stop, leave and {key_name('lock')}"
 
 
 class ControlChoice(NamedTuple):
@@ -28,11 +128,6 @@ class ControlLost(Struct, frozen=True):
     """Who has it now; null: nobody."""
     at: float | None
     """Session time; None when it happened while the connection was cut."""
-
-
-def short_name(name: str | None) -> str:
-    """`anna` for `wizard:anna`; a program keeps its whole name."""
-    return clean(stopper_words(name or "nobody").removeprefix("wizard:").removeprefix("observer:"))
 
 
 def control_notice(

@@ -1,4 +1,4 @@
-"""Acts that failed and that nobody has answered yet: which, why, and what was not said. Pure; knows no screen."""
+"""What went wrong: acts that failed and what was not said, and mistakes that a wizard marks. Pure; knows no screen."""
 
 from __future__ import annotations
 
@@ -8,15 +8,15 @@ from typing import Any, NamedTuple
 
 from rise_engine.author.drawing.act_levels import actions_in_order
 from rise_engine.kernel.task_view import ActionView, TaskView
-from rise_engine.scenario.model import Action, Scenario
+from rise_engine.kernel.wizard_marks import UNMARKABLE
+from rise_engine.scenario.model import Action, KeyBinding, Scenario
 from rise_engine.scenario.ssml import BEGINNING, begins_as_ssml, plain_words
 from rise_engine.scenario.template import MemorySlot, MissingValueError, Template
 from rise_tui.model.act_text import act_of_speech
-from rise_tui.model.blocked import KeyNames, blocked_text
-from rise_tui.model.control import short_name
-from rise_tui.model.speech_actions import message_of, words_of
+from rise_tui.model.control import KeyNames, blocked_text
+from rise_tui.model.notice import act_label, completion_message, short_name, task_label
+from rise_tui.model.robot_speech import message_of, words_of
 from rise_tui.model.store import Store
-from rise_tui.model.task_messages import act_label
 from rise_tui.rendering.text import StyledLine, StyledSpan, align_at_both_ends, crop, line_width, wrap
 
 LABEL = 15
@@ -191,3 +191,49 @@ def _restart_text(store: Store, task: TaskView) -> str:
     if any((each.function, each.behavior) == restarted for each in store.waiting_tasks):
         return "it waits to run again"
     return "sent again" if store.is_sent((task.function,), task.behavior) else ""
+
+
+ACTS = frozenset({"startCommunicationRobotAct", "say"})
+CUES = frozenset({"markCue", "undoCue"})
+
+
+class MistakeMark(NamedTuple):
+    key: str
+    mark: str
+    """As the engine calls it."""
+    word: str
+
+
+MISTAKE_MARKS = (
+    MistakeMark("w", "wrong", "wrong"),
+    MistakeMark("l", "late", "late"),
+    MistakeMark("e", "early", "early"),
+    MistakeMark("d", "double", "double"),
+    MistakeMark("u", "none", "undo"),
+)
+
+
+def newest_markable(tasks: dict[int, TaskView], me: str | None) -> TaskView | None:
+    """What this wizard did last, whatever it was. Of one who has done nothing yet, the act that a rule started last.
+
+    Not what others or programs did, what was refused, and not the marks themselves. `me` None: whoever was the wizard,
+    for one who judges a session that is over; no cue then, for what is judged is what came of it.
+    """
+    by_rule: TaskView | None = None
+    for id in reversed(tasks):
+        task = tasks[id]
+        if task.status == "REJECTED" or task.function in UNMARKABLE or (me is None and task.function in CUES):
+            continue
+        if task.source == me or (me is None and task.source.startswith("wizard:")):
+            return task
+        if by_rule is None and task.source.startswith("rule:") and task.function in ACTS:
+            by_rule = task
+    return by_rule
+
+
+def markable_name(task: TaskView, key: KeyBinding | None) -> str:
+    """An act by its name, speech by its words, all else by its key and what the author calls that, or what it does."""
+    if task.function in ACTS:
+        return act_label(task.function, task.behavior)
+    words = completion_message(task.function, task.behavior) or task_label(task.function, task.behavior)
+    return f"{key.label}: {key.title or words}" if key is not None else words

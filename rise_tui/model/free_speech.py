@@ -9,7 +9,7 @@ from rise_engine.kernel.view import SessionView
 from rise_engine.scenario.model import Scenario
 from rise_engine.scenario.ssml import plain_words
 from rise_engine.scenario.template import MissingValueError, TemplateError, parse_template
-from rise_tui.model.task_messages import act_label
+from rise_tui.model.notice import act_label
 
 KEPT = 200
 """Sentences that the history keeps."""

@@ -1,10 +1,29 @@
-"""One sentence for the wizard, in the line above the key hints."""
+"""Sentences for the wizard: what tasks are and what became of them, in words. Pure; knows no screen."""
 
 from __future__ import annotations
 
+import json
 from typing import Literal, TypeAlias
 
 from msgspec import Struct
+
+from rise_engine.kernel.behaviors import describe_behavior
+from rise_engine.kernel.record_words import FUNCTION_WORDS, words_of
+from rise_engine.kernel.records import (
+    AnyRecord,
+    CheckRecord,
+    KeptRecord,
+    NoteRecord,
+    OutcomeRecord,
+    RecordingRecord,
+    RobotRecord,
+    RuleRecord,
+    StopRecord,
+    TaskRecord,
+    stopper_words,
+)
+from rise_engine.scenario.model import normal_topic
+from rise_tui.rendering.text import clean, format_value
 
 Level: TypeAlias = Literal["info", "wait", "fault"]
 """Told, to be attended to, wrong."""
@@ -15,3 +34,66 @@ class Notice(Struct, frozen=True):
 
     text: str
     level: Level = "info"
+
+
+def short_name(name: str | None) -> str:
+    """`anna` for `wizard:anna`; a program keeps its whole name."""
+    return clean(stopper_words(name or "nobody").removeprefix("wizard:").removeprefix("observer:"))
+
+
+FUNCTION_LABELS = FUNCTION_WORDS | {
+    **{kind: kind for kind in ("note", "robot", "check", "outcome", "recording", "sync")},
+    "fault": "rule",
+}
+"""What a row of the log is about, in a word or two: a task's function, or what is no task."""
+
+
+def task_label(function: str, behavior: str) -> str:
+    """A task in words."""
+    return f"{FUNCTION_WORDS.get(function, function)} {describe_behavior(function, behavior)}".strip()
+
+
+def act_label(function: str, behavior: str) -> str:
+    """An act by its name; free speech by what is said."""
+    return f"“{behavior}”" if function == "say" else behavior
+
+
+def completion_message(function: str, behavior: str) -> str:
+    """What a task without any row of its own has done, in words; empty for others."""
+    match function:
+        case "raiseEventTopic":
+            return f"raised {normal_topic(behavior)}"
+        case "assignValue":
+            try:
+                values = json.loads(behavior)
+            except (ValueError, RecursionError):
+                return behavior.strip()
+            if not isinstance(values, dict):
+                return behavior.strip()
+            return ", ".join(f"{key} = {format_value(value)}" for key, value in values.items())
+        case _:
+            return ""
+
+
+def record_notice(record: AnyRecord) -> Notice | None:
+    """What to tell the wizard about a record, whoever caused it; None for most."""
+    words = words_of(record)
+    match record:
+        case TaskRecord(status="REJECTED"):
+            return Notice(words.full_sentence, "wait")
+        case OutcomeRecord():
+            return Notice(f"the {words.full_sentence}")
+        case TaskRecord(status="ABORTED") | RuleRecord(status="faulted") | CheckRecord(result="failed"):
+            return Notice(words.full_sentence, "fault")
+        case RecordingRecord(status="stalled" | "failed") | RobotRecord(status="lost" | "degraded"):
+            return Notice(words.full_sentence, "fault")
+        case KeptRecord(status="kept" | "taken" | "taken-back"):
+            return Notice(words.sentence, "wait" if record.status == "kept" else "info")
+        case StopRecord(status="let-go"):
+            return Notice(words.text, "wait")
+        case NoteRecord(source="engine"):
+            return Notice(record.text, "wait")
+        case NoteRecord():
+            return Notice(f"note by {short_name(record.source)}: {record.text}")
+        case _:
+            return None

@@ -1,16 +1,73 @@
-"""What a stop has interrupted, and what would come of each rule if it went on: lines for a question. Pure."""
+"""What would come of a rule that enters a state: when it starts there, goes on after a stop, or goes a step back. Pure.
+
+Lines for questions; what is answered becomes the behaviour of a task.
+"""
 
 from __future__ import annotations
 
 import json
-from collections.abc import Mapping, Sequence
-from typing import NamedTuple
+from collections.abc import Iterator, Mapping, Sequence
+from typing import Any, NamedTuple
 
-from rise_engine.author.drawing.rule_text import wait_text
-from rise_engine.kernel.behaviors import Resumption
-from rise_tui.model.entry_text import entry_summary
+from rise_engine.author.drawing.rule_text import functions_in, wait_text
+from rise_engine.kernel.behaviors import Resumption, describe_behavior
+from rise_engine.scenario.model import Function, Rule, Scenario, State, normal_topic
+from rise_tui.model.failures import fill_known
+from rise_tui.model.robot_speech import message_of
 from rise_tui.model.store import Store
-from rise_tui.rendering.text import cell_width, clean, shorten
+from rise_tui.rendering.text import cell_width, clean, format_value, shorten
+
+_VERBS = {"stopCommunicationRobotAct": "stops", "stopInteractionRule": "stops the rule", "assignValue": "sets"}
+NOTHING = "does nothing but wait"
+ENDS = "ends the rule"
+
+
+def entry_lines(scenario: Scenario, state: State, memory: Mapping[str, Any], width: int, most: int = 6) -> list[str]:
+    """What `onEntry` would do, a line for each function, of at most `width` cells; of more than `most`, a count."""
+    lines = [
+        ("perhaps " if not sure else "") + _function_text(scenario, function, memory)
+        for function, sure in functions_in(state.on_entry)
+    ]
+    lines += [] if state.transitions else [ENDS]
+    if len(lines) > most:
+        lines = [*lines[: most - 1], f"and {len(lines) - most + 1} more"]
+    return [shorten(line, width) for line in lines] or [NOTHING]
+
+
+def entry_summary(scenario: Scenario, rule: Rule, state: str, memory: Mapping[str, Any]) -> str:
+    """The first thing that the robot would say or do, and how many others there are."""
+    lines = entry_lines(scenario, rule.states[state], memory, 10_000, 10_000)
+    spoken = next((line for line in lines if "“" in line), lines[0])
+    return spoken if len(lines) == 1 else f"{spoken}, and {len(lines) - 1} more"
+
+
+def _function_text(scenario: Scenario, function: Function, memory: Mapping[str, Any]) -> str:
+    match function.name:
+        case "startCommunicationRobotAct":
+            return (
+                f"says {words}"
+                if (words := _words_of(scenario, function.argument, memory))
+                else (f"starts {function.argument}")
+            )
+        case "startInteractionRule":
+            return f"starts the rule {describe_behavior(function.name, function.behavior)}"
+        case "raiseEventTopic":
+            return f"raises {normal_topic(function.argument)}"
+        case _:
+            return f"{_VERBS[function.name]} {function.argument}"
+
+
+def _words_of(scenario: Scenario, name: str, memory: Mapping[str, Any]) -> str:
+    """All that an act says, with the memory's values as they are now; of variants the first."""
+    return " ".join(f"“{text}”" for text in _texts(scenario, name, memory))
+
+
+def _texts(scenario: Scenario, name: str, memory: Mapping[str, Any]) -> Iterator[str]:
+    act = scenario.acts.get(name)
+    for action in act.actions if act is not None else ():
+        if (message := message_of(scenario, action.calls[0])) is not None:
+            yield fill_known(message, memory)
+
 
 OPTIONS: tuple[Resumption, ...] = ("leave", "enter", "wait")
 """The first is what holds if nobody chooses."""
@@ -73,3 +130,74 @@ def release_behavior(chosen: Mapping[str, str]) -> str:
     """The behaviour of the task that releases the stop: empty when every rule is left stopped."""
     resumed = {name: how for name, how in chosen.items() if how != "leave"}
     return json.dumps(resumed, ensure_ascii=False) if resumed else ""
+
+
+BACK, KEEP = "take back", "keep"
+GO_ON, STOP = "go on", "stop"
+ACTS = ""
+"""Stands for the acts that the rule has started, where others stand for memory keys."""
+MOST_VALUE = 24
+"""Cells of a value."""
+
+
+class BackStep(NamedTuple):
+    """A step back that can be made now."""
+
+    rule: str
+    state: str
+    """The state before."""
+    keys: dict[str, str]
+    """The memory keys that have changed since, each with its value now and the one before."""
+    acts: tuple[str, ...]
+    """Acts of the rule that run or wait, or have failed and wait for an answer."""
+
+
+def find_back_step(store: Store, name: str) -> BackStep | None:
+    """The step back of a rule; None when it does not run, or no state before is known."""
+    view, rule = store.rule(name), store.scenario.rules.get(name)
+    if not view.running or len(view.steps) < 2 or rule is None or view.steps[-2][0] not in rule.states:
+        return None
+    keys = {}
+    for key, before in store.view.changed_since_step(view).items():
+        now = _value_text(store.memory[key]) if key in store.memory else "not set"
+        keys[key] = f"{now} → {_value_text(before.value) if before.existed else 'not set'}"
+    failed = (store.view.tasks[id] for id in store.view.questions if id in store.view.tasks)
+    tasks = (*failed, *store.running_tasks, *store.waiting_tasks)
+    acts = dict.fromkeys(task.behavior for task in tasks if task.source == f"rule:{name}")
+    return BackStep(name, view.steps[-2][0], keys, tuple(acts))
+
+
+def question_lines(store: Store, step: BackStep, width: int) -> list[str]:
+    """What the robot and the rule would do at once."""
+    state = store.scenario.rules[step.rule].states[step.state]
+    now = store.rule(step.rule).state
+    return [
+        shorten(f"Rule {step.rule} goes from {now} back to {step.state}. Its onEntry:", width),
+        *(f"  {line}" for line in entry_lines(store.scenario, state, store.memory, width - 2, 4)),
+    ]
+
+
+def step_lines(
+    step: BackStep, chosen: Mapping[str, str], selected: int, first: int, width: int, rows: int
+) -> list[str]:
+    """For each thing to choose what is chosen, from the first shown on."""
+    names: Sequence[str] = list(chosen)
+    lines = []
+    for index, name in enumerate(names[first : first + rows], first):
+        mark = "▸" if index == selected else " "
+        word = f"‹{chosen[name]:^{len(BACK)}}›"
+        text = f"its acts: {', '.join(step.acts)}" if name == ACTS else f"{name}: {step.keys[name]}"
+        place = shorten(f"{mark} {clean(text)}", width - cell_width(word) - 1)
+        lines.append(place + " " * (width - cell_width(place) - cell_width(word)) + word)
+    return lines
+
+
+def step_behavior(step: BackStep, chosen: Mapping[str, str], *, enter: bool) -> str:
+    """The behaviour of the task that makes the step."""
+    taken = [key for key in step.keys if chosen[key] == BACK]
+    parts = {"rule": step.rule, "take_back": taken, "enter": enter, "stop_acts": chosen.get(ACTS) == STOP}
+    return json.dumps(parts, ensure_ascii=False)
+
+
+def _value_text(value: object) -> str:
+    return shorten(format_value(value), MOST_VALUE)

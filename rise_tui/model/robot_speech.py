@@ -12,11 +12,40 @@ from typing import Any, Literal, NamedTuple
 from rise_engine.kernel.records import ENDINGS, ActionRecord
 from rise_engine.kernel.task_view import ActionView, TaskView
 from rise_engine.kernel.view import SessionView
-from rise_engine.scenario.model import Action, Scenario
+from rise_engine.scenario.durations import expected_seconds
+from rise_engine.scenario.model import Action, ActionCall, Scenario
+from rise_engine.scenario.spoken import MESSAGE, SPEECH_CHANNEL
 from rise_engine.scenario.ssml import plain_words
-from rise_engine.scenario.template import MissingValueError, Template
-from rise_tui.model.act_seconds import estimate_action_seconds
-from rise_tui.model.speech_actions import message_of, words_of
+from rise_engine.scenario.template import MissingValueError, Template, spoken_text
+
+
+def message_name(scenario: Scenario, action: str) -> str:
+    """The parameter of an action of the robot that holds what is said: its `message`, or else the first that is a text;
+    empty for one that says nothing."""
+    spec = scenario.robot.actions.get(action)
+    if spec is None or SPEECH_CHANNEL not in spec.channels:
+        return ""
+    texts = [name for name, parameter in spec.parameters.items() if parameter.type == "text"]
+    return MESSAGE if MESSAGE in texts else next(iter(texts), "")
+
+
+def message_of(scenario: Scenario, call: ActionCall) -> Template | None:
+    """What a call says, as it is written; None when it says nothing."""
+    return call.parameters.get(message_name(scenario, call.type))
+
+
+def words_of(scenario: Scenario, action: ActionView) -> str | None:
+    """What is heard of an action, as it was sent, or for one that was left out as it is written; None when it says
+    nothing."""
+    name = message_name(scenario, action.type)
+    return plain_words(spoken_text(action.parameters[name]).strip()) if name and name in action.parameters else None
+
+
+def estimate_action_seconds(scenario: Scenario, action: ActionView) -> float | None:
+    """Seconds, with the parameters that it was sent with; None for an action that the robot does not know."""
+    spec = scenario.robot.actions.get(action.type)
+    return expected_seconds(spec, action.parameters) if spec is not None else None
+
 
 LOOK_BACK = 2_000
 """Tasks that are looked at for the latest sentence when a console attaches."""

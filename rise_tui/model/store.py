@@ -52,16 +52,13 @@ from rise_engine.run.protocol.client import (
 from rise_engine.scenario.lexicon import RobotWording
 from rise_engine.scenario.model import CUE_TOPICS, KeyBinding, Scenario, normal_topic
 from rise_tui.model import control
-from rise_tui.model.blocked import BlockedReason, Deed
-from rise_tui.model.expected_inputs import ExpectedInputs, find_expected_inputs
-from rise_tui.model.flash import LATE_SECONDS
-from rise_tui.model.input_lock import CUE_EVENTS, STARTING_FUNCTIONS, InputMode
+from rise_tui.model.control import CUE_EVENTS, STARTING_FUNCTIONS, BlockedReason, Deed, InputMode
+from rise_tui.model.cue import CueClock, cue_clock
+from rise_tui.model.key_action import ExpectedInputs, find_expected_inputs
 from rise_tui.model.log_rows import BY_RULE, LogRows, is_by_wizard
-from rise_tui.model.notice import Notice
+from rise_tui.model.memory_changes import UndoStack
+from rise_tui.model.notice import Notice, completion_message, record_notice, short_name
 from rise_tui.model.robot_speech import CurrentSentence, SentenceTracker
-from rise_tui.model.task_messages import completion_message, record_notice
-from rise_tui.model.undo import UndoStack
-from rise_tui.model.voice import CueClock, cue_clock
 
 StorePart: TypeAlias = Literal["acts", "rules", "memory", "tasks", "status", "stop", "cue", "notice", "flash"]
 """What a batch of records changed; a pane says which of these it shows."""
@@ -95,6 +92,8 @@ _PARTS_OF_TASK: dict[str, frozenset[StorePart]] = {
 }
 
 RECORDS_LEFT_OUT = "too much is happening at once: this console skips some records; the state that it shows is correct"
+LATE_FLASH_SECONDS = 1.0
+"""A console that hears of a mark later than that shows nothing: at that moment there was no flash."""
 LEFT_OUT_SECONDS = 10.0
 """Seconds before that is said again."""
 
@@ -268,7 +267,7 @@ class Store:
             return BlockedReason("replay")
         if deed in ("change", "start") and not self.has_control:
             watches = self.attach_reply.role == "observer"
-            return BlockedReason("control", holder=control.short_name(self.view.control), watches=watches)
+            return BlockedReason("control", holder=short_name(self.view.control), watches=watches)
         if deed != "reach" and self.shadow is not None and self.shadow.paused:
             return BlockedReason("paused")
         return self._start_blocked() if deed == "start" else None
@@ -395,7 +394,7 @@ class Store:
             elif isinstance(record, MistakeRecord):
                 self.changed_tasks.append(record.task)
             elif isinstance(record, SyncRecord) and record.medium == "flash" and not self.attach_reply.replay:
-                if self.now() - record.t > LATE_SECONDS:
+                if self.now() - record.t > LATE_FLASH_SECONDS:
                     self.notice = Notice(f"mark {record.number} came too late to be shown here", "wait")
                 else:
                     self.flash = record

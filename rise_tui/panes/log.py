@@ -12,15 +12,12 @@ from rise_engine.kernel.records import FINAL
 from rise_engine.kernel.task_view import TaskView
 from rise_tui.actions import bindings_in
 from rise_tui.messages import ShowNotice
-from rise_tui.model.filtering import InvalidFilter
+from rise_tui.model.filtering import InvalidFilter, RowSearch
 from rise_tui.model.log_rows import row_of, task_of
-from rise_tui.model.log_text import NARROW, log_line, search_text
-from rise_tui.model.row_search import RowSearch
-from rise_tui.model.session_times import EXAMPLES, parse_moment
+from rise_tui.model.log_text import EXAMPLES, NARROW, log_line, parse_moment, search_text, task_rows
+from rise_tui.model.notice import task_label
 from rise_tui.model.states import task_state
 from rise_tui.model.store import Store
-from rise_tui.model.task_messages import task_label
-from rise_tui.model.task_text import task_rows
 from rise_tui.panes.log_export import copy_row, copy_rows, save_rows, suggested_file_name
 from rise_tui.panes.pane import Pane
 from rise_tui.rendering.text import ListRow, StyledLine, TextRole, format_clock, highlight_matches, plain_text

@@ -1,28 +1,141 @@
-"""What leaves the log: rows to copy, rows to save. Each function says what became of it, in a sentence."""
+"""What leaves the log: rows on the clipboard of the wizard's terminal, or in a file. No widget here."""
 
 from __future__ import annotations
 
 import asyncio
+import json
 import os
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from datetime import datetime
 from pathlib import Path
 from typing import Any, NamedTuple
 
 from textual.app import App
 
+from rise_engine.base.errors import RiseError
 from rise_engine.kernel.task_view import TaskView
 from rise_tui.config.paths import abbreviate_home
 from rise_tui.model.store import Store
-from rise_tui.panes.task_export import (
-    ExportFailed,
-    clipboard_remark,
-    clipboard_text,
-    export_folder,
-    save_tasks,
-    table_lines,
-)
 from rise_tui.rendering.text import format_clock
+
+CLIPBOARD_BYTES = 75_000
+"""More than this, many terminals drop without a word."""
+COLUMNS = (
+    *("task", "submitted", "started", "ended", "waited", "took", "source", "function", "calling_type", "behavior"),
+    *("status", "reason", "mistake", "cue", "key", "robot", "voice", "filler"),
+)
+"""Times are seconds of the session, `waited` and `took` durations in seconds; what did not happen is `n/a`."""
+TABLE_SUFFIXES, JSON_LINES_SUFFIXES = (".tsv", ".txt"), (".jsonl", ".ndjson")
+
+
+class ExportFailed(RiseError):
+    """Nothing was written; the message says why, for a person."""
+
+
+def task_columns(task: TaskView) -> dict[str, Any]:
+    """A task by COLUMNS; None for what did not happen."""
+    waited = task.started - task.submitted if task.started is not None else None
+    took = task.ended - task.started if task.ended is not None and task.started is not None else None
+    times = (task.submitted, task.started, task.ended, waited, took)
+    values = (
+        *(task.id or None, *map(_round, times), task.source, task.function, task.calling_type, task.behavior),
+        *(task.status, task.reason, task.mark, *map(_round, (task.cue_at, task.key_at, task.robot_at))),
+        *(_round(task.voice_at), task.filler),
+    )
+    return dict(zip(COLUMNS, values, strict=True))
+
+
+def table_lines(tasks: Iterable[TaskView], *, head: bool = True) -> Iterator[str]:
+    """Lines of tab-separated values."""
+    if head:
+        yield "\t".join(COLUMNS)
+    for task in tasks:
+        yield "\t".join(map(_cell_text, task_columns(task).values()))
+
+
+def json_lines(tasks: Iterable[TaskView]) -> Iterator[str]:
+    """One JSON object for each task, with the actions of acts."""
+    for task in tasks:
+        actions = [
+            {
+                "action": action.action,
+                "type": action.type,
+                "status": action.status,
+                "parameters": action.parameters,
+                "started": _round(action.since),
+                "ended": _round(action.ended),
+                "reason": action.reason,
+            }
+            for action in list(task.actions.values())
+        ]
+        yield json.dumps({**task_columns(task), "actions": actions}, ensure_ascii=False)
+
+
+def clipboard_text(lines: Iterable[str]) -> str:
+    """The lines as one text. Raises ExportFailed, and then has not made the rest."""
+    taken, size = [], 0
+    for line in lines:
+        size += len(line.encode("utf-8", "replace")) + 1
+        if size > CLIPBOARD_BYTES:
+            least = f"more than {CLIPBOARD_BYTES // 1000} kB"
+            raise ExportFailed(f"{least}, which many terminals drop: filter the log, or save it to a file")
+        taken.append(line)
+    return "\n".join(taken)
+
+
+def clipboard_remark(environment: Mapping[str, str]) -> str:
+    """What may keep a copied text from arriving, and what to do; empty when nothing is known to."""
+    if environment.get("TMUX") or environment.get("TERM", "").startswith("tmux"):
+        return "; if nothing arrives: tmux set -g set-clipboard on"
+    if environment.get("STY") or environment.get("TERM", "").startswith("screen"):
+        return "; GNU screen does not pass it on: save to a file instead"
+    if environment.get("TERM_PROGRAM") == "Apple_Terminal":
+        return "; Apple's Terminal does not take it: save to a file instead"
+    return ""
+
+
+def export_folder(session: str) -> Path:
+    """Where a name without a folder is saved: with the session's record, or else in the current folder."""
+    folder = Path(session)
+    return folder if session and folder.is_dir() and os.access(folder, os.W_OK) else Path()
+
+
+def save_tasks(name: str, tasks: Iterable[TaskView], folder: Path) -> Path:
+    """Write the tasks to a new file that only its owner can read; returns its full path.
+
+    `folder`: for names without one. Blocks: not for a loop. Raises ExportFailed.
+    """
+    path = folder / Path(name.strip()).expanduser() if name.strip() else Path()
+    ending = path.suffix.casefold()
+    if ending not in (*TABLE_SUFFIXES, *JSON_LINES_SUFFIXES):
+        raise ExportFailed("end the name in .tsv (a table) or .jsonl (JSON lines)")
+    path = path.absolute()
+    lines = table_lines(tasks) if ending in TABLE_SUFFIXES else json_lines(tasks)
+    try:
+        descriptor = os.open(path, os.O_WRONLY | os.O_CREAT | os.O_EXCL | os.O_CLOEXEC, 0o600)
+        file = os.fdopen(descriptor, "w", encoding="utf-8", errors="backslashreplace", newline="\n")
+    except FileExistsError:
+        raise ExportFailed(f"{path} exists already; nothing is overwritten: take another name") from None
+    except OSError as error:
+        raise ExportFailed(f"{path}: {error.strerror or error}") from error
+    try:
+        with file:
+            file.writelines(f"{line}\n" for line in lines)
+    except OSError as error:
+        path.unlink(missing_ok=True)
+        raise ExportFailed(f"{path}: {error.strerror or error}") from error
+    return path
+
+
+def _round(value: float | None) -> float | None:
+    return None if value is None else round(value, 3)
+
+
+def _cell_text(value: Any) -> str:
+    """A value that stays in its cell, whatever is in it."""
+    if value is None or value == "":
+        return "n/a"
+    return str(value).replace("\\", "\\\\").replace("\t", "\\t").replace("\n", "\\n").replace("\r", "\\r")
 
 
 class Saved(NamedTuple):

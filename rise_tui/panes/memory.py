@@ -13,9 +13,17 @@ from rise_engine.kernel.view import MemoryView
 from rise_tui.actions import bindings_in
 from rise_tui.key_labels import why_blocked
 from rise_tui.messages import ShowNotice, SubmitTask
-from rise_tui.model.json_path import JsonPath, NoSuchPath, children, path_text, value_at, with_removed, with_replaced
+from rise_tui.model.log_text import value_rows
+from rise_tui.model.memory_changes import (
+    JsonPath,
+    NoSuchPath,
+    children,
+    path_text,
+    value_at,
+    with_removed,
+    with_replaced,
+)
 from rise_tui.model.store import Store
-from rise_tui.model.task_text import value_rows
 from rise_tui.panes.pane import ListPane
 from rise_tui.rendering.later import Later
 from rise_tui.rendering.text import (

@@ -5,9 +5,9 @@ from __future__ import annotations
 from rise_engine.kernel.task_view import TaskView
 from rise_tui.actions import bindings_in
 from rise_tui.messages import ShowNotice, SubmitTask
-from rise_tui.model.queue_estimate import QueuedTask, estimate_starts
+from rise_tui.model.log_text import task_rows
 from rise_tui.model.states import SENT, act_progress, task_state
-from rise_tui.model.task_text import task_rows
+from rise_tui.model.upcoming import QueuedTask, estimate_starts
 from rise_tui.panes.pane import ListPane
 from rise_tui.rendering.text import ListRow, StyledLine, StyledSpan, fixed_span, format_duration, format_seconds
 from rise_tui.screens.detail import DetailScreen

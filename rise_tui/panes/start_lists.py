@@ -13,6 +13,7 @@ from rise_tui.actions import bindings_in
 from rise_tui.key_labels import why_blocked
 from rise_tui.messages import RequestStart, ShowNotice, ShowSelection, SubmitTask
 from rise_tui.model.key_action import start_action
+from rise_tui.model.notice import act_label
 from rise_tui.model.states import (
     ARMED,
     EXPECTED,
@@ -26,7 +27,6 @@ from rise_tui.model.states import (
     rule_state,
 )
 from rise_tui.model.store import Store, StorePart
-from rise_tui.model.task_messages import act_label
 from rise_tui.panes.pane import ListPane
 from rise_tui.rendering.text import (
     ListRow,

@@ -1,10 +1,11 @@
-"""Dialogs that close once."""
+"""Dialogs: they close once, in a box with a title above and what its keys do below."""
 
 from __future__ import annotations
 
 from typing import Generic
 
 from textual.await_complete import AwaitComplete
+from textual.containers import Vertical
 from textual.screen import ModalScreen, ScreenResultType
 
 
@@ -16,3 +17,20 @@ class SingleDismissModal(ModalScreen[ScreenResultType], Generic[ScreenResultType
 
     def dismiss(self, result: ScreenResultType | None = None) -> AwaitComplete:
         return super().dismiss(result) if self.is_active else AwaitComplete.nothing()  # type: ignore[no-untyped-call]
+
+
+class TitledBox(Vertical):
+    """Fills with what is composed inside it; its dialog says how large it is (`#box`)."""
+
+    DEFAULT_CSS = """
+    TitledBox {
+        height: auto; max-width: 96%; padding: 0 1; background: $panel;
+        border: round $primary; border-title-style: bold;
+    }
+    """
+
+    def __init__(self, title: str, keys: str = "") -> None:
+        """`keys`: what the keys do, in a few words; empty where buttons say it."""
+        super().__init__(id="box")
+        self.border_title = f" {title} "
+        self.border_subtitle = f" {keys} " if keys else None

@@ -20,12 +20,11 @@ from rise_engine.kernel.inputs import CheckReport
 from rise_engine.study.model import StudyCheck
 from rise_tui.model.check_list import CheckItem, CheckList
 from rise_tui.rendering.later import Later
-from rise_tui.rendering.modal import SingleDismissModal
+from rise_tui.rendering.modal import SingleDismissModal, TitledBox
 from rise_tui.rendering.text import ListRow, StyledLine, TextRole, crop, wrap
 from rise_tui.widgets.prompt_bar import PromptBar
 from rise_tui.widgets.row_list import RowList, RowView
 from rise_tui.widgets.static_lines import StaticLines
-from rise_tui.widgets.titled_box import TitledBox
 
 REPEAT_SECONDS = 0.7
 """A key that comes again within this time is held down: keyboards wait less before they repeat."""

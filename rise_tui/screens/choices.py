@@ -1,4 +1,4 @@
-"""A question with a choice for each of several things, and keys that choose for all of them."""
+"""Questions with a choice for each of several things, and keys that choose for all: a release, and a step back."""
 
 from __future__ import annotations
 
@@ -12,8 +12,22 @@ from textual.binding import Binding, BindingType
 from textual.containers import Horizontal
 from textual.widgets import Static
 
+from rise_tui.model.resumption import (
+    ACTS,
+    BACK,
+    GO_ON,
+    KEEP,
+    OPTIONS,
+    STOP,
+    BackStep,
+    InterruptedRule,
+    release_behavior,
+    resumption_lines,
+    step_behavior,
+    step_lines,
+)
+from rise_tui.rendering.modal import TitledBox
 from rise_tui.screens.dialog import Dialog, DialogChoice
-from rise_tui.widgets.titled_box import TitledBox
 
 LINES_AROUND = 12
 """Rows of the terminal that the dialog needs beside its lines and choices."""
@@ -110,3 +124,63 @@ class ChoicesDialog(Dialog):
 def first_shown(selected: int, count: int, most: int) -> int:
     """The first of `count` things to show, so that of `most` the selected one is in the middle."""
     return max(0, min(selected - most // 2, count - most))
+
+
+ALL_KEYS = {"e": "enter", "w": "wait", "l": "leave"}
+RELEASE_HINT = "all: e re-enter, w wait there, l leave   one: ↑ ↓, ← →"
+
+
+class ReleaseDialog(ChoicesDialog):
+    """Asks once for all rules; each is left stopped unless something else is chosen."""
+
+    def __init__(self, lines: Sequence[str], rules: Sequence[InterruptedRule], repeat_keys: Sequence[str]) -> None:
+        super().__init__(
+            "Release the stop?",
+            lines,
+            [Choice(rule.name, OPTIONS) for rule in rules],
+            ALL_KEYS,
+            DialogChoice("r", "Release"),
+            hint=RELEASE_HINT,
+            no="Stay stopped",
+            repeat_keys=repeat_keys,
+        )
+        self._rules = rules
+
+    @property
+    def behavior(self) -> str:
+        """Of the task that releases the stop, as it is chosen now."""
+        return release_behavior(self.chosen)
+
+    def choice_lines(self, width: int, rows: int) -> list[str]:
+        return resumption_lines(self._rules, self.chosen, self.selected, width, rows)
+
+
+STEP_HINT = "all keys: t take back, k keep   one: ↑ ↓, ← →"
+NOTHING = "no memory key has changed since"
+
+
+class StepBackDialog(ChoicesDialog):
+    """Memory keys are taken back, and acts go on, unless something else is chosen."""
+
+    def __init__(self, lines: Sequence[str], step: BackStep) -> None:
+        choices = [Choice(key, (BACK, KEEP)) for key in step.keys]
+        choices += [Choice(ACTS, (GO_ON, STOP))] if step.acts else []
+        super().__init__(
+            "One step back?",
+            lines,
+            choices,
+            {"t": BACK, "k": KEEP},
+            DialogChoice("b", "Back"),
+            DialogChoice("w", "Back, waiting"),
+            hint=STEP_HINT if choices else NOTHING,
+            no="Stay",
+        )
+        self._step = step
+
+    def behavior(self, answer: str) -> str:
+        """Of the task that makes the step, as it is chosen now."""
+        return step_behavior(self._step, self.chosen, enter=answer == "b")
+
+    def choice_lines(self, width: int, rows: int) -> list[str]:
+        first = first_shown(self.selected, len(self.chosen), rows)
+        return step_lines(self._step, self.chosen, self.selected, first, width, rows)

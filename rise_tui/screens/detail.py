@@ -7,10 +7,9 @@ from collections.abc import Callable, Sequence
 from textual import events, on
 from textual.app import ComposeResult
 
-from rise_tui.rendering.modal import SingleDismissModal
+from rise_tui.rendering.modal import SingleDismissModal, TitledBox
 from rise_tui.rendering.text import ListRow
 from rise_tui.widgets.row_list import RowList, RowView
-from rise_tui.widgets.titled_box import TitledBox
 
 REFRESH_SECONDS = 0.5
 """How soon a row that has changed is shown."""

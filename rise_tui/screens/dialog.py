@@ -13,8 +13,7 @@ from textual.timer import Timer
 from textual.widgets import Button, Static
 
 from rise_tui.model.key_action import HELD_KEY_SECONDS
-from rise_tui.rendering.modal import SingleDismissModal
-from rise_tui.widgets.titled_box import TitledBox
+from rise_tui.rendering.modal import SingleDismissModal, TitledBox
 
 
 class DialogChoice(NamedTuple):

@@ -9,8 +9,8 @@ from typing import NamedTuple
 from rise_tui.actions import BY_ID, IN_EDITOR, KEY_SCOPES, ON_STUDY_SCREEN, ConsoleAction, KeyScope, actions_in
 from rise_tui.key_labels import key_label, key_name, key_text, keys_of, why_task_blocked, why_unavailable
 from rise_tui.model.filtering import Filter, InvalidFilter
+from rise_tui.model.notice import task_label
 from rise_tui.model.store import Store
-from rise_tui.model.task_messages import task_label
 from rise_tui.rendering.text import ListRow, StyledLine, crop, fixed_span, highlight_matches, plain_text, wrap
 from rise_tui.screens.search_dialog import SearchDialog
 

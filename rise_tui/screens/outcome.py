@@ -1,4 +1,4 @@
-"""How a session of a study is to count: asked when it is ended, or afterwards when nobody could be asked then."""
+"""How a session ends: a word that is typed before it ends for good, and in a study how it counts."""
 
 from __future__ import annotations
 
@@ -12,11 +12,63 @@ from textual.containers import Horizontal
 from textual.widgets import Input, Label, Static
 
 from rise_engine.study.model import OutcomeStatus
-from rise_tui.rendering.modal import SingleDismissModal
-from rise_tui.screens.end_session import CONFIRMING_WORD
-from rise_tui.screens.settings import ChoiceField
-from rise_tui.widgets.memory_editor import TextField
-from rise_tui.widgets.titled_box import TitledBox
+from rise_tui.model.status import participant_text, running_lines, session_title
+from rise_tui.model.store import Store
+from rise_tui.rendering.modal import SingleDismissModal, TitledBox
+from rise_tui.widgets.choice_field import ChoiceField, OpenChoice
+from rise_tui.widgets.prompt_bar import TextField
+
+CONFIRMING_WORD = "end"
+"""No key of any study ends a session, however it was meant: this is typed, and then Enter is pressed."""
+
+
+class EndSessionDialog(SingleDismissModal[bool]):
+    """Answers whether the session is to end; Esc leaves it and does nothing."""
+
+    AUTO_FOCUS = "#word"
+    BINDINGS: ClassVar[list[BindingType]] = [Binding("escape", "dismiss(False)", show=False)]
+
+    DEFAULT_CSS = """
+    EndSessionDialog {
+        align: center middle; background: transparent;
+        #box { width: 68; max-height: 90%; border: round $error; border-title-color: $foreground; }
+        #lines { height: auto; margin: 0 0 1 0; }
+        #typing { height: 1; }
+        #typing Label { width: auto; padding: 0 1 0 0; }
+        TextField, TextField:focus { width: 1fr; background: $rise-cursor; }
+        #answer { height: 1; color: $warning; }
+    }
+    """
+
+    def __init__(self, title: str, lines: Sequence[str]) -> None:
+        super().__init__()
+        self._title, self._lines = title, lines
+
+    def compose(self) -> ComposeResult:
+        with TitledBox(self._title, "esc cancel"):
+            yield Static("\n".join(self._lines), id="lines", markup=False)
+            with Horizontal(id="typing"):
+                yield Label(f"Type {CONFIRMING_WORD} and press enter:")
+                yield TextField(id="word", select_on_focus=False)
+            yield Static("", id="answer", markup=False)
+
+    @on(Input.Submitted)
+    def _check_word(self, event: Input.Submitted) -> None:
+        event.stop()
+        if event.value.strip().casefold() == CONFIRMING_WORD:
+            self.dismiss(True)
+        else:
+            self.query_one("#answer", Static).update(f"that is not the word {CONFIRMING_WORD}: the session goes on")
+
+
+def end_session_dialog(store: Store, then: str = "") -> EndSessionDialog:
+    """Before the session ends for good. `then`: what comes after it, if not nothing."""
+    participant = participant_text(store)
+    lines = [session_title(store), *running_lines(store), ""]
+    lines += ["The robot stops, and the session ends permanently.", "It cannot be continued."]
+    lines += [then] * bool(then)
+    return EndSessionDialog(f"End the session of {participant}?" if participant else "End the session?", lines)
+
 
 OUTCOMES: tuple[OutcomeStatus, ...] = ("complete", "aborted", "excluded")
 MEANINGS: dict[str, str] = {
@@ -34,16 +86,6 @@ class Outcome(NamedTuple):
 
     status: OutcomeStatus
     reason: str
-
-
-class OpenChoice(ChoiceField):
-    """Nothing is chosen to begin with: then the first key for it chooses the first word."""
-
-    def on_key(self, event: events.Key) -> None:
-        if self.value not in self._words and event.key in ("left", "right"):
-            event.stop()
-            event.prevent_default()  # else the base class would go on to the next one
-            self._choose(self._words[0])
 
 
 class OutcomeDialog(SingleDismissModal[Outcome | None]):

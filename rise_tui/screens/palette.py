@@ -1,9 +1,24 @@
-"""The command palette: type a few letters of anything that can be done, Enter does it."""
+"""The command palette: type a few letters of anything that can be done, Enter does it.
+
+What cannot be used now is there too, with the reason.
+"""
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
+from functools import partial
+from typing import NamedTuple
 
+from rise_engine.author.drawing.rule_text import ENDINGS
+from rise_engine.author.drawing.study_keys import ACT, EVENT, RULE, SET, key_title
+from rise_engine.kernel.behaviors import describe_behavior
+from rise_engine.scenario.model import KeyBinding, normal_topic
+from rise_tui.actions import ACTIONS, BY_ID, IN_EDITOR, KEY_SCOPES, ON_STUDY_SCREEN, ConsoleAction, KeyScope, actions_in
+from rise_tui.key_labels import first_key_label, why_blocked, why_task_blocked, why_unavailable
+from rise_tui.model.filtering import Filter, InvalidFilter
+from rise_tui.model.key_action import KeyAction, action_of_key, start_action
+from rise_tui.model.store import Store
+from rise_tui.rendering import themes
 from rise_tui.rendering.text import (
     ListRow,
     StyledLine,
@@ -14,8 +29,137 @@ from rise_tui.rendering.text import (
     highlight_matches,
     line_width,
 )
-from rise_tui.screens.palette_commands import PaletteCommand, PaletteHit, search_commands
 from rise_tui.screens.search_dialog import SearchDialog
+
+THEME = "theme"
+
+
+class PaletteCommand(NamedTuple):
+    """One line of the palette."""
+
+    title: str
+    kind: str
+    """What it is, in a word: act, rule, event, theme, or the place of an action."""
+    key: str
+    help: str
+    blocked_text: str
+    run: Callable[[], None]
+    theme: str = ""
+    """Shown while the cursor is on the line."""
+
+
+def palette_commands(
+    store: Store, scope: KeyScope | None, run: Callable[[str], None], start: Callable[[KeyAction], None]
+) -> Iterator[PaletteCommand]:
+    """The focused pane's actions, what the rules wait for, all other actions, acts, rules."""
+    titles = dict(KEY_SCOPES)
+    own = [action for action in ACTIONS if action.scope == scope]
+    rest = [action for action in ACTIONS if action.scope not in (scope, "study", "edit") and action.id != "palette"]
+
+    def of_action(action: ConsoleAction, kind: str) -> PaletteCommand:
+        why, key = why_unavailable(action, store), first_key_label(action)
+        return PaletteCommand(action.title, kind, key, action.help, why, partial(run, action.id))
+
+    yield from (of_action(action, "here") for action in own)
+    yield from _expected_events(store, start)
+    for action in rest:
+        yield of_action(action, "" if action.scope in ("everywhere", "console") else titles[action.scope].lower())
+    yield from _scenario_commands(store, start)
+
+
+def study_commands(run: Callable[[str], None]) -> Iterator[PaletteCommand]:
+    """What can be done on the screen of a study, where no session runs."""
+    shared = (BY_ID[id] for id in ON_STUDY_SCREEN if id not in ("palette", "theme"))
+    for action in (*actions_in("study"), *shared):
+        yield PaletteCommand(action.title, "", first_key_label(action), action.help, "", partial(run, action.id))
+
+
+def edit_commands(run: Callable[[str], None]) -> Iterator[PaletteCommand]:
+    """What can be done in the editor of a study's files."""
+    shared = (BY_ID[id] for id in IN_EDITOR if id not in ("palette", "theme"))
+    for action in (*actions_in("edit"), *shared):
+        yield PaletteCommand(action.title, "", first_key_label(action), action.help, "", partial(run, action.id))
+
+
+def _expected_events(store: Store, start: Callable[[KeyAction], None]) -> Iterator[PaletteCommand]:
+    """Events that a running rule waits for and that no act or rule raises itself when it ends."""
+    topics = store.expected_inputs().events
+    own = {name + ending for name in (*store.scenario.acts, *store.scenario.rules) for ending in ENDINGS}
+    why = why_blocked(store, "start")
+    for topic in sorted(topics - own):
+        action = KeyAction("raiseEventTopic", topic)
+        key = store.key_of(action.function, topic)
+        help = f"raise this event{_author_title(key)}: a running rule waits for it"
+        yield PaletteCommand(topic, "event", key.label if key else "", help, why, partial(start, action))
+
+
+def _scenario_commands(store: Store, start: Callable[[KeyAction], None]) -> Iterator[PaletteCommand]:
+    scenario, why = store.scenario, why_blocked(store, "start")
+    expected_inputs = store.expected_inputs()
+    for kind, function, names, expected in (
+        ("act", ACT, scenario.acts, expected_inputs.acts),
+        ("rule", RULE, scenario.rules, expected_inputs.rules),
+    ):
+        for name in names:
+            action, key = start_action(scenario, function, name), store.key_of(function, name)
+            help = f"start this {kind}{_author_title(key)}" + (
+                "; a running rule waits for it" if name in expected else ""
+            )
+            yield PaletteCommand(name, kind, key.label if key else "", help, why, partial(start, action))
+    for key in scenario.keys.values():
+        action = action_of_key(scenario, key)
+        if key.function == EVENT and normal_topic(key.behavior) not in expected_inputs.events:
+            help, why = "raise this event; no running rule waits for it now", why_task_blocked(store, key.function)
+            yield PaletteCommand(
+                key_title(key), "event", key.label, f"{key.behavior}: {help}", why, partial(start, action)
+            )
+        elif key.function == SET:
+            why = why_task_blocked(store, key.function)
+            yield PaletteCommand(key_title(key), "set", key.label, key.behavior, why, partial(start, action))
+        elif key.function == RULE and key.task_behavior != key.behavior:
+            help = f"start this rule: {describe_behavior(key.function, key.task_behavior)}"
+            yield PaletteCommand(
+                key_title(key), "rule", key.label, help, why_blocked(store, "start"), partial(start, action)
+            )
+
+
+def _author_title(key: KeyBinding | None) -> str:
+    """What the author calls it, as words to be found by."""
+    return f": {key.title}" if key is not None and key.title else ""
+
+
+def theme_commands(choose: Callable[[str], None]) -> Iterator[PaletteCommand]:
+    """One line for each theme; moving over it shows it."""
+    for theme in themes.THEMES:
+        name = theme.name.removeprefix("rise-")
+        yield PaletteCommand(name, THEME, "", "use this theme", "", partial(choose, theme.name), theme.name)
+
+
+class PaletteHit(NamedTuple):
+    """A command that fits, and where in its title."""
+
+    command: PaletteCommand
+    spans: Sequence[tuple[int, int]] = ()
+
+
+def search_commands(all_of_them: Iterable[PaletteCommand], typed: str) -> list[PaletteHit]:
+    """What fits to what was typed, the best first; all of them in their order when nothing usable is typed."""
+    try:
+        wanted = Filter(typed)
+        if not wanted:
+            return [PaletteHit(command) for command in all_of_them]
+        ranked: list[tuple[tuple[int, ...], PaletteHit]] = []
+        for command in all_of_them:
+            if wanted.matches(named := f"{command.title}  {command.kind}"):
+                spans = [span for span in wanted.match_spans(named) if span[1] <= len(command.title)]
+                start, end = (spans[0][0], spans[-1][1]) if spans else (len(named), len(named))
+                ranked.append(((0, len(spans) or 1, end - start, start), PaletteHit(command, spans)))
+            elif wanted.matches(f"{command.kind} {command.title}  {command.help}"):
+                ranked.append(((1,), PaletteHit(command)))
+        return [hit for _, hit in sorted(ranked, key=lambda each: each[0])]
+    except InvalidFilter:  # half of an expression
+        return [PaletteHit(command) for command in all_of_them]
+
 
 TITLE_WIDTH = 30
 KEY_WIDTH = 7

@@ -15,10 +15,9 @@ from textual.app import ComposeResult
 from rise_engine.results.report.document import Document
 from rise_engine.results.report.plain_text import WIDTH, text_lines
 from rise_tui.rendering.later import Later
-from rise_tui.rendering.modal import SingleDismissModal
+from rise_tui.rendering.modal import SingleDismissModal, TitledBox
 from rise_tui.rendering.text import ListRow, TextRole, crop, wrap
 from rise_tui.widgets.row_list import RowList, RowView
-from rise_tui.widgets.titled_box import TitledBox
 
 RULE = "\u2500"
 KEYS = "esc closes · ↑↓ pgup pgdn · ←→ section"

@@ -11,11 +11,10 @@ from textual.screen import ScreenResultType
 from textual.widgets import Input
 
 from rise_tui.model.filtering import Filter, InvalidFilter
-from rise_tui.rendering.modal import SingleDismissModal
+from rise_tui.rendering.modal import SingleDismissModal, TitledBox
 from rise_tui.rendering.styled_lines import CURSOR_BACKGROUND
-from rise_tui.widgets.memory_editor import TextField
+from rise_tui.widgets.prompt_bar import TextField
 from rise_tui.widgets.row_list import RowList, RowView
-from rise_tui.widgets.titled_box import TitledBox
 
 
 class FoundList(RowList, can_focus=False):

@@ -3,16 +3,14 @@
 from __future__ import annotations
 
 import asyncio
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from typing import ClassVar
 
 from msgspec.structs import replace
-from textual import events, on
+from textual import on
 from textual.app import ComposeResult
 from textual.binding import Binding, BindingType
 from textual.containers import Horizontal, VerticalScroll
-from textual.content import Content
-from textual.message import Message
 from textual.widgets import Button, Input, Label, Static
 
 from rise_engine.run.protocol.session_options import SessionOptions
@@ -21,104 +19,17 @@ from rise_engine.scenario.conditions import condition_label, condition_sentence
 from rise_engine.scenario.model import Condition, Scenario
 from rise_tui.config.launch import Launcher, ScenarioProblems, ScenarioSummary, list_robots, read_summary
 from rise_tui.config.paths import expand_home
-from rise_tui.model.session_summary import participant_text
+from rise_tui.model.status import participant_text
 from rise_tui.model.store import Store
 from rise_tui.rendering.later import Later
-from rise_tui.rendering.modal import SingleDismissModal
-from rise_tui.rendering.text import cell_width, clean, shorten
-from rise_tui.screens.end_session import end_session_dialog
-from rise_tui.widgets.memory_editor import TextField
-from rise_tui.widgets.titled_box import TitledBox
+from rise_tui.rendering.modal import SingleDismissModal, TitledBox
+from rise_tui.rendering.text import clean
+from rise_tui.screens.outcome import end_session_dialog
+from rise_tui.widgets.choice_field import ChoiceField
+from rise_tui.widgets.prompt_bar import TextField
 
 PATH_KINDS = ("acts", "rules", "memory")
 MODES = ("debug", "real")
-CHOICE_ROOM = 62
-"""Cells for what can be chosen, in the narrowest terminal."""
-
-
-class ChoiceField(Horizontal, can_focus=True):
-    """One of a few words, and one stop for the tab key: left and right choose, a click too; Enter chooses nothing.
-
-    Where all of them have no room beside each other, only the chosen one is shown, and which of how many it is.
-    """
-
-    DEFAULT_CSS = """
-    ChoiceField {
-        height: 1; width: 1fr;
-        Button { min-width: 5; margin: 0 1 0 0; background: $surface; color: $rise-muted; }
-        Button.-chosen { background: $rise-cursor; color: $foreground; text-style: bold; }
-        &:focus Button.-chosen { text-style: bold reverse; }
-    }
-    """
-
-    class Changed(Message):
-        """Another word is chosen."""
-
-    def __init__(self, words: Sequence[str], chosen: str, *, id: str, labels: Mapping[str, str] | None = None) -> None:
-        """
-        :param words: what can be chosen.
-        :param chosen: one of them.
-        :param id: the widget's.
-        :param labels: by word, what is shown where that is not the word itself.
-        """
-        super().__init__(id=id)
-        self._words = tuple(words)
-        self._labels = dict(labels or {})
-        self.value = chosen
-
-    def compose(self) -> ComposeResult:
-        for word in [self.value] if self._is_long else self._words:
-            chosen = "-chosen" if word == self.value else ""
-            button = Button(Content(self._label(word)), compact=True, classes=chosen, name=word)
-            button.can_focus = False
-            yield button
-
-    @property
-    def _is_long(self) -> bool:
-        return sum(cell_width(self._text(word)) + 5 for word in self._words) > CHOICE_ROOM
-
-    def _text(self, word: str) -> str:
-        return clean(self._labels.get(word, word))
-
-    def _label(self, word: str) -> str:
-        if self._is_long:
-            at = self._words.index(word) + 1 if word in self._words else 0
-            return f"‹ {shorten(self._text(word), CHOICE_ROOM - 16)} ›  {at} of {len(self._words)}"
-        return f"{'●' if word == self.value else '○'} {self._text(word)}"
-
-    def set_words(self, words: Sequence[str], chosen: str, labels: Mapping[str, str] | None = None) -> None:
-        """Other words."""
-        if (tuple(words), chosen, dict(labels or {})) != (self._words, self.value, self._labels):
-            self._words, self.value, self._labels = tuple(words), chosen, dict(labels or {})
-            self.refresh(recompose=True)
-            self.post_message(self.Changed())
-
-    @on(Button.Pressed)
-    def _pressed(self, event: Button.Pressed) -> None:
-        event.stop()
-        self.focus()
-        if self._is_long:  # after the last one comes the first: a mouse has no other way back
-            at = self._words.index(self.value) + 1 if self.value in self._words else 0
-            self._choose(self._words[at % len(self._words)])
-        else:
-            self._choose(event.button.name or "")
-
-    def on_key(self, event: events.Key) -> None:
-        if event.key not in ("left", "right"):
-            return
-        event.stop()
-        at = self._words.index(self.value) if self.value in self._words else 0
-        at += 1 if event.key == "right" else -1
-        if 0 <= at < len(self._words):
-            self._choose(self._words[at])
-
-    def _choose(self, word: str) -> None:
-        self.value = word
-        for button in self.query(Button):
-            shown = word if self._is_long else button.name or ""
-            button.label = Content(self._label(shown))
-            button.set_class(shown == word, "-chosen")
-        self.post_message(self.Changed())
 
 
 def condition_labels(conditions: Mapping[str, Condition]) -> dict[str, str]:

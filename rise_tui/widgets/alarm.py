@@ -8,10 +8,9 @@ from textual import events
 from rise_tui.key_labels import key_name, key_text
 from rise_tui.messages import RunAction
 from rise_tui.model import failures
-from rise_tui.model.alarms import alarm_lines, current_alarms, degraded_text
-from rise_tui.model.control import control_lost_text, short_name
-from rise_tui.model.recorders import broken_recorders_text
-from rise_tui.model.shadow import shadow_line
+from rise_tui.model.alarms import alarm_lines, broken_recorders_text, current_alarms, degraded_text, shadow_line
+from rise_tui.model.control import control_lost_text
+from rise_tui.model.notice import short_name
 from rise_tui.model.store import Store
 from rise_tui.rendering.text import StyledLine, crop, plain_text
 from rise_tui.widgets.static_lines import StoreLines

@@ -7,31 +7,17 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import Any, ClassVar, NamedTuple
+from typing import Any, NamedTuple
 
 from textual import events, on
 from textual.app import ComposeResult
-from textual.binding import Binding, BindingType
 from textual.containers import Horizontal, Vertical
 from textual.message import Message
 from textual.widgets import Input
 
 from rise_tui.rendering.text import StyledLine, align_at_both_ends, clean, line_width, parse_typed_value
+from rise_tui.widgets.prompt_bar import TextField
 from rise_tui.widgets.static_lines import StaticLines
-
-
-class TextField(Input):
-    """A text field of one bare row."""
-
-    DEFAULT_CSS = """
-    TextField, TextField:focus { height: 1; border: none; padding: 0; background: $panel; }
-    """
-    BINDINGS: ClassVar[list[BindingType]] = [Binding("tab", "app.focus_next", show=False)]
-    """To the next field, while elsewhere on the console it goes to the next pane."""
-
-    def validate_value(self, value: str) -> str:
-        """A pasted control character would reach the terminal as it is."""
-        return clean(value)
 
 
 class PresentValue(NamedTuple):

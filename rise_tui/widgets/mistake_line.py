@@ -9,7 +9,7 @@ from textual.message import Message
 from textual.timer import Timer
 from textual.widget import Widget
 
-from rise_tui.model.mistakes import MISTAKE_MARKS, markable_name
+from rise_tui.model.failures import MISTAKE_MARKS, markable_name
 from rise_tui.model.store import Store
 from rise_tui.rendering.text import StyledLine, StyledSpan, clean, crop, fit, line_width
 from rise_tui.widgets.static_lines import StoreLines

@@ -28,7 +28,7 @@ from rise_engine.kernel.records import (
     StopRecord,
     TaskRecord,
 )
-from rise_tui.model.task_messages import record_notice
+from rise_tui.model.notice import record_notice
 
 AT: Any = (1, 2.5, "")
 ANNA = "wizard:anna"

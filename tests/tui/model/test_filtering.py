@@ -6,8 +6,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from rise_tui.model.filtering import MOST_CHARACTERS, Filter, InvalidFilter
-from rise_tui.model.row_search import RowSearch
+from rise_tui.model.filtering import MOST_CHARACTERS, Filter, InvalidFilter, RowSearch
 
 ROW = "00:14:32.1 wizard:anna act Blocking R_Instruction_2 done"
 

@@ -21,8 +21,16 @@ from rise_tui.config.initial_memory import (
     memory_file_path,
     save_memory,
 )
-from rise_tui.model.json_path import NoSuchPath, children, path_text, value_at, with_removed, with_replaced
-from rise_tui.model.undo import MOST, UndoStack
+from rise_tui.model.memory_changes import (
+    MOST,
+    NoSuchPath,
+    UndoStack,
+    children,
+    path_text,
+    value_at,
+    with_removed,
+    with_replaced,
+)
 from tests.tui.fake import demo
 
 json_values = st.recursive(

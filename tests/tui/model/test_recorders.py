@@ -5,11 +5,10 @@ from __future__ import annotations
 import pytest
 
 from rise_engine.kernel.records import RecordingRecord, RecordingStatus, SessionRecord, SyncRecord
-from rise_tui.model.flash import FLASH_SECONDS, LATE_SECONDS, flash_rows
 from rise_tui.model.status import status_line
-from rise_tui.model.store import Store
+from rise_tui.model.store import LATE_FLASH_SECONDS, Store
 from rise_tui.rendering.text import line_width, plain_text
-from rise_tui.widgets.flash import Flash
+from rise_tui.widgets.flash import FLASH_SECONDS, Flash, flash_rows
 from tests.tui.conftest import Console, console
 from tests.tui.fake import FakeClient, demo
 
@@ -140,7 +139,7 @@ async def test_a_mark_is_flashed_for_a_moment_over_whatever_there_is_and_no_key_
         await it.pilot.pause(FLASH_SECONDS + 0.1)
         assert not dialog.query(Flash) and it.app.screen is dialog
         await it.press("escape")
-        it.client.emit(flash(4), at=it.client.time - LATE_SECONDS - 0.1)
+        it.client.emit(flash(4), at=it.client.time - LATE_FLASH_SECONDS - 0.1)
         await it.until(lambda: "mark 4 came too late to be shown here" in it.bars.notice_line.text)
         assert flashes(it) == []
         it.client.emit(SyncRecord(0, 0.0, "", 5, "sound", "up", "node:recorders"))

@@ -9,9 +9,9 @@ from rise_engine.kernel.records import MemoryRecord
 from rise_engine.scenario.model import Act, Action, ActionCall
 from rise_engine.scenario.template import parse_template
 from rise_tui.model.filtering import InvalidFilter
-from rise_tui.model.queue_estimate import QueuedTask, estimate_starts
-from rise_tui.model.session_times import parse_moment
+from rise_tui.model.log_text import parse_moment
 from rise_tui.model.store import Store
+from rise_tui.model.upcoming import QueuedTask, estimate_starts
 from rise_tui.rendering.text import format_clock
 from tests.tui.fake import FakeClient, demo
 

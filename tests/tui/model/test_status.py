@@ -13,8 +13,7 @@ from textual.geometry import Region
 from rise_engine.kernel.records import CueRecord, RobotRecord, SessionRecord
 from rise_engine.run.protocol.client import Heartbeat, JournalStatus
 from rise_engine.scenario.model import Condition
-from rise_tui.model.session_summary import session_title
-from rise_tui.model.status import status_line
+from rise_tui.model.status import session_title, status_line
 from rise_tui.model.store import Store
 from rise_tui.rendering.text import line_width, plain_text
 from rise_tui.widgets.bars import StatusLine

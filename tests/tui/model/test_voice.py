@@ -9,8 +9,8 @@ from rise_engine.kernel.records import ActionRecord, CueRecord, SessionRecord, T
 from rise_engine.kernel.task_view import TaskView
 from rise_engine.run.protocol.messages import TasksMessage as Tasks
 from rise_engine.run.protocol.messages import decode_server_message, encode_line, with_tasks, without_tasks
-from rise_tui.model.voice import CueClock, speaks, voice_at
-from rise_tui.panes.task_export import task_columns
+from rise_tui.model.cue import CueClock, speaks, voice_at
+from rise_tui.panes.log_export import task_columns
 from tests.tui.fake import demo
 from tests.tui.model.test_speech_band import Played
 

@@ -12,7 +12,7 @@ from rise_engine.kernel.records import MistakeRecord, TimingRecord
 from rise_engine.kernel.task_view import TaskView
 from rise_tui.model.log_rows import row_of
 from rise_tui.panes.log import LogPane
-from rise_tui.panes.task_export import (
+from rise_tui.panes.log_export import (
     CLIPBOARD_BYTES,
     COLUMNS,
     ExportFailed,

@@ -18,8 +18,7 @@ from rise_tui.key_labels import (
     use_own_keys,
     why_unavailable,
 )
-from rise_tui.model.blocked import BlockedReason, blocked_text
-from rise_tui.model.control import control_question
+from rise_tui.model.control import BlockedReason, blocked_text, control_question
 from tests.tui.conftest import console
 
 DOCUMENT = Path(__file__).parents[3] / "docs" / "how-to" / "remap-keys.md"

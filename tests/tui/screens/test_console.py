@@ -14,10 +14,10 @@ from rise_engine.scenario.model import SourceLocation
 from rise_tui.config.launch import ScenarioProblems
 from rise_tui.panes.memory import MemoryPane
 from rise_tui.screens.dialog import Dialog
-from rise_tui.screens.end_session import EndSessionDialog
 from rise_tui.screens.help import HelpScreen
+from rise_tui.screens.outcome import EndSessionDialog
 from rise_tui.screens.settings import SettingsScreen
-from rise_tui.widgets.memory_editor import TextField
+from rise_tui.widgets.prompt_bar import TextField
 from tests.tui.conftest import Console, console
 from tests.tui.fake import FakeClient, FakeLauncher, demo
 

@@ -6,8 +6,7 @@ import pytest
 from msgspec.structs import replace
 
 from rise_engine.kernel.records import CueRecord
-from rise_tui.model.cue import counts_tenths, cue_line, filler_due, seconds_since_cue
-from rise_tui.model.voice import CueClock
+from rise_tui.model.cue import CueClock, counts_tenths, cue_line, filler_due, seconds_since_cue
 from rise_tui.rendering.text import plain_text
 from tests.tui.conftest import Console, console
 from tests.tui.fake import FakeClient, demo

@@ -8,7 +8,7 @@ import pytest
 
 from rise_engine.kernel.records import ControlRecord, KeptRecord
 from rise_tui.console.input import PASTE_QUIET_SECONDS, PASTED_KEYS, InputController
-from rise_tui.model.input_lock import InputMode
+from rise_tui.model.control import InputMode
 from rise_tui.model.key_action import MARK_CUE, KeyAction
 from rise_tui.model.notice import Level
 from rise_tui.model.store import Store

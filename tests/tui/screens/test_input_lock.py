@@ -6,8 +6,7 @@ import pytest
 from textual import events
 
 from rise_tui.key_labels import key_name, why_task_blocked
-from rise_tui.model.blocked import BlockedReason, blocked_text
-from rise_tui.model.input_lock import InputMode, mode_notice, toggle_lock, toggle_safe
+from rise_tui.model.control import BlockedReason, InputMode, blocked_text, mode_notice, toggle_lock, toggle_safe
 from rise_tui.model.store import Store
 from rise_tui.screens.dialog import Dialog
 from rise_tui.screens.help import HelpScreen

@@ -16,7 +16,7 @@ from rise_tui.config.launch import RecoveredClient
 from rise_tui.console.exit_dialogs import END_KEY
 from rise_tui.console.screen import ConsoleScreen
 from rise_tui.screens.dialog import Dialog
-from rise_tui.screens.end_session import EndSessionDialog
+from rise_tui.screens.outcome import EndSessionDialog
 from tests.patience import PATIENCE
 from tests.tui.conftest import Console, console
 from tests.tui.fake import FakeClient, FakeLauncher, demo

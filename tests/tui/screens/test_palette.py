@@ -8,8 +8,7 @@ from rise_tui.actions import ACTIONS
 from rise_tui.model.key_action import KeyAction
 from rise_tui.model.store import Store
 from rise_tui.rendering import themes
-from rise_tui.screens.palette import Palette
-from rise_tui.screens.palette_commands import PaletteCommand, palette_commands, search_commands, theme_commands
+from rise_tui.screens.palette import Palette, PaletteCommand, palette_commands, search_commands, theme_commands
 from tests.tui.conftest import Console, console
 from tests.tui.fake import FakeClient, demo
 

@@ -8,8 +8,8 @@ import pytest
 from msgspec.structs import replace
 
 from rise_engine.kernel.records import OpenGoal, RobotRecord, RuleRecord
+from rise_tui.screens.choices import ReleaseDialog
 from rise_tui.screens.dialog import Dialog
-from rise_tui.screens.release import ReleaseDialog
 from tests.tui.conftest import Console, console
 from tests.tui.fake import FakeClient, demo
 

@@ -8,7 +8,7 @@ from typing import Any
 import pytest
 
 from rise_engine.kernel.records import MemoryRecord
-from rise_tui.screens.step_back import StepBackDialog
+from rise_tui.screens.choices import StepBackDialog
 from tests.tui.conftest import Console, console
 
 pytestmark = pytest.mark.slow  # many keys each
