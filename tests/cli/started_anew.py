@@ -19,7 +19,7 @@ from tests.patience import PATIENCE
 
 NEXT = "--next--"
 RESULTS = "RISE_TEST_RESULTS"
-ROOT = Path(__file__).parents[3]
+ROOT = Path(__file__).parents[2]
 
 
 def run_all(environment: dict[str, str], *commands: tuple[object, ...]) -> list[subprocess.CompletedProcess[bytes]]:
@@ -27,7 +27,7 @@ def run_all(environment: dict[str, str], *commands: tuple[object, ...]) -> list[
     arguments = [each for command in commands for each in (NEXT, *map(str, command))][1:]
     with tempfile.NamedTemporaryFile() as results:
         subprocess.run(
-            [sys.executable, "-m", "tests.run.engine.started_anew", *arguments],
+            [sys.executable, "-m", "tests.cli.started_anew", *arguments],
             env={**os.environ, **environment, RESULTS: results.name},
             cwd=ROOT,
             timeout=PATIENCE,

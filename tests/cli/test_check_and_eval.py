@@ -29,9 +29,8 @@ from rise_engine.kernel.records import (
     TaskRecord,
 )
 from tests.chance import some
-
-from .processes import ENGINE, engine, folder
-from .started_anew import run_all
+from tests.cli.processes import ENGINE, engine, folder
+from tests.cli.started_anew import run_all
 
 pytestmark = pytest.mark.slow
 

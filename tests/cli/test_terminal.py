@@ -26,9 +26,8 @@ from rise_engine.kernel.records import NoteRecord
 from rise_engine.run.protocol.messages import SessionSummary
 from rise_engine.scenario.diagnostics import Diagnostic
 from rise_engine.scenario.model import SourceLocation
+from tests.cli.processes import engine, folder
 from tests.forked import run_engine
-
-from .processes import engine, folder
 
 FULL = Path("/dev/full")
 EVIL = "\x1b]0;owned\x07\x1b[2Jgone\x9b31m\u202eback\u061c\u206a\ufff9\U000e0041\u3164\u115f\r\nerror: not mine"

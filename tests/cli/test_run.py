@@ -8,10 +8,9 @@ from pathlib import Path
 
 import pytest
 
+from tests.cli.processes import FAST, act, engine, folder, records, task
 from tests.forked import run_engine
-
-from .processes import FAST, act, engine, folder, records, task
-from .samples import assert_one_ending_each
+from tests.run.engine.samples import assert_one_ending_each
 
 pytestmark = pytest.mark.slow
 
@@ -158,7 +157,8 @@ def test_what_would_never_be_idle_ends_with_a_message(study: Path) -> None:
 
 
 def test_circles_without_any_time_passing_end_with_a_message(study: Path) -> None:
-    sooner = "from rise_engine.cli import main, run; run.LIVELOCK = 2_000; main()"
+    sooner = "from rise_engine.cli import main; from rise_engine.cli.session import headless_session as session\n"
+    sooner += "session.LIVELOCK = 2_000; main()"
     done = run_engine("run", study, "--rule", "Circle", *FAST, "--until", "1", code=sooner)
     assert done.returncode == 4 and "circles" in done.stderr
     found = [json.loads(line) for line in done.stdout.splitlines()]

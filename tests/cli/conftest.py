@@ -6,7 +6,7 @@ from pathlib import Path
 
 import pytest
 
-from .processes import folder
+from tests.cli.processes import folder
 
 
 @pytest.fixture

@@ -6,8 +6,8 @@ from pathlib import Path
 
 import pytest
 
-from .processes import FAST, Live, act, engine, folder, records, task
-from .samples import assert_one_ending_each
+from tests.cli.processes import FAST, Live, act, engine, folder, records, task
+from tests.run.engine.samples import assert_one_ending_each
 
 pytestmark = pytest.mark.slow
 

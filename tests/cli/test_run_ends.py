@@ -25,11 +25,10 @@ from rise_engine.kernel.inputs import ActionReport, AnyInput, RobotChanged, Stop
 from rise_engine.kernel.records import AnyRecord, MemoryRecord, NoteRecord
 from rise_engine.ports.robot import ReportCallback
 from rise_engine.run.protocol.session_options import SessionOptions
+from tests.cli.processes import ENGINE, FAST, Live, engine, records
 from tests.forked import Forked, run_engine
 from tests.patience import PATIENCE
-
-from .processes import ENGINE, FAST, Live, engine, records
-from .samples import GREETING, assert_one_ending_each, scenario, start
+from tests.run.engine.samples import GREETING, assert_one_ending_each, scenario, start
 
 pytestmark = pytest.mark.slow
 
