@@ -2,41 +2,24 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
-from importlib import import_module
-from typing import Any
-
 import click
 
+from rise_engine.cli.lazy_group import LazyGroup
 
-class _LazyGroup(click.Group):
-    """A group whose commands lie in modules of this package."""
-
-    def __init__(self, *arguments: Any, modules: Mapping[str, str], **more: Any) -> None:
-        """:param modules: of each command, the module in which it lies under its name, with `_` for `-`."""
-        super().__init__(*arguments, **more)
-        self._modules = modules
-
-    def list_commands(self, ctx: click.Context) -> list[str]:
-        return sorted(self._modules)
-
-    def get_command(self, ctx: click.Context, name: str) -> click.Command | None:
-        if name not in self._modules:
-            return None
-        module = import_module(f"{__name__}.{self._modules[name]}")
-        command: click.Command = getattr(module, name.replace("-", "_"))
-        return command
+_CONVERT = {
+    "from-bml": "rise_exchange.commands.bml:from_bml",
+    "to-bml": "rise_exchange.commands.bml:to_bml",
+    "from-scxml": "rise_exchange.commands.scxml:from_scxml",
+    "to-scxml": "rise_exchange.commands.scxml:to_scxml",
+}
+_IMPORT = {"woz4u": "rise_exchange.commands.woz4u:woz4u"}
 
 
-@click.group(
-    "convert",
-    cls=_LazyGroup,
-    modules={"from-bml": "bml", "to-bml": "bml", "from-scxml": "scxml", "to-scxml": "scxml"},
-)
+@click.group("convert", cls=LazyGroup, places=_CONVERT)
 def convert() -> None:
     """Convert rules to SCXML and acts to BML, and back."""
 
 
-@click.group("import", cls=_LazyGroup, modules={"woz4u": "woz4u"})
+@click.group("import", cls=LazyGroup, places=_IMPORT)
 def import_studies() -> None:
     """Make a scenario from another tool's files."""
