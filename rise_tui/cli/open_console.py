@@ -10,30 +10,34 @@ from time import monotonic, sleep
 import click
 from msgspec.structs import replace
 
-from rise_engine.base.exit_status import ALREADY_RUNNING
+from rise_engine.base.errors import SessionError
+from rise_engine.base.exit_status import ALREADY_RUNNING, UNFINISHED
 from rise_engine.ports.bridge import RosConnection
 from rise_engine.run.client.replay import ReplayClient
-from rise_engine.run.client.shadow import ShadowClient
+from rise_engine.run.client.shadow import ShadowClient, start_time
 from rise_engine.run.client.socket import SocketClient
 from rise_engine.run.protocol.client import AttachReply, Client, EngineGone, Role
 from rise_engine.run.protocol.registry import RegistryError, ask_summary, running_names, session_name
 from rise_engine.run.protocol.session_options import SessionOptions
 from rise_engine.run.server.spawn import EngineRefused, EngineStarted, start_engine
 from rise_engine.scenario.model import Scenario
+from rise_engine.session.folder import find_session
+from rise_engine.session.shadow import unfinished_shadow
 from rise_engine.study.traces import study_of_session
+from rise_tui.cli.choose_session import Prompter
 from rise_tui.cli.options import CommandLine
 from rise_tui.cli.study_folder import find_study, open_study
-from rise_tui.cli.terminal import UNNAMED, login_name
+from rise_tui.cli.terminal import UNNAMED, login_name, not_started
 from rise_tui.config.display import choose_theme, detect_colors
 from rise_tui.config.keymap import KeyFile
 from rise_tui.config.launch import Launcher, RecoveredClient, ReportProgress, startup_notice
-from rise_tui.config.paths import PREFERENCES_NAME, state_folder
+from rise_tui.config.paths import PREFERENCES_NAME, abbreviate_home, expand_home, state_folder
 from rise_tui.config.preferences import Preferences, load_saved
 from rise_tui.config.settings import engine_options, scenario_path
 from rise_tui.config.study_source import StudySource
 from rise_tui.console.app import ConsoleApp
 from rise_tui.console.ui_state import UiState, save_all
-from rise_tui.rendering.text import clean
+from rise_tui.rendering.text import clean, format_clock
 
 
 def run_on_session(
@@ -171,3 +175,44 @@ def process_launcher(who: str, role: Role, ros: RosConnection = _USUAL_ROS, *, i
         return RecoveredClient(SocketClient(name, who, role, resync=True))  # somebody else has
 
     return Launcher(start=start, recover=recover, find_study=lambda attach_reply: find_study(attach_reply, ros))
+
+
+# --- a second wizard --------------------------------------------------------------------------------------------------
+
+QUESTION = "Your name, as the comparison of wizards is to have it?"
+
+
+def make_shadow(options: CommandLine, terminal: Prompter) -> tuple[ShadowClient, str]:
+    """The client that plays the session's cues, and the name of whoever sits here. Nothing is written yet.
+
+    :raises Refused: there is no such session, nobody says who judges, or what was left must be decided about.
+    """
+    try:
+        folder = find_session(str(expand_home(options.shadow or "")))
+        wizard = _name_judge(options, terminal)
+        left = unfinished_shadow(folder, wizard)
+        if options.recover:
+            if left is None:
+                raise not_started(f"{clean(wizard)} has left no shadow of {folder.name} unfinished")
+            return ShadowClient(folder, wizard, resume=left), wizard
+        if left is not None and not options.new:
+            raise not_started(
+                f"{clean(wizard)} has begun a shadow of {folder.name}, which goes as far as "
+                f"{format_clock(left.resume_at[0])}: {abbreviate_home(str(left.path))}",
+                "--recover goes on with it; --new begins another one, and leaves it as it is",
+                status=UNFINISHED,
+            )
+        at = start_time(folder, options.at) if options.at is not None else 0.0
+    except SessionError as error:
+        raise not_started(*error.lines) from None
+    return ShadowClient(folder, wizard, at=at, speed=options.speed), wizard
+
+
+def _name_judge(options: CommandLine, terminal: Prompter) -> str:
+    """Never taken from the last session: whoever sat here then may be the one who is compared."""
+    name = options.wizard
+    if name is None and terminal.interactive:
+        name = (terminal.read_answer(QUESTION) or "").strip()
+    if not name:
+        raise not_started("name the second wizard: --wizard NAME; the comparison tells wizards apart by their names")
+    return name

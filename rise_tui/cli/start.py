@@ -220,12 +220,10 @@ def _open_replay(options: CommandLine, keys: KeyFile | None) -> NoReturn:
 
 def _open_shadow(options: CommandLine, keys: KeyFile | None) -> NoReturn:
     """The cues of a recorded session, for a second wizard."""
-    from rise_tui.cli.shadow import make_shadow
-
-    client, wizard = make_shadow(options, PlainTerminal())
-    _need_terminal()
     from rise_tui.cli import open_console  # see above
 
+    client, wizard = open_console.make_shadow(options, PlainTerminal())
+    _need_terminal()
     sys.exit(open_console.run_on_shadow(client, replace(options, wizard=wizard), keys))
 
 
