@@ -12,7 +12,12 @@ from pathlib import Path
 from typing import NamedTuple
 
 ROOT = Path(__file__).parents[1]
-PACKAGES = {"rise_engine": ROOT, "rise_tui": ROOT, "rise_adapters": ROOT / "adapters"}
+PACKAGES = {
+    "rise_engine": ROOT,
+    "rise_tui": ROOT,
+    "rise_adapters": ROOT / "adapters",
+    "rise_exchange": ROOT / "adapters",
+}
 """Each package, and the folder that it lies in."""
 
 

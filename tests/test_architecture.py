@@ -17,7 +17,7 @@ import pytest
 import rise_engine
 from tests.sources import ROOT, circles, classes, dead_files, dead_names, dead_sections, modules, parsed
 
-FOREIGN = {"textual", "rich", "rclpy", "rise_tui", "rise_adapters"}
+FOREIGN = {"textual", "rich", "rclpy", "rise_tui", "rise_adapters", "rise_exchange"}
 """What must never be loaded with the engine."""
 IMPURE_MODULES = {
     *("asyncio", "concurrent", "datetime", "http", "io", "locale", "logging", "multiprocessing", "os", "pathlib"),

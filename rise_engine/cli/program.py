@@ -16,6 +16,7 @@ import click
 from rise_engine import __version__
 from rise_engine.base.errors import RiseError
 from rise_engine.base.exit_status import BROKEN_PIPE, INTERRUPTED, OK
+from rise_engine.base.plugins import find_plugin, installed_plugins
 from rise_engine.cli.terminal import Refused, clean_standard_streams, discard_rest
 
 _SECTIONS = {
@@ -60,13 +61,12 @@ _SECTIONS = {
         "replay": ("session.replay", "Replay a session, and compare the records."),
         "reproduce": ("data.reproduce", "Check that a bundle reproduces its results."),
     },
-    "Exchange files": {
-        "convert": ("scenario.convert", "Convert rules to SCXML and acts to BML, and back."),
-        "import": ("scenario.imports", "Make a scenario from another tool's files."),
-    },
 }
 """Each command's module in this package, in whose `COMMANDS` it is, and its line of the help."""
 COMMANDS = {name: module for section in _SECTIONS.values() for name, (module, _) in section.items()}
+PLUGINS = "rise.commands"
+"""The entry-point group in which a package names commands of its own, each a `click.Command`. The module that it names
+is light: help loads it."""
 
 
 def split_ros_args(arguments: Sequence[str]) -> tuple[list[str], tuple[str, ...]]:
@@ -88,16 +88,19 @@ class _CommandGroup(click.Group):
     """The group of all commands."""
 
     def list_commands(self, ctx: click.Context) -> list[str]:
-        return list(COMMANDS)
+        return [*COMMANDS, *installed_plugins(PLUGINS).names]
 
     def get_command(self, ctx: click.Context, name: str) -> click.Command | None:
-        return _load_command(name) if name in COMMANDS else None
+        return _load_command(name) if name in COMMANDS else _load_plugin(name)
 
     def format_commands(self, ctx: click.Context, formatter: click.HelpFormatter) -> None:
-        """Without loading any of them."""
-        for title, section in _SECTIONS.items():
+        """Without loading what any of them needs."""
+        sections = {title: [(name, about) for name, (_, about) in rows.items()] for title, rows in _SECTIONS.items()}
+        plugins = [(name, _load_plugin(name)) for name in sorted(installed_plugins(PLUGINS).names - COMMANDS.keys())]
+        sections["Exchange files"] = [(name, each.get_short_help_str(60)) for name, each in plugins if each]
+        for title, lines in sections.items():
             with formatter.section(title):
-                formatter.write_dl([(name, about) for name, (_, about) in section.items()], col_max=12)
+                formatter.write_dl(lines, col_max=12)
 
     def main(self, args: Sequence[str] | None = None, *rest: Any, **more: Any) -> Any:
         own, ros_args = split_ros_args(sys.argv[1:] if args is None else args)
@@ -124,6 +127,12 @@ class _CommandGroup(click.Group):
 
 def _load_command(name: str) -> click.Command:
     command: click.Command = import_module(f"rise_engine.cli.{COMMANDS[name]}").COMMANDS[name]
+    return command
+
+
+def _load_plugin(name: str) -> click.Command | None:
+    found = find_plugin(PLUGINS, name)
+    command: click.Command | None = found.load() if found is not None else None
     return command
 
 

@@ -5,27 +5,39 @@ from __future__ import annotations
 import os
 from contextlib import suppress
 from pathlib import Path
+from time import monotonic, sleep
 
 import click
+from msgspec.structs import replace
 
+from rise_engine.base.errors import SessionError
+from rise_engine.base.exit_status import ALREADY_RUNNING, UNFINISHED
+from rise_engine.ports.bridge import RosConnection
 from rise_engine.run.client.replay import ReplayClient
-from rise_engine.run.client.shadow import ShadowClient
+from rise_engine.run.client.shadow import ShadowClient, start_time
 from rise_engine.run.client.socket import SocketClient
-from rise_engine.run.protocol.client import Client
-from rise_engine.run.protocol.registry import RegistryError, ask_summary
+from rise_engine.run.protocol.client import AttachReply, Client, EngineGone, Role
+from rise_engine.run.protocol.registry import RegistryError, ask_summary, running_names, session_name
 from rise_engine.run.protocol.session_options import SessionOptions
+from rise_engine.run.server.spawn import EngineRefused, EngineStarted, start_engine
+from rise_engine.scenario.model import Scenario
+from rise_engine.session.folder import find_session
+from rise_engine.session.shadow import unfinished_shadow
+from rise_engine.study.traces import study_of_session
+from rise_tui.cli.choose_session import Prompter
 from rise_tui.cli.options import CommandLine
-from rise_tui.cli.process_launcher import process_launcher
-from rise_tui.cli.study_folder import open_study
-from rise_tui.cli.terminal import UNNAMED, login_name
+from rise_tui.cli.study_folder import find_study, open_study
+from rise_tui.cli.terminal import UNNAMED, login_name, not_started
 from rise_tui.config.display import choose_theme, detect_colors
 from rise_tui.config.keymap import KeyFile
-from rise_tui.config.paths import PREFERENCES_NAME, state_folder
+from rise_tui.config.launch import Launcher, RecoveredClient, ReportProgress, startup_notice
+from rise_tui.config.paths import PREFERENCES_NAME, abbreviate_home, expand_home, state_folder
 from rise_tui.config.preferences import Preferences, load_saved
+from rise_tui.config.settings import engine_options, scenario_path
 from rise_tui.config.study_source import StudySource
 from rise_tui.console.app import ConsoleApp
 from rise_tui.console.ui_state import UiState, save_all
-from rise_tui.rendering.text import clean
+from rise_tui.rendering.text import clean, format_clock
 
 
 def run_on_session(
@@ -113,3 +125,94 @@ def wizard_name(options: CommandLine, session: str) -> tuple[str, str]:
     if found is None or found.wizard in ("", login):
         return login, ""
     return found.wizard, f"you are {clean(found.wizard)}, as before; if you are not: rise-tui --wizard NAME"
+
+
+# --- sessions whose engine is a process of its own --------------------------------------------------------------------
+
+_USUAL_ROS = RosConnection()
+ENGINE_EXIT_SECONDS = 10.0
+"""Seconds that an engine which has just ended may take to put its record away and let go of its name."""
+
+
+def process_launcher(who: str, role: Role, ros: RosConnection = _USUAL_ROS, *, is_named: bool = True) -> Launcher:
+    """For the next session, after the running one has ended; for this one, after its engine has gone; and for the study
+    that it is of, in whose sessions ROS 2 is spoken as `ros` says.
+
+    `is_named`: whether somebody has said that name; a login is not written into the record of a real session.
+    """
+
+    def start(scenario: Scenario, settings: SessionOptions) -> Client:
+        until = monotonic() + ENGINE_EXIT_SECONDS
+        name = who if is_named or scenario.mode != "real" else UNNAMED[role]
+        while True:
+            found = start_engine(replace(engine_options(settings, settings.seed, "ask"), wizard=name))
+            if not isinstance(found, EngineRefused):
+                return SocketClient(found.name, name, role, scenario=scenario, resync=True)
+            if found.code != ALREADY_RUNNING or monotonic() > until:
+                break
+            sleep(0.1)
+        if found.unfinished or found.others:
+            raise EngineGone(
+                "an earlier session of that scenario did not end; "
+                f"to recover it or begin a new one: rise-tui --config {scenario_path(settings)}"
+            )
+        raise EngineGone("; ".join(found.lines))
+
+    def recover(attach_reply: AttachReply, report: ReportProgress) -> RecoveredClient:
+        folder = attach_reply.scenario.folder
+        study = study_of_session(Path(attach_reply.folder))
+        name = session_name(study or folder)
+        wanted = SessionOptions(folder, unfinished=attach_reply.folder)
+        found = start_engine(wanted, report) if role == "wizard" else None
+        if isinstance(found, EngineStarted):
+            return RecoveredClient(SocketClient(found.name, who, role, resync=True), startup_notice(found))
+        if found is not None and found.code != ALREADY_RUNNING:
+            raise EngineGone("; ".join(found.lines))
+        if found is not None and found.socket:
+            return RecoveredClient(SocketClient(found.socket, who, role, resync=True))
+        if name not in running_names():
+            raise EngineGone("nobody has recovered it yet")
+        return RecoveredClient(SocketClient(name, who, role, resync=True))  # somebody else has
+
+    return Launcher(start=start, recover=recover, find_study=lambda attach_reply: find_study(attach_reply, ros))
+
+
+# --- a second wizard --------------------------------------------------------------------------------------------------
+
+QUESTION = "Your name, as the comparison of wizards is to have it?"
+
+
+def make_shadow(options: CommandLine, terminal: Prompter) -> tuple[ShadowClient, str]:
+    """The client that plays the session's cues, and the name of whoever sits here. Nothing is written yet.
+
+    :raises Refused: there is no such session, nobody says who judges, or what was left must be decided about.
+    """
+    try:
+        folder = find_session(str(expand_home(options.shadow or "")))
+        wizard = _name_judge(options, terminal)
+        left = unfinished_shadow(folder, wizard)
+        if options.recover:
+            if left is None:
+                raise not_started(f"{clean(wizard)} has left no shadow of {folder.name} unfinished")
+            return ShadowClient(folder, wizard, resume=left), wizard
+        if left is not None and not options.new:
+            raise not_started(
+                f"{clean(wizard)} has begun a shadow of {folder.name}, which goes as far as "
+                f"{format_clock(left.resume_at[0])}: {abbreviate_home(str(left.path))}",
+                "--recover goes on with it; --new begins another one, and leaves it as it is",
+                status=UNFINISHED,
+            )
+        at = start_time(folder, options.at) if options.at is not None else 0.0
+    except SessionError as error:
+        raise not_started(*error.lines) from None
+    return ShadowClient(folder, wizard, at=at, speed=options.speed), wizard
+
+
+def _name_judge(options: CommandLine, terminal: Prompter) -> str:
+    """Never taken from the last session: whoever sat here then may be the one who is compared."""
+    name = options.wizard
+    if name is None and terminal.interactive:
+        name = (terminal.read_answer(QUESTION) or "").strip()
+    if not name:
+        raise not_started("name the second wizard: --wizard NAME; the comparison tells wizards apart by their names")
+    return name

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import os
 import sys
+from collections.abc import Callable
 from pathlib import Path
 from typing import TYPE_CHECKING, NoReturn
 
@@ -17,20 +18,23 @@ from msgspec.structs import replace
 from rise_engine.base.errors import SessionError
 from rise_engine.base.exit_status import ALREADY_RUNNING, REFUSED
 from rise_engine.cli.arguments import parse_assignments
+from rise_engine.cli.session.unfinished import unfinished_lines, unfinished_sessions
 from rise_engine.kernel.inputs import Submit
-from rise_engine.run.protocol.registry import RegistryError, ask_summary, running_names, session_name
+from rise_engine.run.client.running_sessions import all_running_sessions
+from rise_engine.run.protocol.registry import RegistryError, ask_summary, find_running, running_names, session_name
 from rise_engine.run.protocol.session_options import SessionOptions
 from rise_engine.run.server.spawn import EngineProcess, EngineRefused, start_engine
-from rise_engine.session.folder import find_session, find_unfinished, participant_text
+from rise_engine.session.folder import find_session, find_unfinished, participant_text, running_sessions
 from rise_tui.cli import choose_session
+from rise_tui.cli.choose_session import Prompter
 from rise_tui.cli.options import CommandLine
-from rise_tui.cli.running import find_elsewhere, find_running_session, find_study_session, is_study
 from rise_tui.cli.terminal import PlainTerminal, ProgressLine, login_name, not_started
-from rise_tui.cli.wizard import name_wizard
 from rise_tui.config import launch
 from rise_tui.config.display import prepare_textual, with_detected_colors
-from rise_tui.config.paths import expand_home, key_file_path
+from rise_tui.config.paths import PREFERENCES_NAME, expand_home, key_file_path, state_folder
+from rise_tui.config.preferences import Preferences, load_saved
 from rise_tui.config.settings import engine_options, scenario_path, why_no_scenario
+from rise_tui.rendering.text import clean
 
 if TYPE_CHECKING:
     from rise_tui.config.keymap import KeyFile
@@ -216,10 +220,89 @@ def _open_replay(options: CommandLine, keys: KeyFile | None) -> NoReturn:
 
 def _open_shadow(options: CommandLine, keys: KeyFile | None) -> NoReturn:
     """The cues of a recorded session, for a second wizard."""
-    from rise_tui.cli.shadow import make_shadow
-
-    client, wizard = make_shadow(options, PlainTerminal())
-    _need_terminal()
     from rise_tui.cli import open_console  # see above
 
+    client, wizard = open_console.make_shadow(options, PlainTerminal())
+    _need_terminal()
     sys.exit(open_console.run_on_shadow(client, replace(options, wizard=wizard), keys))
+
+
+# --- which of the running sessions is meant ---------------------------------------------------------------------------
+
+STUDY_FILE, SESSIONS = "study.toml", "sessions"
+"""As `rise_engine.study` has them, which is read only when there is a study."""
+
+
+def find_running_session(options: CommandLine) -> str:
+    """The name, or the socket, of the running session that is meant. Raises Refused."""
+    try:
+        if options.session is not None:
+            return find_running(options.session)
+        if options.folder is None:
+            return choose_session.choose_session(
+                all_running_sessions(), PlainTerminal(), lambda: unfinished_lines(unfinished_sessions({}))
+            )
+        if is_study(options.folder):
+            if socket := find_study_session(options.folder):
+                return socket
+            raise not_started(f"no session of {options.folder} is running")
+        name = session_name(scenario_path(options.settings))
+        if name in running_names():
+            return name
+        if elsewhere := find_elsewhere(options.settings):
+            return elsewhere
+    except RegistryError as error:
+        raise not_started(str(error)) from None
+    raise not_started(f"no session of {options.folder} is running")
+
+
+def find_elsewhere(settings: SessionOptions) -> str:
+    """The socket of the scenario's session when it runs with another runtime folder; empty when none does."""
+    holders = running_sessions(str(Path(scenario_path(settings)).absolute())).values()
+    return next((holder.socket for holder in holders if holder is not None and holder.is_this_computer), "")
+
+
+def is_study(named: str) -> bool:
+    """Whether a folder, or a file, that somebody names is a study. Light: nothing of a study is read."""
+    path = expand_home(named)
+    return bool(named.strip()) and (path if path.name == STUDY_FILE else path / STUDY_FILE).is_file()
+
+
+def find_study_session(named: str) -> str:
+    """The name, or the socket, of the study's session that runs on this computer; empty: none does."""
+    path = expand_home(named)
+    folder = (path.parent if path.name == STUDY_FILE else path).absolute()
+    name = session_name(folder)
+    try:
+        if name in running_names():
+            return name
+    except RegistryError as error:
+        raise not_started(str(error)) from None
+    holders = running_sessions(root=folder / SESSIONS).values()
+    return next((each.socket for each in holders if each is not None and each.is_this_computer), "")
+
+
+# --- the wizard's name ------------------------------------------------------------------------------------------------
+
+QUESTION = "Your name, as the record is to have it (a short one; enter: none)?"
+
+
+def last_wizard(options: CommandLine) -> str:
+    """Who sat here last; empty: nobody has said it, or nothing is to be found again."""
+    return "" if options.fresh else load_saved(state_folder() / PREFERENCES_NAME, Preferences)[0].wizard
+
+
+def name_wizard(options: CommandLine, is_real: Callable[[], bool], terminal: Prompter) -> tuple[CommandLine, str]:
+    """The command line with the name of whoever begins a session, and what there is to say about it.
+
+    Without `--wizard` it is who sat here last. Nobody did: before a real session it is asked, and one in debug mode
+    begins with the login, which is nobody's name.
+    """
+    if options.wizard is not None:
+        return options, ""
+    if last := last_wizard(options):
+        remark = f"you are {clean(last)}, as last time; if you are not: rise-tui --wizard NAME"
+        return replace(options, wizard=last), remark
+    if terminal.interactive and is_real() and (answer := (terminal.read_answer(QUESTION) or "").strip()):
+        return replace(options, wizard=answer), ""
+    return options, ""

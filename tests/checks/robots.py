@@ -9,7 +9,7 @@ from rise_engine.kernel.commands import StartAction
 from rise_engine.kernel.inputs import ActionReport, RobotChanged, StopReport
 from rise_engine.ports.robot import Clock, ReportCallback
 from rise_engine.scenario.model import RobotProfile
-from tests.run.engine.processes import folder
+from tests.cli.processes import folder
 
 ACTIONS = "[actions.Speech]\n[actions.LookAt]\n[actions.Animation]\n"
 PROFILE = f'title = "Lamp"\ndriver = "lamp"\n{ACTIONS}'

@@ -14,7 +14,7 @@ from rise_engine.study.model import Study, StudyCheck
 from rise_engine.study.planning import plan_study
 from rise_engine.study.study_log import LogEntry
 from rise_engine.study.study_toml import load_study
-from tests.run.engine.processes import folder
+from tests.cli.processes import folder
 
 ZONE = timezone(timedelta(hours=1))
 NOW = datetime(2026, 11, 22, 10, 0, tzinfo=ZONE)

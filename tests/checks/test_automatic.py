@@ -26,7 +26,7 @@ from rise_engine.scenario.loader import load
 from rise_engine.study.model import Participant, ParticipantStanding, SessionEntry
 from rise_engine.study.study_log import LogEntry
 from tests.checks.samples import NOW, checked, study
-from tests.run.engine.processes import folder
+from tests.cli.processes import folder
 
 Usage = namedtuple("Usage", "total used free")
 

@@ -15,7 +15,7 @@ import pytest
 from rise_engine.session.folder import mark_abandoned, read_info
 from rise_engine.session.lock import HOLDER_FILE
 from rise_engine.study.study_log import read_log
-from tests.run.engine.processes import engine, folder
+from tests.cli.processes import engine, folder
 from tests.study.studies import DESIGN, write_study
 
 from .test_serve import Serving, root

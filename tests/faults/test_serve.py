@@ -27,9 +27,9 @@ from rise_engine.run.protocol.session_options import SessionOptions
 from rise_engine.run.server.spawn import EngineRefused, EngineStarted, start_engine
 from rise_engine.session.folder import JOURNAL, find_unfinished, read_info
 from rise_engine.session.journal_reader import read_journal
+from tests.cli.processes import ENGINE, engine, folder
 from tests.forked import Forked
 from tests.patience import PATIENCE
-from tests.run.engine.processes import ENGINE, engine, folder
 
 pytestmark = pytest.mark.slow
 

@@ -13,8 +13,8 @@ from typing import Any
 import pytest
 
 from rise_engine.session.folder import find_unfinished, running_sessions
+from tests.cli.processes import engine
 from tests.patience import PATIENCE
-from tests.run.engine.processes import engine
 from tests.study.invariants import check_day, first_input, log_lines
 from tests.study.studies import DESIGN, write_study
 

@@ -30,9 +30,9 @@ from rise_engine.session.folder import JOURNAL, find_unfinished, running_session
 from rise_engine.session.journal_reader import read_journal
 from rise_engine.session.lock import HOLDER_FILE, JournalLock, JournalLockedError, file_system, read_holder
 from rise_engine.session.recovery import recover
+from tests.cli.processes import ENGINE, engine, folder
 from tests.forked import Forked
 from tests.patience import PATIENCE
-from tests.run.engine.processes import ENGINE, engine, folder
 
 from .test_serve import Serving, wait_for_record
 

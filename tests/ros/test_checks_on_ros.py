@@ -13,9 +13,9 @@ from rise_engine.checks.child import ChildRequest
 from rise_engine.checks.robot import look_at_robot
 from rise_engine.ports.bridge import RosConnection, RosTransport
 from rise_engine.study.model import Study, StudyCheck
+from tests.cli.processes import folder
 from tests.ros.contract.peers import environment, missing
 from tests.ros.programs import Program
-from tests.run.engine.processes import folder
 
 pytestmark = [pytest.mark.dds, pytest.mark.slow]
 

@@ -151,6 +151,7 @@ def test_the_wheel_holds_the_studies_the_ros_types_and_the_notices(tmp_path: Pat
         if path.is_file():
             assert f"rise_engine/studies/{path.relative_to(STUDIES).as_posix()}" in held
     assert {f"rise_engine/scenario/patterns/{path.name}" for path in LIBRARY.glob("*.xml")} <= held
+    assert {"rise_adapters/py.typed", "rise_exchange/commands/__init__.py"} <= held
     types = STUDIES.parent / "adapters" / "rise_interfaces"
     assert {
         f"rise_adapters/ros2/share/{path.relative_to(types.parent)}" for path in types.rglob("*") if path.is_file()

@@ -21,7 +21,7 @@ from rise_engine.kernel.records import AnyRecord
 from rise_engine.results.export.records import COLUMNS, SessionExport, table_cell
 from rise_engine.session.folder import INFO, find_session
 from rise_engine.session.journal_format import encode_record
-from tests.run.engine.processes import ENGINE
+from tests.cli.processes import ENGINE
 
 from .journals import Made
 

@@ -12,7 +12,7 @@ from click.testing import CliRunner, Result
 from rise_engine.cli import main
 from rise_engine.study.study_log import read_log
 from tests.checks.samples import real_study, script
-from tests.run.engine.processes import Live, engine
+from tests.cli.processes import Live, engine
 
 pytestmark = pytest.mark.slow
 

@@ -7,8 +7,7 @@ import io
 import locale
 from contextlib import suppress
 
-from rise_engine.author.texts.reading import ReadRow, ReadTable
-from rise_engine.author.texts.table import TextTable
+from rise_engine.author.texts.table import ReadRow, ReadTable, TextTable
 from rise_engine.base.errors import ExchangeError
 
 _SEPARATORS = ";,\t"

@@ -14,8 +14,7 @@ from rise_engine.author.edit.edits import AddAct, AddColumn, AddLanguage, AnyEdi
 from rise_engine.author.edit.plan import EditRefused
 from rise_engine.author.edit.read_outline import read_outline
 from rise_engine.author.edit.translations import edit_of_original
-from rise_engine.author.texts.reading import ReadRow, ReadTable
-from rise_engine.author.texts.table import FIXED_COLUMNS, id_of_cell, text_check
+from rise_engine.author.texts.table import FIXED_COLUMNS, ReadRow, ReadTable, id_of_cell, text_check
 from rise_engine.base.errors import ExchangeError
 from rise_engine.base.nearest_name import did_you_mean
 from rise_engine.base.text import pluralize

@@ -5,8 +5,7 @@ from __future__ import annotations
 import re
 from typing import Any
 
-from rise_engine.author.texts.reading import ReadRow, ReadTable
-from rise_engine.author.texts.table import TextTable
+from rise_engine.author.texts.table import ReadRow, ReadTable, TextTable
 from rise_engine.base.errors import ExchangeError
 
 _CHECK = re.compile(r"check: (\S+)\s*\Z")

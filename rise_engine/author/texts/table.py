@@ -167,3 +167,21 @@ def id_of_cell(cell: str, known: Collection[str]) -> str:
     """The id that a cell names."""
     cell = cell.strip()
     return cell.removeprefix("act ") if cell not in known else cell
+
+
+class ReadRow(Struct, frozen=True):
+    """A row."""
+
+    line: int
+    """Its number in the file, for sentences."""
+    values: dict[str, str]
+    """By column."""
+    confirmed: frozenset[str] = frozenset()
+    """Languages in which somebody has said that the translation is right as it is (gettext: it is not fuzzy)."""
+
+
+class ReadTable(Struct, frozen=True):
+    columns: tuple[str, ...]
+    rows: tuple[ReadRow, ...]
+    what: str = "row"
+    """What a row is called in sentences."""

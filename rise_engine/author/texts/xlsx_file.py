@@ -6,8 +6,7 @@ import io
 from typing import Any
 from zipfile import BadZipFile, ZipFile
 
-from rise_engine.author.texts.reading import ReadRow, ReadTable
-from rise_engine.author.texts.table import TextTable
+from rise_engine.author.texts.table import ReadRow, ReadTable, TextTable
 from rise_engine.base.errors import ExchangeError
 
 _WIDTHS = {"id": 22, "act": 18, "when": 14, "with": 26, "note": 30, "place": 24, "of": 30, "check": 12}

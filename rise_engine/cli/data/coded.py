@@ -15,7 +15,7 @@ import msgspec
 from rise_engine.base.errors import SessionError
 from rise_engine.base.exit_status import OK, PARTIAL, USAGE
 from rise_engine.base.text import pluralize
-from rise_engine.cli.data.media import parse_moment, read_marks
+from rise_engine.cli.data.moments import parse_moment, read_marks
 from rise_engine.cli.options import JSON, SESSION
 from rise_engine.cli.terminal import print_lines, print_notes, refusing, show
 from rise_engine.privacy.levels import LEVELS, LevelFilter

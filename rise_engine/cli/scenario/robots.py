@@ -9,7 +9,7 @@ from typing import Any
 import click
 
 from rise_engine.base.exit_status import USAGE
-from rise_engine.bml.schema import block_schema_text
+from rise_engine.base.plugins import find_plugin, installed_plugins
 from rise_engine.cli.options import JSON, ROBOT, ROS, SCENARIO_OR_NONE, number
 from rise_engine.cli.scenario.loading import load_scenario, read_profile, robots_folder
 from rise_engine.cli.terminal import Refused, show, write_xml
@@ -20,11 +20,17 @@ from rise_engine.scenario.loader import load
 from rise_engine.scenario.model import ActionSpec, RobotProfile
 from rise_engine.scenario.robot_profiles import DEFAULT_ROBOT, find_profile, robot_names
 
+SCHEMAS = "rise.schemas"
+"""The entry-point group in which a package names schemas of its own, each a function that gives the text."""
+
 
 @click.command()
 @SCENARIO_OR_NONE
 @click.option(
-    "--kind", type=click.Choice(["cra", "rules", "bml"]), required=True, help="Choose acts (cra), rules, or BML 1.0."
+    "--kind",
+    type=click.Choice(["cra", "rules", *installed_plugins(SCHEMAS).names]),
+    required=True,
+    help="Choose acts (cra), rules, or BML 1.0.",
 )
 @ROBOT
 def schema(folder: str | None, kind: str, robot: str | None) -> None:
@@ -34,8 +40,8 @@ def schema(folder: str | None, kind: str, robot: str | None) -> None:
     """
     if kind == "rules":
         text = rule_schema_text()
-    elif kind == "bml":
-        text = block_schema_text()
+    elif plugin := find_plugin(SCHEMAS, kind):
+        text = plugin.load()()
     elif folder is not None:
         text = act_schema_text(load_scenario(folder, robot=robot).robot.actions)
     else:

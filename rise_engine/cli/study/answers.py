@@ -1,16 +1,19 @@
-"""What answers about a new study mean: of the questions of `study new` and of its options alike.
+"""The questions about a new study, and what their answers mean: those of `study new` and of its options alike.
 
-Every function takes a text and gives what it means, or raises ValueError with a sentence that says why it is nothing.
+Every function that parses a text gives what it means, or raises ValueError with a sentence that says why it is nothing.
 """
 
 from __future__ import annotations
 
 import re
 import tomllib
-from collections.abc import Collection
+from collections.abc import Callable, Collection, Iterator
+from contextlib import contextmanager
 from pathlib import Path
+from typing import Any, NamedTuple
 
 from rise_engine.base.nearest_name import did_you_mean, in_backquotes
+from rise_engine.cli.terminal import exit_with_usage
 from rise_engine.scenario.file_names import SCENARIO_FILE
 from rise_engine.scenario.loader import load
 from rise_engine.scenario.model import Json, Scenario
@@ -18,12 +21,13 @@ from rise_engine.scenario.shipped_studies import shipped_studies
 from rise_engine.study.check_tables import AUTOMATIC
 from rise_engine.study.csv_table import WHY, personal_column
 from rise_engine.study.design import PLAN_COLUMNS
-from rise_engine.study.factor_tables import memory_key_problem, memory_type_problem
+from rise_engine.study.factor_tables import memory_key_problem, memory_type_problem, what_it_does
 from rise_engine.study.model import FactorKind, Level, StudyCheck
 from rise_engine.study.study_toml import MAX_PARTICIPANTS, RESERVED_COLUMNS
 
 NOTHING = "-"
 """The answer that means none of what Enter would give."""
+USUAL_CHECKS = "robot, disk, scenario, wizard"
 _NAME = re.compile(r"[A-Za-z][A-Za-z0-9_]*\Z")
 _LEVEL = re.compile(r"[A-Za-z0-9_-]+\Z")
 _PAIR = re.compile(r"\s*([^\s=,{}]+)\s*=\s*([A-Za-z_][\w -]*?)\s*(?=,|\Z)")
@@ -216,3 +220,55 @@ def asked_check(sentence: str, taken: Collection[str], *, after: bool = False) -
     while identity in taken:
         identity, number = f"{base}-{number}", number + 1
     return StudyCheck(identity, ask=parse_text(sentence), when="after" if after else "before")
+
+
+def same_levels(levels: list[Level]) -> list[str]:
+    """The first two levels in which the robot does the same."""
+    for at, level in enumerate(levels):
+        for other in levels[:at]:
+            if what_it_does(level) == what_it_does(other):
+                return [other.name, level.name]
+    return []
+
+
+@contextmanager
+def meaning(option: str) -> Iterator[None]:
+    """Within it, an answer that means nothing ends the command with the reason. `option`: what says it."""
+    try:
+        yield
+    except ValueError as error:
+        exit_with_usage(f"{option}: {error}")
+
+
+# --- questions ------------------------------------------------------------------------------------------------------
+
+
+class Question(NamedTuple):
+    """Something that is asked once."""
+
+    option: str
+    """That answers it."""
+    question: str
+    parse: Callable[[str], Any]
+    """Raises ValueError with the reason why an answer means nothing."""
+    about: str = ""
+    """A paragraph before it."""
+
+
+NOTHING_TEXT = f"({NOTHING}: nothing)"
+TITLE = Question("--title", "Title", parse_text)
+IDENTITY = Question("--id", "Short name, letters and digits, for file names", parse_id)
+COUNT = Question("--n", "Complete participants that you want", parse_count)
+CONSENT = Question(
+    "--consent",
+    f"Consent to {NOTHING_TEXT}",
+    parse_consents,
+    "What must participants have consented to before a session? Each is a column of participants.csv with a date; "
+    "without one no session begins. Write words with commas between them: study, recording",
+)
+AUTOMATIC_CHECKS = Question(
+    "--auto",
+    f"Look at {NOTHING_TEXT}",
+    parse_automatic,
+    "What is the program to look at before each session? Words with commas between them.",
+)

@@ -4,28 +4,24 @@ from __future__ import annotations
 
 import click
 
-from rise_engine.cli.data.bundle import bundle
-from rise_engine.cli.study.day import exclude, next_participant, outcome, reassign, status
-from rise_engine.cli.study.new import new
-from rise_engine.cli.study.planning import check, plan
-from rise_engine.cli.study.withdraw import withdraw
+from rise_engine.cli.lazy_group import LazyGroup
 
-STUDY: dict[str, click.Command] = {
-    "bundle": bundle,
-    "check": check,
-    "exclude": exclude,
-    "new": new,
-    "next": next_participant,
-    "outcome": outcome,
-    "plan": plan,
-    "reassign": reassign,
-    "status": status,
-    "withdraw": withdraw,
+STUDY = {
+    "bundle": "rise_engine.cli.data.bundle:bundle",
+    "check": "rise_engine.cli.study.planning:check",
+    "exclude": "rise_engine.cli.study.day:exclude",
+    "new": "rise_engine.cli.study.new:new",
+    "next": "rise_engine.cli.study.day:next_participant",
+    "outcome": "rise_engine.cli.study.day:outcome",
+    "plan": "rise_engine.cli.study.planning:plan",
+    "reassign": "rise_engine.cli.study.day:reassign",
+    "status": "rise_engine.cli.study.day:status",
+    "withdraw": "rise_engine.cli.study.withdraw:withdraw",
 }
-"""Every command of `rise-engine study`, by its name."""
+"""Where every command of `rise-engine study` lies, by its name."""
 
 
-@click.group("study", commands=STUDY)
+@click.group("study", cls=LazyGroup, places=STUDY)
 def study() -> None:
     """Make, check and run a study: a folder with study.toml (docs/reference/study.md)."""
 

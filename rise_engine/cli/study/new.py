@@ -5,14 +5,13 @@ from __future__ import annotations
 import re
 import sys
 from collections.abc import Callable, Collection, Iterator
-from contextlib import contextmanager
 from functools import partial
 from pathlib import Path
 from random import SystemRandom
 from shlex import quote
 from shutil import get_terminal_size
 from textwrap import fill
-from typing import Any, NamedTuple, TypeVar
+from typing import Any, TypeVar
 
 import click
 
@@ -21,6 +20,7 @@ from rise_engine.base.nearest_name import in_backquotes
 from rise_engine.base.text import pluralize
 from rise_engine.cli.options import MODE, ROBOT
 from rise_engine.cli.study import answers
+from rise_engine.cli.study.answers import USUAL_CHECKS
 from rise_engine.cli.study.planning import look_at_study, look_lines
 from rise_engine.cli.terminal import Refused, exit_with_usage, print_lines
 from rise_engine.scenario.model import Mode, Scenario
@@ -28,14 +28,12 @@ from rise_engine.scenario.shipped_studies import shipped_studies
 from rise_engine.study.balance import with_blocks_that_fit
 from rise_engine.study.check_tables import AUTOMATIC
 from rise_engine.study.design import cells, runs
-from rise_engine.study.factor_tables import what_it_does
 from rise_engine.study.model import AssignmentSettings, Factor, FactorKind, Level, Study, StudyCheck
 from rise_engine.study.new_study import NewStudy, copy_sentence, folder_problem, write_new_study
 from rise_engine.study.review import review_study
 from rise_engine.study.study_toml import MAX_SEED
 
 _WIDEST = 88
-_USUAL_CHECKS = "robot, disk, scenario, wizard"
 _DEBRIEF = "The participant was debriefed"
 _Answer = TypeVar("_Answer")
 
@@ -74,7 +72,10 @@ _Answer = TypeVar("_Answer")
 )
 @click.option("--consent", metavar="A,B", help="Require consent to these; - for none. Default: study.")
 @click.option(
-    "--auto", "automatic", metavar="A,B", help=f"Make these automatic checks; - for none. Default: {_USUAL_CHECKS}."
+    "--auto",
+    "automatic",
+    metavar="A,B",
+    help=f"Make these automatic checks; - for none. Default: {USUAL_CHECKS}.",
 )
 @click.option(
     "--ask", "asked", metavar="SENTENCE", multiple=True, help="Ask for this confirmation before a session. Repeatable."
@@ -134,37 +135,6 @@ def new(folder: str, **given: Any) -> int:
     return REFUSED if errors else OK
 
 
-class _Question(NamedTuple):
-    """Something that is asked once."""
-
-    option: str
-    """That answers it."""
-    question: str
-    parse: Callable[[str], Any]
-    """Raises ValueError with the reason why an answer means nothing."""
-    about: str = ""
-    """A paragraph before it."""
-
-
-_NOTHING = f"({answers.NOTHING}: nothing)"
-_TITLE = _Question("--title", "Title", answers.parse_text)
-_ID = _Question("--id", "Short name, letters and digits, for file names", answers.parse_id)
-_N = _Question("--n", "Complete participants that you want", answers.parse_count)
-_CONSENT = _Question(
-    "--consent",
-    f"Consent to {_NOTHING}",
-    answers.parse_consents,
-    "What must participants have consented to before a session? Each is a column of participants.csv with a date; "
-    "without one no session begins. Write words with commas between them: study, recording",
-)
-_AUTOMATIC = _Question(
-    "--auto",
-    f"Look at {_NOTHING}",
-    answers.parse_automatic,
-    "What is the program to look at before each session? Words with commas between them.",
-)
-
-
 class _Conversation:
     """All questions. What options say is not asked."""
 
@@ -183,13 +153,13 @@ class _Conversation:
             "written before you have said so at the end. Everything can be changed in study.toml later."
         )
         given, usual = self.given, self.folder.resolve().name
-        title: str = self.put(_TITLE, usual, given["title"])
-        identity: str = self.put(_ID, re.sub(r"[^A-Za-z0-9]", "", usual) or "study", given["id"])
+        title: str = self.put(answers.TITLE, usual, given["title"])
+        identity: str = self.put(answers.IDENTITY, re.sub(r"[^A-Za-z0-9]", "", usual) or "study", given["id"])
         scenario = self.ask_scenario()
-        n: int = self.put(_N, "24", given["n"])
+        n: int = self.put(answers.COUNT, "24", given["n"])
         factors = self.ask_factors(scenario)
         strata = self.ask_strata()
-        consent: tuple[str, ...] = self.put(_CONSENT, "study", given["consent"])
+        consent: tuple[str, ...] = self.put(answers.CONSENT, "study", given["consent"])
         checks = self.ask_checks()
         hidden: bool = given["hidden"]
         if self.asks and factors and not hidden:
@@ -227,14 +197,14 @@ class _Conversation:
             print_lines("")
             _print_filled(text, break_on_hyphens=True)
 
-    def put(self, question: _Question, usual: str, given: str | None) -> Any:
+    def put(self, question: answers.Question, usual: str, given: str | None) -> Any:
         """Ask one of the questions above, unless its option says it."""
         if given is not None:
-            with _meaning(f"{question.option} {given}"):
+            with answers.meaning(f"{question.option} {given}"):
                 return question.parse(given)
         if question.about:
             self.say(question.about)
-        if question is _AUTOMATIC and self.asks:
+        if question is answers.AUTOMATIC_CHECKS and self.asks:
             width = max(map(len, AUTOMATIC))
             for name, what in AUTOMATIC.items():
                 _print_filled(f"   {name:<{width}}  {what}", " " * (width + 5), break_on_hyphens=True)
@@ -267,7 +237,7 @@ class _Conversation:
             f"{', '.join(shipped)}; or write the path of yours."
         )
         usual = "greeting" if "greeting" in shipped else next(iter(shipped), ".")
-        question = _Question("--scenario", "Scenario", answers.parse_scenario, about)
+        question = answers.Question("--scenario", "Scenario", answers.parse_scenario, about)
         scenario: Scenario
         self.sources["scenario"], scenario = self.put(question, usual, self.given["scenario"])
         return scenario
@@ -300,7 +270,7 @@ class _Conversation:
         while True:
             names = self.answer("   Its levels, with commas between them", "yes, no", answers.parse_level_names)
             levels = [self.ask_level(name, level, scenario) for level in names]
-            if not (same := _same_levels(levels)):
+            if not (same := answers.same_levels(levels)):
                 break
             print_lines(f"   -> In {in_backquotes(same)} the robot does the same.")
             if self.answer("   Is what differs done by people, not by the robot (y/n)", "n", answers.parse_yes):
@@ -328,17 +298,17 @@ class _Conversation:
     def factor_of_option(self, written: str, before: Collection[str], scenario: Scenario) -> Factor:
         name, _, kind = written.partition("=")
         levels: list[Level] = []
-        with _meaning(f"--factor {written}"):
+        with answers.meaning(f"--factor {written}"):
             answers.parse_factor_name(name, before)
             parsed = answers.parse_kind(kind)
             for text in self.given["levels"]:
                 path, _, sets = text.partition("=")
                 factor, _, level = path.strip().partition(".")
                 if factor == name:
-                    with _meaning(f"--level {text}"):
+                    with answers.meaning(f"--level {text}"):
                         levels.append(answers.parse_level(level.strip(), sets, scenario))
             answers.parse_level_names(", ".join(level.name for level in levels))
-        if (same := _same_levels(levels)) and name not in self.label_only:
+        if (same := answers.same_levels(levels)) and name not in self.label_only:
             exit_with_usage(
                 f"--factor {written}: in {in_backquotes(same)} the robot does the same; say "
                 f"--label-only {name} if what differs is done by people"
@@ -348,7 +318,7 @@ class _Conversation:
     def ask_strata(self) -> dict[str, tuple[str, ...]]:
         strata: dict[str, tuple[str, ...]] = {}
         for written in self.given["strata"]:
-            with _meaning(f"--stratum {written}"):
+            with answers.meaning(f"--stratum {written}"):
                 column, values = answers.parse_stratum(written, strata)
             strata[column] = values
         if self.asks and not strata:
@@ -362,7 +332,7 @@ class _Conversation:
         return strata
 
     def ask_checks(self) -> tuple[StudyCheck, ...]:
-        checks: list[StudyCheck] = [*self.put(_AUTOMATIC, _USUAL_CHECKS, self.given["automatic"])]
+        checks: list[StudyCheck] = [*self.put(answers.AUTOMATIC_CHECKS, answers.USUAL_CHECKS, self.given["automatic"])]
 
         def add(sentence: str, *, after: bool = False) -> None:
             if sentence.strip() != answers.NOTHING:
@@ -370,7 +340,7 @@ class _Conversation:
 
         for option, sentences in (("--ask", self.given["asked"]), ("--ask-after", self.given["asked_after"])):
             for sentence in sentences:
-                with _meaning(f"{option} {sentence}"):
+                with answers.meaning(f"{option} {sentence}"):
                     add(answers.parse_text(sentence), after=option == "--ask-after")
         if self.asks and not self.given["asked"]:
             self.say("What should people look at and confirm? A sentence: The lamp behind the robot is on")
@@ -378,32 +348,14 @@ class _Conversation:
             for sentence in self.answers(question, question, answers.parse_text):
                 add(sentence)
         if not self.given["asked_after"]:
-            add(self.answer(f"After each session {_NOTHING}", _DEBRIEF, answers.parse_text), after=True)
+            add(self.answer(f"After each session {answers.NOTHING_TEXT}", _DEBRIEF, answers.parse_text), after=True)
         return tuple(checks)
-
-
-@contextmanager
-def _meaning(option: str) -> Iterator[None]:
-    """Within it, an answer that means nothing ends the command with the reason. `option`: what says it."""
-    try:
-        yield
-    except ValueError as error:
-        exit_with_usage(f"{option}: {error}")
 
 
 def _print_filled(text: str, indent: str = "", *, break_on_hyphens: bool = False) -> None:
     """Print a paragraph, as wide as the terminal. `indent`: of its second line, and of the others."""
     width = min(_WIDEST, get_terminal_size().columns - 1)
     print_lines(*fill(text, width, subsequent_indent=indent, break_on_hyphens=break_on_hyphens).split("\n"))
-
-
-def _same_levels(levels: list[Level]) -> list[str]:
-    """The first two levels in which the robot does the same."""
-    for at, level in enumerate(levels):
-        for other in levels[:at]:
-            if what_it_does(level) == what_it_does(other):
-                return [other.name, level.name]
-    return []
 
 
 def _summary(study: Study) -> str:

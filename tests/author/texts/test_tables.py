@@ -27,8 +27,7 @@ from rise_engine.author.texts import xlsx_file
 from rise_engine.author.texts.csv_file import read_csv, usual_separator, write_csv
 from rise_engine.author.texts.importing import TextImport, import_table, summary
 from rise_engine.author.texts.po_file import read_po, write_po
-from rise_engine.author.texts.reading import ReadRow, ReadTable
-from rise_engine.author.texts.table import TextRow, TextTable, make_table
+from rise_engine.author.texts.table import ReadRow, ReadTable, TextRow, TextTable, make_table
 from rise_engine.author.texts.xlsx_file import read_xlsx, write_xlsx
 from rise_engine.base.errors import ExchangeError
 from rise_engine.scenario.loader import LoadResult, load

@@ -27,8 +27,7 @@ from rise_engine.run.engine.drivers import make_robot
 from rise_engine.run.engine.engine import Engine
 from rise_engine.run.protocol.client import Reply
 from rise_engine.scenario.model import Scenario
-
-from .samples import GREETING, act, assert_one_ending_each, endings, scenario, speech, start
+from tests.run.engine.samples import GREETING, act, assert_one_ending_each, endings, scenario, speech, start
 
 
 class InstantRobot:

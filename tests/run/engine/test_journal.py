@@ -11,8 +11,7 @@ import pytest
 from rise_engine.base.files import Disk
 from rise_engine.session.journal import Journal
 from tests.patience import PATIENCE
-
-from .disks import FailingDisk, FullDisk
+from tests.run.engine.disks import FailingDisk, FullDisk
 
 
 class Watch:

@@ -20,9 +20,8 @@ from rise_engine.run.protocol.client import JournalStatus, Reply
 from rise_engine.session.journal import Journal
 from rise_engine.session.journal_format import InputLine, encode_header, read_line
 from tests.patience import PATIENCE
-
-from .disks import FullDisk, StallingDisk
-from .samples import GREETING, scenario, start
+from tests.run.engine.disks import FullDisk, StallingDisk
+from tests.run.engine.samples import GREETING, scenario, start
 
 STOP = Submit(function="stopAll", source="wizard:anna")
 

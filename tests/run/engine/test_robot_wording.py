@@ -20,8 +20,7 @@ from rise_engine.scenario.durations import expected_seconds
 from rise_engine.scenario.lexicon import Pronunciation, RobotWording, words_for
 from rise_engine.scenario.model import Action, ActionSpec, LexiconTable, Parameter, Scenario
 from rise_engine.scenario.ssml import literal_ssml, plain_words
-
-from .samples import act, call, profile, scenario, speech, start
+from tests.run.engine.samples import act, call, profile, scenario, speech, start
 
 WORDS = {
     "Rise": "rize",

@@ -11,7 +11,7 @@ from rise_engine.kernel.view import SessionView
 from rise_engine.run.server import find_marks
 from rise_engine.run.server.find_marks import find_marks_later, unaligned
 from rise_engine.session.media import MediaFile, read_media, register_media
-from tests.run.engine.test_media_command import MARKS, session
+from tests.cli.test_media_command import MARKS, session
 from tests.run.recording.sounds import record_marks, write_wav
 
 

@@ -9,8 +9,8 @@ from rise_engine.run.client.socket import SocketClient
 from rise_engine.run.protocol.client import EngineGone
 from rise_engine.run.protocol.session_options import SessionOptions
 from rise_engine.run.server import spawn
-from rise_tui.cli import process_launcher as launching
-from rise_tui.cli.process_launcher import process_launcher
+from rise_tui.cli import open_console as launching
+from rise_tui.cli.open_console import process_launcher
 from rise_tui.config.launch import settings_of_session
 from rise_tui.config.settings import engine_options, scenario_path
 from rise_tui.console.app import ConsoleApp

@@ -8,7 +8,7 @@ import pytest
 from msgspec.structs import replace
 
 from rise_tui.cli.options import CommandLine
-from rise_tui.cli.wizard import QUESTION, last_wizard, name_wizard
+from rise_tui.cli.start import QUESTION, last_wizard, name_wizard
 from rise_tui.config.preferences import Preferences, load_saved
 from rise_tui.console.ui_state import UiState, save_all
 

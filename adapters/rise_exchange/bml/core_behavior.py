@@ -1,0 +1,97 @@
+"""An action as BML 1.0's core says it, as far as the core can (docs/reference/bml.md has the table)."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from decimal import Decimal
+from typing import TypeAlias
+
+from msgspec import Struct
+
+from rise_engine.scenario.model import ActionCall
+from rise_engine.scenario.ssml import begins_as_ssml, plain_words
+from rise_engine.scenario.template import Template
+from rise_exchange.bml.names import BmlNames, TargetPoint
+from rise_exchange.bml.sync import read_seconds, seconds_text
+
+FillTemplate: TypeAlias = Callable[[Template], str]
+"""What stands for a parameter in whose text memory values are."""
+MODES = {"left": "LEFT_HAND", "right": "RIGHT_HAND"}
+"""Of `<pointing>`, for the `hand` of `PointAt`."""
+
+
+class CoreBehavior(Struct, frozen=True):
+    """A behaviour of BML's core."""
+
+    tag: str
+    attributes: dict[str, str]
+    text: str | None = None
+    """What is said."""
+    ssml: str | None = None
+    """The same, with its markup."""
+    seconds: str | None = None
+    """How long it lasts, where the action says so."""
+
+
+def core_behavior(call: ActionCall, names: BmlNames, fill: FillTemplate) -> CoreBehavior | None:
+    """What BML's core has for an action; None, when it has nothing."""
+    written = {name: fill(template) for name, template in call.parameters.items()}
+    match call.type:
+        case "Speech":
+            message = written.get("message", "")
+            if begins_as_ssml(message):
+                return CoreBehavior("speech", {}, plain_words(message), message)
+            return CoreBehavior("speech", {}, message)
+        case "LookAt":
+            target = {"target": target_name(written, names)}
+            return CoreBehavior("gazeShift", target, seconds=seconds_text(written.get("duration", "")))
+        case "PointAt":
+            mode = MODES.get(written.get("hand", ""))
+            target = {"target": target_name(written, names)}
+            return CoreBehavior("pointing", target | ({"mode": mode} if mode else {}))
+        case "Wait":
+            seconds = seconds_text(written.get("duration", ""))
+            return CoreBehavior("wait", {"duration": seconds if seconds is not None else written.get("duration", "")})
+        case "Animation" | "Emotion" | "SocialExpression":
+            return _by_lexeme(call.type, written, names)
+    return None
+
+
+def target_name(written: Mapping[str, str], names: BmlNames) -> str:
+    """The name of a point: its own, or one that says where it is."""
+    point = point_of(written)
+    known = names.target_of(point)
+    return known if known is not None else "_".join(("at", point.x, point.y, point.z, *filter(None, (point.frame,))))
+
+
+def point_of(written: Mapping[str, str]) -> TargetPoint:
+    """The point that the parameters of an action say."""
+    x, y, z = (written.get(f"point{axis}", "") for axis in "xyz")
+    return TargetPoint(x, y, z, written.get("frame", ""))
+
+
+def _by_lexeme(type: str, written: Mapping[str, str], names: BmlNames) -> CoreBehavior:
+    value = written.get("value", "")
+    spec = names.robot.actions[type]
+    codes = {str(code): name for name, code in spec.parameters["value"].codes.items()}
+    kind, lexeme = names.lexeme_of(type, codes.get(value, value))
+    seconds = seconds_text(written.get("duration", ""))
+    attributes = {"lexeme": lexeme}
+    repetitions = written.get("repetitions", "1")
+    if seconds is not None and type == "Animation":  # what one of them takes
+        times = read_seconds(repetitions)
+        each = read_seconds(seconds)
+        seconds = None if times is None or each is None else f"{(times * each).normalize():f}"
+    if kind == "head" and repetitions != "1":
+        attributes["repetition"] = repetitions
+    tag = {"head": "head", "gesture": "gesture", "posture": "posture", "face": "faceLexeme"}[kind]
+    return CoreBehavior(tag, attributes, seconds=seconds)
+
+
+def length_of(seconds: Decimal, repetitions: str) -> Decimal | None:
+    """The seconds of each of several repetitions; None, when that is no finite decimal."""
+    times = read_seconds(repetitions)
+    if not times:
+        return None
+    each = seconds / times
+    return each if each * times == seconds else None

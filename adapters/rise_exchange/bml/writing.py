@@ -1,0 +1,229 @@
+"""An act as a block of BML 1.0: what other programs can do of it in the core, all of it for ourselves.
+
+What BML has no words for stands in a `<description>` of our own type within the behaviour (BML 1.0 has descriptions for
+just that: a program that does not know the type takes the core), or in an element of our namespace. Which actions need
+one is found by reading the block again: those that come back as they were need none.
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterable, Mapping
+from xml.sax.saxutils import escape, quoteattr
+
+from msgspec.structs import replace
+
+from rise_engine.base.text import pluralize
+from rise_engine.scenario.model import Act, Action, ActionCall, CallingType, Json
+from rise_engine.scenario.source_files import SourceFile
+from rise_engine.scenario.template import MemorySlot, MissingValueError, Template
+from rise_exchange.bml.core_behavior import CoreBehavior, core_behavior, point_of, target_name
+from rise_exchange.bml.findings import ConversionFindings
+from rise_exchange.bml.names import BmlNames, TargetPoint
+from rise_exchange.bml.reading import read_actions
+from rise_exchange.bml.vocabulary import DESCRIPTION_TYPE, NAMESPACE, OWN_NAMESPACE, PRIORITY, SSML_TYPE
+
+_ID = re.compile(r"[A-Za-z_]\w*", re.ASCII)
+_NOT_IN_ID = re.compile(r"\W", re.ASCII)
+_NOT_XML = re.compile("[\x00-\x08\x0b\x0c\x0e-\x1f\ud800-\udfff\ufffe\uffff]")
+"""Characters that memory values may have, and no XML."""
+_COMPOSITION: Mapping[CallingType, str] = {"None": "MERGE", "Blocking": "APPEND"}
+_SSML_NAMESPACE = "http://www.w3.org/2001/10/synthesis"
+_SAFE = {"\n": "&#10;", "\t": "&#9;", "\r": "&#13;"}
+
+
+def write_act(
+    act: Act, calling_type: CallingType, memory: Mapping[str, Json], names: BmlNames, findings: ConversionFindings
+) -> str:
+    """The text of a block. What other programs will not do of the act goes into `findings`, as lost.
+
+    :param calling_type: the act's usual one, which is the block's composition.
+    :param memory: the start values, which stand where the act has memory values.
+    :param names: how points and movements are called.
+    """
+    writer = _BlockWriter(act, calling_type, memory, names)
+    plain = writer.text(frozenset())
+    read = read_actions(SourceFile("block.xml", b"", plain), names)
+    described = frozenset(action.id for action in act.actions if not _is_same(action, read.get(action.id)))
+    located = replace(names, targets=writer.points() | names.targets)
+    read = read_actions(SourceFile("block.xml", b"", plain), located)
+    for action in act.actions:
+        _note_losses(action, read.get(action.id), writer, findings)
+    return writer.text(described) if described else plain
+
+
+def _is_same(action: Action, read: Action | None) -> bool:
+    return read is not None and read.calls == action.calls
+
+
+def _note_losses(action: Action, read: Action | None, writer: _BlockWriter, findings: ConversionFindings) -> None:
+    """What another program will not do of an action."""
+
+    def lose(message: str) -> None:
+        findings.lose(action.location, f"`{writer.act.name}`, action {action.id}: {message}")
+
+    if len(action.wait_for) > 1:
+        lose("it begins when several have ended, for which BML has only <after>: another program may begin it later")
+    call = action.calls[0]
+    if len(action.calls) > 1:
+        number = pluralize(len(action.calls), "variant")
+        lose(f"BML has no variants: another program takes the first of {number}")
+    core = writer.core(call)
+    if core is None:
+        lose(f"BML has nothing for `{call.type}`: another program leaves it out")
+        return
+    kept = read.calls[0].parameters if read is not None else {}
+    for name, template in call.parameters.items():
+        if template.slots:
+            lose(_slot_loss(name, template, writer.memory))
+    different = [
+        name for name, template in call.parameters.items() if not template.slots and kept.get(name) != template
+    ]
+    target = core.attributes.get("target")
+    if target is not None and target not in writer.names.targets:
+        lose(f"BML has names and no points: what `{target}` is, another program has to know")
+    if different and (len(action.calls) == 1 or any(name != "message" for name in different)):
+        shown = ", ".join(f"`{name}`" for name in different)
+        lose(f"BML's core has not just this for {shown}: another program does the next best")
+
+
+def _slot_loss(name: str, template: Template, memory: Mapping[str, Json]) -> str:
+    """What is said of a parameter with memory values in it."""
+    try:
+        filled = template.fill(memory)
+    except MissingValueError as error:
+        return (
+            f"`{name}` has a memory value, BML has no memory, and `{error.key}` has no start value: it stays as it is"
+        )
+    return f"`{name}` has a memory value, and BML has no memory: its start value is written, “{filled}”"
+
+
+class _BlockWriter:
+    def __init__(self, act: Act, calling_type: CallingType, memory: Mapping[str, Json], names: BmlNames) -> None:
+        self.act = act
+        self.calling_type = calling_type
+        self.memory = memory
+        self.names = names
+        self.ids = _make_ids(action.id for action in act.actions)
+        self.block_id = _make_ids([act.name])[act.name]
+
+    def core(self, call: ActionCall) -> CoreBehavior | None:
+        """What BML's core has for an action, with the start values of the memory in it."""
+        return core_behavior(call, self.names, self.fill)
+
+    def points(self) -> dict[str, TargetPoint]:
+        """The points that the act has, by the names that stand for them in the block."""
+        found: dict[str, TargetPoint] = {}
+        for action in self.act.actions:
+            written = {name: self.fill(template) for name, template in action.calls[0].parameters.items()}
+            if "pointx" in written:
+                found[target_name(written, self.names)] = point_of(written)
+        return found
+
+    def fill(self, template: Template) -> str:
+        """A parameter's text with the start values; a key without one stands there in its braces."""
+        parts = tuple(self.with_value(part) for part in template.parts)
+        return _NOT_XML.sub("", Template(template.text, parts).fill(self.memory))
+
+    def with_value(self, part: str | MemorySlot) -> str | MemorySlot:
+        """A part of a template; a text, if the memory has no value for it."""
+        if isinstance(part, MemorySlot):
+            try:
+                part.read(self.memory)
+            except MissingValueError:
+                return f"{{{part.key}}}"
+        return part
+
+    def text(self, described: frozenset[str]) -> str:
+        """The block; actions in `described` have a description of our own."""
+        lines: list[str] = []
+        inside = False
+        for action in self.act.actions:
+            if action.continue_on_failure == inside:  # all others are required
+                lines.append("  </required>" if inside else "  <required>")
+                inside = not inside
+            lines += self.behavior(action, "    " if inside else "  ", action.id in described)
+        if inside:
+            lines.append("  </required>")
+        for action in self.act.actions:
+            if len(action.wait_for) > 1:
+                lines += self.constraint(action)
+        attributes = f'xmlns="{NAMESPACE}"'
+        if any("rise:" in line or "rise+xml" in line for line in lines) or self.block_id != self.act.name:
+            attributes += f' xmlns:rise="{OWN_NAMESPACE}"'
+        attributes += f' id="{self.block_id}"'
+        if self.block_id != self.act.name:
+            attributes += f" rise:act={_quote(self.act.name)}"
+        attributes += f' composition="{_COMPOSITION[self.calling_type]}"'
+        return "\n".join(('<?xml version="1.0" encoding="UTF-8"?>', f"<bml {attributes}>", *lines, "</bml>", ""))
+
+    def behavior(self, action: Action, indent: str, described: bool) -> list[str]:
+        """The lines of an action."""
+        core = self.core(action.calls[0])
+        id = self.ids[action.id]
+        timing = f'id="{id}"' + (f" rise:id={_quote(action.id)}" if id != action.id else "")
+        if len(action.wait_for) == 1:
+            timing += f' start="{self.ids[action.wait_for[0]]}:end"'
+        if core is None:
+            return self.own_action(action, timing, indent)
+        attributes = "".join(f" {name}={_quote(value)}" for name, value in core.attributes.items())
+        if core.seconds is not None:
+            attributes += f' end="{id}:start+{core.seconds}"'
+        inside = [] if core.text is None else [f"<text>{escape(core.text)}</text>"]
+        if core.ssml is not None:
+            inside.append(
+                f'<description priority="{PRIORITY}" type="{SSML_TYPE}">{_with_namespace(core.ssml)}</description>'
+            )
+        if described:
+            inside.append(f'<description priority="{PRIORITY}" type="{DESCRIPTION_TYPE}">')
+            inside += [f"  {line}" for line in self.own_action(action, "", "")]
+            inside.append("</description>")
+        if not inside:
+            return [f"{indent}<{core.tag} {timing}{attributes}/>"]
+        return [
+            f"{indent}<{core.tag} {timing}{attributes}>",
+            *(f"{indent}  {line}" for line in inside),
+            f"{indent}</{core.tag}>",
+        ]
+
+    def own_action(self, action: Action, timing: str, indent: str) -> list[str]:
+        """An action as acts have it, in our namespace."""
+        timing = f" {timing}" if timing else ""
+        if len(action.calls) == 1:
+            return _own_call(action.calls[0], timing, indent)
+        calls = [line for call in action.calls for line in _own_call(call, "", f"{indent}  ")]
+        return [f"{indent}<rise:Variants{timing}>", *calls, f"{indent}</rise:Variants>"]
+
+    def constraint(self, action: Action) -> list[str]:
+        """What several wait for: not before any of them has ended."""
+        sync = f'<sync ref="{self.ids[action.id]}:start"/>'
+        relations = [f'    <after ref="{self.ids[each]}:end">{sync}</after>' for each in action.wait_for]
+        return ["  <constraint>", *relations, "  </constraint>"]
+
+
+def _own_call(call: ActionCall, timing: str, indent: str) -> list[str]:
+    parameters = [
+        f"{indent}  <rise:{name}>{escape(template.text, _SAFE)}</rise:{name}>"
+        for name, template in call.parameters.items()
+    ]
+    return [f"{indent}<rise:{call.type}{timing}>", *parameters, f"{indent}</rise:{call.type}>"]
+
+
+def _with_namespace(ssml: str) -> str:
+    """SSML in its own namespace, where it names none: in BML, that would be BML's."""
+    head, bracket, rest = ssml.partition(">")
+    return ssml if "xmlns" in head else f'{head[:6]} xmlns="{_SSML_NAMESPACE}"{head[6:]}{bracket}{rest}'
+
+
+def _make_ids(names: Iterable[str]) -> dict[str, str]:
+    """Ids of XML that can stand in times, by the name that they are for."""
+    found: dict[str, str] = {}
+    for name in names:
+        plain = name if _ID.fullmatch(name) else "a" + _NOT_IN_ID.sub("_", name)
+        taken = {*found.values()}
+        found[name] = next(id for n in range(1, 100_000) if (id := plain if n == 1 else f"{plain}_{n}") not in taken)
+    return found
+
+
+def _quote(value: str) -> str:
+    return quoteattr(value, _SAFE)

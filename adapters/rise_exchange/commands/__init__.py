@@ -1,0 +1,25 @@
+"""`rise-engine convert` and `rise-engine import`: each of their commands is loaded when it is asked for."""
+
+from __future__ import annotations
+
+import click
+
+from rise_engine.cli.lazy_group import LazyGroup
+
+_CONVERT = {
+    "from-bml": "rise_exchange.commands.bml:from_bml",
+    "to-bml": "rise_exchange.commands.bml:to_bml",
+    "from-scxml": "rise_exchange.commands.scxml:from_scxml",
+    "to-scxml": "rise_exchange.commands.scxml:to_scxml",
+}
+_IMPORT = {"woz4u": "rise_exchange.commands.woz4u:woz4u"}
+
+
+@click.group("convert", cls=LazyGroup, places=_CONVERT)
+def convert() -> None:
+    """Convert rules to SCXML and acts to BML, and back."""
+
+
+@click.group("import", cls=LazyGroup, places=_IMPORT)
+def import_studies() -> None:
+    """Make a scenario from another tool's files."""

@@ -1,0 +1,229 @@
+"""What SCXML cannot say of a rule: why it is refused, and what is lost, by name, before anything is written.
+
+docs/reference/scxml.md has a row for each code.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+from msgspec import Struct
+
+from rise_engine.base.nearest_name import in_backquotes
+from rise_engine.base.text import clean
+from rise_engine.expression.nodes import FunctionCall, Literal, Power
+from rise_engine.scenario.diagnostics import Diagnostics
+from rise_engine.scenario.model import SESSION, Function, Json, Rule, Scenario, SourceLocation
+from rise_exchange.scxml.expressions import APPROXIMATE_FUNCTIONS, EXACT_WHOLE_NUMBERS, is_limited, nodes_of
+from rise_exchange.scxml.rule_analysis import RuleAnalysis
+
+REFUSALS = {
+    "scxml-chance": "how often a condition without event is looked at differs in SCXML, and so would what is drawn",
+    "scxml-number": "a whole number beyond 2^53 cannot be told from its neighbours in ECMAScript",
+    "scxml-stop": "a document cannot end in the middle of its functions",
+    "scxml-read-only": "the engine refuses to set this while a session runs",
+    "scxml-name": "`__proto__` is no plain name in ECMAScript",
+}
+"""Why a rule has no document, by the code of the error."""
+LOSSES = {
+    "routing": "who takes an event that several rules wait for",
+    "kept": "events that are kept for a rule that waits later",
+    "memory-meanwhile": "changes of the memory that a function brings about at once",
+    "chance": "one source of chance for the whole session",
+    "digits": "the last digit of some functions",
+    "letters": "small letters by one version of Unicode",
+    "size": "the size of a value, byte by byte",
+    "fractions": "times shorter than a millisecond",
+    "circle": "the end of a rule that goes round without waiting",
+    "beginning": "a beginning in another state",
+    "stopped": "the end of a rule in the middle of its functions",
+}
+"""What a document does not have of a rule, by code."""
+
+
+class Loss(Struct, frozen=True):
+    """Something that a document does not have of a rule.
+
+    >>> str(Loss("chance", "other rules draw, too", SourceLocation("rules/a.xml", 3, 5)))
+    'rules/a.xml:3:5: loss chance: other rules draw, too'
+    """
+
+    code: str
+    """One of LOSSES."""
+    message: str
+    location: SourceLocation
+
+    def __str__(self) -> str:
+        """One line, with nothing in it that a terminal would obey."""
+        return clean(f"{self.location}: loss {self.code}: {self.message}")
+
+
+def find_refusals(scenario: Scenario, rule: Rule) -> Diagnostics:
+    """Why a rule cannot be said in SCXML; empty when it can."""
+    found = Diagnostics()
+    analysis = RuleAnalysis(scenario, rule)
+
+    def refuse(code: str, location: SourceLocation, what: str) -> None:
+        found.error(code, location, f"{what}: {REFUSALS[code]}")
+
+    for transition in analysis.transitions:
+        watched = transition.held or (transition.condition if transition.is_eventless else None)
+        if watched is not None and watched.draws:
+            refuse(
+                "scxml-chance", transition.location, f"`{watched.text}` draws by chance; give it an event, or an `if`"
+            )
+    for expression, location in analysis.expressions:
+        for node in nodes_of(expression):
+            if isinstance(node, Literal) and _is_too_large(node.value):
+                refuse("scxml-number", location, f"{node.value} in `{expression.text}`")
+    for function in analysis.functions:
+        if function.name == "stopInteractionRule" and function.argument == rule.name:
+            refuse("scxml-stop", function.location, "the rule stops itself; let it enter a state without transitions")
+    for function, assignment in analysis.assignments:
+        head = assignment.key.partition(".")[0]
+        if head in scenario.tables or (head == SESSION and scenario.reads_session):
+            refuse("scxml-read-only", function.location, f"`{assignment.text}` sets `{head}`")
+        _check_json(assignment.literal, f"`{assignment.text}`", function.location, found)
+    file = scenario.paths.get("memory", "memory.json")
+    for key, value in analysis.start_memory.items():
+        location = scenario.tables[key].location if key in scenario.tables else SourceLocation(file)
+        _check_json({key: value}, f"the value of `{key}`", location, found)
+    return found
+
+
+def find_losses(scenario: Scenario, rule: Rule) -> list[Loss]:
+    """What is lost of a rule, in reading order, each thing once."""
+    analysis = RuleAnalysis(scenario, rule)
+    losses = [
+        *_losses_among_rules(analysis),
+        *_losses_of_functions(analysis),
+        *_losses_of_expressions(analysis),
+        *_losses_of_times(analysis),
+    ]
+    return sorted(set(losses), key=lambda loss: (loss.location.line, loss.location.column, loss.code, loss.message))
+
+
+def _losses_among_rules(analysis: RuleAnalysis) -> Iterator[Loss]:
+    scenario, rule = analysis.scenario, analysis.rule
+    for topic, others in analysis.shared_topics.items():
+        waiting = next(each for each in analysis.transitions if each.event == topic)
+        message = (
+            f"`/{topic}` is also waited for by {in_backquotes(others)}; who sends it has to decide which one gets it"
+        )
+        yield Loss("routing", message, waiting.location)
+    kept = sorted(topic for topic in _kept_topics(scenario) if topic in analysis.topics)
+    for topic in kept:
+        waiting = next(each for each in analysis.transitions if each.event == topic)
+        message = f"`/{topic}` may be kept; who sends it has to wait until the document waits for it"
+        yield Loss("kept", message, waiting.location)
+    for other in scenario.rules.values():
+        for function in RuleAnalysis(scenario, other).functions:
+            if _begins_elsewhere(function, rule):
+                message = f"`{other.name}` starts it in another way than from the beginning of its initial state"
+                yield Loss("beginning", message, rule.location)
+    for key in scenario.keys.values():
+        if key.function == "startInteractionRule" and key.behavior == rule.name and (key.state or not key.enter):
+            message = f"the key `{key.label}` starts it in another way than from the beginning of its initial state"
+            yield Loss("beginning", message, rule.location)
+    for name in sorted(analysis.started_rules - {rule.name}):
+        for function in RuleAnalysis(scenario, scenario.rules[name]).functions:
+            if function.name == "stopInteractionRule" and function.argument == rule.name:
+                message = f"`{name}`, which it starts, stops it; the functions behind that start are then left out"
+                yield Loss("stopped", message, rule.location)
+    if analysis.goes_round:
+        message = (
+            "its states can go round without waiting; a session stops that after 1,000 steps, a document never ends"
+        )
+        yield Loss("circle", message, rule.location)
+
+
+def _losses_of_functions(analysis: RuleAnalysis) -> Iterator[Loss]:
+    scenario, rule = analysis.scenario, analysis.rule
+    reads_session = any(key.partition(".")[0] == SESSION for key in analysis.keys_read) and scenario.reads_session
+    if reads_session and any(function.name.endswith("CommunicationRobotAct") for function in analysis.functions):
+        message = f"`{SESSION}` changes as soon as an act starts; the document hears of it after its functions"
+        yield Loss("memory-meanwhile", message, rule.location)
+    for name in sorted(analysis.started_rules):
+        other = RuleAnalysis(scenario, scenario.rules[name])
+        shared = sorted({each.key for _, each in other.assignments} & analysis.memory_names)
+        if shared and name != rule.name:
+            message = (
+                f"`{name}`, which it starts, sets {in_backquotes(shared)}; the document hears of it after its functions"
+            )
+            yield Loss("memory-meanwhile", message, rule.location)
+    if analysis.draws and (others := _other_sources_of_chance(analysis)):
+        message = f"{others} draw from the session's one source of chance; the document has one of its own"
+        yield Loss("chance", message, rule.location)
+
+
+def _losses_of_expressions(analysis: RuleAnalysis) -> Iterator[Loss]:
+    for expression, location in analysis.expressions:
+        for node in nodes_of(expression):
+            call = node.function if isinstance(node, FunctionCall) else "^" if isinstance(node, Power) else ""
+            if call in APPROXIMATE_FUNCTIONS or call == "^":
+                message = f"`{call}` in `{expression.text}` may differ in its last digit"
+                yield Loss("digits", message, location)
+            elif call == "lower":
+                message = f"`{expression.text}` knows the letters that the interpreter's version of Unicode has"
+                yield Loss("letters", message, location)
+    for function, assignment in analysis.assignments:
+        if is_limited(assignment, analysis.scenario):
+            message = "the limit of 100,000 bytes for what is set counts numbers as ECMAScript writes them"
+            yield Loss("size", f"`{assignment.text}`: {message}", function.location)
+            break
+
+
+def _losses_of_times(analysis: RuleAnalysis) -> Iterator[Loss]:
+    for transition in analysis.transitions:
+        after = transition.after
+        if after is not None and (after.seconds is None or round(after.seconds * 1000, 6) % 1):
+            message = f"`{after.text}` may be no whole number of milliseconds, which many interpreters round to"
+            yield Loss("fractions", message, transition.location)
+
+
+def _kept_topics(scenario: Scenario) -> set[str]:
+    """The events that anything in the scenario raises with `keep`."""
+    rules = (RuleAnalysis(scenario, rule) for rule in scenario.rules.values())
+    kept = {each.argument for rule in rules for each in rule.functions if each.keep is not None}
+    kept |= {key.behavior for key in scenario.keys.values() if key.keep is not None}
+    return {topic.strip().removeprefix("/") for topic in kept}
+
+
+def _begins_elsewhere(function: Function, rule: Rule) -> bool:
+    starts_it = function.name == "startInteractionRule" and function.argument == rule.name
+    return starts_it and (function.state not in (None, rule.initial) or not function.enter)
+
+
+def _other_sources_of_chance(analysis: RuleAnalysis) -> str:
+    scenario = analysis.scenario
+    rules = [
+        f"the rule `{rule.name}`"
+        for rule in scenario.rules.values()
+        if rule.name != analysis.rule.name and RuleAnalysis(scenario, rule).draws
+    ]
+    acts = [
+        f"the variants of `{act.name}`"
+        for act in scenario.acts.values()
+        if any(len(action.calls) > 1 for action in act.actions)
+    ]
+    found = [*rules, *acts]
+    return ", ".join(found[:3]) + (f" and {len(found) - 3} more" if len(found) > 3 else "")
+
+
+def _check_json(value: Json, where: str, location: SourceLocation, found: Diagnostics) -> None:
+    """Refuse what ECMAScript would read otherwise. Does not recurse, so any value can be looked at."""
+    pending = [value]
+    while pending:
+        each = pending.pop()
+        if isinstance(each, dict):
+            if "__proto__" in each:
+                found.error("scxml-name", location, f"{where}: {REFUSALS['scxml-name']}")
+            pending += each.values()
+        elif isinstance(each, list):
+            pending += each
+        elif _is_too_large(each):
+            found.error("scxml-number", location, f"{each} in {where}: {REFUSALS['scxml-number']}")
+
+
+def _is_too_large(value: Json) -> bool:
+    return isinstance(value, int) and abs(value) > EXACT_WHOLE_NUMBERS

@@ -1,0 +1,161 @@
+"""The rules file of a chart that was flattened: at its head what it was made from, and what was done with it."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterator
+from xml.sax.saxutils import quoteattr
+
+from rise_engine.base.text import pluralize
+from rise_exchange.scxml.chart import ChartState
+from rise_exchange.scxml.content_translation import FunctionLine, IfLines, Lines, SendHelper
+from rise_exchange.scxml.rules_of_chart import MadeRules, MadeState
+
+_WIDTH = 110
+
+
+def rules_text(made: MadeRules, file: str) -> str:
+    """The text of the rules file.
+
+    :param made: the rules.
+    :param file: the name of the chart's file, for the head.
+    """
+    head = f"made from {file}: change the chart and convert it again, not this file"
+    lines = ["<!--", f"  {_plain(head)}", "", *(f"  {line}" for line in _wrapped(flattening_notes(made))), "-->"]
+    lines += ["<InteractionRules>", ""]
+    lines += [f"<InteractionRule name={quoteattr(made.name)} initial={quoteattr(made.initial)}>"]
+    for state in made.states:
+        lines += ["", *_state_lines(state)]
+    lines += ["", "</InteractionRule>"]
+    for helper in made.helpers:
+        lines += ["", *_helper_lines(helper)]
+    return "\n".join([*lines, "", "</InteractionRules>", ""])
+
+
+def flattening_notes(made: MadeRules) -> list[str]:
+    """What was done with the chart, a sentence each."""
+    states = list(_inner_states(made.chart.root))
+    count = f"{pluralize(len(states), 'state')} of the chart, {pluralize(len(made.states), 'state')} here, "
+    notes = [count + pluralize(sum(len(state.transitions) for state in made.states), "transition")]
+    notes += _kind_notes(states)
+    for descriptor, events in made.flat.widened.items():
+        known = [event for event in events if event in made.awaited]
+        meant = ", ".join(f"/{event}" for event in known) or "no event that can come"
+        notes.append(f"the event `{descriptor}` of the chart means {meant}; other events from outside are not seen")
+    for helper in made.helpers:
+        place = helper.place
+        when = f"after {_time(place.seconds)}" if place.seconds else "behind all that the chart raises, 1 ms later"
+        only = "; nothing else may send this event" if place.event in made.exclusive else ""
+        notes.append(f"line {place.location.line}: /{place.event} is sent {when}, by the rule {helper.rule}{only}")
+    if made.chart.variables or made.keys:
+        keys = ", ".join(made.keys)
+        notes.append(f"keys of the memory that belong to these rules, and that nothing else may set: {keys}")
+    return [*notes, *made.chart.notes]
+
+
+def _kind_notes(states: list[ChartState]) -> Iterator[str]:
+    compound = [state.id for state in states if state.is_compound]
+    if compound:
+        yield f"states with states inside are gone: {', '.join(compound)}; what they do is in the states inside"
+    parallel = [state.id for state in states if state.kind == "parallel"]
+    if parallel:
+        yield f"parallel states became their product: {', '.join(parallel)}; each state here names one of every region"
+    histories = [state.id for state in states if state.kind == "history"]
+    if histories:
+        yield f"what a history remembers is part of the state here: {', '.join(histories)}"
+
+
+def _inner_states(state: ChartState) -> Iterator[ChartState]:
+    for inner in (*state.histories, *state.children):
+        yield inner
+        yield from _inner_states(inner)
+
+
+def _state_lines(state: MadeState) -> Iterator[str]:
+    if state.comment:
+        yield f"  <!-- {_plain(state.comment)} -->"
+    if not (state.on_entry or state.transitions):
+        yield f"  <State id={quoteattr(state.id)}/>"
+        return
+    yield f"  <State id={quoteattr(state.id)}>"
+    if state.on_entry:
+        yield "    <onEntry>"
+        yield from _function_lines(state.on_entry, 6)
+        yield "    </onEntry>"
+    for way in state.transitions:
+        attributes = f" eventTopic={quoteattr('/' + way.event)}" if way.event is not None else ""
+        attributes += f" cond={quoteattr(way.condition)}" if way.condition else ""
+        if way.event is None or way.target != state.id:
+            attributes += f" target={quoteattr(way.target)}"
+        if way.lines:
+            yield f"    <transition{attributes}>"
+            yield from _function_lines(way.lines, 6)
+            yield "    </transition>"
+        elif "target" in attributes or way.target != state.id:
+            yield f"    <transition{attributes}/>"
+        else:  # nothing happens, but what stands behind it is not looked at
+            yield f"    <transition{attributes} target={quoteattr(state.id)}/>"
+    yield "  </State>"
+
+
+def _function_lines(lines: Lines, indent: int) -> Iterator[str]:
+    blanks = " " * indent
+    for line in lines:
+        if isinstance(line, FunctionLine):
+            yield f"{blanks}<function {line.name}={quoteattr(line.argument)}/>"
+        elif isinstance(line, IfLines):
+            yield from _if_lines(line, blanks)
+
+
+def _if_lines(line: IfLines, blanks: str) -> Iterator[str]:
+    """An `<if>`, its further branches inside it: an `<else>` behind it could be taken for that of an outer one."""
+    (condition, inner), *others = line.branches
+    yield f"{blanks}<if cond={quoteattr(condition or 'true')}>"
+    yield from _function_lines(inner, len(blanks) + 2)
+    is_ambiguous = bool(inner) and isinstance(inner[-1], IfLines)
+    for condition, inner in others:
+        if is_ambiguous:
+            yield f"{blanks}  <!-- check: allow ambiguous-else: the outer one is meant -->"
+        is_ambiguous = False
+        tag = "else" if condition is None else "elseif"
+        cond = f" cond={quoteattr(condition)}" if condition is not None else ""
+        yield f"{blanks}  <{tag}{cond}>"
+        yield from _function_lines(inner, len(blanks) + 4)
+        yield f"{blanks}  </{tag}>"
+    yield f"{blanks}</if>"
+
+
+def _helper_lines(helper: SendHelper) -> Iterator[str]:
+    after = _time(helper.place.seconds or 0.001)
+    yield f"<!-- line {helper.place.location.line} -->"
+    yield f'<InteractionRule name={quoteattr(helper.rule)} initial="Waiting">'
+    yield '  <State id="Waiting">'
+    yield f'    <transition after="{after}" target="Sent"/>'
+    yield "  </State>"
+    yield '  <State id="Sent">'
+    yield "    <onEntry>"
+    yield f"      <function assignValue={quoteattr(f'{helper.key} = false')}/>"
+    yield f"      <function raiseEventTopic={quoteattr('/' + helper.place.event)}/>"
+    yield "    </onEntry>"
+    yield "  </State>"
+    yield "</InteractionRule>"
+
+
+def _time(seconds: float) -> str:
+    return f"{seconds:.6f}".rstrip("0").rstrip(".") + "s" if seconds >= 1 else f"{round(seconds * 1000, 3):g}ms"
+
+
+def _wrapped(sentences: list[str]) -> Iterator[str]:
+    for sentence in sentences:
+        line = "-"
+        for word in _plain(sentence).split():
+            if len(line) + len(word) >= _WIDTH:
+                yield line
+                line = " "
+            line += f" {word}"
+        yield line
+
+
+def _plain(text: str) -> str:
+    """A text that can stand in a comment of XML."""
+    return re.sub(r"-(?=-)|-\Z", "- ", " ".join(text.split())).rstrip()

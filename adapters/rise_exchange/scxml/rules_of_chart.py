@@ -1,0 +1,439 @@
+"""A flat chart as rules: what is known in each of its states, what each way out does, and the rules themselves."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterator
+from typing import Any
+
+from msgspec import Struct
+
+from rise_engine.scenario.diagnostics import Diagnostics
+from rise_engine.scenario.model import SourceLocation
+from rise_engine.scenario.source_files import SourceFile
+from rise_exchange.scxml.chart import ERROR, AssignNode, Chart, SendPlace
+from rise_exchange.scxml.content_translation import (
+    ContentTranslator,
+    FunctionLine,
+    IfLines,
+    Lines,
+    SendHelper,
+    joined,
+    pending_name,
+    waiting_name,
+)
+from rise_exchange.scxml.flattening import (
+    FlatChart,
+    FlatState,
+    FlatTransition,
+    all_transitions,
+    flatten,
+    outside_events,
+)
+from rise_exchange.scxml.interpretation import matches
+from rise_exchange.scxml.reading import read_chart
+from rise_exchange.scxml.script import UNDECLARED, ChartRefusedError
+from rise_exchange.scxml.translation import (
+    UNDEFINED,
+    Knowledge,
+    Possible,
+    Said,
+    all_hold,
+    say_condition,
+    value_beforehand,
+)
+
+_STRUCTURE = ("chart", "namespace")
+"""Mistakes of a chart after which the rest cannot be looked at: of other findings, all are told at once."""
+START = "Start"
+"""The state of the rule in which the chart's variables get their values."""
+_IDLE = Possible(frozenset({"boolean"}))
+
+
+class MadeTransition(Struct, frozen=True):
+    """A way out of a made state."""
+
+    event: str | None
+    condition: str
+    """Empty: none."""
+    target: str
+    lines: Lines
+    entering: Lines
+    """What is done after those, on the way into the target."""
+
+
+class MadeState(Struct):
+    """A state of the rule."""
+
+    id: str
+    comment: str
+    on_entry: Lines
+    transitions: list[MadeTransition]
+
+
+class MadeRules(Struct):
+    """A chart as rules: the rule itself, and one for each thing that it sends itself later."""
+
+    name: str
+    chart: Chart
+    flat: FlatChart
+    initial: str
+    states: list[MadeState]
+    helpers: list[SendHelper]
+    exclusive: list[str]
+    """Events that only the helpers may send: else one of them would be needed again before it is done."""
+    keys: list[str]
+    """The keys of the memory that the rules set."""
+    raised: list[str]
+    """The events that they raise, without slash."""
+    awaited: list[str]
+    """The events that they wait for."""
+
+
+def rules_of_chart(
+    source: SourceFile, diagnostics: Diagnostics, name: str = "", outside: tuple[str, ...] = ()
+) -> MadeRules | None:
+    """Make rules of an SCXML document; None after findings.
+
+    :param source: the document.
+    :param diagnostics: where findings go: whatever cannot be said exactly.
+    :param name: of the rule; empty: as the chart calls itself, else as its file.
+    :param outside: events from outside that the chart does not name, but may see by `*` or a part of a name.
+    """
+    chart = read_chart(source, diagnostics)
+    if chart is None or any(each.code in _STRUCTURE for each in diagnostics.sorted()):
+        return None
+    chart.outside = outside
+    try:
+        flat = flatten(chart)
+    except ChartRefusedError as error:
+        assert error.location is not None
+        diagnostics.error(error.code, error.location, str(error))
+        return None
+    own_name = name or chart.name or re.sub(r"\.[^.]*\Z", "", source.name.rpartition("/")[2])
+    made = _RuleMaker(chart, flat, own_name, diagnostics).make()
+    return None if diagnostics.errors else made
+
+
+class _RuleMaker:
+    def __init__(self, chart: Chart, flat: FlatChart, name: str, diagnostics: Diagnostics) -> None:
+        self.chart = chart
+        self.flat = flat
+        self.name = name
+        self.diagnostics = diagnostics
+        self.helpers = _helpers(dict.fromkeys(chart.places, 1), name)
+        self.ways = list(all_transitions(chart.root))
+        self.awaits_errors = any(matches(way, ERROR) for way in self.ways)
+        self.is_final = False
+        """Whether what is known no longer changes, so that findings count."""
+        self.translator = ContentTranslator(self.helpers, self.report, follows_values=True)
+        self.seen: set[str] = set()
+        """The events that there can be."""
+        self.known: dict[FlatState, Knowledge] = {}
+        alone = {place.event: place for place in chart.places}
+        several = [place for place in chart.places if alone[place.event] is not place]
+        self.alone = {event: place for event, place in alone.items() if event not in {each.event for each in several}}
+        """Of the events that only one `<send>` sends, that one."""
+        self.is_exclusive = False
+        """Whether it is taken for granted that nobody else sends those: that what was sent has come when they come."""
+        self.is_refused = False
+        """Whether something is on its way too often."""
+
+    def report(self, code: str, location: SourceLocation, message: str) -> None:
+        self.is_refused = self.is_refused or code == "pending"
+        if self.is_final:
+            self.diagnostics.error(code, location, message)
+
+    # --- what is known ---
+
+    def make(self) -> MadeRules:
+        if self.chart.places:
+            self.helpers = self.needed_helpers()
+        self.translator = ContentTranslator(self.helpers, self.report)
+        self.follow_all()
+        self.is_final = True
+        self.check_conditions()
+        return self.write()
+
+    def needed_helpers(self) -> list[SendHelper]:
+        """As many rules for each `<send>` as it may need at once. Here the values of variables are followed, too; in
+        the rules themselves they are not, so that each condition of the chart stands in them."""
+        need = self.most_pending()
+        if self.is_refused:
+            self.is_exclusive = True
+            need = self.most_pending()
+        if self.is_refused:  # once more, for the findings
+            self.is_final = True
+            self.most_pending()
+            self.is_final = False
+        return _helpers(need, self.name)
+
+    def most_pending(self) -> dict[SendPlace, int]:
+        """How often what each `<send>` sends may be on its way; `is_refused`: too often."""
+        self.is_refused = False
+        self.follow_all()
+        need = dict.fromkeys(self.chart.places, 1)
+        for state, known in self.known.items():
+            for place in need:
+                need[place] = max(need[place], known[pending_name(place)].most)
+            for transition, before, _ in self.live(state):
+                behind = self.translator.blocks((*transition.leaving, *transition.entering), before)[1]
+                for place in need:
+                    need[place] = max(need[place], behind[pending_name(place)].most)
+        return need
+
+    def follow_all(self) -> None:
+        """What is known everywhere, with every event that there can be."""
+        self.seen = outside_events(self.chart)
+        before = (-1, -1)
+        while before != (now := (len(self.translator.raised), len(self.translator.raised_inside))):
+            before = now
+            self.seen |= self.translator.raised
+            self.follow()
+
+    def follow(self) -> None:
+        """What is known in each flat state, from the beginning on until nothing new is."""
+        first = self.flat.states[0]
+        self.known = {first: self.start()[2]}
+        waiting = [first]
+        while waiting:
+            state = waiting.pop()
+            for transition, before, _ in self.live(state):
+                _, behind = self.translator.blocks((*transition.leaving, *transition.entering), before)
+                target = transition.target
+                new = joined(self.known[target], behind) if target in self.known else behind
+                if new != self.known.get(target):
+                    self.known[target] = new
+                    if target not in waiting:
+                        waiting.append(target)
+
+    def start(self) -> tuple[Lines, Lines, Knowledge]:
+        """What happens when the rule starts: no helper runs, the variables get their values; the chart is entered."""
+        lines: Lines = ()
+        known: dict[str, Possible] = {}
+        for helper in self.helpers:
+            lines += (IfLines(((f"defined({helper.key})", (IfLines(((helper.key, helper.stop[:1]),)),)),)),)
+            lines += helper.stop[1:]
+            known[pending_name(helper.place)] = known[waiting_name(helper.place)] = _IDLE
+        now: Knowledge = known
+        for variable in self.chart.variables:
+            if variable.value is None:
+                if not self.translator.is_refused_name(variable.name, variable.location):
+                    lines += (FunctionLine("assignValue", f"{variable.name} = null"),)
+                now = {**now, variable.name: UNDEFINED}
+                continue
+            node = AssignNode(variable.name, variable.value, variable.location, declares=True)
+            more, now = self.translator.assign(node, now)
+            if more is None:
+                self.report("data", variable.location, f"`{variable.name}` has no value that could be worked out")
+            lines += more or ()
+        more, now = self.translator.blocks((self.chart.scripts,), now)
+        entering, now = self.translator.blocks(self.flat.first_blocks, now)
+        return lines + more, entering, now
+
+    def live(self, state: FlatState) -> Iterator[tuple[FlatTransition, Knowledge, list[Said]]]:
+        """The ways out that can be taken, with what is known before them and what must hold."""
+        decided: set[str | None] = set()
+        for transition in state.transitions:
+            event = transition.event
+            if event in decided or None in decided or (event is not None and event not in self.seen):
+                continue
+            known = self.with_event(self.known[state], event)
+            conditions = self.conditions(transition, known)
+            if conditions is None:
+                continue
+            if not conditions:
+                decided.add(event)
+            yield transition, known, conditions
+
+    def with_event(self, known: Knowledge, event: str | None) -> Knowledge:
+        """What is known while an event is handled."""
+        if event is None:
+            return known
+        more = {"_event.name": Possible(frozenset({"text"}), event), "_event.invokeid": UNDEFINED}
+        sent = [place for place in self.chart.places if place.event == event]
+        more["_event.origin"] = UNDEFINED if not sent else Possible(frozenset({"text"}))
+        if self.is_exclusive and event in self.alone and event not in self.translator.raised_inside:
+            name = pending_name(self.alone[event])
+            more[name] = Possible(_IDLE.kinds, None, max(known[name].most - 1, 0))
+        return {**known, **more}
+
+    def conditions(self, transition: FlatTransition, known: Knowledge) -> list[Said] | None:
+        """What must hold; None: it never does."""
+        found: list[Said] = []
+        for script in transition.conditions:
+            assert script.root is not None
+            try:
+                said = say_condition(script.root, known)
+            except ChartRefusedError as error:
+                if error.code == UNDECLARED and self.awaits_errors:
+                    message = f"there is no variable {error} here, so this raises `{ERROR}` each time it is looked at"
+                    self.report("condition-error", script.location, f"{message}; conditions of rules raise nothing")
+                if error.code == UNDECLARED:
+                    return None
+                self.report(error.code, script.location, str(error))
+                continue
+            truth = said.truth
+            if truth is None and self.translator.follows_values:
+                value = value_beforehand(script.root, known)
+                truth = None if value is None else bool(value.value)
+            if truth is False:
+                return None
+            if truth is None:
+                found.append(said)
+        return found
+
+    def check_conditions(self) -> None:
+        """A condition that is no expression is false, and an event; the event is nothing that rules could see."""
+        for way in self.ways:
+            if way.condition is not None and way.condition.root is None and self.awaits_errors:
+                message = f"`{way.condition.text.strip()}` is no expression: it is false, and raises `{ERROR}`"
+                location = way.condition.location
+                self.report("condition-error", location, f"{message}, which conditions of rules never do")
+
+    # --- the rule ---
+
+    def write(self) -> MadeRules:
+        first = self.flat.states[0]
+        lines, entering, _ = self.start()
+        made = {
+            state: MadeState(state.name, _comment(state), (), []) for state in self.flat.states if state in self.known
+        }
+        awaited: dict[str, None] = {}
+        for state, result in made.items():
+            for transition, known, conditions in self.live(state):
+                before, behind = self.translator.blocks(transition.leaving, known)
+                after, behind = self.translator.blocks(transition.entering, behind)
+                if transition.target.is_over:
+                    after += self.stop_helpers(behind)
+                condition = all_hold(conditions) if conditions or transition.event is None else ""
+                way = MadeTransition(transition.event, condition, transition.target.name, before, after)
+                if transition.event is not None:
+                    awaited[transition.event] = None
+                result.transitions.append(way)
+            if not result.transitions and not state.is_over:  # it waits for ever; without a way out, a rule would end
+                result.transitions.append(MadeTransition(None, "false", state.name, (), ()))
+            self.check_endless(state)
+        if first.is_over:
+            entering += self.stop_helpers(self.known[first])
+        states = [self.without_idle_raises(state, awaited) for state in made.values()]
+        way = MadeTransition(None, "true", first.name, self.kept(lines, awaited), self.kept(entering, awaited))
+        initial = _share_entries(way, states)
+        names = {name for known in self.known.values() for name in known if name.isidentifier()}
+        keys = [*sorted(names), *(helper.key for helper in self.helpers)]
+        raised = sorted(self.translator.raised & set(awaited) | self.translator.raised_inside)
+        exclusive = sorted(self.alone) if self.is_exclusive else []
+        return MadeRules(
+            self.name, self.chart, self.flat, initial, states, self.helpers, exclusive, keys, raised, list(awaited)
+        )
+
+    def check_endless(self, state: FlatState) -> None:
+        """Refuse what is taken again and again without an end: unconditional ways without event that lead round."""
+        passed: list[FlatState] = []
+        while state not in passed:
+            passed.append(state)
+            way = next(iter(self.live(state)), None) if state in self.known else None
+            if way is None or way[0].event is not None or way[2]:
+                return
+            state = way[0].target
+        location = passed[0].transitions[0].location
+        self.report("endless", location, "from here, transitions without event or condition lead round without end")
+
+    def stop_helpers(self, known: Knowledge) -> Lines:
+        """What is still to be sent when the chart ends is not sent (6.2.4)."""
+        return tuple(line for place in self.chart.places for line in self.translator.stop(place, known))
+
+    def without_idle_raises(self, state: MadeState, awaited: dict[str, None]) -> MadeState:
+        ways = [
+            MadeTransition(
+                way.event, way.condition, way.target, self.kept(way.lines, awaited), self.kept(way.entering, awaited)
+            )
+            for way in state.transitions
+        ]
+        return MadeState(state.id, state.comment, (), ways)
+
+    def kept(self, lines: Lines, awaited: dict[str, None]) -> Lines:
+        """Lines without what the standard raises by itself and nobody waits for."""
+        kept: list[FunctionLine | IfLines] = []
+        for line in lines:
+            if isinstance(line, IfLines):
+                kept.append(IfLines(tuple((text, self.kept(inner, awaited)) for text, inner in line.branches)))
+            elif line.argument[1:] in awaited or not line.argument.startswith(("/done.state.", "/error.")):
+                kept.append(line)
+        return tuple(kept)
+
+
+def _helpers(places: dict[SendPlace, int], rule: str) -> list[SendHelper]:
+    """As many rules for each `<send>` as are said here, with names of their own."""
+    beginning = _slug(rule) if re.match(r"[^\W\d]", rule) else f"_{_slug(rule)}"
+    found: list[SendHelper] = []
+    for place, count in places.items():
+        for _ in range(count):
+            name, key = place.event, _slug(place.event)
+            number = 1
+            while any(
+                each.rule == f"{rule} sends {name}" or each.key == f"{beginning}.pending_{key}" for each in found
+            ):
+                number += 1
+                name, key = f"{place.event} {number}", f"{_slug(place.event)}_{number}"
+            found.append(SendHelper(place, f"{rule} sends {name}", f"{beginning}.pending_{key}"))
+    return found
+
+
+def _slug(text: str) -> str:
+    """A text as a part of a key."""
+    return re.sub(r"\W", "_", text)
+
+
+def _comment(state: FlatState) -> str:
+    """Which states of the chart are active, and what the histories remember, where the name does not say it."""
+    active = sorted(state.configuration, key=lambda each: each.order)
+    said = " ".join(each.id for each in active) if len(active) > 1 else ""
+    for history, saved in sorted(state.history.items(), key=lambda item: item[0].order):
+        said += f"; {history.id} remembers {' '.join(each.id for each in saved)}"
+    return said.removeprefix("; ")
+
+
+def _share_entries(start: MadeTransition, states: list[MadeState]) -> str:
+    """What all ways into a state do on entering it becomes its onEntry.
+
+    :param start: the way into the first state.
+    :return: where the rule begins: there, when nothing is to be done before.
+    """
+    by_id = {state.id: state for state in states}
+    entering: dict[str, list[Lines]] = {state.id: [] for state in states}
+    for way in (start, *(way for state in states for way in state.transitions if not _stays(state, way))):
+        entering[way.target].append(way.entering)
+    for state in states:
+        state.on_entry = _common_end(entering[state.id])
+    for state in states:
+        state.transitions = [
+            _joined(way, () if _stays(state, way) else by_id[way.target].on_entry) for way in state.transitions
+        ]
+    before = _joined(start, by_id[start.target].on_entry).lines
+    if not before:
+        return start.target
+    id = START
+    while id in by_id:
+        id += "'"
+    states.insert(0, MadeState(id, "", before, [MadeTransition(None, "true", start.target, (), ())]))
+    return id
+
+
+def _joined(way: MadeTransition, end: Lines) -> MadeTransition:
+    """A way with all that it does in `lines`, without what is done at the end by its target."""
+    entering = way.entering[: len(way.entering) - len(end)]
+    return MadeTransition(way.event, way.condition, way.target, way.lines + entering, ())
+
+
+def _stays(state: MadeState, way: MadeTransition) -> bool:
+    """Whether the rule stays in its state: a transition without target."""
+    return way.event is not None and way.target == state.id
+
+
+def _common_end(several: list[Lines]) -> Lines:
+    shortest: Any = min(several, key=len, default=())
+    count = 0
+    while count < len(shortest) and len({lines[-count - 1] for lines in several}) == 1:
+        count += 1
+    return tuple(shortest[len(shortest) - count :])

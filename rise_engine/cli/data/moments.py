@@ -1,0 +1,66 @@
+"""Moments of a session and of a file of it, as `--at` of `rise-engine media add` and `coded add` says them."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Sequence
+from pathlib import Path
+
+from rise_engine.cli.terminal import exit_with_usage
+from rise_engine.kernel.records import SessionRecord, SyncRecord
+from rise_engine.run.recording.alignment import UNKNOWN_WITHIN, SessionMark
+from rise_engine.session.folder import JOURNAL
+from rise_engine.session.journal_reader import read_journal
+from rise_engine.session.media import FoundMark
+
+_MARK = re.compile(r"mark *(\d+)")
+_CLOCK = re.compile(r"(?:(\d+):)?(\d+):(\d+(?:\.\d*)?)")
+
+
+def read_marks(folder: Path) -> tuple[list[SessionMark], list[float]]:
+    """The marks that were given in a session, and when it went on after interruptions. Raises SessionError."""
+    marks: list[SessionMark] = []
+    interruptions: list[float] = []
+    for record in read_journal(folder / JOURNAL).read_records():
+        if isinstance(record, SessionRecord) and record.status == "recovered":
+            interruptions.append(record.t)
+        elif isinstance(record, SyncRecord):
+            within = record.within if record.within is not None else UNKNOWN_WITHIN
+            at = record.at if record.at is not None else record.t
+            marks.append(SessionMark(record.number, at, within, record.medium, len(interruptions)))
+    return marks, interruptions
+
+
+def parse_moment(text: str, marks: Sequence[SessionMark]) -> FoundMark:
+    """What `--at` says. Ends the command if it is nothing.
+
+    >>> parse_moment("14.5=12", []), parse_moment("-1.5", []).media_at
+    (FoundMark(number=0, session_at=12.0, media_at=14.5, strength=0.0), 0.0)
+    """
+    in_file, equals, in_session = text.partition("=")
+    if not equals:
+        return FoundMark(0, _parse_seconds(text, text), 0.0, 0.0)
+    media_at = _parse_seconds(in_file, text)
+    if found := _MARK.fullmatch(in_session.strip()):
+        number = int(found[1])
+        named = [each for each in marks if each.number == number]
+        if len(named) == 1:
+            return FoundMark(number, named[0].at, media_at, 0.0)
+        known = ", ".join(str(each.number) for each in marks) or "none"
+        why = f"has {len(named)} marks {number}: give the session's second" if named else f"has no mark {number}"
+        exit_with_usage(f"--at {text}: the session {why}; its marks are {known}")
+    return FoundMark(0, _parse_seconds(in_session, text), media_at, 0.0)
+
+
+def _parse_seconds(part: str, text: str) -> float:
+    """Seconds, or h:mm:ss."""
+    part = part.strip()
+    if found := _CLOCK.fullmatch(part):
+        return int(found[1] or 0) * 3600 + int(found[2]) * 60 + float(found[3])
+    try:
+        seconds = float(part)
+    except ValueError:
+        seconds = float("nan")
+    if not abs(seconds) < 1e7:
+        exit_with_usage(f"--at {text}: {part!r} is no time: write seconds (75.2), a clock (1:15.2), or FILE=markN")
+    return seconds

@@ -1,0 +1,28 @@
+"""A group of commands, each of which is loaded when it is asked for."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from importlib import import_module
+from typing import Any
+
+import click
+
+
+class LazyGroup(click.Group):
+    """A group that knows where its commands lie."""
+
+    def __init__(self, *arguments: Any, places: Mapping[str, str], **more: Any) -> None:
+        """:param places: by the name of each command, where it lies: `package.module:attribute`."""
+        super().__init__(*arguments, **more)
+        self._places = places
+
+    def list_commands(self, ctx: click.Context) -> list[str]:
+        return sorted(self._places)
+
+    def get_command(self, ctx: click.Context, name: str) -> click.Command | None:
+        if name not in self._places:
+            return None
+        module, _, attribute = self._places[name].partition(":")
+        command: click.Command = getattr(import_module(module), attribute)
+        return command
