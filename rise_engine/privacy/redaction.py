@@ -103,7 +103,7 @@ def redact(
     except OSError as error:
         raise SessionError(
             f"{folder} cannot be redacted: {error_message(error)}. It replays as before; "
-            "say it again when that is mended"
+            "fix that and repeat the command"
         ) from None
     finally:
         lock.release()
@@ -166,7 +166,7 @@ class _Redaction:
             )
         if contents.torn or contents.damaged or contents.gaps or contents.header is None:
             raise SessionError(
-                f"{self._path} is damaged, so nobody can prove that it still says what happened without the words. "
+                f"{self._path} is damaged, so no replay can prove that it still says what happened without the words. "
                 "Nothing was changed; what can be read can be exported, and the folder can be deleted"
             )
         require_inputs(contents)
@@ -175,7 +175,7 @@ class _Redaction:
         if self._words.find(info.participant):
             raise SessionError(
                 f"the study knows this session by {info.participant!r}, a pseudonym, so that word stays. Nothing was "
-                "changed. Who withdraws is erased with `rise-engine study withdraw`"
+                "changed. To erase a participant who withdraws, use `rise-engine study withdraw`"
             )
 
     # --- the journal ---

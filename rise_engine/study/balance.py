@@ -193,7 +193,7 @@ def _cell_lines(study: Study, strata: Sequence[StratumBalance], slots: Sequence[
         listed = ", ".join(f"{name} {count}" for name, count in counts.counts.items())
         yield f"{where}{pluralize(stratum.rows, 'row')}: {listed}"
         if not stratum.rows:
-            yield "  NO ROWS: nobody of this stratum can take part"
+            yield "  NO ROWS: no participant of this stratum can take part"
             continue
         if not counts.equal_after:
             yield "  NOT BALANCED: the cells are equally full after no row"
@@ -225,7 +225,7 @@ def _order_lines(study: Study, orders: Sequence[OrderBalance]) -> Iterable[str]:
         yield f"    {_order_sentence('every run follows every other one equally often', carry_over)}"
     yield from _last_set_lines(study, orders)
     if study.assignment.within == "fixed":
-        yield "  Everybody has the same order: an effect of it cannot be told from one of the factor."
+        yield "  Everybody has the same order, so its effect cannot be separated from that of the factor."
     if study.assignment.within == "random":
         yield "  Orders are drawn for each participant alone: they are balanced in the long run only."
 

@@ -93,7 +93,7 @@ class SessionPlan(Struct, frozen=True):
         given = self.language if scenario.translations else ""
         if asked and given and asked != given and self.purpose == "counted":
             raise CannotBegin(
-                f"{asked!r} is not the language of {self.participant}: the study says {given!r}, so leave it away"
+                f"{asked!r} is not the language of {self.participant}: the study says {given!r}, so leave it out"
             )
         return asked or given
 
@@ -262,7 +262,7 @@ def _find_participant(
         return None
     found = next((each for each in state.participants if each.participant == name), None)
     if found is None:
-        remedy = "; a rehearsal can also name nobody" if rehearses else "; add a line for them"
+        remedy = "; a rehearsal needs no participant" if rehearses else "; add a line for them"
         near = did_you_mean(name, known, limit=0 if rehearses else 12) or remedy
         problems.append(f"there is no participant {name!r} in participants.csv{near}")
     return found
@@ -273,7 +273,7 @@ def _hindrance(standing: ParticipantStanding) -> str:
     name = standing.participant
     match standing.state:
         case "excluded":
-            return f"{name} is excluded: {standing.why or 'nobody has said why'}"
+            return f"{name} is excluded: {standing.why or 'no reason was given'}"
         case "withdrawn":
             return f"{name} has withdrawn"
         case "unfinished":

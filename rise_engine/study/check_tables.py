@@ -61,7 +61,7 @@ def program_problem(arguments: Sequence[str], folder: str | Path) -> str:
         if shutil.which(name) is not None:
             return ""
         if (folder / name).is_file():
-            return f"{name} lies in the study's folder, and is no program of this computer: write ./{name}"
+            return f"{name} is in the study's folder, and is not a program of this computer: write ./{name}"
         return f"there is no program {name} on this computer"
     path = folder / name
     if not path.exists():

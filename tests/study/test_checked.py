@@ -100,7 +100,7 @@ def test_what_nobody_has_looked_at_afterwards_is_due() -> None:
         checked("debrief", "passed", NOW, when="after", session="one"),
         checked("debrief", "failed", NOW, when="after", session="two"),
     ]
-    sentence = "P07, run 1, attempt 2: nobody has confirmed “Participant was debriefed” (check debrief)"
+    sentence = "P07, run 1, attempt 2: not confirmed: “Participant was debriefed” (check debrief)"
     assert due_after_checks(LAB, sessions, log) == [sentence]
     log.append(checked("debrief", "skipped", NOW, when="after", session="two", reason="left in a hurry"))
     assert due_after_checks(LAB, sessions, log) == []

@@ -117,7 +117,7 @@ WRONG: dict[str, tuple[str, list[str]]] = {
     "nobody": (HEADER + ",de,,,\n", ["participants.csv:2:1: error missing-value: this row has no participant"]),
     "somebody twice": (
         HEADER + "P01,de,,,\nP02,de,,,\np01,en,,,\n",
-        ["participants.csv:4:1: error duplicate-name: `p01` stands in line 2 already; upper and lower case"],
+        ["participants.csv:4:1: error duplicate-name: `p01` is in line 2 already; upper and lower case"],
     ),
     "another stratum": (
         HEADER + "P01,ed,,,\n",

@@ -75,17 +75,17 @@ class LookAt:
 
         :param root: the bundle, as far as it is made.
         :param people: what each wizard is called in it, by name.
-        :param license: empty: nobody has said it.
+        :param license: empty: not said.
         """
         found = []
         if self._level == "full":
             found.append(
                 "level full: everything is in it as it was recorded, what people typed and the names of wizards, too. "
-                "It is for an archive of your own, and not to be published"
+                "It is for an archive of your own, so do not publish it"
             )
         if not license:
             found.append(
-                "LICENSE: nobody has said what others may do with it; say --license CC-BY-4.0, or write license into "
+                "LICENSE: nothing says what others may do with it; add --license CC-BY-4.0, or write license into "
                 "[report] in study.toml"
             )
         found += self._spoken()
@@ -118,7 +118,7 @@ class LookAt:
             )
         if self._own_values:
             keys = ", ".join(self._own_values)
-            found.append(f"the scenario's own start values of private keys ({keys}): memory.json is in it as it is")
+            found.append(f"the scenario's own start values of private keys ({keys}): memory.json is included unchanged")
         if self._words:
             words = [word for word, _ in self._words.most_common(_SHOWN)]
             more = f" and {len(self._words) - _SHOWN} more" if len(self._words) > _SHOWN else ""

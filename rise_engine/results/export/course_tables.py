@@ -133,7 +133,10 @@ ACTIONS = TableSchema(
         Column("act", "That act's name.", lambda row: row.beside.act),
         Column("action", "Its actionID within the act.", required=True),
         Column("type", "What kind of action: Speech, LookAt, ...", required=True),
-        Column("channels", "What of the robot it takes, separated by blanks; empty: it only waits, or nobody knows."),
+        Column(
+            "channels",
+            "The parts of the robot that it takes, separated by blanks; empty: it only waits, or this is not known.",
+        ),
         Column("text", "What it says, or its most telling parameter."),
         Column("parameters", "All of its parameters, as JSON.", type="object"),
         Column("status", "How it ended.", levels=ACTION_STATUS, required=True),
@@ -289,7 +292,7 @@ CODED = TableSchema(
     (
         numbering("coded"),
         Column("tier", "Of ELAN its tier; of BORIS subject and behaviour: `participant: smiles`.", required=True),
-        Column("annotator", "Who annotated it; empty: nobody has said it."),
+        Column("annotator", "Who annotated it; empty: not said."),
         moment("begin", "It begins.", required=True),
         moment("end", "It ends; as begin: it was a moment.", required=True),
         seconds("duration_s", "From begin to end.", span("begin", "end")),
@@ -297,7 +300,7 @@ CODED = TableSchema(
         Column("value", "What was annotated; of BORIS, the behaviour. Below the level full, speech is counted words."),
         Column("modifiers", "Of BORIS, joined by |."),
         Column("comment", "Of BORIS; below the level full, counted words."),
-        Column("file", "In which file it stands, in `coded/` of the session's folder; only at the level full."),
+        Column("file", "The file in `coded/` of the session's folder that has it; only at the level full."),
         Column("speech", "Whether its tier holds what the participant said.", type="boolean", required=True),
         seconds(
             "robot_overlap_s",

@@ -15,7 +15,7 @@ ACTION_STATUS = {
     "failed": "the robot could not do it",
     "canceled": "stopped before its end",
     "timed-out": "the robot reported no end in time",
-    "lost": "nobody knows what became of it",
+    "lost": "it is not known what became of it",
     "skipped": "never begun",
 }
 ACTORS = {

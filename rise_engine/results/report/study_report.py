@@ -54,8 +54,8 @@ from rise_engine.study.withdrawn import Withdrawn
 
 NO_CONDITION = "no condition"
 HIDDEN = (
-    "This study hides its conditions and is not complete: whoever sees how the cells are filled, or what came of them, "
-    "can guess what comes next. They are left out here; rise-engine report --conditions shows them."
+    "This study hides its conditions and is not complete. How the cells are filled, and their results, would show what "
+    "comes next. They are left out here; rise-engine report --conditions shows them."
 )
 
 
@@ -187,7 +187,7 @@ def _plan(given: StudyReportInput) -> Iterable[Block]:
         yield Paragraph(f"Not in this bundle: {left_out_text(given.left_out)}.", "note")
     if out := tuple(_out(standing, given.level)):
         yield ReportTable(
-            caption="Who is excluded, which sessions were broken off, and why",
+            caption="Excluded participants and aborted sessions, with the reasons",
             head=("participant", "what", "reason"),
             rows=out,
         )
