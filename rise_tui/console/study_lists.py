@@ -8,7 +8,7 @@ from textual.containers import Container, Vertical
 
 from rise_engine.study.model import ParticipantStanding, StudyStanding
 from rise_tui.config.study_source import StudyNow
-from rise_tui.model.filtering import Filter, InvalidFilter
+from rise_tui.model.filtering import Filter, InvalidFilter, filter_rows
 from rise_tui.model.study_rows import (
     NO_CONDITIONS,
     Conditions,
@@ -20,7 +20,7 @@ from rise_tui.model.study_rows import (
     problem_rows,
     rehearsal_rows,
 )
-from rise_tui.rendering.text import ListRow, highlight_matches, plain_text
+from rise_tui.rendering.text import ListRow
 from rise_tui.widgets.prompt_bar import PromptBar
 from rise_tui.widgets.row_list import RowList, RowView
 from rise_tui.widgets.static_lines import StaticLines
@@ -130,11 +130,7 @@ class StudyLists(Vertical):
 
     def _found_rows(self, wanted: Filter, rows: list[ListRow]) -> list[ListRow]:
         try:
-            return [
-                row._replace(line=highlight_matches(row.line, wanted.match_spans(plain_text(row.line))))
-                for row in rows
-                if wanted.matches(row.full)
-            ]
+            return filter_rows(rows, wanted)
         except InvalidFilter:
             return rows
 

@@ -14,12 +14,13 @@ from __future__ import annotations
 import re
 import warnings
 from bisect import bisect_left, insort
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from contextlib import suppress
 
 import regex
 
 from rise_engine.base.errors import RiseError
+from rise_tui.rendering.text import ListRow, StyledLine, highlight_matches, plain_text
 
 MOST_CHARACTERS = 500
 """Characters of a row that a regular expression sees."""
@@ -162,6 +163,22 @@ def _compile_expression(pattern: str, at: int, *, slash: bool) -> _Expression | 
     except (OverflowError, RecursionError, MemoryError) as error:
         raise InvalidFilter("this regular expression is too large") from error
 
+
+def mark_line(line: StyledLine, wanted: Filter | None) -> StyledLine:
+    """The line with what the filter finds in it marked. Raises as `Filter.matches`."""
+    return line if wanted is None else highlight_matches(line, wanted.match_spans(plain_text(line)))
+
+
+def filter_rows(rows: Iterable[ListRow], wanted: Filter) -> list[ListRow]:
+    """The rows that it lets through, with what it found marked; headings and the like stay out. Raises the same."""
+    return [
+        row._replace(line=mark_line(row.line, wanted))
+        for row in rows
+        if row.selectable and wanted.matches(row.full or plain_text(row.line))
+    ]
+
+
+# --- over a log ------------------------------------------------------------------------------------------------------
 
 ROWS_OF_STEP = 32
 

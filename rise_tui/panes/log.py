@@ -12,7 +12,7 @@ from rise_engine.kernel.records import FINAL
 from rise_engine.kernel.task_view import TaskView
 from rise_tui.actions import bindings_in
 from rise_tui.messages import ShowNotice
-from rise_tui.model.filtering import InvalidFilter, RowSearch
+from rise_tui.model.filtering import InvalidFilter, RowSearch, mark_line
 from rise_tui.model.log_rows import row_of, task_of
 from rise_tui.model.log_text import EXAMPLES, NARROW, log_line, parse_moment, search_text, task_rows
 from rise_tui.model.notice import task_label
@@ -20,7 +20,7 @@ from rise_tui.model.states import task_state
 from rise_tui.model.store import Store
 from rise_tui.panes.log_export import copy_row, copy_rows, save_rows, suggested_file_name
 from rise_tui.panes.pane import Pane
-from rise_tui.rendering.text import ListRow, StyledLine, TextRole, format_clock, highlight_matches, plain_text
+from rise_tui.rendering.text import ListRow, StyledLine, TextRole, format_clock
 from rise_tui.screens.detail import DetailScreen
 from rise_tui.widgets.prompt_bar import PromptBar
 from rise_tui.widgets.row_list import RowView
@@ -91,10 +91,8 @@ class LogPane(Pane):
             what = f"task {task_of(row)}" if task_of(row) is not None else "this note"
             return ((f" {what} is only in the journal", "muted"),)
         line = log_line(task, task_state(task), width)
-        if self.filter is None:
-            return line
         try:
-            return highlight_matches(line, self.filter.match_spans(plain_text(line)))
+            return mark_line(line, self.filter)
         except InvalidFilter:
             return line  # the search over what this row is made of says so
 

@@ -13,16 +13,14 @@ from textual.widget import Widget
 
 from rise_tui.actions import BY_ID, KeyScope
 from rise_tui.messages import FocusPane, ShowNotice
-from rise_tui.model.filtering import Filter, InvalidFilter
+from rise_tui.model.filtering import Filter, InvalidFilter, filter_rows, mark_line
 from rise_tui.model.store import Store, StorePart
 from rise_tui.rendering.text import (
     ListRow,
     StyledLine,
     StyledSpan,
     align_at_both_ends,
-    highlight_matches,
     line_width,
-    plain_text,
 )
 from rise_tui.widgets.prompt_bar import PromptBar
 from rise_tui.widgets.row_list import RowList, RowView
@@ -277,17 +275,11 @@ class ListPane(Pane):
         if self.filter is None:
             return rows
         try:
-            kept = [row for row in rows if row.selectable and self.filter.matches(row.full or plain_text(row.line))]
-            return self.mark_matches(kept)
+            return filter_rows(rows, self.filter)
         except InvalidFilter as broken:
             self.refuse_filter(broken)
             return rows
 
     def mark_matches(self, rows: list[ListRow]) -> list[ListRow]:
         """All the rows, with what the filter finds in them marked: for a picture, which would be none with gaps."""
-        if self.filter is None:
-            return rows
-        return [
-            row._replace(line=highlight_matches(row.line, self.filter.match_spans(plain_text(row.line))))
-            for row in rows
-        ]
+        return [row._replace(line=mark_line(row.line, self.filter)) for row in rows]

@@ -1,16 +1,18 @@
-"""A question before something that cannot be undone; Esc leaves it and does nothing."""
+"""What dialogs are made of: a question before something that cannot be undone, and a form. Esc leaves both."""
 
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
-from typing import ClassVar, NamedTuple
+from typing import ClassVar, Generic, NamedTuple
 
 from textual import events, on
 from textual.app import ComposeResult
 from textual.binding import Binding, BindingType
 from textual.containers import Horizontal
+from textual.screen import ScreenResultType
 from textual.timer import Timer
-from textual.widgets import Button, Static
+from textual.widget import Widget
+from textual.widgets import Button, Label, Static
 
 from rise_tui.model.key_action import HELD_KEY_SECONDS
 from rise_tui.rendering.modal import SingleDismissModal, TitledBox
@@ -21,6 +23,36 @@ class DialogChoice(NamedTuple):
 
     key: str
     title: str
+
+
+class FormDialog(SingleDismissModal[ScreenResultType], Generic[ScreenResultType]):
+    """Fields in rows, lines above them and a sentence below. Esc leaves it: each says what it then answers."""
+
+    DEFAULT_CSS = """
+    FormDialog {
+        align: center middle; background: transparent;
+        #box { width: 70; max-height: 95%; border-title-color: $foreground; }
+        #box.-ends { border: round $error; }
+        #lines { height: auto; margin: 0 0 1 0; }
+        .row { height: 1; }
+        Label { width: 12; color: $rise-muted; }
+        #meaning { height: 1; padding: 0 0 0 12; color: $rise-muted; }
+        #typing Label { width: auto; padding: 0 1 0 0; color: $foreground; }
+        TextField, TextField:focus { width: 1fr; background: $surface; }
+        TextField:focus { background: $rise-cursor; }
+        #answer { height: 1; color: $warning; }
+    }
+    """
+
+    def row(self, label: str, field: Widget, id: str | None = None) -> ComposeResult:
+        """A field behind its label."""
+        with Horizontal(classes="row", id=id):
+            yield Label(label)
+            yield field
+
+    def say(self, sentence: str) -> None:
+        """Tell what is missing, below the fields."""
+        self.query_one("#answer", Static).update(sentence)
 
 
 class Dialog(SingleDismissModal[str]):

@@ -8,10 +8,10 @@ from typing import NamedTuple
 
 from rise_tui.actions import BY_ID, IN_EDITOR, KEY_SCOPES, ON_STUDY_SCREEN, ConsoleAction, KeyScope, actions_in
 from rise_tui.key_labels import key_label, key_name, key_text, keys_of, why_task_blocked, why_unavailable
-from rise_tui.model.filtering import Filter, InvalidFilter
+from rise_tui.model.filtering import Filter, InvalidFilter, mark_line
 from rise_tui.model.notice import task_label
 from rise_tui.model.store import Store
-from rise_tui.rendering.text import ListRow, StyledLine, crop, fixed_span, highlight_matches, plain_text, wrap
+from rise_tui.rendering.text import ListRow, StyledLine, crop, fixed_span, wrap
 from rise_tui.screens.search_dialog import SearchDialog
 
 WIDE = 90
@@ -184,6 +184,6 @@ def _entry_lines(entry: HelpEntry, width: int, wanted: Filter | None) -> Iterato
 
 def _highlight(line: StyledLine, wanted: Filter | None) -> StyledLine:
     try:
-        return line if wanted is None else highlight_matches(line, wanted.match_spans(plain_text(line)))
+        return mark_line(line, wanted)
     except InvalidFilter:
         return line

@@ -8,48 +8,37 @@ from typing import ClassVar, NamedTuple, cast
 from textual import events, on
 from textual.app import ComposeResult
 from textual.binding import Binding, BindingType
-from textual.containers import Horizontal
-from textual.widgets import Input, Label, Static
+from textual.widgets import Input, Static
 
 from rise_engine.study.model import OutcomeStatus
 from rise_tui.model.status import participant_text, running_lines, session_title
 from rise_tui.model.store import Store
-from rise_tui.rendering.modal import SingleDismissModal, TitledBox
+from rise_tui.rendering.modal import TitledBox
+from rise_tui.screens.dialog import FormDialog
 from rise_tui.widgets.choice_field import ChoiceField, OpenChoice
 from rise_tui.widgets.prompt_bar import TextField
 
 CONFIRMING_WORD = "end"
 """No key of any study ends a session, however it was meant: this is typed, and then Enter is pressed."""
+TYPE_WORD = f"Type {CONFIRMING_WORD} and press enter:"
+NOT_THE_WORD = f"that is not the word {CONFIRMING_WORD}: the session goes on"
 
 
-class EndSessionDialog(SingleDismissModal[bool]):
+class EndSessionDialog(FormDialog[bool]):
     """Answers whether the session is to end; Esc leaves it and does nothing."""
 
     AUTO_FOCUS = "#word"
     BINDINGS: ClassVar[list[BindingType]] = [Binding("escape", "dismiss(False)", show=False)]
-
-    DEFAULT_CSS = """
-    EndSessionDialog {
-        align: center middle; background: transparent;
-        #box { width: 68; max-height: 90%; border: round $error; border-title-color: $foreground; }
-        #lines { height: auto; margin: 0 0 1 0; }
-        #typing { height: 1; }
-        #typing Label { width: auto; padding: 0 1 0 0; }
-        TextField, TextField:focus { width: 1fr; background: $rise-cursor; }
-        #answer { height: 1; color: $warning; }
-    }
-    """
 
     def __init__(self, title: str, lines: Sequence[str]) -> None:
         super().__init__()
         self._title, self._lines = title, lines
 
     def compose(self) -> ComposeResult:
-        with TitledBox(self._title, "esc cancel"):
+        with TitledBox(self._title, "esc cancel") as box:
+            box.add_class("-ends")
             yield Static("\n".join(self._lines), id="lines", markup=False)
-            with Horizontal(id="typing"):
-                yield Label(f"Type {CONFIRMING_WORD} and press enter:")
-                yield TextField(id="word", select_on_focus=False)
+            yield from self.row(TYPE_WORD, TextField(id="word", select_on_focus=False), id="typing")
             yield Static("", id="answer", markup=False)
 
     @on(Input.Submitted)
@@ -58,7 +47,7 @@ class EndSessionDialog(SingleDismissModal[bool]):
         if event.value.strip().casefold() == CONFIRMING_WORD:
             self.dismiss(True)
         else:
-            self.query_one("#answer", Static).update(f"that is not the word {CONFIRMING_WORD}: the session goes on")
+            self.say(NOT_THE_WORD)
 
 
 def end_session_dialog(store: Store, then: str = "") -> EndSessionDialog:
@@ -88,7 +77,7 @@ class Outcome(NamedTuple):
     reason: str
 
 
-class OutcomeDialog(SingleDismissModal[Outcome | None]):
+class OutcomeDialog(FormDialog[Outcome | None]):
     """Nothing is chosen to begin with; esc leaves, and nothing has happened."""
 
     AUTO_FOCUS = "#outcome"
@@ -100,18 +89,8 @@ class OutcomeDialog(SingleDismissModal[Outcome | None]):
 
     DEFAULT_CSS = """
     OutcomeDialog {
-        align: center middle; background: transparent;
-        #box { width: 76; max-height: 95%; border-title-color: $foreground; }
-        #box.-ends { border: round $error; }
-        #lines { height: auto; margin: 0 0 1 0; }
-        #meaning { height: 1; padding: 0 0 0 10; color: $rise-muted; }
-        .row { height: 1; }
-        Label { width: 10; color: $rise-muted; }
+        #box { width: 78; }
         #typing { margin: 1 0 0 0; }
-        #typing Label { width: auto; padding: 0 1 0 0; color: $foreground; }
-        TextField, TextField:focus { width: 1fr; background: $surface; }
-        TextField:focus { background: $rise-cursor; }
-        #answer { height: 1; color: $warning; }
     }
     """
 
@@ -130,23 +109,17 @@ class OutcomeDialog(SingleDismissModal[Outcome | None]):
         with TitledBox(self._title, "← → choose · ↑ ↓ enter: next field · esc cancel") as box:
             box.set_class(self._ends, "-ends")
             yield Static("\n".join(self._lines), id="lines", markup=False)
-            with Horizontal(classes="row"):
-                yield Label("outcome")
-                yield self.choice
+            yield from self.row("outcome", self.choice)
             yield Static(MEANINGS[""], id="meaning", markup=False)
-            with Horizontal(classes="row"):
-                yield Label("reason")
-                yield self.reason
+            yield from self.row("reason", self.reason)
             if self._ends:
-                with Horizontal(classes="row", id="typing"):
-                    yield Label(f"Type {CONFIRMING_WORD} and press enter:")
-                    yield self.word
+                yield from self.row(TYPE_WORD, self.word, id="typing")
             yield Static("", id="answer", markup=False)
 
     @on(ChoiceField.Changed)
     def _show_meaning(self) -> None:
         self.query_one("#meaning", Static).update(MEANINGS[self.choice.value])
-        self._say("")
+        self.say("")
 
     def on_key(self, event: events.Key) -> None:
         if event.key == "enter" and self.choice.has_focus:
@@ -155,13 +128,13 @@ class OutcomeDialog(SingleDismissModal[Outcome | None]):
             if self.choice.value:
                 self.set_focus(self.reason)
             else:
-                self._say(CHOOSE)
+                self.say(CHOOSE)
 
     @on(Input.Submitted, "#reason")
     def _reason_given(self, event: Input.Submitted) -> None:
         event.stop()
         if problem := self._problem():
-            self._say(problem)
+            self.say(problem)
         elif self._ends:
             self.set_focus(self.word)
         else:
@@ -171,11 +144,11 @@ class OutcomeDialog(SingleDismissModal[Outcome | None]):
     def _check_word(self, event: Input.Submitted) -> None:
         event.stop()
         if problem := self._problem():
-            self._say(problem)
+            self.say(problem)
         elif event.value.strip().casefold() == CONFIRMING_WORD:
             self._finish()
         else:
-            self._say(f"that is not the word {CONFIRMING_WORD}: the session goes on")
+            self.say(NOT_THE_WORD)
 
     def _problem(self) -> str:
         """What is still missing; the cursor goes there."""
@@ -186,9 +159,6 @@ class OutcomeDialog(SingleDismissModal[Outcome | None]):
             self.set_focus(self.reason)
             return f"{self.choice.value} needs a reason, for the record"
         return ""
-
-    def _say(self, sentence: str) -> None:
-        self.query_one("#answer", Static).update(sentence)
 
     def _finish(self) -> None:
         self.dismiss(Outcome(cast(OutcomeStatus, self.choice.value), self.reason.value.strip()))

@@ -11,7 +11,7 @@ from textual import on
 from textual.app import ComposeResult
 from textual.binding import Binding, BindingType
 from textual.containers import Horizontal, VerticalScroll
-from textual.widgets import Button, Input, Label, Static
+from textual.widgets import Button, Input, Static
 
 from rise_engine.run.protocol.session_options import SessionOptions
 from rise_engine.run.protocol.session_start import start_problems
@@ -22,8 +22,9 @@ from rise_tui.config.paths import expand_home
 from rise_tui.model.status import participant_text
 from rise_tui.model.store import Store
 from rise_tui.rendering.later import Later
-from rise_tui.rendering.modal import SingleDismissModal, TitledBox
+from rise_tui.rendering.modal import TitledBox
 from rise_tui.rendering.text import clean
+from rise_tui.screens.dialog import FormDialog
 from rise_tui.screens.outcome import end_session_dialog
 from rise_tui.widgets.choice_field import ChoiceField
 from rise_tui.widgets.prompt_bar import TextField
@@ -38,17 +39,12 @@ def condition_labels(conditions: Mapping[str, Condition]) -> dict[str, str]:
     return {"": none} | {name: condition.label or name for name, condition in conditions.items()}
 
 
-class SettingsScreen(SingleDismissModal[tuple[Scenario, SessionOptions] | None]):
+class SettingsScreen(FormDialog[tuple[Scenario, SessionOptions] | None]):
     """Answers with a scenario that loads, once the wizard has confirmed to start anew with it."""
 
     DEFAULT_CSS = """
     SettingsScreen {
-        align: center middle; background: transparent;
         #box { width: 78; max-width: 100%; max-height: 100%; margin: 1 0 1 0; }
-        .row { height: 1; }
-        Label { width: 12; color: $rise-muted; }
-        TextField, TextField:focus { background: $surface; width: 1fr; }
-        TextField:focus { background: $rise-cursor; }
         #report { height: auto; max-height: 9; margin: 1 0 0 0; }
         #report Static { width: 100%; height: auto; }
         #buttons { height: 1; margin: 1 0 0 0; align-horizontal: right; }
@@ -80,27 +76,22 @@ class SettingsScreen(SingleDismissModal[tuple[Scenario, SessionOptions] | None])
 
     def compose(self) -> ComposeResult:
         with TitledBox("Settings", "tab: next · ← →: choose · esc cancel"):
-            yield from self._row("folder", TextField(self._settings.folder, id="folder", select_on_focus=False))
+            yield from self.row("folder", TextField(self._settings.folder, id="folder", select_on_focus=False))
             for kind in PATH_KINDS:
-                yield from self._row(kind, TextField(self._current.paths[kind], id=kind, select_on_focus=False))
-            yield from self._row("robot", ChoiceField(tuple(self._current.robots), self._current.robot, id="robot"))
-            yield from self._row("mode", ChoiceField(MODES, self._current.mode, id="mode"))
+                yield from self.row(kind, TextField(self._current.paths[kind], id=kind, select_on_focus=False))
+            yield from self.row("robot", ChoiceField(tuple(self._current.robots), self._current.robot, id="robot"))
+            yield from self.row("mode", ChoiceField(MODES, self._current.mode, id="mode"))
             # These two begin empty: what was so in the session before would be wrong in a new one.
             hint = "the next participant; may be empty"
-            yield from self._row("participant", TextField(placeholder=hint, id="participant", select_on_focus=False))
+            yield from self.row("participant", TextField(placeholder=hint, id="participant", select_on_focus=False))
             labels = condition_labels(self._current.conditions)
-            yield from self._row("condition", ChoiceField(tuple(labels), "", id="condition", labels=labels))
+            yield from self.row("condition", ChoiceField(tuple(labels), "", id="condition", labels=labels))
             with VerticalScroll(id="report", can_focus=False):
                 yield self.changes
                 yield self.findings
             with Horizontal(id="buttons"):
                 yield Button("Cancel (esc)", id="leave", compact=True)
                 yield Button("Apply", id="apply", compact=True)
-
-    def _row(self, label: str, widget: TextField | ChoiceField) -> ComposeResult:
-        with Horizontal(classes="row"):
-            yield Label(label)
-            yield widget
 
     def on_mount(self) -> None:
         self._show_changes()

@@ -8,14 +8,14 @@ from typing import ClassVar, cast
 from textual import events, on
 from textual.app import ComposeResult
 from textual.binding import Binding, BindingType
-from textual.containers import Horizontal
-from textual.widgets import Input, Label, Static
+from textual.widgets import Input, Static
 
 from rise_engine.study.model import Purpose
 from rise_tui.config.study_source import SessionRequest
 from rise_tui.model.study_rows import Conditions
-from rise_tui.rendering.modal import SingleDismissModal, TitledBox
+from rise_tui.rendering.modal import TitledBox
 from rise_tui.rendering.text import ListRow, clean
+from rise_tui.screens.dialog import FormDialog
 from rise_tui.widgets.choice_field import ChoiceField, OpenChoice
 from rise_tui.widgets.prompt_bar import TextField
 from rise_tui.widgets.row_list import RowList
@@ -29,7 +29,7 @@ THEIRS = "theirs"
 """The row for the condition that the participant would get."""
 
 
-class RehearsalDialog(SingleDismissModal[SessionRequest | None]):
+class RehearsalDialog(FormDialog[SessionRequest | None]):
     """Left and right choose what for, up and down the condition; Enter goes on."""
 
     AUTO_FOCUS = "#conditions"
@@ -37,11 +37,6 @@ class RehearsalDialog(SingleDismissModal[SessionRequest | None]):
 
     DEFAULT_CSS = """
     RehearsalDialog {
-        align: center middle; background: transparent;
-        #box { width: 70; max-height: 90%; border-title-color: $foreground; }
-        .row { height: 1; }
-        Label { width: 12; color: $rise-muted; }
-        #meaning { height: 1; padding: 0 0 0 12; color: $rise-muted; }
         RowList { margin: 1 0 0 0; background: $panel; }
     }
     """
@@ -59,9 +54,7 @@ class RehearsalDialog(SingleDismissModal[SessionRequest | None]):
         with TitledBox(
             f"A rehearsal with {clean(self._participant)}", "← → purpose · ↑ ↓ condition · enter continue · esc cancel"
         ):
-            with Horizontal(classes="row"):
-                yield Label("purpose")
-                yield self.purpose
+            yield from self.row("purpose", self.purpose)
             yield Static(PURPOSES[self.purpose.value], id="meaning", markup=False)
             yield self.list
 
@@ -85,7 +78,7 @@ class RehearsalDialog(SingleDismissModal[SessionRequest | None]):
             self.dismiss(SessionRequest(self._participant, cast(Purpose, self.purpose.value), condition))
 
 
-class WizardNameDialog(SingleDismissModal[str]):
+class WizardNameDialog(FormDialog[str]):
     """Answers with the name; empty: it was left."""
 
     AUTO_FOCUS = "#name"
@@ -94,19 +87,6 @@ class WizardNameDialog(SingleDismissModal[str]):
         Binding("up", "app.focus_previous", show=False),
         Binding("down", "app.focus_next", show=False),
     ]
-
-    DEFAULT_CSS = """
-    WizardNameDialog {
-        align: center middle; background: transparent;
-        #box { width: 70; border-title-color: $foreground; }
-        #lines { height: auto; margin: 0 0 1 0; }
-        .row { height: 1; }
-        Label { width: 12; color: $rise-muted; }
-        TextField, TextField:focus { width: 1fr; background: $surface; }
-        TextField:focus { background: $rise-cursor; }
-        #answer { height: 1; color: $warning; }
-    }
-    """
 
     def __init__(self, name: str, offered: Sequence[str] = ()) -> None:
         """`name`: what stands there to begin with. `offered`: the wizards that the study names."""
@@ -121,12 +101,8 @@ class WizardNameDialog(SingleDismissModal[str]):
         with TitledBox("Who are you?", "enter accept · esc cancel"):
             yield Static("\n".join(lines), id="lines", markup=False)
             if self._offered:
-                with Horizontal(classes="row"):
-                    yield Label("wizards")
-                    yield OpenChoice(self._offered, self.field.value, id="wizards")
-            with Horizontal(classes="row"):
-                yield Label("your name")
-                yield self.field
+                yield from self.row("wizards", OpenChoice(self._offered, self.field.value, id="wizards"))
+            yield from self.row("your name", self.field)
             yield Static("", id="answer", markup=False)
 
     @on(ChoiceField.Changed)
@@ -147,4 +123,4 @@ class WizardNameDialog(SingleDismissModal[str]):
         if name:
             self.dismiss(name)
         else:
-            self.query_one("#answer", Static).update("enter a name: the record must say who acted")
+            self.say("enter a name: the record must say who acted")

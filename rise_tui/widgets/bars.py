@@ -15,6 +15,7 @@ from rise_tui.model.cue import filler_due, passed_text
 from rise_tui.model.free_speech import SpeechEffect
 from rise_tui.model.key_action import action_of_key
 from rise_tui.model.key_strip import KeyStripPiece, key_strip_height, key_strip_lines
+from rise_tui.model.notice import Notice
 from rise_tui.model.speech_band import sentence_height, speech_band_lines
 from rise_tui.model.status import status_line
 from rise_tui.model.store import Store
@@ -57,18 +58,21 @@ class NoticeLine(StoreLines):
         if notice is None:
             self._show_lines(crop(_filler_offer(self.store), width))
             return
-        glyph, role = NOTICE_GLYPHS[notice.level]
-        pieces = wrap(notice.text, max(20, width - 3)) if width else [notice.text]
-        if len(pieces) > NOTICE_LINES:
-            pieces = [*pieces[: NOTICE_LINES - 1], " ".join(pieces[NOTICE_LINES - 1 :])]
-        leads = [f" {glyph} ", *["   "] * (NOTICE_LINES - 1)]
-        self._show_lines(
-            *(crop(((f"{lead}{piece}", role),), width) for lead, piece in zip(leads, pieces, strict=False))
-        )
+        self._show_lines(*notice_lines(notice, width))
 
     def _show_lines(self, *lines: StyledLine) -> None:
         self.styles.height = len(lines)
         self.show(*lines)
+
+
+def notice_lines(notice: Notice, width: int) -> list[StyledLine]:
+    """A sentence behind the glyph of its level, over at most NOTICE_LINES lines; what then is left is cut off."""
+    glyph, role = NOTICE_GLYPHS[notice.level]
+    pieces = wrap(notice.text, max(20, width - 3)) if width else [notice.text]
+    if len(pieces) > NOTICE_LINES:
+        pieces = [*pieces[: NOTICE_LINES - 1], " ".join(pieces[NOTICE_LINES - 1 :])]
+    leads = [f" {glyph} ", *["   "] * (NOTICE_LINES - 1)]
+    return [crop(((f"{lead}{piece}", role),), width) for lead, piece in zip(leads, pieces, strict=False)]
 
 
 class KeyHints(StaticLines):

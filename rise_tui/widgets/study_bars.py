@@ -6,12 +6,11 @@ from rise_engine.study.model import Study
 from rise_engine.study.recording_table import recorders_text
 from rise_tui.actions import BY_ID, actions_in
 from rise_tui.key_labels import first_key_label
-from rise_tui.model.notice import Level
-from rise_tui.rendering.text import StyledLine, StyledSpan, align_at_both_ends, clean, crop, line_width, wrap
-from rise_tui.widgets.bars import NOTICE_GLYPHS, KeyHints
+from rise_tui.model.notice import Level, Notice
+from rise_tui.rendering.text import StyledLine, StyledSpan, align_at_both_ends, clean, line_width
+from rise_tui.widgets.bars import KeyHints, notice_lines
 from rise_tui.widgets.static_lines import StaticLines
 
-NOTICE_LINES = 3
 READING = "reading the study …"
 
 
@@ -63,13 +62,9 @@ class StudyNotice(StaticLines):
 
     def draw(self, sentence: str, level: Level = "info") -> None:
         self._sentence = sentence
-        width = self.size.width or 80
-        glyph, role = NOTICE_GLYPHS[level]
-        pieces = wrap(sentence, max(20, width - 3)) if sentence else [""]
-        pieces = [*pieces[: NOTICE_LINES - 1], " ".join(pieces[NOTICE_LINES - 1 :])][: len(pieces)]
-        leads = [f" {glyph if sentence else ' '} ", *["   "] * (NOTICE_LINES - 1)]
-        self.styles.height = len(pieces)
-        self.show(*(crop(((f"{lead}{piece}", role),), width) for lead, piece in zip(leads, pieces, strict=False)))
+        lines = notice_lines(Notice(sentence, level), self.size.width or 80) if sentence else [()]
+        self.styles.height = len(lines)
+        self.show(*lines)
 
 
 class StudyHints(KeyHints):
