@@ -123,6 +123,8 @@ class FormPanel(FieldList):
             notes = self.form.notes(field.id)
             if not any(note.level == "error" for note in notes):
                 notes = [*self._finding, *notes]
+            if field.kind == "text" and field.note:
+                notes = [*notes, FieldNote("info", field.note)]
             if not notes and self.form.choices(field.id):
                 notes = [FieldNote("info", "F2 lists the names")]
             self._notes = [FieldNote("error", self._problem)] if self._problem else notes

@@ -48,7 +48,8 @@ def suggest_ending(text: str, names: StudyNames) -> str:
 
     >>> from rise_tui.editor.model.study_names import StudyNames
     >>> from rise_engine.author.edit.outline import Outline
-    >>> some = StudyNames(Outline(), {"step": 0, "understood": False}, frozenset(), frozenset(), {}, frozenset(), {})
+    >>> memory = {"step": 0, "understood": False}
+    >>> some = StudyNames(Outline(), memory, frozenset(), frozenset(), {}, (), frozenset(), {})
     >>> suggest_ending("step < 4 and not und", some)
     'erstood'
     """

@@ -2,16 +2,15 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from typing import Any, NamedTuple
 
 from rise_engine.author.edit.edits import CallForm
 from rise_engine.author.edit.outline import Outline, WrittenRule, WrittenStatement
 from rise_engine.author.edit.plan import Files
-from rise_engine.scenario.cross_references import ACT_END_SUFFIXES
 from rise_engine.scenario.draft import ScenarioDraft
 from rise_engine.scenario.file_names import SCENARIO_FILE
-from rise_engine.scenario.model import CUE_TOPICS, Json, normal_topic
+from rise_engine.scenario.model import CUE_TOPICS, Json, normal_topic, result_topics
 from rise_tui.editor.model.draft import toml_values
 from rise_tui.editor.model.fields import FieldChoice
 
@@ -25,8 +24,10 @@ class StudyNames(NamedTuple):
     set_keys: frozenset[str]
     """Memory keys that rules, keys of the keyboard or conditions set."""
     tables: frozenset[str]
-    raised: Mapping[str, tuple[str, ...]]
-    """Events (without slash) that are raised, each with who raises it: `rule Next`, `key n`; none: it is not known."""
+    raised: Mapping[str, str]
+    """Events (without slash) that are raised, each with a note: `raised by rule Next, key n`."""
+    own_events: Sequence[str]
+    """Those that the study raises or waits for, not the engine's."""
     awaited: frozenset[str]
     keyboard: Mapping[str, Any]
     """`[keys]` of scenario.toml, as it is written."""
@@ -44,49 +45,21 @@ class StudyNames(NamedTuple):
         found = self.outline.rule(rule)
         return [state.id for state in found.states] if found is not None else []
 
-    def engine_event(self, event: str) -> str:
-        """For an event that the engine raises by itself, when it does so; empty for others."""
-        event = normal_topic(event)
-        for suffix, when in ENGINE_ENDINGS.items():
-            name = event.removesuffix(suffix)
-            if name != event and (name in self.acts or (suffix == "_end" and name in self.rules)):
-                return f"raised automatically when {name} {when}"
-        for rule in self.outline.rules:
-            state = event.removeprefix(f"{rule.name}_")
-            if any(each.id == state and not each.transitions for each in rule.states):
-                return f"raised automatically when the rule {rule.name} ends in {state}"
-        if event in CUE_TOPICS:
-            return "the participant's cue" if event == CUE_TOPICS[0] else "raised when the cue is taken back"
-        return ""
-
     def event_note(self, event: str) -> str:
-        """Who raises an event, in words; empty: nobody in this study."""
-        event = normal_topic(event)
-        if (by_itself := self.engine_event(event)) or event not in self.raised:
-            return by_itself
-        return f"raised by {', '.join(self.raised[event])}" if self.raised[event] else "raised in this study"
+        """What raises an event, in words; empty: nothing in this study."""
+        return self.raised.get(normal_topic(event), "")
 
     def event_choices(self) -> list[FieldChoice]:
         """Every event that can be waited for: those of the study first, then those that the engine raises."""
-        engine = [*CUE_TOPICS]
-        engine += [act + suffix for act in self.acts for suffix in ACT_END_SUFFIXES]
-        engine += [f"{rule}_end" for rule in self.rules]
-        engine += [
-            f"{rule.name}_{state.id}" for rule in self.outline.rules for state in rule.states if not state.transitions
-        ]
         return [
             FieldChoice(f"/{event}", f"/{event}", self.event_note(event) or "nothing in this study raises it")
-            for event in dict.fromkeys((*self._own_events, *engine))
+            for event in dict.fromkeys((*self.own_events, *self.raised))
         ]
 
     def own_event_choices(self) -> list[FieldChoice]:
         """The events of the study that can be raised."""
         notes = {True: "a rule waits for it", False: "no rule waits for it"}
-        return [FieldChoice(f"/{event}", f"/{event}", notes[event in self.awaited]) for event in self._own_events]
-
-    @property
-    def _own_events(self) -> list[str]:
-        return sorted({*self.raised, *self.awaited}, key=str.casefold)
+        return [FieldChoice(f"/{event}", f"/{event}", notes[event in self.awaited]) for event in self.own_events]
 
     def key_choices(self) -> list[FieldChoice]:
         """Every memory key that a condition can ask for, with its value at the start."""
@@ -118,20 +91,32 @@ class StudyNames(NamedTuple):
 ENGINE_ENDINGS = {"_end": "ends", "_succeeded": "succeeds", "_failed": "fails", "_stopped": "is stopped"}
 
 
+def engine_notes(draft: ScenarioDraft) -> dict[str, str]:
+    """The events that the engine itself raises, each with the moment."""
+    notes = {CUE_TOPICS[0]: "the participant's cue", CUE_TOPICS[1]: "raised when the cue is taken back"}
+    for act in draft.acts:
+        notes |= {act + suffix: f"raised automatically when {act} {when}" for suffix, when in ENGINE_ENDINGS.items()}
+    for name, rule in draft.rules.items():
+        notes[f"{name}_end"] = f"raised automatically when {name} ends"
+        for state, topic in result_topics(rule):
+            notes[topic] = f"raised automatically when the rule {name} ends in {state}"
+    return notes
+
+
 def study_names(outline: Outline, draft: ScenarioDraft, files: Files) -> StudyNames:
     """What exists in a study, from what could be read of it."""
-    raised: dict[str, list[str]] = {}
-    for mention in draft.raised_topics:
-        raised.setdefault(normal_topic(mention.name), [])
+    raised: dict[str, dict[str, None]] = {normal_topic(mention.name): {} for mention in draft.raised_topics}
     for rule in outline.rules:
         for call in calls_of_rule(rule):
             if call.function == "raiseEventTopic":
-                raised.setdefault(normal_topic(call.argument), []).append(f"rule {rule.name}")
+                raised.setdefault(normal_topic(call.argument), {})[f"rule {rule.name}"] = None
     keyboard = toml_values(files.get(SCENARIO_FILE, b"")).get("keys", {})
     keyboard = keyboard if isinstance(keyboard, dict) else {}
     for key, binding in keyboard.items():
         if isinstance(binding, dict) and isinstance(binding.get("event"), str):
-            raised.setdefault(normal_topic(binding["event"]), []).append(f"key {key}")
+            raised.setdefault(normal_topic(binding["event"]), {})[f"key {key}"] = None
+    notes = {event: f"raised by {', '.join(by)}" if by else "raised in this study" for event, by in raised.items()}
+    awaited = frozenset(normal_topic(mention.name) for mention in draft.awaited_topics) - {""}
     tables = {name: table.records for name, table in draft.tables.items()}
     set_keys = {mention.name for mention in (*draft.key_writes, *draft.part_writes, *draft.condition_values)}
     return StudyNames(
@@ -139,8 +124,9 @@ def study_names(outline: Outline, draft: ScenarioDraft, files: Files) -> StudyNa
         {**draft.memory, **tables},
         frozenset(set_keys),
         frozenset(tables),
-        {event: tuple(dict.fromkeys(by)) for event, by in raised.items() if event},
-        frozenset(normal_topic(mention.name) for mention in draft.awaited_topics) - {""},
+        {**notes, **engine_notes(draft)},
+        sorted({*raised, *awaited} - {""}, key=str.casefold),
+        awaited,
         keyboard,
     )
 

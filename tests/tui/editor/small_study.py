@@ -6,9 +6,7 @@ from collections.abc import Mapping
 
 from rise_engine.author.edit.outline import Outline
 from rise_engine.author.edit.read_outline import read_outline
-from rise_engine.scenario.draft import Mention, ScenarioDraft
 from rise_engine.scenario.loader import load
-from rise_engine.scenario.model import SourceLocation, Table
 from rise_tui.editor.model.study_names import StudyNames, study_names
 
 ACTS = b"""<Dialogs>
@@ -57,9 +55,13 @@ RULES = b"""<InteractionRules>
 SETTINGS = b"""[keys]
 n = { event = "/next", label = "next" }
 h = { act = "R_Hello" }
+m = { set = "mood = 1" }
 """
-FILES = {"acts/acts.xml": ACTS, "rules/course.xml": RULES, "scenario.toml": SETTINGS}
-MEMORY = {"step": 0, "happy": False, "pause_ms": 600, "items": [1, 2]}
+MEMORY = b'{"step": 0, "happy": false, "pause_ms": 600, "items": [1, 2]}'
+FILES = {
+    "acts/acts.xml": ACTS, "rules/course.xml": RULES, "scenario.toml": SETTINGS, "memory.json": MEMORY,
+    "tables/words.csv": b"word\na\nb\n",
+}  # fmt: skip
 
 
 def outline_of(files: Mapping[str, bytes]) -> Outline:
@@ -69,14 +71,4 @@ def outline_of(files: Mapping[str, bytes]) -> Outline:
 
 def small_study(files: Mapping[str, bytes] = FILES) -> StudyNames:
     """Its names, as they are when it has been read."""
-    draft = ScenarioDraft()
-    draft.memory = dict(MEMORY)
-    draft.tables = {"words": Table("words", ("word",), [["a"], ["b"]])}
-
-    def nowhere() -> SourceLocation:
-        return SourceLocation("rules/course.xml")
-
-    draft.raised_topics = [Mention("cheer", nowhere), Mention("next", nowhere)]
-    draft.awaited_topics = [Mention(name, nowhere) for name in ("skip", "next", "stop_it")]
-    draft.key_writes = [Mention("step", nowhere), Mention("mood", nowhere)]
-    return study_names(outline_of(files), draft, files)
+    return study_names(outline_of(files), load("/nowhere", held=files).draft, files)

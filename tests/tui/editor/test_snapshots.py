@@ -22,6 +22,10 @@ from tests.tui.editor.conftest import STUDIES, Editor, OneSession
 from tests.tui.editor.long_rule import long_rule_files
 from tests.tui.editor.test_editor import open_speech
 from tests.tui.editor.test_exploring import FOUND, Explorers, on_a_state
+from tests.tui.editor.test_table_grid import folder as folder
+from tests.tui.editor.test_table_grid import open_at as open_table
+from tests.tui.editor.test_texts_page import open_at as open_text
+from tests.tui.editor.texts_study import STALE, copy_lablinking
 
 SIZES = {"small": (80, 24), "usual": (120, 40)}
 Steps = Callable[[Editor], Awaitable[None]]
@@ -192,3 +196,23 @@ def test_what_exploring_has_found(looks_as_before: Compare, study: Path) -> None
         await is_open(it, PickList)
 
     assert looks_as_before(study, "usual", steps, Explorers(FOUND))
+
+
+@pytest.mark.parametrize("size", SIZES)
+def test_the_texts(looks_as_before: Compare, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, size: str) -> None:
+    monkeypatch.chdir(tmp_path)
+    lab = copy_lablinking(tmp_path / "lab")
+
+    async def steps(it: Editor) -> None:
+        await open_text(it, STALE)
+
+    assert looks_as_before(lab, size, steps)
+
+
+@pytest.mark.parametrize("size", SIZES)
+def test_the_tables(looks_as_before: Compare, folder: Path, size: str) -> None:
+    async def steps(it: Editor) -> None:
+        await open_table(it, "tables/instructions.csv:9")
+        await it.press("right", "right")
+
+    assert looks_as_before(folder, size, steps)

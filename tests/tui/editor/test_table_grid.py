@@ -4,11 +4,9 @@ from __future__ import annotations
 
 import shutil
 from pathlib import Path
-from typing import Any
 
 import pytest
 from textual import events
-from textual.pilot import Pilot
 
 from rise_engine.author.edit.edits import AddColumn, AddRow, AnyEdit, SetCell, SetSetting
 from rise_engine.author.edit.plan import EditRefused
@@ -306,18 +304,3 @@ def test_a_new_column_of_participants_stands_in_the_design_too() -> None:
 def test_the_next_pseudonym(last: str | None, following: str) -> None:
     cells = WrittenCells("participants.csv", ("participant",), ((last,),) if last else (), (2,))
     assert next_pseudonym(cells) == following
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize("size", [(80, 24), (120, 40)], ids=["small", "wide"])
-def test_what_it_looks_like(snap_compare: Any, folder: Path, size: tuple[int, int]) -> None:
-    workspace = Workspace(folder)
-    app = EditApp(EditedStudy(workspace, draft_of(workspace)), sessions=OneSession())
-
-    async def before(pilot: Pilot[Any]) -> None:
-        it = Editor(pilot, app.edit_screen, folder)
-        await it.until(lambda: it.screen.home.rows.count)
-        await open_at(it, "tables/instructions.csv:9")
-        await it.press("right", "right")
-
-    assert snap_compare(app, terminal_size=size, run_before=before)

@@ -4,20 +4,15 @@ from __future__ import annotations
 
 import shutil
 from pathlib import Path
-from typing import Any
 
 import pytest
 from textual import events
-from textual.pilot import Pilot
 
-from rise_engine.author.edit.workspace import Workspace
 from rise_tui.editor.act_page import ActPage
-from rise_tui.editor.app import EditApp
 from rise_tui.editor.dialogs import SaveDialog
-from rise_tui.editor.model.draft import draft_of
 from rise_tui.editor.model.text_rows import TextsView, languages_of
 from rise_tui.editor.pick_list import AskText, PickList
-from rise_tui.editor.study import EditedStudy, RunningHere
+from rise_tui.editor.study import RunningHere
 from rise_tui.editor.texts_page import TextsPage
 from tests.tui.editor.conftest import Editor, OneSession, editor
 from tests.tui.editor.texts_study import LABLINKING, MISSING, STALE, copy_lablinking
@@ -277,17 +272,3 @@ async def test_a_study_that_says_nothing_and_one_that_cannot_be_read(tmp_path: P
         await it.type("x")
         await it.press("enter")
         await it.until(lambda: "texts/de.toml cannot be read, so it is not changed" in it.notice)
-
-
-@pytest.mark.parametrize("size", [(80, 24), (120, 40)], ids=["small", "wide"])
-def test_what_it_looks_like(snap_compare: Any, lab: Path, size: tuple[int, int]) -> None:
-    workspace = Workspace(lab)
-    app = EditApp(EditedStudy(workspace, draft_of(workspace)), sessions=OneSession())
-
-    async def before(pilot: Pilot[Any]) -> None:
-        it = Editor(pilot, app.edit_screen, lab)
-        await it.until(lambda: it.screen.home.rows.count)
-        await open_at(it, STALE)
-        await it.pilot.pause()
-
-    assert snap_compare(app, terminal_size=size, run_before=before)
