@@ -33,7 +33,7 @@ def run_on_session(
 ) -> int:
     """A console on a running session; returns the exit status. `notice`: what there is to say about the session."""
     wizard, remark = wizard_name(options, name)
-    client = SocketClient(name, wizard, options.role, resync=True)
+    client = SocketClient(name, wizard, options.role)
     if notice and remark:
         remark = remark.partition(",")[0]  # a line of 80 cells has no room for more
     notice = "; ".join(filter(None, (notice, remark)))
