@@ -71,7 +71,7 @@ async def measure(root: str) -> tuple[list[float], list[float], float, float]:
     """Seconds of stops alone and in the flood, and by how many seconds the engine's loop and the machine were late."""
     engine = start("-m", "tests.run.server.engine_process", root)
     path = line(engine)
-    wizard = await Follower(SocketClient(Path(path), "anna", resync=True)).attach()
+    wizard = await Follower(SocketClient(Path(path), "anna")).attach()
     alone = await stop(wizard)
     flood = start(str(ROOT / "tests/run/server/flooding.py"), path)
     line(flood)

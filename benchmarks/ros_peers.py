@@ -194,9 +194,8 @@ def listen_plainly(choice: str, take: Callable[[object], object]) -> None:
     from cyclonedds.core import InstanceState, ReadCondition, SampleState, ViewState, WaitSet
     from cyclonedds.domain import DomainParticipant
     from cyclonedds.util import duration
-    from rise_adapters.ros2.transport.dds.entities import dds_qos, make_reader
-    from rise_adapters.ros2.transport.dds.idl import IdlTypes
-    from rise_adapters.ros2.transport.dds.reader_thread import take_samples
+    from rise_adapters.ros2.transport.dds.node import IdlTypes
+    from rise_adapters.ros2.transport.dds.reader_thread import dds_qos, make_reader, take_samples
     from rise_adapters.ros2.transport.interfaces.catalog import InterfaceCatalog
 
     participant = DomainParticipant(int(os.environ["ROS_DOMAIN_ID"]))

@@ -327,19 +327,6 @@ class SessionView(Struct):
                 else:
                     self.session = record
 
-    def merge_resync(self, state: SessionView, count: int) -> None:
-        """Become `state`, which has left out tasks that ended before and have not changed since: those stay.
-
-        `count`: how many tasks there are to be kept in all; of more, the oldest are forgotten.
-        """
-        kept = {**self.tasks, **state.tasks}
-        tasks = {id: kept[id] for id in sorted(kept)}
-        for id in list(islice((id for id, task in tasks.items() if task.status in FINAL), max(0, len(tasks) - count))):
-            del tasks[id]
-        for name in self.__struct_fields__:
-            setattr(self, name, getattr(state, name))
-        self.tasks = tasks
-
     def running_rules(self) -> list[str]:
         """The running rules, top of the stack first."""
         running = [(rule.priority, rule.entered, name) for name, rule in self.rules.items() if rule.running]

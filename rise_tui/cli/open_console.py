@@ -45,7 +45,7 @@ def run_on_session(
 ) -> int:
     """A console on a running session; returns the exit status. `notice`: what there is to say about the session."""
     wizard, remark = wizard_name(options, name)
-    client = SocketClient(name, wizard, options.role, resync=True)
+    client = SocketClient(name, wizard, options.role)
     if notice and remark:
         remark = remark.partition(",")[0]  # a line of 80 cells has no room for more
     notice = "; ".join(filter(None, (notice, remark)))
@@ -147,7 +147,7 @@ def process_launcher(who: str, role: Role, ros: RosConnection = _USUAL_ROS, *, i
         while True:
             found = start_engine(replace(engine_options(settings, settings.seed, "ask"), wizard=name))
             if not isinstance(found, EngineRefused):
-                return SocketClient(found.name, name, role, scenario=scenario, resync=True)
+                return SocketClient(found.name, name, role, scenario=scenario)
             if found.code != ALREADY_RUNNING or monotonic() > until:
                 break
             sleep(0.1)
@@ -165,14 +165,14 @@ def process_launcher(who: str, role: Role, ros: RosConnection = _USUAL_ROS, *, i
         wanted = SessionOptions(folder, unfinished=attach_reply.folder)
         found = start_engine(wanted, report) if role == "wizard" else None
         if isinstance(found, EngineStarted):
-            return RecoveredClient(SocketClient(found.name, who, role, resync=True), startup_notice(found))
+            return RecoveredClient(SocketClient(found.name, who, role), startup_notice(found))
         if found is not None and found.code != ALREADY_RUNNING:
             raise EngineGone("; ".join(found.lines))
         if found is not None and found.socket:
-            return RecoveredClient(SocketClient(found.socket, who, role, resync=True))
+            return RecoveredClient(SocketClient(found.socket, who, role))
         if name not in running_names():
             raise EngineGone("nobody has recovered it yet")
-        return RecoveredClient(SocketClient(name, who, role, resync=True))  # somebody else has
+        return RecoveredClient(SocketClient(name, who, role))  # somebody else has
 
     return Launcher(start=start, recover=recover, find_study=lambda attach_reply: find_study(attach_reply, ros))
 

@@ -228,7 +228,7 @@ class StudyFolder:
                 return self._reach(found.socket, wizard)
             raise StudyError("; ".join(found.lines))
         who = wizard or _last_wizard(found.name)
-        return StartedSession(SocketClient(found.name, who, "wizard", resync=True), startup_notice(found), who)
+        return StartedSession(SocketClient(found.name, who, "wizard"), startup_notice(found), who)
 
     def attach(self, entry: SessionEntry, wizard: str) -> StartedSession:
         """To a session that runs."""
@@ -243,7 +243,7 @@ class StudyFolder:
         who = wizard or _last_wizard(socket)
         if not who:
             raise StudyError("the session does not answer: try again, or see `rise-engine sessions`")
-        return StartedSession(SocketClient(socket, who, "wizard", resync=True), wizard=who)
+        return StartedSession(SocketClient(socket, who, "wizard"), wizard=who)
 
     def report(self, folder: str) -> Document:
         """What happened in a session; a blinded study calls its condition by the label."""

@@ -9,7 +9,7 @@ from time import monotonic
 
 from rise_engine.kernel.inputs import CheckReport, Note, OutcomeReport, Submit
 from rise_engine.run.client.shadow import ShadowClient
-from rise_engine.run.protocol.client import AttachReply, Client, ControlVerb, EngineGone, LinkLost, UpdateOrResync
+from rise_engine.run.protocol.client import AttachReply, Client, ClientUpdate, ControlVerb, EngineGone, LinkLost
 from rise_tui.key_labels import key_name, why_blocked
 from rise_tui.model.control import Deed
 from rise_tui.model.notice import Notice, task_label
@@ -67,7 +67,7 @@ class ConsoleSession:
         ended = self.store.view.end_reason
         self._note_engine_gone(ended or "it has ended", over=True)
 
-    async def _apply_batch(self, batch: Sequence[UpdateOrResync]) -> None:
+    async def _apply_batch(self, batch: Sequence[ClientUpdate]) -> None:
         """In pieces: a key must not wait until a console that lay behind has caught up."""
         for start in range(0, len(batch), RECORDS_PER_TURN):
             if start:

@@ -43,11 +43,10 @@ from rise_engine.kernel.task_view import TaskView
 from rise_engine.kernel.view import ActView, RuleView, SessionView
 from rise_engine.run.protocol.client import (
     AttachReply,
+    ClientUpdate,
     Heartbeat,
     JournalStatus,
-    Resync,
     ShadowStatus,
-    UpdateOrResync,
 )
 from rise_engine.scenario.lexicon import RobotWording
 from rise_engine.scenario.model import CUE_TOPICS, KeyBinding, Scenario, normal_topic
@@ -91,11 +90,8 @@ _PARTS_OF_TASK: dict[str, frozenset[StorePart]] = {
     "startInteractionRule": frozenset({"tasks", "rules"}),
 }
 
-RECORDS_LEFT_OUT = "too much is happening at once: this console skips some records; the state that it shows is correct"
 LATE_FLASH_SECONDS = 1.0
 """A console that hears of a mark later than that shows nothing: at that moment there was no flash."""
-LEFT_OUT_SECONDS = 10.0
-"""Seconds before that is said again."""
 
 
 class SentTask(Struct, frozen=True):
@@ -168,8 +164,6 @@ class Store:
     _scenario_hash: str = field(init=False)
     _estimates: dict[str, float] = field(default_factory=dict)
     """Seconds that acts take with the present memory, of those that have not run yet."""
-    _left_out_at: float = -LEFT_OUT_SECONDS
-    """Session time at which it was said that records are left out."""
 
     def __post_init__(self) -> None:
         self._scenario_hash = self.scenario.hash
@@ -344,7 +338,7 @@ class Store:
     def is_sent(self, functions: Sequence[str], behavior: str) -> bool:
         return any(sent.function in functions and sent.behavior == behavior for sent in self.sent.values())
 
-    def apply(self, updates: Sequence[UpdateOrResync]) -> set[StorePart]:
+    def apply(self, updates: Sequence[ClientUpdate]) -> set[StorePart]:
         """Take a batch in; returns what changed."""
         changed: set[StorePart] = set()
         noticed = self.notice
@@ -357,10 +351,6 @@ class Store:
                 continue
             if isinstance(record, ShadowStatus):
                 self.shadow = record
-                changed |= ALL_PARTS
-                continue
-            if isinstance(record, Resync):
-                self._resync(record)
                 changed |= ALL_PARTS
                 continue
             if isinstance(record, TaskRecord):
@@ -411,21 +401,6 @@ class Store:
         """That the oldest tasks are only in the record, for whoever looks for one; empty while all are here."""
         count = self.view.forgotten
         return f"{count:,} older {'task is' if count == 1 else 'tasks are'} only in the record" if count else ""
-
-    def _resync(self, resync: Resync) -> None:
-        """This console lay so far behind that records were left out: the truth is in the new state."""
-        had_control = self.has_control
-        self.view.merge_resync(resync.view, resync.tasks)
-        for task in resync.view.tasks.values():
-            if task.ref is not None:
-                self.sent.pop(task.ref, None)
-        self._restart_trackers()
-        if had_control and not self.has_control:
-            self.control_lost = control.ControlLost(self.view.control, None)
-        self._trim()
-        if self.view.t > self._left_out_at + LEFT_OUT_SECONDS:
-            self._left_out_at = self.view.t
-            self.notice = Notice(RECORDS_LEFT_OUT, "wait")
 
     def _trim(self) -> None:
         """The view has forgotten its oldest tasks."""

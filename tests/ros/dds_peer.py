@@ -7,7 +7,7 @@ import sys
 import time
 
 from rise_adapters.ros2.transport.dds import DdsTransport
-from rise_adapters.ros2.transport.dds.topics import DdsPublisher
+from rise_adapters.ros2.transport.dds.transport import DdsPublisher
 from rise_adapters.ros2.transport.port import QoS
 
 TEXT = "std_msgs/msg/String"

@@ -8,7 +8,6 @@ from typing import Any
 
 import pytest
 from rise_adapters.ros2.actions import server as action_server
-from rise_adapters.ros2.actions.cancel_request import MAX_WAITING_REPLIES
 from rise_adapters.ros2.actions.client import (
     ABORTED,
     ACCEPTED,
@@ -25,7 +24,14 @@ from rise_adapters.ros2.actions.client import (
     ActionClient,
     CancelResponse,
 )
-from rise_adapters.ros2.actions.server import MAX_ENDED, MAX_LISTED, ActionServer, Decide, accept_cancel
+from rise_adapters.ros2.actions.server import (
+    MAX_ENDED,
+    MAX_LISTED,
+    MAX_WAITING_REPLIES,
+    ActionServer,
+    Decide,
+    accept_cancel,
+)
 from rise_adapters.ros2.actions.server_goal import ServerGoal
 from rise_adapters.ros2.transport.port import CANCEL_TYPE, STATUS, STATUS_TYPE, Message
 

@@ -13,8 +13,7 @@ from typing import Any
 import msgspec
 import pytest
 import yaml
-from rise_adapters.ros2.bag import FORMAT
-from rise_adapters.ros2.bag.schemas import message_schema
+from rise_adapters.ros2.bag import FORMAT, message_schema
 from rise_adapters.ros2.transport.interfaces import InterfaceCatalog
 
 from rise_engine.kernel.records import AnyRecord, RuleRecord, TaskRecord

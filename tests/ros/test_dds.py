@@ -21,7 +21,7 @@ pytest.importorskip("rosbags", reason="the extra dds is not installed")
 from cyclonedds.qos import Policy
 from rise_adapters.ros2.transport import vendors
 from rise_adapters.ros2.transport.dds import DdsTransport, domain, graph, names, reader_thread
-from rise_adapters.ros2.transport.dds.entities import dds_qos, list_matched
+from rise_adapters.ros2.transport.dds.reader_thread import dds_qos, list_matched
 from rise_adapters.ros2.transport.port import PortError, QoS, RemoteEndpoint
 
 from tests.forked import PIPE, Forked

@@ -12,7 +12,7 @@ import pytest
 from msgspec.structs import replace
 from rise_adapters.ros2.actions.client import ActionClient
 from rise_adapters.ros2.actions.server import ActionServer
-from rise_adapters.ros2.doctor import DoctorFinding, as_json, as_text, examine, exit_status, installation, interfaces
+from rise_adapters.ros2.doctor import DoctorFinding, as_json, as_text, examine, exit_status, installation
 from rise_adapters.ros2.doctor import robot as doctor_robot
 from rise_adapters.ros2.doctor.network import check_network
 from rise_adapters.ros2.transport import selection
@@ -179,25 +179,25 @@ def test_which_transport_and_why(only: Any) -> None:
 
 def test_the_interfaces(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     ours = {"rise_interfaces/msg/Record": "RIHS01_1", "rise_interfaces/action/DomainTask": "RIHS01_2"}
-    monkeypatch.setattr(interfaces, "own_hashes", lambda environment: ours)
-    monkeypatch.setattr(interfaces, "_is_importable", lambda package: False)  # also where a workspace is sourced
-    assert "comes with" in said(list(interfaces.check_interfaces({}, "dds")), "ok")
-    assert "colcon build" in said(list(interfaces.check_interfaces({}, "rclpy")), "problem")
+    monkeypatch.setattr(installation, "own_hashes", lambda environment: ours)
+    monkeypatch.setattr(installation, "_is_importable", lambda package: False)  # also where a workspace is sourced
+    assert "comes with" in said(list(installation.check_interfaces({}, "dds")), "ok")
+    assert "colcon build" in said(list(installation.check_interfaces({}, "rclpy")), "problem")
     good = workspace(tmp_path / "good", interfaces=ours)
-    assert "is the one of this program (2 types)" in said(list(interfaces.check_interfaces(good, "dds")), "ok")
+    assert "is the one of this program (2 types)" in said(list(installation.check_interfaces(good, "dds")), "ok")
     old = workspace(tmp_path / "old", interfaces={"rise_interfaces/msg/Record": "RIHS01_0"})
-    problems = said(list(interfaces.check_interfaces(old, "dds")), "problem")
+    problems = said(list(installation.check_interfaces(old, "dds")), "problem")
     assert "lacks action/DomainTask" in problems and "another version of msg/Record" in problems
-    assert "does not find it" in said(list(interfaces.check_interfaces(good, "rclpy")), "problem")
+    assert "does not find it" in said(list(installation.check_interfaces(good, "rclpy")), "problem")
     both = {**good, "AMENT_PREFIX_PATH": f"{tmp_path}/good{os.pathsep}{tmp_path}/old"}
-    assert "2 times" in said(list(interfaces.check_interfaces(both, "dds")), "warning")
-    monkeypatch.setattr(interfaces, "own_hashes", lambda environment: {})
-    assert "cannot be told" in said(list(interfaces.check_interfaces(good, "dds")), "note")
+    assert "2 times" in said(list(installation.check_interfaces(both, "dds")), "warning")
+    monkeypatch.setattr(installation, "own_hashes", lambda environment: {})
+    assert "cannot be told" in said(list(installation.check_interfaces(good, "dds")), "note")
 
 
 def test_our_own_hashes() -> None:
     pytest.importorskip("rosbags")
-    ours = interfaces.own_hashes()
+    ours = installation.own_hashes()
     assert {"rise_interfaces/action/DomainTask", "rise_interfaces/srv/GetMemory", "rise_interfaces/msg/Record"} <= set(
         ours
     )

@@ -10,7 +10,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 from rise_adapters.ros2.actions.client import CANCELED, CANCELING, EXECUTING
-from rise_adapters.ros2.robot.cancellation import RETRY_SECONDS
+from rise_adapters.ros2.robot.endings import RETRY_SECONDS
 
 from tests.ros.badrobot import BadServer, Plan
 from tests.ros.bench import SPEECH, Bench

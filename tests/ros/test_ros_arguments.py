@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import pytest
-from rise_adapters.ros2.transport.dds.ros_arguments import RosArguments, parse_ros_arguments
+from rise_adapters.ros2.transport.dds.transport import RosArguments, parse_ros_arguments
 from rise_adapters.ros2.transport.names import NameResolver
 from rise_adapters.ros2.transport.port import PortError
 

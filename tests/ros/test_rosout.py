@@ -6,8 +6,8 @@ import asyncio
 from pathlib import Path
 
 import pytest
-from rise_adapters.ros2.session_node import rosout
-from rise_adapters.ros2.session_node.rosout import ERROR, INFO, WARN, log_line_for_record
+from rise_adapters.ros2.session_node import record_topics
+from rise_adapters.ros2.session_node.record_topics import ERROR, INFO, WARN, log_line_for_record
 from rise_adapters.ros2.transport.port import Message
 
 from rise_engine.kernel.inputs import RobotChanged, StopReport, Submit
@@ -25,7 +25,7 @@ from tests.ros.session_node_bench import Node, faced, session_and_node, until
 
 async def test_what_somebody_greps_for(tmp_path: Path) -> None:
     async with session_and_node(tmp_path) as (session, node, wire):
-        heard = node.hear("/rosout", rosout.TYPE, rosout.QOS)
+        heard = node.hear("/rosout", record_topics.ROSOUT_TYPE, record_topics.ROSOUT_QOS)
         engine = session.engine
 
         def lines() -> list[tuple[int, str]]:
@@ -54,7 +54,9 @@ async def test_what_somebody_greps_for(tmp_path: Path) -> None:
         assert all(text.endswith(" (asked for by ros:domain_task)") for text in rejected)
         assert (WARN, "stop requested by ros:domain_task") in said
         assert {each["name"] for each in heard} == {"rise"} and all(each["stamp"]["sec"] > 0 for each in heard)
-        late = Node(MemoryTransport(wire, asyncio.get_running_loop(), "/late")).hear("/rosout", rosout.TYPE, rosout.QOS)
+        late = Node(MemoryTransport(wire, asyncio.get_running_loop(), "/late")).hear(
+            "/rosout", record_topics.ROSOUT_TYPE, record_topics.ROSOUT_QOS
+        )
         await until(lambda: len(late) == len(heard))
 
 
@@ -62,7 +64,9 @@ async def test_a_node_in_a_namespace_and_without_rosout(tmp_path: Path) -> None:
     wire = MemoryWire()
     loop = asyncio.get_running_loop()
     heard: list[Message] = []
-    MemoryTransport(wire, loop, "/cli").subscribe("/rosout", rosout.TYPE, heard.append, rosout.QOS)
+    MemoryTransport(wire, loop, "/cli").subscribe(
+        "/rosout", record_topics.ROSOUT_TYPE, heard.append, record_topics.ROSOUT_QOS
+    )
     async with faced(tmp_path, MemoryTransport(wire, loop, "/lab/rise")):
         await until(lambda: heard)
     assert {each["name"] for each in heard} == {"lab.rise"}

@@ -23,7 +23,7 @@ from rise_adapters.ros2.actions.client import (
     SUCCEEDED,
 )
 from rise_adapters.ros2.session_node import domain_task
-from rise_adapters.ros2.session_node.diagnostics import ERROR
+from rise_adapters.ros2.session_node.interface import ERROR
 from rise_adapters.ros2.session_node.record_topics import REPEATED_STATUS
 
 from rise_engine.base.files import Disk

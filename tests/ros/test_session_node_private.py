@@ -9,7 +9,7 @@ from typing import Any
 
 import pytest
 from rise_adapters.ros2.bridge import session_parameters
-from rise_adapters.ros2.session_node import diagnostics, rosout
+from rise_adapters.ros2.session_node import interface, record_topics
 
 from rise_engine.kernel.inputs import Submit
 from rise_engine.kernel.records import ActionRecord
@@ -34,11 +34,11 @@ def everything(node: Node, *more: Any) -> str:
 
 
 async def test_nothing_private_is_heard(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(diagnostics, "SECONDS", 0.02)
+    monkeypatch.setattr(interface, "DIAGNOSTICS_SECONDS", 0.02)
     async with session_and_node(tmp_path, scenario=private_scenario(tmp_path)) as (session, node, _):
         spoken: list[ActionRecord] = []
         session.hub.subscribe(lambda each: spoken.append(each) if isinstance(each, ActionRecord) else None)
-        log = node.hear("/rosout", rosout.TYPE, rosout.QOS)
+        log = node.hear("/rosout", record_topics.ROSOUT_TYPE, record_topics.ROSOUT_QOS)
         for behavior in ("name = Zoë", 'name = "Zoë Müller"', "name = = Zoë", "copy = name", "list = [98765432]"):
             await node.ask("assignValue", behavior).decided()
         assert await node.ask(START_ACT, "Greet").ended() == ("SUCCEEDED", "")

@@ -9,8 +9,8 @@ from pathlib import Path
 
 import pytest
 from rise_adapters.ros2.record_messages import RULES_LATCHED
-from rise_adapters.ros2.session_node import diagnostics, record_topics
-from rise_adapters.ros2.session_node.diagnostics import ERROR, OK, STALE, WARN
+from rise_adapters.ros2.session_node import interface, record_topics
+from rise_adapters.ros2.session_node.interface import ERROR, OK, STALE, WARN
 from rise_adapters.ros2.session_node.record_topics import REPEATED_STATUS
 from rise_adapters.ros2.transport.port import Message
 
@@ -113,7 +113,7 @@ async def test_a_wire_that_is_gone_costs_the_session_nothing(tmp_path: Path, cap
 
 async def test_records_that_come_too_fast_are_counted_and_said(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(record_topics, "MAX_WAITING", 50)
-    monkeypatch.setattr(diagnostics, "SECONDS", 0.05)
+    monkeypatch.setattr(interface, "DIAGNOSTICS_SECONDS", 0.05)
     async with session_and_node(tmp_path) as (session, node, _):
         await until(lambda: not session.face._topics.waiting)
         for number in range(100):
@@ -130,7 +130,7 @@ async def test_records_that_come_too_fast_are_counted_and_said(tmp_path: Path, m
 
 
 async def test_diagnostics(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(diagnostics, "SECONDS", 0.02)
+    monkeypatch.setattr(interface, "DIAGNOSTICS_SECONDS", 0.02)
     async with session_and_node(tmp_path, disk=Disk()) as (session, node, _):
         await until(lambda: status_of(node, "session")["level"] == OK)
         assert [s["name"] for s in node.diagnostics[-1]["status"]] == [
@@ -157,7 +157,7 @@ async def test_diagnostics(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> N
 
 
 async def test_the_robot_has_said_nothing_yet(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(diagnostics, "SECONDS", 0.02)
+    monkeypatch.setattr(interface, "DIAGNOSTICS_SECONDS", 0.02)
     async with session_and_node(tmp_path, start=False) as (_, node, _):
         await until(lambda: status_of(node, "robot link")["level"] == STALE)
         assert status_of(node, "session")["level"] == STALE

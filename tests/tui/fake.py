@@ -26,6 +26,7 @@ from rise_engine.kernel.view import SessionView
 from rise_engine.run.protocol.client import (
     AttachReply,
     ClientInput,
+    ClientUpdate,
     ControlVerb,
     EngineGone,
     Heartbeat,
@@ -33,8 +34,6 @@ from rise_engine.run.protocol.client import (
     LinkLost,
     Reply,
     Role,
-    Update,
-    UpdateOrResync,
 )
 from rise_engine.run.protocol.session_options import SessionOptions
 from rise_engine.scenario.loader import load
@@ -88,7 +87,7 @@ class FakeClient:
         self.gone = ""
         self._seq = 0
         self._tasks = 0
-        self._queue: asyncio.Queue[Sequence[Update] | EngineGone | None] = asyncio.Queue()
+        self._queue: asyncio.Queue[Sequence[ClientUpdate] | EngineGone | None] = asyncio.Queue()
         self._view = SessionView()
         self._attached = False
         self._answer = asyncio.Event()
@@ -212,7 +211,7 @@ class FakeClient:
             journaling=self.journaling,
         )
 
-    async def records(self) -> AsyncIterator[Sequence[UpdateOrResync]]:
+    async def records(self) -> AsyncIterator[Sequence[ClientUpdate]]:
         while (batch := await self._queue.get()) is not None:
             if isinstance(batch, EngineGone):
                 raise batch

@@ -18,16 +18,15 @@ from rise_engine.run.client.socket import SocketClient
 from rise_engine.run.protocol.client import (
     AttachReply,
     ClientInput,
+    ClientUpdate,
     ControlVerb,
     EngineGone,
     Heartbeat,
     JournalStatus,
     LinkLost,
     Rejected,
-    Resync,
     Role,
     ShadowStatus,
-    UpdateOrResync,
 )
 from rise_engine.scenario.model import Scenario
 
@@ -363,7 +362,7 @@ class Session:
             await self.wait_until(lambda view: task in view.tasks)
         return task
 
-    async def _follow(self, updates: AsyncIterator[Sequence[UpdateOrResync]]) -> None:
+    async def _follow(self, updates: AsyncIterator[Sequence[ClientUpdate]]) -> None:
         ended_by: EngineGone = LinkLost("this program has left the session")
         try:
             async for batch in updates:
@@ -374,7 +373,7 @@ class Session:
                     if isinstance(update, Heartbeat):
                         self.heartbeat = update
                         continue
-                    if isinstance(update, Resync | ShadowStatus):  # only for clients that ask for it
+                    if isinstance(update, ShadowStatus):  # only of a shadow
                         continue
                     self.view.apply(update)
                     for queue in self._record_queues:

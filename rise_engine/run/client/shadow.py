@@ -32,11 +32,11 @@ from rise_engine.kernel.wizard_marks import MARKS
 from rise_engine.run.protocol.client import (
     AttachReply,
     ClientInput,
+    ClientUpdate,
     ControlVerb,
     EngineGone,
     Reply,
     ShadowStatus,
-    UpdateOrResync,
 )
 from rise_engine.scenario.model import Scenario
 from rise_engine.session.folder import JOURNAL, read_info
@@ -121,7 +121,7 @@ class ShadowClient:
         self._records: list[AnyRecord] = []
         self._next = 0
         """The first of the records that has not been looked at."""
-        self._own: list[UpdateOrResync] = []
+        self._own: list[ClientUpdate] = []
         """What this console itself brings about."""
         self._held: list[AnyRecord] = []
         self._holds = False
@@ -184,7 +184,7 @@ class ShadowClient:
 
     # --- what is played -------------------------------------------------------------------------------------------
 
-    async def records(self) -> AsyncIterator[Sequence[UpdateOrResync]]:
+    async def records(self) -> AsyncIterator[Sequence[ClientUpdate]]:
         yield [self._status]
         while not self._closed:
             self._wake.clear()
@@ -203,9 +203,9 @@ class ShadowClient:
             except TimeoutError:
                 continue
 
-    def _due(self) -> list[UpdateOrResync]:
+    def _due(self) -> list[ClientUpdate]:
         """What is to be seen now and was not yet."""
-        batch: list[UpdateOrResync] = list(self._own)
+        batch: list[ClientUpdate] = list(self._own)
         self._own.clear()
         if not self._holds:
             batch += self._held
@@ -224,10 +224,10 @@ class ShadowClient:
             self._write_soon(ShadowEnd(round(self._base, 6)))
         return batch
 
-    def _take(self, record: AnyRecord) -> list[UpdateOrResync]:
+    def _take(self, record: AnyRecord) -> list[ClientUpdate]:
         """One record whose time has come: what is to be seen because of it."""
         if isinstance(record, CueRecord) and record.status in ("marked", "undone"):
-            released: list[UpdateOrResync] = [*self._held, record]
+            released: list[ClientUpdate] = [*self._held, record]
             self._held.clear()
             self._holds, self._cue = False, None
             if record.status == "marked":
@@ -270,7 +270,7 @@ class ShadowClient:
     def _halt(self) -> None:
         self._base, self._paused = self.now(), True
 
-    def _tell(self, update: UpdateOrResync) -> None:
+    def _tell(self, update: ClientUpdate) -> None:
         self._own.append(update)
         self._wake.set()
 

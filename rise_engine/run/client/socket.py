@@ -24,9 +24,8 @@ from rise_engine.run.protocol.client import (
     LinkLost,
     Rejected,
     Reply,
-    Resync,
     Role,
-    UpdateOrResync,
+    Update,
 )
 from rise_engine.run.protocol.messages import (
     VERSION,
@@ -58,10 +57,8 @@ READ_BYTES = 262_144
 """Bytes that are read at once."""
 SLICE_SECONDS = 0.001
 """Seconds of reading after which the loop does what else there is to do."""
-MAX_WAITING_RECORDS = 200_000
-"""Records that may wait to be taken from `records`; with more, the connection is given up."""
-MAX_WAITING_WITH_RESYNC = 5_000
-"""The same for one who takes the state anew: with more, no more is read before some are taken."""
+MAX_WAITING_RECORDS = 20_000
+"""Records that may wait to be taken from `records`. With more, the connection is given up."""
 LOCK_RELEASE_SECONDS = 0.3
 """Seconds in which a process that is just ending releases its lock."""
 
@@ -78,20 +75,17 @@ class SocketClient:
         role: Role = "wizard",
         *,
         scenario: Scenario | None = None,
-        resync: bool = False,
     ) -> None:
         """
         :param session: the name of a running session, or the path of its socket.
         :param who: the client's name in the record, without the role.
         :param role: what it may do.
         :param scenario: what the session is known to run; with the right hash it is not loaded again.
-        :param resync: for a client that shows the state and needs not every record; see `Resync`.
         """
         self._session = session
         self._name = who
         self._role: Role = role
         self._scenario = scenario
-        self._resync = resync
         self._connection: _ServerConnection | None = None
         self._clock_at_attach: tuple[float, float, float] | None = None
         """Session time, speed, and when that was on our own clock."""
@@ -99,12 +93,9 @@ class SocketClient:
     async def attach(self) -> AttachReply:
         """As the protocol says. Also raises EngineGone, with the engine's sentence, when it refuses this client."""
         await self._disconnect()
-        connection = await _ServerConnection.open(self._socket_path(), resync=self._resync)
+        connection = await _ServerConnection.open(self._socket_path())
         try:
-            attach = AttachMessage(
-                VERSION, self._name, self._role, scenario=self._scenario is None, resync=self._resync
-            )
-            connection.write(attach)
+            connection.write(AttachMessage(VERSION, self._name, self._role, scenario=self._scenario is None))
             hello, view = await connection.state
             scenario = await self._find_scenario(hello, connection.scenario)
         except BaseException:
@@ -127,7 +118,7 @@ class SocketClient:
             origin=hello.origin,
         )
 
-    def records(self) -> AsyncIterator[Sequence[UpdateOrResync]]:
+    def records(self) -> AsyncIterator[Sequence[Update]]:
         """As the protocol says."""
         if self._connection is None:
             raise RuntimeError("attach first")
@@ -211,10 +202,8 @@ def _load_copy(folder: Path, hash: str) -> Scenario:
 class _ServerConnection:
     """One connection, from its opening to its end."""
 
-    def __init__(self, path: Path, reader: asyncio.StreamReader, writer: asyncio.StreamWriter, *, resync: bool) -> None:
+    def __init__(self, path: Path, reader: asyncio.StreamReader, writer: asyncio.StreamWriter) -> None:
         self._path = path
-        self._resync = resync
-        self._batch_taken = asyncio.Event()
         self._reader = reader
         self._writer = writer
         self._partial = b""
@@ -223,7 +212,7 @@ class _ServerConnection:
         self._unanswered: dict[int, asyncio.Future[Reply]] = {}
         loop = asyncio.get_running_loop()
         self.state: asyncio.Future[tuple[HelloMessage, SessionView]] = loop.create_future()
-        """The first one, once it is complete."""
+        """Set once it is complete."""
         self.hello_at = 0.0
         """When its `hello` came, on our own clock."""
         self.scenario = b""
@@ -231,7 +220,7 @@ class _ServerConnection:
         self._hello: HelloMessage | None = None
         """Of the state that is on its way, and the tasks of it that have come."""
         self._tasks: list[TaskView] = []
-        self._updates: deque[UpdateOrResync] = deque()
+        self._updates: deque[Update] = deque()
         self._arrived = asyncio.Event()
         self._error: EngineGone | None = None
         self._reason: EngineGone = LinkLost("this client has left the session")
@@ -241,7 +230,7 @@ class _ServerConnection:
         self._reading = asyncio.create_task(self._read())
 
     @classmethod
-    async def open(cls, path: Path, *, resync: bool) -> _ServerConnection:
+    async def open(cls, path: Path) -> _ServerConnection:
         """Raises EngineGone."""
         try:
             reader, writer = await asyncio.open_unix_connection(path, limit=READ_BYTES * 4)
@@ -251,7 +240,7 @@ class _ServerConnection:
             raise EngineGone(f"no session runs at {path}: its engine has gone") from None
         except OSError as error:
             raise EngineGone(f"the session at {path} cannot be reached: {error.strerror or error}") from None
-        return cls(path, reader, writer, resync=resync)
+        return cls(path, reader, writer)
 
     def next_id(self) -> int:
         return next(self._numbers)
@@ -301,9 +290,6 @@ class _ServerConnection:
                     self._reason = EngineGone("the session has ended")
                     return
                 self._take_message(message)
-                while self._resync and len(self._updates) > MAX_WAITING_WITH_RESYNC:
-                    self._batch_taken.clear()
-                    await self._batch_taken.wait()
         except EngineGone as error:
             self._error = self._reason = error
         finally:
@@ -315,6 +301,7 @@ class _ServerConnection:
             case RecordsMessage(records=records):
                 self._add_updates(*records)
                 if len(self._updates) > MAX_WAITING_RECORDS:
+                    self._updates.clear()  # the state that it gets when it attaches anew has them all
                     raise LinkLost("this client fell too far behind the engine; attach again")
             case JournalStatusMessage(journaling=journaling):
                 self._add_updates(journaling)
@@ -325,15 +312,14 @@ class _ServerConnection:
                 if future is not None and not future.done():
                     future.set_result(Reply(accepted, reason, task))
             case HelloMessage() as hello:
-                self._hello, self._tasks = hello, []
-                if not self.state.done():
-                    self.hello_at = time.monotonic()
+                self._hello = hello
+                self.hello_at = time.monotonic()
             case ScenarioMessage(scenario=scenario):
                 self.scenario = bytes(scenario)
             case TasksMessage(tasks=tasks):
                 self._tasks += tasks
             case ReadyMessage() if self._hello is not None:
-                self._take_state(self._hello, with_tasks(self._hello.state, self._tasks))
+                self.state.set_result((self._hello, with_tasks(self._hello.state, self._tasks)))
                 self._hello, self._tasks = None, []
             case EndedMessage(reason=reason):
                 raise EngineGone(reason)
@@ -342,16 +328,9 @@ class _ServerConnection:
             case _:
                 pass
 
-    def _add_updates(self, *updates: UpdateOrResync) -> None:
+    def _add_updates(self, *updates: Update) -> None:
         self._updates.extend(updates)
         self._arrived.set()
-
-    def _take_state(self, hello: HelloMessage, view: SessionView) -> None:
-        """A state is complete: the one to begin with, or one after records that were left out."""
-        if self.state.done():
-            self._add_updates(Resync(view, hello.tasks), hello.journaling)
-        else:
-            self.state.set_result((hello, view))
 
     def _finish(self) -> None:
         if self.ended.is_set():
@@ -378,14 +357,13 @@ class _ServerConnection:
             return LinkLost("the engine has cut this connection, but it goes on; attach again")
         return EngineGone("its process is not there any more")
 
-    async def read_batches(self) -> AsyncIterator[Sequence[UpdateOrResync]]:
+    async def read_batches(self) -> AsyncIterator[Sequence[Update]]:
         while True:
             await self._arrived.wait()
             self._arrived.clear()
             if self._updates:
                 batch = list(self._updates)
                 self._updates.clear()
-                self._batch_taken.set()
                 yield batch
             if self.ended.is_set() and not self._updates:
                 self._arrived.set()  # for whoever asks again

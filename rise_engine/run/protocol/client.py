@@ -49,18 +49,6 @@ class Heartbeat(Struct, frozen=True, tag_field="kind", tag="pulse"):
     """Seconds by which the engine's loop was late at most, lately."""
 
 
-class Resync(Struct, frozen=True, tag_field="kind", tag="resync"):
-    """The state anew, for a client that lay so far behind that records were left out: `SessionView.merge_resync`.
-
-    Comes among the records, to those who have said that they take it; no record itself.
-    """
-
-    view: SessionView
-    """Without the tasks that had ended before and have not changed since."""
-    tasks: int
-    """How many the whole state has."""
-
-
 class ShadowStatus(Struct, frozen=True):
     """How a shadow stands (`run.client.shadow`). Comes among the records whenever it changes; no record itself,
     and never on a socket."""
@@ -75,7 +63,7 @@ class ShadowStatus(Struct, frozen=True):
 
 
 Update: TypeAlias = AnyRecord | JournalStatus | Heartbeat
-UpdateOrResync: TypeAlias = Update | Resync | ShadowStatus
+ClientUpdate: TypeAlias = Update | ShadowStatus
 
 
 class AttachReply(Struct, frozen=True):
@@ -170,10 +158,10 @@ class Client(Protocol):
         """
         ...
 
-    def records(self) -> AsyncIterator[Sequence[UpdateOrResync]]:
+    def records(self) -> AsyncIterator[Sequence[ClientUpdate]]:
         """What happens from `attach` on. Ends when the session does.
 
-        :return: for `async for`: batches, in order and without gaps (but for `Resync`), of records and of what comes
+        :return: for `async for`: batches, in order and without gaps, of records and of what comes
             among them (`JournalStatus`, `Heartbeat`).
         :raises LinkLost: while iterating, when only this connection was cut.
         :raises EngineGone: while iterating, when the engine has gone without an end.

@@ -60,8 +60,6 @@ class AttachMessage(Struct, tag_field="type", tag="attach", frozen=True):
     role: Role = "wizard"
     scenario: bool = False
     """Whether the scenario is wanted with the state."""
-    resync: bool = False
-    """Whether this client, when it lies too far behind, is sent the state anew instead of being cut off."""
 
 
 class AskSummaryMessage(Struct, tag_field="type", tag="about", frozen=True):
@@ -152,8 +150,7 @@ class HelloMessage(Struct, tag_field="type", tag="hello", frozen=True):
     """Session seconds in a second."""
     state: ViewWithoutTasks
     tasks: int = 0
-    """How many tasks the state has. A second `hello` on a connection is a new state after records that were left out:
-    of its tasks only those follow that are not over, or have changed meanwhile."""
+    """How many tasks the state has."""
     origin: float | None = None
     """This computer's monotonic clock at session time 0, in seconds: at `t` it shows `origin + t / speed`. Of a session
     that was recovered it holds from there on. Null: the session's time is virtual."""

@@ -1,22 +1,38 @@
-"""One connection to a session's socket: whole lines in, and bytes out that nobody waits for. Knows no session."""
+"""One connection to a session's socket: whole lines in, and bytes out. The engine never waits for it.
+
+A client that attaches is sent the state first, piece by piece as it takes them. What happens meanwhile waits behind
+that. A client that leaves too much waiting is cut. It can attach anew, and gets the state of that moment.
+"""
 
 from __future__ import annotations
 
 import asyncio
+import logging
 import socket
 import struct
 import sys
 from collections import deque
-from collections.abc import Iterable
+from collections.abc import Iterable, Iterator
 from contextlib import suppress
 from typing import Protocol, cast
 
 from rise_engine.run.protocol.messages import MAX_LINE_BYTES
+from rise_engine.run.server.hub import AttachedClient
+
+_LOG = logging.getLogger(__name__)
 
 PIECE = 65_536
 """Bytes that are given to the system at once."""
+STATE_PIECES = 4
+"""Pieces of the state that one client is sent in one turn of the loop."""
+BACKLOG = 524_288
+"""Bytes that may wait for one client."""
+ARRIVAL_BACKLOG = 8_388_608
+"""The same until it has taken the state and what came meanwhile."""
+STALL_SECONDS = 10.0
+"""A client that takes nothing for so long, while something waits for it, is cut."""
 LINGER_SECONDS = 2.0
-"""For which a last line may wait to be read."""
+"""A last line may wait so long to be read."""
 URGENT = b'"stopAll"'
 URGENT_WITHIN = 256
 """A line that has this text within so many bytes is taken before those of others."""
@@ -33,10 +49,6 @@ class ConnectionOwner(Protocol):
         """It has a whole line, after it had none; `take_line` gives it. Nothing more is read until all are taken."""
         ...
 
-    def connection_drained(self, connection: ClientConnection) -> None:
-        """It can be sent more, after it was full."""
-        ...
-
     def connection_closed(self, connection: ClientConnection) -> None:
         """It has ended. Nothing more is reported about it."""
         ...
@@ -50,20 +62,25 @@ class ClientConnection(asyncio.Protocol):
         self._loop = asyncio.get_running_loop()
         self._transport: asyncio.Transport
         self.opened_at = self._loop.time()
+        self.client: AttachedClient | None = None
+        """Set once it has attached."""
+        self.unanswered = 0
+        """Its messages that are not answered yet."""
         self.user: int | None = None
         """The user at the other end, where the system tells."""
         self.closing = False
         """It has been sent its last line, or is cut: nothing more is taken from it or sent."""
-        self.full = False
-        """What was sent last has not left yet."""
         self._partial = bytearray()
         self._lines: deque[bytes] = deque()
         self._eof = False
+        self._full_since: float | None = None
+        """What was sent last has not left yet, since this time of the loop."""
+        self._state: Iterator[bytes] | None = None
         self._queue: deque[bytes] = deque()
-        self._holding = False
+        self._backlog = BACKLOG
         self._linger: asyncio.TimerHandle | None = None
         self.waiting = 0
-        """Bytes that wait to be sent."""
+        """Bytes in the queue."""
 
     def connection_made(self, transport: asyncio.BaseTransport) -> None:
         self._transport = cast(asyncio.Transport, transport)
@@ -81,15 +98,14 @@ class ClientConnection(asyncio.Protocol):
         self._owner.connection_closed(self)
 
     def finish(self, last: bytes) -> None:
-        """End this connection with a last line, if any, after all that waits; but what is held back is dropped."""
+        """End this connection with a last line, if any, after all that waits; the rest of the state is dropped."""
         if self.closing:
             return
-        self.closing = True
-        if self._holding:
-            self._holding = False
+        if self._state is not None:
             self._clear_queue()
         if last:
             self._write(last)
+        self.closing = True
         with suppress(RuntimeError):
             self._transport.pause_reading()
         self._linger = self._loop.call_later(LINGER_SECONDS, self.abort)
@@ -98,6 +114,8 @@ class ClientConnection(asyncio.Protocol):
 
     def abort(self) -> None:
         """Cut the connection."""
+        if self.client is not None and not self.closing:
+            _LOG.info("%s was cut: it does not read", self.client.name)
         self.closing = True
         self._clear_queue()
         self._transport.abort()
@@ -145,53 +163,70 @@ class ClientConnection(asyncio.Protocol):
 
     # --- out ----------------------------------------------------------------------------------------------------
 
-    def send(self, pieces: Iterable[bytes]) -> None:
-        """Send these, of which none is longer than PIECE, as soon as the client takes them."""
-        if not self.closing and not self._transport.is_closing():
-            for piece in pieces:
-                self._write(piece)
+    @property
+    def is_stalled(self) -> bool:
+        """Whether it has taken nothing for too long."""
+        return self._full_since is not None and self._loop.time() > self._full_since + STALL_SECONDS
 
-    def hold_back(self) -> None:
-        """From now on let what is sent wait until `release`; only `send_first` goes before it."""
-        self._holding = True
-
-    def send_first(self, data: bytes) -> None:
-        """Send this before all that is held back. Not while the connection is `full`."""
-        if not self._transport.is_closing():  # it has vanished, and its end is on its way
-            self._transport.write(data)
-
-    def release(self) -> None:
-        """Send what was held back."""
-        self._holding = False
+    def send_state(self, pieces: Iterator[bytes]) -> None:
+        """Send these first, a few in a turn of the loop, each made when it can leave. Nothing was sent before."""
+        self._state = pieces
+        self._backlog = ARRIVAL_BACKLOG
         self._send_waiting()
 
+    def send(self, pieces: Iterable[bytes]) -> None:
+        """Send these, none longer than PIECE, as soon as the client takes them. One that lies too far behind is cut."""
+        if self.closing or self._transport.is_closing():
+            return
+        if self.waiting > self._backlog:
+            self.abort()
+            return
+        for piece in pieces:
+            self._write(piece)
+
     def _write(self, data: bytes) -> None:
-        if self.full or self._holding or self._queue:
+        if self._full_since is not None or self._state is not None or self._queue:
             self._queue.append(data)
             self.waiting += len(data)
         else:
             self._transport.write(data)
 
     def pause_writing(self) -> None:
-        self.full = True
+        self._full_since = self._loop.time()
 
     def resume_writing(self) -> None:
-        # The transport calls this in the middle of a write of its own. Whoever writes or closes now, and fails, has its
-        # connection_lost called twice by asyncio, the second time on nothing: so it is done in the next turn.
-        self.full = False
-        self._loop.call_soon(self._send_after_full)
-
-    def _send_after_full(self) -> None:
-        if self.full or self._transport.is_closing():
-            return
-        if not self._holding:
-            self._send_waiting()
-        if not (self.full or self.closing):
-            self._owner.connection_drained(self)
+        # The transport calls this in the middle of a write of its own. If we wrote or closed now, and that failed,
+        # asyncio would call connection_lost twice, the second time on nothing. So the rest is sent in the next turn.
+        self._full_since = None
+        self._loop.call_soon(self._send_waiting)
 
     def _send_waiting(self) -> None:
+        if self._full_since is not None or self._transport.is_closing():
+            return
+        if self._state is not None:
+            self._send_pieces(self._state)
+            if self._full_since is None:
+                self._loop.call_soon(self._send_waiting)
+            return
+        self._send_queue()
+        if not self._queue:
+            self._backlog = BACKLOG
+            if self.closing:
+                self._transport.close()
+
+    def _send_pieces(self, state: Iterator[bytes]) -> None:
+        for _ in range(STATE_PIECES):
+            piece = next(state, b"")
+            if not piece:
+                self._state = None
+                return
+            self._transport.write(piece)
+            if self._full_since is not None or self._transport.is_closing():
+                return
+
+    def _send_queue(self) -> None:
         queue = self._queue
-        while queue and not self.full and not self._transport.is_closing():
+        while queue and self._full_since is None and not self._transport.is_closing():
             pieces = [queue.popleft()]
             size = len(pieces[0])
             while queue and size + len(queue[0]) <= PIECE:
@@ -199,10 +234,9 @@ class ClientConnection(asyncio.Protocol):
                 size += len(pieces[-1])
             self.waiting -= size
             self._transport.write(b"".join(pieces))
-        if self.closing and not queue:
-            self._transport.close()
 
     def _clear_queue(self) -> None:
+        self._state = None
         self._queue.clear()
         self.waiting = 0
 

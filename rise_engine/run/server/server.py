@@ -3,9 +3,8 @@
 What keeps the loop free, whatever clients do:
 - messages are taken in turn, one of each client, and only so many before the loop goes on; stop-all goes first;
 - records are encoded once, gathered for one turn of the loop, and shared by everybody's queue;
-- a client that leaves more than `attachment.BACKLOG` bytes waiting gets no more records, and the state anew once it has
-  taken those; or, if it does not take that, it is dropped, and attaches again when it can;
-- the state for those who attach goes out in portions, in turn, and only so many before the loop goes on.
+- a client that lies too far behind is cut, and attaches anew when it can;
+- the state for those who attach goes out in pieces, a few of each client in a turn of the loop.
 """
 
 from __future__ import annotations
@@ -26,15 +25,6 @@ from msgspec.structs import replace
 from rise_engine.base.lag_meter import LagMeter
 from rise_engine.base.time_slicer import TimeSlicer
 from rise_engine.kernel.inputs import Submit
-from rise_engine.kernel.records import (
-    ActionRecord,
-    AnyRecord,
-    FailureRecord,
-    KeptRecord,
-    MistakeRecord,
-    TaskRecord,
-    TimingRecord,
-)
 from rise_engine.kernel.task_view import TaskView
 from rise_engine.run.engine.engine import versions
 from rise_engine.run.protocol.client import Heartbeat, JournalStatus, Rejected, Reply, Update
@@ -50,6 +40,7 @@ from rise_engine.run.protocol.messages import (
     HeartbeatMessage,
     HelloMessage,
     JournalStatusMessage,
+    ReadyMessage,
     RefusedMessage,
     ReplyMessage,
     ScenarioMessage,
@@ -61,7 +52,6 @@ from rise_engine.run.protocol.messages import (
     encode_line,
     without_tasks,
 )
-from rise_engine.run.server.attachment import Attachment
 from rise_engine.run.server.connection import LINGER_SECONDS, ClientConnection, split_into_pieces
 from rise_engine.run.server.hub import AttachedClient, SessionHub
 from rise_engine.scenario.model import Scenario
@@ -94,23 +84,19 @@ class SessionServer:
         """
         self.hub = hub
         self.path = Path(path)
-        self.connections: dict[ClientConnection, Attachment | None] = {}
-        """Every connection, the oldest first; None for one that has not attached."""
+        self.connections: set[ClientConnection] = set()
         self.lag: LagMeter
         self._server: asyncio.AbstractServer | None = None
         self._encoded_scenario: tuple[Scenario | None, bytes] = (None, b"")
         """What a client is sent that asks for it, made once."""
-        self._attached: set[Attachment] = set()
+        self._attached: set[ClientConnection] = set()
         self._waiting_connections: deque[ClientConnection] = deque()
         """Those that have sent something that was not taken yet."""
         self._messages = TimeSlicer(self._take_message, SLICE_SECONDS, most=SLICE_BYTES)
-        self._getting_state: deque[Attachment] = deque()
-        """Those that can be sent more of the state."""
-        self._state_portions = TimeSlicer(self._send_state, SLICE_SECONDS)
         self._all_gone = asyncio.Event()
         self._records: list[bytes] = []
         """Encoded, of this turn of the loop."""
-        self._replies: dict[Attachment, list[bytes]] = {}
+        self._replies: dict[ClientConnection, list[bytes]] = {}
         self._flushing = False
         hub.subscribe(self._on_update)
 
@@ -154,8 +140,7 @@ class SessionServer:
                 await asyncio.wait_for(self._all_gone.wait(), LINGER_SECONDS)
         for connection in tuple(self.connections):
             connection.abort()
-        for slicer in (self._messages, self._state_portions):
-            slicer.cancel()
+        self._messages.cancel()
         self.lag.close()
         self._heartbeat.cancel()
         self._server = None
@@ -168,44 +153,24 @@ class SessionServer:
     # --- connections ------------------------------------------------------------------------------------------------
 
     def connection_opened(self, connection: ClientConnection) -> None:
-        self.connections[connection] = None
+        self.connections.add(connection)
         if connection.user not in (None, os.getuid(), 0):  # root may do everything anyway
             _refuse(connection, "this session belongs to another user")
-        elif len(self.connections) > MAX_CLIENTS and not self._close_idle(connection):
-            _refuse(connection, f"{MAX_CLIENTS} clients are connected to this session already")
 
-    def _refuse_unattached(self) -> None:
-        """Refuse those that have had their time. Timers of their own would hold on to many that have gone."""
+    def _end_idle(self) -> None:
+        """End the connections that have had their time to attach, or to read."""
         oldest = self._loop.time() - ATTACH_SECONDS
-        for connection, attachment in self.connections.items():
-            if attachment is None and connection.opened_at < oldest:
+        for connection in tuple(self.connections):
+            if connection.client is None and connection.opened_at < oldest:
                 _refuse(connection, f"you have not attached within {ATTACH_SECONDS:g} seconds")
-
-    def _close_idle(self, newcomer: ClientConnection) -> bool:
-        """Refuse the oldest connection that has not attached, so that such ones keep no console out."""
-        for connection, attachment in self.connections.items():
-            if attachment is None and not connection.closing and connection is not newcomer:
-                _refuse(connection, "others are waiting to connect, and you have not attached")
-                return True
-        return False
-
-    def connection_drained(self, connection: ClientConnection) -> None:
-        attachment = self.connections.get(connection)
-        if attachment is None:
-            return
-        attachment.resume()
-        if attachment.getting_state:
-            self._getting_state.append(attachment)
-            self._state_portions.wake()
-        elif attachment.has_caught_up:
-            self._send_state_again(attachment)
+            elif connection.is_stalled:
+                connection.abort()
 
     def connection_closed(self, connection: ClientConnection) -> None:
-        attachment = self.connections.pop(connection, None)
-        if attachment is not None:
-            attachment.close()
-            self._attached.discard(attachment)
-            self.hub.detach(attachment.client)
+        self.connections.discard(connection)
+        if connection.client is not None:
+            self._attached.discard(connection)
+            self.hub.detach(connection.client)
         if not self.connections and self._server is not None and not self._server.is_serving():
             self._all_gone.set()
 
@@ -244,7 +209,6 @@ class SessionServer:
         except ValueError as problem:
             _refuse(connection, str(problem))
             return
-        attachment = self.connections[connection]
         match message:
             case AttachMessage():
                 try:
@@ -253,21 +217,24 @@ class SessionServer:
                     _refuse(connection, str(refusal))
             case AskSummaryMessage():
                 connection.finish(encode_line(self.summary()))
-            case _ if attachment is not None:
-                self._take_request(attachment, message, len(data))
+            case _ if connection.client is not None:
+                self._take_request(connection, connection.client, message, len(data))
             case _:
                 _refuse(connection, "attach first")
 
     def _take_request(
-        self, attachment: Attachment, message: SendMessage | ControlMessage | EndMessage | TakeOverMessage, size: int
+        self,
+        connection: ClientConnection,
+        client: AttachedClient,
+        message: SendMessage | ControlMessage | EndMessage | TakeOverMessage,
+        size: int,
     ) -> None:
-        client = attachment.client
-        attachment.unanswered += 1
-        answer = partial(self._queue_reply, attachment, message.id)
+        connection.unanswered += 1
+        answer = partial(self._queue_reply, connection, message.id)
         match message:
             case SendMessage() if size > MAX_MESSAGE_BYTES:
                 answer(Reply(False, f"a message may have {MAX_MESSAGE_BYTES:,} bytes at most"))
-            case SendMessage(message=input) if attachment.unanswered > MAX_UNANSWERED and not _is_stop(input):
+            case SendMessage(message=input) if connection.unanswered > MAX_UNANSWERED and not _is_stop(input):
                 answer(Reply(False, f"{MAX_UNANSWERED} of your messages are not answered yet; wait"))
             case SendMessage(message=input):
                 self.hub.submit(client, input, answer)
@@ -285,17 +252,18 @@ class SessionServer:
                 f"this session speaks version {VERSION} of the protocol, and you speak version {message.version}; "
                 "use the same release of rise-tui for both"
             )
-        if self.connections[connection] is not None:
+        if connection.client is not None:
             raise Rejected("you are attached already")
-        client = self.hub.attach(message.name, message.role)
+        if len(self._attached) >= MAX_CLIENTS:
+            raise Rejected(f"{MAX_CLIENTS} clients are connected to this session already")
+        client = connection.client = self.hub.attach(message.name, message.role)
         self._flush_records()  # the state has them already
-        attachment = self.connections[connection] = Attachment(connection, client, resyncs=message.resync)
-        self._attached.add(attachment)
+        self._attached.add(connection)
         # Everything that can still change is encoded now; the tasks that cannot, some at a time.
         changing = self.hub.changing_tasks()
         scenario = self._scenario_line if message.scenario else b""
         first = encode_line(self._make_hello(client)) + scenario + encode_line(TasksMessage(changing))
-        self._begin_state(attachment, first, _in_portions(self.hub.all_tasks(), {task.id for task in changing}))
+        connection.send_state(_state_pieces(first, self.hub.all_tasks(), {task.id for task in changing}))
 
     # --- out: everything of one turn together -----------------------------------------------------------------------
 
@@ -306,27 +274,23 @@ class SessionServer:
             self._flush_records()
             self._broadcast(encode_line(JournalStatusMessage(update)))
         else:
-            task = _task_of(update)
-            for attachment in self._attached:
-                if task is not None and attachment.missed_tasks is not None:
-                    attachment.missed_tasks.add(task)
             self._records.append(encode_record(update))
             self._flush_soon()
 
     def _on_heartbeat(self) -> None:
         """Signs of life, for those that are attached."""
         self._heartbeat = self._loop.call_later(HEARTBEAT_SECONDS, self._on_heartbeat)
-        self._refuse_unattached()
+        self._end_idle()
         if self._attached:
             seen = self.hub.engine.robot_seen
             heartbeat = Heartbeat(None if seen is None else round(seen, 1), round(self.lag.recent, 3))
             self._flush_records()
             self._broadcast(encode_line(HeartbeatMessage(heartbeat)))
 
-    def _queue_reply(self, attachment: Attachment, id: int, reply: Reply) -> None:
-        attachment.unanswered -= 1
+    def _queue_reply(self, connection: ClientConnection, id: int, reply: Reply) -> None:
+        connection.unanswered -= 1
         answer = encode_line(ReplyMessage(id, reply.accepted, reply.reason, reply.task))
-        self._replies.setdefault(attachment, []).append(answer)
+        self._replies.setdefault(connection, []).append(answer)
         self._flush_soon()
 
     def _flush_soon(self) -> None:
@@ -339,8 +303,8 @@ class SessionServer:
         self._flushing = False
         self._flush_records()
         replies, self._replies = self._replies, {}
-        for attachment, lines in replies.items():
-            attachment.send_replies(b"".join(lines))
+        for connection, lines in replies.items():
+            connection.send(split_into_pieces(b"".join(lines)))
 
     def _flush_records(self) -> None:
         if self._records:
@@ -349,37 +313,8 @@ class SessionServer:
 
     def _broadcast(self, data: bytes) -> None:
         pieces = split_into_pieces(data)
-        for attachment in self._attached:
-            if attachment.missed_tasks is None:
-                attachment.send(pieces)
-
-    # --- the state, for clients that attach or lay behind -----------------------------------------------------------
-
-    def _begin_state(self, attachment: Attachment, first: bytes, portions: Iterator[list[TaskView]]) -> None:
-        attachment.begin_state(first, portions)
-        self._getting_state.append(attachment)
-        self._state_portions.wake()
-
-    def _send_state(self) -> bool:
-        """A portion for the one whose turn it is."""
-        if not self._getting_state:
-            return False
-        attachment = self._getting_state.popleft()
-        if attachment.send_state():
-            self._getting_state.append(attachment)
-        elif attachment.has_caught_up:  # so much has happened meanwhile that it lay behind at once
-            self._send_state_again(attachment)
-        return True
-
-    def _send_state_again(self, attachment: Attachment) -> None:
-        """The state for one who lay behind, with the tasks that are not over or have changed meanwhile."""
-        self._flush_records()
-        changing = self.hub.changing_tasks()
-        tasks = self.hub.view.tasks
-        missed = (attachment.missed_tasks or set()) - {task.id for task in changing}
-        changed = [tasks[id] for id in sorted(missed) if id in tasks]
-        first = encode_line(self._make_hello(attachment.client)) + encode_line(TasksMessage(changing))
-        self._begin_state(attachment, first, _in_portions(changed, set()))
+        for connection in self._attached:
+            connection.send(pieces)
 
     def _make_hello(self, client: AttachedClient) -> HelloMessage:
         hub = self.hub
@@ -409,8 +344,8 @@ class SessionServer:
     def _let_attach_anew(self) -> None:
         """After what is on its way, an answer to who has asked for it among that."""
         self._flush()
-        for attachment in list(self._attached):
-            _refuse(attachment.connection, "the files of the scenario have changed: attach again")
+        for connection in tuple(self._attached):
+            _refuse(connection, "the files of the scenario have changed: attach again")
 
     @property
     def _scenario_line(self) -> bytes:
@@ -434,19 +369,11 @@ def _is_stop(message: object) -> bool:
     return isinstance(message, Submit) and message.function == "stopAll"
 
 
-def _task_of(record: AnyRecord) -> int | None:
-    """The task that a record is about."""
-    match record:
-        case TaskRecord(id=task) | ActionRecord(task=task) | MistakeRecord(task=task):
-            return task
-        case TimingRecord(task=task) | FailureRecord(task=task) | KeptRecord(task=task):
-            return task
-        case _:
-            return None
-
-
-def _in_portions(tasks: list[TaskView], without: set[int]) -> Iterator[list[TaskView]]:
+def _state_pieces(first: bytes, tasks: list[TaskView], sent: set[int]) -> Iterator[bytes]:
+    """The state of a session: `first`, then the tasks that were not sent with it."""
+    yield from split_into_pieces(first)
     for at in range(0, len(tasks), TASKS_AT_ONCE):
-        portion = [task for task in tasks[at : at + TASKS_AT_ONCE] if task.id not in without]
+        portion = [task for task in tasks[at : at + TASKS_AT_ONCE] if task.id not in sent]
         if portion:
-            yield portion
+            yield from split_into_pieces(encode_line(TasksMessage(portion)))
+    yield encode_line(ReadyMessage())

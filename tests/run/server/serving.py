@@ -19,11 +19,10 @@ from rise_engine.run.protocol import messages, registry
 from rise_engine.run.protocol.client import (
     AttachReply,
     Client,
+    ClientUpdate,
     EngineGone,
     Heartbeat,
     JournalStatus,
-    Resync,
-    UpdateOrResync,
 )
 from rise_engine.run.protocol.registry import SessionLock
 from rise_engine.run.server.hub import SessionHub
@@ -46,8 +45,8 @@ class Served:
         self.engine, self.hub, self.server, self.lock, self.folder = engine, hub, server, lock, folder
         self.name, self.path = lock.name, lock.socket
 
-    def client(self, who: str = "anna", role: Any = "wizard", *, resync: bool = False) -> SocketClient:
-        return SocketClient(self.path, who, role, resync=resync)
+    def client(self, who: str = "anna", role: Any = "wizard") -> SocketClient:
+        return SocketClient(self.path, who, role)
 
 
 @asynccontextmanager
@@ -119,7 +118,6 @@ class Follower:
         self.view = SessionView()
         self.journaling: list[JournalStatus] = []
         self.pulses: list[Heartbeat] = []
-        self.resyncs = 0
         self.error: EngineGone | None = None
         self._changed = asyncio.Event()
         self._task: asyncio.Task[None] | None = None
@@ -131,7 +129,7 @@ class Follower:
         self._task = asyncio.create_task(self._follow(self.client.records()))
         return self
 
-    async def _follow(self, updates: AsyncIterator[Sequence[UpdateOrResync]]) -> None:
+    async def _follow(self, updates: AsyncIterator[Sequence[ClientUpdate]]) -> None:
         try:
             async for batch in updates:
                 for update in batch:
@@ -139,10 +137,6 @@ class Follower:
                         self.journaling.append(update)
                     elif isinstance(update, Heartbeat):
                         self.pulses.append(update)
-                    elif isinstance(update, Resync):
-                        self.resyncs += 1
-                        self.view.merge_resync(update.view, update.tasks)
-                        assert len(self.view.tasks) == update.tasks
                     else:
                         assert update.seq == self.view.seq + 1, "a gap"
                         self.view.apply(update)

@@ -22,7 +22,7 @@ from rise_engine.run.protocol.messages import (
     with_tasks,
     without_tasks,
 )
-from rise_engine.run.server import attachment
+from rise_engine.run.server import connection as connection_module
 from rise_engine.run.server import server as serving
 from tests.patience import PATIENCE
 
@@ -194,7 +194,8 @@ async def test_a_client_that_does_not_read_is_dropped_and_can_attach_again(
 
 
 async def test_the_state_is_not_waited_for_without_end(scratch: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(attachment, "STATE_SECONDS", 0.1)
+    monkeypatch.setattr(connection_module, "STALL_SECONDS", 0.1)
+    monkeypatch.setattr(serving, "HEARTBEAT_SECONDS", 0.05)
     async with served(scratch) as session:
         program = session.client("program", "node")
         await program.attach()

@@ -53,7 +53,7 @@ async def test_bad_clients_hold_up_nobody(scratch: Path) -> None:
         process("-m", "tests.run.server.engine_process", str(scratch), log=log) as engine,
     ):
         path = await said(engine)
-        wizard = await Follower(SocketClient(Path(path), "anna", resync=True)).attach()
+        wizard = await Follower(SocketClient(Path(path), "anna")).attach()
         script = str(Path(__file__).with_name("flooding.py"))
         async with process(script, path, log=scratch / "flood.log") as flood:
             assert await said(flood) == "flooding", (scratch / "flood.log").read_text()

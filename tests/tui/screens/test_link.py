@@ -5,9 +5,7 @@ from __future__ import annotations
 import pytest
 
 from rise_engine.kernel.records import MemoryRecord
-from rise_engine.run.protocol.client import Resync
 from rise_tui.console import session as session_module
-from rise_tui.model.log_rows import row_of
 from tests.tui.conftest import Console, console
 from tests.tui.fake import FakeClient, demo
 
@@ -180,44 +178,3 @@ async def test_a_replay_says_so_and_starts_nothing() -> None:
         await it.press("ctrl+c")
         await it.until(lambda: not it.app.is_running)
         assert it.app.exit_message == ""
-
-
-# --- more than a console can show -------------------------------------------------------------------------------------
-
-
-async def test_a_console_that_lay_behind_shows_the_state_as_it_is_and_says_that_it_left_some_out() -> None:
-    async with console(size=(200, 50)) as it:
-        client, store = it.client, it.screen.session.store
-        client.answers = False
-        old = client.task("raiseEventTopic", "/old", "SUCCEEDED")
-        await it.until(lambda: it.pane("log").row_view.count == 1)
-        await it.press("g")
-        await it.until(lambda: "↑ sent" in it.row("acts", "Greet"))
-        ((ref, _),) = store.sent.items()
-        client._attached = False  # nothing reaches the console, but the state goes on
-        greet = client.act("Greet", ref=ref)
-        for status in ("started", "accepted", "succeeded"):
-            client.action(greet, "Greet", "1", "Speech", status, message="Hello there.")
-        client.task("raiseEventTopic", "/new", "SUCCEEDED")
-        client.emit(MemoryRecord(0, 0.0, "", "task", 4, 2, "ros:node"))
-        client._attached = True
-        state = client.attach_reply().view
-        count = len(state.tasks)
-        del state.tasks[old]
-        client._queue.put_nowait([Resync(state, count)])
-        await it.until(lambda: "► running" in it.row("acts", "Greet") and it.row("memory", "task").split()[1] == "4")
-        assert (
-            store.log.all == [row_of(task) for task in (old, greet, greet + 1)] and it.pane("log").row_view.count == 3
-        )
-        assert not store.sent and not it.bars.alarm_bar.display
-        assert "skips some records" in it.notice
-        await it.until(lambda: "✓ “Hello there.”" in it.bars.speech_band.text)
-        it.client.act("Filler")
-        await it.until(lambda: it.pane("log").row_view.count == 4)
-        await it.press("f9")
-        await it.until(lambda: ("stopAll", "") in client.asked())
-        state = client.attach_reply().view
-        state.control = "wizard:ben"
-        client._queue.put_nowait([Resync(state, len(state.tasks))])
-        await it.until(lambda: store.view.control == "wizard:ben")
-        assert store.control_lost is not None, "control that has gone meanwhile is seen"

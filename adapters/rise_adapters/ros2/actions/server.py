@@ -20,17 +20,21 @@ the caller and the clients do:
 - a cancel that comes before the acceptance is not lost: it is asked about as soon as the goal is accepted;
 - a result can be asked for before the goal is accepted, while it runs, and `result_timeout` seconds after its end;
 - what is published and kept has bounds: the status array lists what runs and the latest that ended.
+
+One request to cancel goals, from its coming to its one answer (action_msgs/srv/CancelGoal).
+
+Where this differs from rcl, it follows the comments of CancelGoal.srv: a refused cancel is answered with code 1 (rcl
+says 0 with an empty list), and cancelling again what is being cancelled succeeds again.
 """
 
 from __future__ import annotations
 
 import logging
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from functools import partial
 from itertools import islice, takewhile
 from typing import TypeAlias
 
-from rise_adapters.ros2.actions.cancel_request import MAX_WAITING_REPLIES, CancelRequest
 from rise_adapters.ros2.actions.client import (
     ABORTED,
     ACCEPTED,
@@ -44,7 +48,6 @@ from rise_adapters.ros2.actions.client import (
     UNKNOWN,
 )
 from rise_adapters.ros2.actions.server_goal import ServerGoal
-from rise_adapters.ros2.actions.status_publisher import StatusPublisher
 from rise_adapters.ros2.transport.port import (
     CANCEL_GOAL,
     FEEDBACK,
@@ -55,6 +58,7 @@ from rise_adapters.ros2.transport.port import (
     STATUS_TOPIC,
     Message,
     PortError,
+    Publisher,
     QoS,
     SendReply,
     Transport,
@@ -64,6 +68,93 @@ from rise_adapters.ros2.transport.port import (
 from rise_engine.ports.robot import Clock, Timer
 
 _LOG = logging.getLogger(__name__)
+
+# --- requests to cancel -----------------------------------------------------------------------------------------------
+
+MAX_WAITING_REPLIES = 64
+"""Requests to cancel one goal, or for its result, that wait at most."""
+
+
+class CancelRequest:
+    """Waits until there is a word about each goal that it concerns, and answers then."""
+
+    def __init__(self, goals: list[ServerGoal], send_reply: Callable[[Message], object], *, is_about_one: bool) -> None:
+        """`is_about_one`: it is about one goal, so that its answer says why that one is not cancelled."""
+        self._send_reply = send_reply
+        self._is_about_one = is_about_one
+        self._undecided = len(goals) + 1
+        self._codes: list[int] = []
+        self._canceling: list[Message] = []
+        for goal in goals:
+            if len(goal.cancel_requests) < MAX_WAITING_REPLIES:
+                goal.cancel_requests.append(partial(self._take_decision, goal))
+            else:
+                self._take_decision(goal, CANCEL_REJECTED)
+        self._count_down()
+
+    def _take_decision(self, goal: ServerGoal, code: int) -> None:
+        if code == CANCEL_NONE:
+            self._canceling.append(goal.info)
+        self._codes.append(code)
+        self._count_down()
+
+    def _count_down(self) -> None:
+        self._undecided -= 1
+        if self._undecided:
+            return
+        if self._canceling:
+            code = CANCEL_NONE
+        elif self._is_about_one:
+            code = self._codes[0]
+        else:
+            code = CANCEL_REJECTED if CANCEL_REJECTED in self._codes else CANCEL_NONE
+        self._send_reply({"return_code": code, "goals_canceling": self._canceling})
+
+
+# --- the status of goals ----------------------------------------------------------------------------------------------
+
+STATUS_SECONDS = 0.01
+"""Between two status arrays, and for each goal in it ..."""
+STATUS_SECONDS_PER_GOAL = 0.002
+
+
+class StatusPublisher:
+    """Publishes the array after a change, and the more seldom the longer it is."""
+
+    def __init__(self, publisher: Publisher, clock: Clock, goals: Callable[[], Sequence[ServerGoal]]) -> None:
+        """`goals` gives those that the array is to list."""
+        self._publisher = publisher
+        self._clock = clock
+        self._goals = goals
+        self._timer: Timer | None = None
+        self._next_at = 0.0
+        self._closed = False
+
+    def publish_soon(self) -> None:
+        """Something has changed."""
+        if self._timer is None and not self._closed:
+            self._timer = self._clock.call_at(max(self._clock.now(), self._next_at), self._publish)
+
+    def close(self, *, silently: bool = False) -> None:
+        """Publish how all stands at the end (unless `silently`), and nothing any more."""
+        self._closed = True
+        if self._timer is not None:
+            self._timer.cancel()
+        if not silently:
+            self._publish()
+        self._publisher.close()
+
+    def _publish(self) -> None:
+        self._timer = None
+        listed = self._goals()
+        try:
+            self._publisher.publish(
+                {"status_list": [{"goal_info": goal.info, "status": goal.status} for goal in listed]}
+            )
+        except PortError as error:
+            _LOG.warning("the status of goals could not be published: %s", error)
+        self._next_at = self._clock.now() + STATUS_SECONDS + STATUS_SECONDS_PER_GOAL * len(listed)
+
 
 RESULT_TIMEOUT = 10.0
 """Seconds for which a result can be asked for after the end. A client asks as soon as its goal is accepted, so this is

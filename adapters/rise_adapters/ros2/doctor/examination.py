@@ -4,15 +4,19 @@ from __future__ import annotations
 
 import asyncio
 import os
-from collections.abc import Awaitable, Callable, Sequence
+from collections.abc import Awaitable, Callable, Iterator, Sequence
+from contextlib import suppress
 from typing import TypeAlias
 
+from rise_adapters.ros2 import graph_checks
 from rise_adapters.ros2.doctor import finding
-from rise_adapters.ros2.doctor.environment import Environment
-from rise_adapters.ros2.doctor.finding import DoctorFinding
-from rise_adapters.ros2.doctor.graph import check_graph
-from rise_adapters.ros2.doctor.installation import check_installation, check_middleware, check_transport
-from rise_adapters.ros2.doctor.interfaces import check_interfaces
+from rise_adapters.ros2.doctor.finding import DoctorFinding, Environment
+from rise_adapters.ros2.doctor.installation import (
+    check_installation,
+    check_interfaces,
+    check_middleware,
+    check_transport,
+)
 from rise_adapters.ros2.doctor.network import check_network
 from rise_adapters.ros2.doctor.robot import SEARCH_SECONDS, check_robot, definition_folders
 from rise_adapters.ros2.graph_checks import DOCTOR_NODE_NAME
@@ -21,6 +25,43 @@ from rise_adapters.ros2.transport.port import Transport
 from rise_engine.base.errors import AdapterError
 from rise_engine.ports.bridge import RosConnection
 from rise_engine.scenario.model import RobotProfile
+
+# --- other nodes ------------------------------------------------------------------------------------------------------
+
+
+def check_graph(transport: Transport) -> Iterator[DoctorFinding]:
+    """Which other nodes are seen, and which of them cannot be talked to."""
+    if lost := transport.failure():
+        yield DoctorFinding("problem", "graph", f"the connection is lost: {lost}")
+        return
+    others = transport.nodes()
+    with suppress(ValueError):
+        others.remove(transport.node)
+    if others:
+        counts = {node: others.count(node) for node in others}
+        names = ", ".join(node if number == 1 else f"{node} ({number} times)" for node, number in counts.items())
+        yield DoctorFinding(
+            "ok", "graph", f"{len(others)} other node{'s are' if len(others) > 1 else ' is'} seen: {names}"
+        )
+        for node, number in counts.items():
+            if number > 1:
+                yield DoctorFinding(
+                    "warning", "graph", f"{number} nodes have the name {node}", "give each a name of its own"
+                )
+    else:
+        yield DoctorFinding(
+            "note",
+            "graph",
+            "no other node is seen",
+            "if there are some: same ROS domain, same network, same middleware? A firewall may be in the way "
+            "(docs/how-to/two-computers.md)",
+        )
+    for sentence in graph_checks.describe_strangers(transport):
+        yield DoctorFinding("warning", "graph", sentence)
+    for topic in transport.topics():
+        for sentence in graph_checks.describe_topic_misfits(transport, topic):
+            yield DoctorFinding("warning", "graph", sentence, "make both the same")
+
 
 TransportOpener: TypeAlias = Callable[..., Awaitable[Transport]]
 

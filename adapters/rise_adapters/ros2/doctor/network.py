@@ -6,8 +6,7 @@ from collections.abc import Iterator
 from pathlib import Path
 from xml.etree import ElementTree
 
-from rise_adapters.ros2.doctor.environment import CYCLONE_RMW, DEFAULT_RMW, Environment
-from rise_adapters.ros2.doctor.finding import DoctorFinding
+from rise_adapters.ros2.doctor.finding import CYCLONE_RMW, DEFAULT_RMW, DoctorFinding, Environment
 from rise_adapters.ros2.transport import selection
 
 _SAFE_DOMAINS = 101

@@ -33,7 +33,7 @@ from rise_adapters.ros2.actions.client import (
 )
 from rise_adapters.ros2.mapping import ActionMapping
 from rise_adapters.ros2.robot import endings
-from rise_adapters.ros2.robot.cancellation import MAX_TRIES, Cancellation
+from rise_adapters.ros2.robot.endings import MAX_TRIES, Cancellation
 from rise_adapters.ros2.robot.endpoints import ActionEndpoint
 from rise_adapters.ros2.robot.goal_host import TIMER_TOLERANCE, Ending, GoalHost, Phase
 from rise_adapters.ros2.robot.result_query import ResultQuery

@@ -14,7 +14,7 @@ from math import inf
 from rise_adapters.ros2.compatibility import describe_uncompared
 from rise_adapters.ros2.graph_checks import describe_other_client, other_clients
 from rise_adapters.ros2.mapping import ActionMapping, read_options
-from rise_adapters.ros2.robot import standing
+from rise_adapters.ros2.robot import health
 from rise_adapters.ros2.robot.action_goal import ActionGoal
 from rise_adapters.ros2.robot.endpoints import (
     ActionEndpoint,
@@ -26,8 +26,8 @@ from rise_adapters.ros2.robot.endpoints import (
 )
 from rise_adapters.ros2.robot.estop_input import EstopInput
 from rise_adapters.ros2.robot.goal_host import TIMER_TOLERANCE, Ending, Goal
+from rise_adapters.ros2.robot.health import RobotHealth
 from rise_adapters.ros2.robot.service_goal import ServiceGoal
-from rise_adapters.ros2.robot.standing import Standing
 from rise_adapters.ros2.robot.stop_all import StopAll
 from rise_adapters.ros2.robot.topic_goal import TopicGoal
 from rise_adapters.ros2.transport.port import Message, PortError, Transport
@@ -71,7 +71,7 @@ class Ros2Robot:
         self._next_poll = inf
         """When the timer goes off."""
         self._stop: StopAll | None = None
-        self._reported: Standing | None = None
+        self._reported: RobotHealth | None = None
         """How the robot stood when that was reported last."""
         self._grace_until = inf
         self._seen_at: float | None = None
@@ -121,7 +121,7 @@ class Ros2Robot:
         deadlines = [mapping.deadlines.server for mapping in self._mappings.values()]
         self._grace_until = self.clock.now() + max(deadlines, default=0.0)
         if self._adopted:  # first of all: nobody has seen yet what the robot is doing
-            goals = standing.open_goals(self._endpoints)
+            goals = health.open_goals(self._endpoints)
             why = "an engine that has gone left goals behind; the robot is asked about them"
             self._report(RobotChanged(status="degraded", detail=why, open=goals))
         self._open_estop()
@@ -357,7 +357,7 @@ class Ros2Robot:
                 self._compare_endpoint(endpoint)
         if not changed:
             return
-        if self._reported is not None and self._assess_standing().status == "lost":
+        if self._reported is not None and self._assess_health().status == "lost":
             self._report_standing()  # first that the robot is lost: then nothing new is begun in answer to its losses
         for endpoint, gone in changed:
             for goal in tuple(self._goals.values()):
@@ -384,19 +384,19 @@ class Ros2Robot:
 
     # --- how the robot stands -----------------------------------------------------------------------------------
 
-    def _assess_standing(self) -> Standing:
+    def _assess_health(self) -> RobotHealth:
         busy = [goal.endpoint for goal in self._live.values() if goal.phase == "running"]
-        return standing.assess(self._transport, self._endpoints, busy, self._estop)
+        return health.assess(self._transport, self._endpoints, busy, self._estop)
 
     def _report_standing(self) -> None:
         """Report how the robot stands, when that has changed."""
-        now = self._assess_standing()
+        now = self._assess_health()
         if self._reported is None:
             if now.status != "connected" and not self._transport.failure() and self._is_discovering():
                 return
         elif not now.is_news_after(self._reported):
             return
-        detail = standing.describe(now.status, self._profile.title, self._transport, self._endpoints, self._estop)
+        detail = health.describe(now.status, self._profile.title, self._transport, self._endpoints, self._estop)
         if now.status == "lost":
             self._report_lost(detail)
         else:
@@ -414,8 +414,8 @@ class Ros2Robot:
         for goal in goals:
             if goal.may_be_running:
                 goal.endpoint.open[goal.action] = goal  # in a moment, and it is told once
-        now = self._assess_standing()
-        self._reported = Standing("lost", now.faults, now.open)
+        now = self._assess_health()
+        self._reported = RobotHealth("lost", now.faults, now.open)
         for goal in goals:
             if goal.phase == "waiting":
                 goal.on_robot_lost(detail)

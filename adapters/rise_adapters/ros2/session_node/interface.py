@@ -15,17 +15,20 @@ from __future__ import annotations
 
 import asyncio
 import logging
+from collections.abc import Mapping
+from pathlib import Path
 from time import time_ns
 
 from rise_adapters.ros2.record_messages import make_header
-from rise_adapters.ros2.session_node import diagnostics
 from rise_adapters.ros2.session_node.domain_task import DomainTaskServer
-from rise_adapters.ros2.session_node.memory_service import MemoryService
 from rise_adapters.ros2.session_node.neighbours import NeighbourSessions
 from rise_adapters.ros2.session_node.record_topics import RecordTopics
-from rise_adapters.ros2.transport.port import Message, PortError, QoS, Transport
+from rise_adapters.ros2.transport.port import Message, PortError, QoS, SendReply, Transport
+from rise_engine.base.json_codec import encode
 from rise_engine.base.lag_meter import LagMeter
+from rise_engine.base.text import escape_surrogates
 from rise_engine.base.time_slicer import TimeSlicer
+from rise_engine.expression import lookup
 from rise_engine.kernel.inputs import Note
 from rise_engine.kernel.records import TaskRecord
 from rise_engine.privacy.private_values import PrivateValues
@@ -33,6 +36,140 @@ from rise_engine.run.protocol import client as client_protocol
 from rise_engine.run.server.hub import SessionHub
 
 _LOG = logging.getLogger(__name__)
+
+# --- the memory -------------------------------------------------------------------------------------------------------
+
+GET_MEMORY, GET_MEMORY_TYPE = "rise/get_memory", "rise_interfaces/srv/GetMemory"
+_JSON_TYPES = {"{": "object", "[": "array", '"': "string", "t": "boolean", "f": "boolean", "n": "null"}
+"""By the first character of a value in JSON; all others begin a number."""
+
+
+class MemoryService:
+    """Answers from the view of the session, so it never waits for the engine."""
+
+    def __init__(self, transport: Transport, hub: SessionHub, private: PrivateValues) -> None:
+        """`private`: of what is in it, `{key}` is all that anybody gets. Raises PortError when the transport does not
+        have the type."""
+        self._private = private
+        self._hub = hub
+        self._service = transport.serve(GET_MEMORY, GET_MEMORY_TYPE, self._take_request)
+
+    def close(self) -> None:
+        self._service.close()
+
+    def _take_request(self, request: Message, reply: SendReply) -> None:
+        memory = self._hub.engine.scenario.table_memory
+        memory.update((key, entry.value) for key, entry in self._hub.view.memory.items())
+        found, value = lookup(memory, request["request_by_key"])
+        response: Message = {"found": found}
+        if found:
+            value = self._private.read(request["request_by_key"], value)
+            text = encode(value).decode()
+            response |= {"value": text, "type": _JSON_TYPES.get(text[0], "number")}
+        try:
+            reply(response)
+        except PortError as error:
+            _LOG.warning("a request for the memory could not be answered: %s", error)
+
+
+# --- diagnostics ------------------------------------------------------------------------------------------------------
+
+DIAGNOSTICS_TOPIC = "/diagnostics"
+DIAGNOSTICS_TYPE = "diagnostic_msgs/msg/DiagnosticArray"
+DIAGNOSTICS_SECONDS = 1.0
+
+OK, WARN, ERROR, STALE = range(4)
+"""Levels of diagnostic_msgs/msg/DiagnosticStatus."""
+
+LAG_WARN, LAG_ERROR = 0.05, 0.5
+"""Seconds that the engine's loop may be late: a key that takes longer than the first is felt."""
+
+
+def session_statuses(hub: SessionHub, lag: tuple[float, float], ros: Message, private: PrivateValues) -> list[Message]:
+    """One DiagnosticStatus for each part of the session.
+
+    `lag`: seconds that the loop was late at most, lately and ever. `ros`: the status of the connection to ROS itself.
+    `private`: what stays out of it.
+    """
+    return [_session_status(hub, private), _robot_status(hub), _journal_status(hub), _lag_status(hub, *lag), ros]
+
+
+def make_status(hub: SessionHub, name: str, level: int, message: str, values: Mapping[str, object]) -> Message:
+    """A DiagnosticStatus. The hardware is the robot."""
+    return {
+        "level": level,
+        "name": f"rise: {name}",
+        "message": escape_surrogates(message),
+        "hardware_id": hub.engine.scenario.robot.name,
+        "values": [{"key": key, "value": escape_surrogates(str(value))} for key, value in values.items()],
+    }
+
+
+def _session_status(hub: SessionHub, private: PrivateValues) -> Message:
+    engine, view = hub.engine, hub.view
+    scenario = engine.scenario
+    level, message = OK, "running" if view.running else "idle"
+    if engine.failure is not None:
+        level, message = ERROR, f"the engine stopped: {engine.failure or type(engine.failure).__name__}"
+    elif view.ended or engine.ended:
+        level, message = STALE, f"the session has ended: {view.end_reason}".removesuffix(": ")
+    elif view.session is None:
+        level, message = STALE, "the session has not begun yet"
+    elif view.stop.latched:
+        level, message = WARN, "everything is stopped, until the stop is released"
+        if view.stop.unconfirmed:
+            level, message = ERROR, f"stopped, but not confirmed by {', '.join(view.stop.unconfirmed)}"
+    running = [view.tasks[id].behavior for id in view.running if id in view.tasks]
+    values = {
+        "title": scenario.title,
+        "mode": scenario.mode,
+        "scenario_hash": scenario.hash,
+        "seconds": f"{max(engine.clock.now(), 0.0):.1f}",
+        "records": view.seq,
+        "acts running": private.hide_value(", ".join(running[:20])),
+        "acts waiting": len(view.waiting),
+        "rules running": ", ".join(view.running_rules()[:20]),
+        "control": view.control or "nobody",
+        "clients": len(hub.clients),
+        "stop": view.stop.status,
+        "stop confirmed": ", ".join(view.stop.confirmed),
+        "stop not confirmed": ", ".join(view.stop.unconfirmed),
+    }
+    return make_status(hub, "session", level, message, values)
+
+
+def _robot_status(hub: SessionHub) -> Message:
+    robot = hub.view.robot
+    if robot is None:
+        level, message = STALE, "no word from the robot yet"
+    else:
+        level = {"connected": OK, "degraded": WARN}.get(robot.status, ERROR)
+        message = f"{robot.status}: {robot.detail}" if robot.detail else robot.status
+    profile = hub.engine.scenario.robot
+    driver = "simulated" if hub.engine.scenario.mode == "debug" else profile.driver
+    since = {"since": robot.wall} if robot is not None else {}
+    return make_status(hub, "robot link", level, message, {"robot": profile.title, "driver": driver, **since})
+
+
+def _journal_status(hub: SessionHub) -> Message:
+    journaling = hub.engine.journal_status
+    if journaling.trouble:
+        level, message = ERROR, f"nothing can be recorded, so the session is paused: {journaling.trouble}"
+    elif journaling.behind:
+        level, message = WARN, f"the disk is {journaling.behind:.1f} s behind"
+    elif not hub.folder:
+        level, message = OK, "this session is not recorded"
+    else:
+        level, message = OK, "recording"
+    values = {"folder": Path(hub.folder).name, "durable": journaling.durable, "behind": f"{journaling.behind:.1f}"}
+    return make_status(hub, "journal", level, message, values)
+
+
+def _lag_status(hub: SessionHub, recent: float, most: float) -> Message:
+    level = OK if recent < LAG_WARN else WARN if recent < LAG_ERROR else ERROR
+    message = "in time" if level == OK else f"the engine was up to {recent:.2f} s late in the last seconds"
+    return make_status(hub, "loop lag", level, message, {"recent (s)": f"{recent:.4f}", "most (s)": f"{most:.4f}"})
+
 
 SOURCE = "ros:domain_task"
 """The source of tasks that came as goals. Which node sent a goal, ROS does not say; who releases a stop says it."""
@@ -69,12 +206,12 @@ class RosSessionInterface:
             self._private.note_memory(key, entry.value)
         self._topics = RecordTopics(transport, hub, self._client.source, self._private, rosout=rosout)
         self._lag = LagMeter(self._loop)
-        self._diagnostics = transport.publisher(diagnostics.TOPIC, diagnostics.TYPE, QoS())
+        self._diagnostics = transport.publisher(DIAGNOSTICS_TOPIC, DIAGNOSTICS_TYPE, QoS())
         self._memory = MemoryService(transport, hub, self._private)
         self._tasks = DomainTaskServer(transport, hub, self._client, self._topics, self._slicer.wake)
         hub.subscribe(self._take_update)
         hub.engine.on_ended(self._end_goals)
-        self._timer = self._loop.call_later(diagnostics.SECONDS, self._diagnose)
+        self._timer = self._loop.call_later(DIAGNOSTICS_SECONDS, self._diagnose)
 
     async def close(self) -> None:
         """End the goals that still run, publish what is still to be said, and leave."""
@@ -121,7 +258,7 @@ class RosSessionInterface:
     # --- how it is ----------------------------------------------------------------------------------------------
 
     def _diagnose(self) -> None:
-        self._timer = self._loop.call_later(diagnostics.SECONDS, self._diagnose)
+        self._timer = self._loop.call_later(DIAGNOSTICS_SECONDS, self._diagnose)
         self._publish_diagnostics()
         dropped = self._topics.dropped
         if dropped > self._dropped and not self._hub.engine.ended:
@@ -130,9 +267,7 @@ class RosSessionInterface:
             self._hub.submit(self._client, Note(text=text), _ignore)
 
     def _publish_diagnostics(self) -> None:
-        statuses = diagnostics.session_statuses(
-            self._hub, (self._lag.recent, self._lag.max), self.status(), self._private
-        )
+        statuses = session_statuses(self._hub, (self._lag.recent, self._lag.max), self.status(), self._private)
         try:
             self._diagnostics.publish({"header": make_header(time_ns()), "status": statuses})
         except PortError as error:
@@ -142,16 +277,16 @@ class RosSessionInterface:
         """The connection itself, as a diagnostic_msgs/msg/DiagnosticStatus."""
         topics, tasks, lost = self._topics, self._tasks, self._transport.failure()
         others = self._neighbours.others
-        level, message = diagnostics.OK, self._transport.about
+        level, message = OK, self._transport.about
         if lost:
-            level, message = diagnostics.ERROR, lost
+            level, message = ERROR, lost
         elif topics.error:
-            level, message = diagnostics.ERROR, f"records are not published: {topics.error}"
+            level, message = ERROR, f"records are not published: {topics.error}"
         elif others:
             same = "moves the same robot" if self._neighbours.shared_with(others[0]) else "has the same names"
-            level, message = diagnostics.WARN, f"another session {same}: {others[0]}"
+            level, message = WARN, f"another session {same}: {others[0]}"
         elif topics.dropped > self._dropped:
-            level, message = diagnostics.WARN, "records come faster than they can be published; some are missing"
+            level, message = WARN, "records come faster than they can be published; some are missing"
         values = {
             "node": self._transport.node,
             "transport": self._transport.kind,
@@ -162,7 +297,7 @@ class RosSessionInterface:
             "records dropped": topics.dropped,
             "other sessions": len(others),
         }
-        return diagnostics.make_status(self._hub, "ros", level, message, values)
+        return make_status(self._hub, "ros", level, message, values)
 
 
 def _ignore(reply: client_protocol.Reply) -> None:

@@ -1,5 +1,13 @@
 """The topics on which a session tells what happens: `rise/record`, `rise/task_state`, `rise/rule_state`, and `/rosout`
-for those who look there."""
+for those who look there.
+
+What a session tells on `/rosout`, where people who work with ROS look first (`ros2 topic echo /rosout`,
+rqt_console): that it began and ended, how the robot stands, what was stopped, and what went wrong. The whole is on
+`rise/record`.
+
+It is published as rcl does (rcl_interfaces/msg/Log, latched, 1,000 deep), but not through rclpy's logger: that also
+writes to standard error, and a pipe that nobody reads would hold the session up.
+"""
 
 from __future__ import annotations
 
@@ -8,6 +16,7 @@ from collections import deque
 from datetime import datetime
 from pathlib import Path
 from time import time_ns
+from typing import Final, TypeAlias
 
 from rise_adapters.ros2.record_messages import (
     RECORD,
@@ -25,13 +34,67 @@ from rise_adapters.ros2.record_messages import (
     task_state_message,
     wall_to_nanoseconds,
 )
-from rise_adapters.ros2.session_node import rosout as rosout_topic
 from rise_adapters.ros2.transport.port import Message, PortError, Publisher, QoS, Transport
 from rise_engine.base.text import escape_all_surrogates
 from rise_engine.kernel.inputs import Submit
-from rise_engine.kernel.records import AnyRecord, RuleRecord, TaskRecord
+from rise_engine.kernel.record_words import words_of
+from rise_engine.kernel.records import (
+    ActionRecord,
+    AnyRecord,
+    NoteRecord,
+    OutcomeRecord,
+    RecordingRecord,
+    RobotRecord,
+    RuleRecord,
+    SessionRecord,
+    StopRecord,
+    TaskRecord,
+)
 from rise_engine.privacy.private_values import PrivateValues
 from rise_engine.run.server.hub import SessionHub
+
+# --- records as lines of a log ----------------------------------------------------------------------------------------
+
+ROSOUT, ROSOUT_TYPE = "/rosout", "rcl_interfaces/msg/Log"
+ROSOUT_QOS: Final = QoS(depth=1000, latched=True)
+INFO, WARN, ERROR = 20, 30, 40
+"""Of rcl_interfaces/msg/Log."""
+_LONGEST = 1_000
+"""Characters of a line."""
+
+LogLine: TypeAlias = tuple[int, str]
+"""A level, and what happened."""
+
+
+def log_line_for_record(record: AnyRecord) -> LogLine | None:
+    """What is told of a record; None: nothing."""
+    words = words_of(record)
+    said = words.full_sentence[:_LONGEST]
+    match record:
+        case SessionRecord(status=status):
+            return WARN if status == "recovered" else INFO, said
+        case RobotRecord(status=status):
+            return {"connected": INFO, "degraded": WARN}.get(status, ERROR), said
+        case StopRecord(status="let-go"):
+            return INFO, words.text
+        case StopRecord(status=status):
+            level = ERROR if record.unconfirmed else INFO if status == "released" else WARN
+            return level, said
+        case TaskRecord(status="REJECTED" | "ABORTED"):
+            return WARN, words_of(record, sources=True).full_sentence[:_LONGEST]
+        case ActionRecord(status="failed" | "timed-out" | "lost"):
+            return WARN, f"{words.kind} of {record.act} {words.text}"
+        case RuleRecord(status="faulted"):
+            return ERROR, said
+        case RecordingRecord(status="stalled" | "failed"):
+            return WARN, said
+        case OutcomeRecord():
+            return INFO, f"the {said}"
+        case NoteRecord() if record.source == "engine" or record.source.startswith("ros:"):
+            return INFO, f"note: {record.text}"
+        case _:
+            return None
+
 
 _LOG = logging.getLogger(__name__)
 
@@ -66,7 +129,7 @@ class RecordTopics:
         # state of each running rule, a rule's last message is sent again when it is about to fall out.
         self._depth = max(RULES_LATCHED, 2 * len(hub.engine.scenario.rules))
         self._rules = transport.publisher(RULE_STATE, RULE_STATE_TYPE, QoS(self._depth, latched=True))
-        self._rosout = transport.publisher(rosout_topic.TOPIC, rosout_topic.TYPE, rosout_topic.QOS) if rosout else None
+        self._rosout = transport.publisher(ROSOUT, ROSOUT_TYPE, ROSOUT_QOS) if rosout else None
         self._logger = transport.node.strip("/").replace("/", ".")
         self._rule_messages = 0
         self._running: dict[str, tuple[int, Message]] = {}
@@ -107,7 +170,7 @@ class RecordTopics:
 
     def _publish_record(self, record: AnyRecord) -> None:
         header = make_header(wall_to_nanoseconds(record.wall))
-        self._publish_log_line(rosout_topic.log_line_for_record(record), header)
+        self._publish_log_line(log_line_for_record(record), header)
         # What is about one thing comes first: a node that hears the whole record is seldom the one in a hurry.
         if isinstance(record, RuleRecord):
             self._publish_rule(record, header)
@@ -122,7 +185,7 @@ class RecordTopics:
                 record_message(record, self._session, header),
             )
 
-    def _publish_log_line(self, line: rosout_topic.LogLine | None, header: Message) -> None:
+    def _publish_log_line(self, line: LogLine | None, header: Message) -> None:
         if line is None or self._rosout is None:
             return
         level, text = line

@@ -6,26 +6,144 @@ and with them actions, do not (`DdsTransport.programs_of_other_vendors` says who
 How fast a death is noticed is announced by the one who may die: this transport has a lease of one second (`domain`);
 others need `<Discovery><LeaseDuration>1s</LeaseDuration></Discovery>` in their own CYCLONEDDS_URI, or it takes 10
 seconds. One that ends in order says so at once.
+
+What stands behind `--ros-args`: remappings, as every ROS 2 program takes them
+(https://design.ros2.org/articles/ros_command_line_arguments.html).
+
+The rclpy transport leaves this to rclpy; this is for the transport that does without ROS.
 """
 
 from __future__ import annotations
 
 import asyncio
 import os
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from importlib.metadata import version
 from pathlib import Path
-from typing import Literal
+from typing import Any, Literal
+
+from msgspec import Struct
 
 from rise_adapters.ros2.transport import vendors
-from rise_adapters.ros2.transport.dds import names, ros_arguments
+from rise_adapters.ros2.transport.dds import names
 from rise_adapters.ros2.transport.dds.domain import read_domain_id
+from rise_adapters.ros2.transport.dds.names import dds_topic
 from rise_adapters.ros2.transport.dds.node import DdsNode
 from rise_adapters.ros2.transport.dds.services import DdsClient, DdsServer
-from rise_adapters.ros2.transport.dds.topics import DdsPublisher, DdsSubscription
 from rise_adapters.ros2.transport.interfaces import InterfaceCatalog
 from rise_adapters.ros2.transport.names import NameResolver
 from rise_adapters.ros2.transport.port import RELIABLE, Message, PortError, QoS, RemoteEndpoint, SendReply
+
+# --- arguments of ROS -------------------------------------------------------------------------------------------------
+
+# What is right for ROS and means nothing here: logging, and parameters, which `parameters` has read before.
+_WITH_VALUE = {"--params-file", "--log-level", "--log-config-file", "--log-file-name", "-e", "--enclave"}
+_FLAGS = {
+    *("--disable-stdout-logs", "--enable-stdout-logs", "--disable-rosout-logs", "--enable-rosout-logs"),
+    *("--disable-external-lib-logs", "--enable-external-lib-logs"),
+}
+
+
+class RosArguments(Struct, frozen=True):
+    node: str
+    namespace: str = "/"
+    remaps: tuple[tuple[str, str], ...] = ()
+    """Of topics, services and actions of that node: what is replaced, and by what. The first that fits counts."""
+
+
+def parse_ros_arguments(arguments: Sequence[str], node: str) -> RosArguments:
+    """Read the arguments, with or without a leading `--ros-args` and a closing `--`; `node` is the program's own name
+    for its node, for rules such as `rise:__ns:=/lab`. Raises PortError with a sentence."""
+    remaps: list[tuple[str, str, str]] = []
+    special: dict[str, str] = {}
+    rest = iter(arguments)
+    for argument in rest:
+        if argument in ("--ros-args", "--", *_FLAGS):
+            continue
+        if argument in ("-r", "--remap"):
+            only_for, source, target = _parse_remap(_next_value(argument, rest))
+            if source not in ("__ns", "__node", "__name"):
+                remaps.append((only_for, source, target))
+            elif only_for in ("", node):
+                special.setdefault("__node" if source == "__name" else source, target)
+        elif argument in ("-p", "--param"):
+            value = _next_value(argument, rest)
+            if ":=" not in value:
+                raise PortError(f"--ros-args: {value!r} is no parameter; one looks like name:=value")
+        elif argument in _WITH_VALUE:
+            _next_value(argument, rest)
+        else:
+            hint = "; did you forget -r before it?" if ":=" in argument else ""
+            raise PortError(f"--ros-args: {argument!r} is not understood{hint}")
+    namespace = special.get("__ns", "/")
+    if not namespace.startswith("/"):
+        raise PortError(f"--ros-args: the namespace {namespace!r} must begin with a slash")
+    name = special.get("__node", node)
+    return RosArguments(name, namespace, tuple((source, to) for only, source, to in remaps if only in ("", name)))
+
+
+def _next_value(option: str, rest: Iterator[str]) -> str:
+    value = next(rest, None)
+    if value is None:
+        raise PortError(f"--ros-args: something must follow {option}")
+    return value
+
+
+def _parse_remap(rule: str) -> tuple[str, str, str]:
+    """`[node:]from:=to` as the node that it holds for (empty: for all), from, to."""
+    source, separator, target = rule.partition(":=")
+    if not separator or not source or not target:
+        raise PortError(f"--ros-args: {rule!r} is no remapping; one looks like from:=to")
+    node, _, name = source.rpartition(":")
+    if "://" in source:
+        raise PortError(f"--ros-args: {rule!r}: remappings of rostopic:// and rosservice:// are not supported")
+    return node, name, target
+
+
+# --- topics -----------------------------------------------------------------------------------------------------------
+
+
+class DdsPublisher:
+    """Implements `port.Publisher`."""
+
+    def __init__(self, node: DdsNode, topic: str, type: str, qos: QoS) -> None:
+        """`topic`: the full name. Raises PortError as `DdsNode.open_writer`."""
+        self._node = node
+        self._codec = node.types.codec(type)
+        self._writer = node.open_writer(dds_topic(topic), type, qos)
+
+    def publish(self, message: Message) -> None:
+        self._writer.write(self._codec.pack(message))
+
+    def count_subscribers(self) -> int:
+        return len(self._writer.matched_readers())
+
+    def close(self) -> None:
+        self._node.release(self._writer)
+
+
+class DdsSubscription:
+    """Implements `port.Subscription`."""
+
+    def __init__(
+        self, node: DdsNode, topic: str, type: str, on_message: Callable[[Message], None], qos: QoS, pause: float
+    ) -> None:
+        """As `DdsPublisher`."""
+        self._node = node
+        self._codec = node.types.codec(type)
+        self._on_message = on_message
+        self._reader = node.open_reader(dds_topic(topic), type, qos, self._on_sample, pause=pause)
+
+    def count_publishers(self) -> int:
+        return len(self._reader.matched_writers())
+
+    def close(self) -> None:
+        self._node.release(self._reader)
+
+    def _on_sample(self, sample: tuple[bytes, Any]) -> None:
+        data, info = sample
+        if info.valid_data:
+            self._on_message(self._codec.unpack(data))
 
 
 class DdsTransport:
@@ -44,7 +162,7 @@ class DdsTransport:
     ) -> None:
         """`node`: its name, unless `arguments` (what stands behind `--ros-args`) say another. `share`: further folders
         of definitions. Raises PortError with a sentence."""
-        given = ros_arguments.parse_ros_arguments(arguments, node)
+        given = parse_ros_arguments(arguments, node)
         self._names = NameResolver(given.node, given.namespace, given.remaps)
         self._types = InterfaceCatalog(share, environment)
         self.node = self._names.node

@@ -14,7 +14,7 @@ from pathlib import Path
 from typing import Any
 
 import rise_adapters.ros2
-from rise_adapters.ros2.transport.interfaces import hashes
+from rise_adapters.ros2.transport.interfaces import definitions
 from rise_adapters.ros2.transport.interfaces.cdr import MessageCodec
 from rise_adapters.ros2.transport.interfaces.definitions import (
     InterfaceDefinition,
@@ -90,7 +90,7 @@ class InterfaceCatalog:
     def type_hash(self, type: str) -> str:
         """As `port.Transport.type_hash`; raises PortError when the type or one nested in it is not known."""
         if type not in self._hashes:
-            self._hashes[type] = hashes.type_hash(type, self.definition)
+            self._hashes[type] = definitions.type_hash(type, self.definition)
         return self._hashes[type]
 
     def codec(self, type: str) -> MessageCodec:
@@ -191,7 +191,7 @@ def _convert_definition(name: str, fields: Any) -> InterfaceDefinition:
         tuple(
             InterfaceField(field, _convert_field_type(*type))
             for field, type in fields
-            if field != hashes.PLACEHOLDER_FIELD
+            if field != definitions.PLACEHOLDER_FIELD
         ),
         _STANDARD_ORIGIN,
     )

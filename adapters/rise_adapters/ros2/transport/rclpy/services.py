@@ -9,9 +9,9 @@ from typing import Any
 
 from rise_adapters.ros2.transport.port import Message, PortError, QoS, SendReply
 from rise_adapters.ros2.transport.rclpy.conversion import MessageConverter
-from rise_adapters.ros2.transport.rclpy.entities import RclpyEntity
 from rise_adapters.ros2.transport.rclpy.installation import first_line
 from rise_adapters.ros2.transport.rclpy.node import SpinningNode
+from rise_adapters.ros2.transport.rclpy.topics import RclpyEntity
 
 _log = logging.getLogger(__name__)
 

@@ -7,17 +7,134 @@ the asyncio loop (`inbox`). Sending, making and looking is done on the loop's th
 from __future__ import annotations
 
 import asyncio
+import logging
+import re
 from collections.abc import Callable, Mapping, Sequence
-from typing import Literal
+from typing import Any, Literal
 
 from rise_adapters.ros2.transport import vendors
 from rise_adapters.ros2.transport.port import RELIABLE, Message, PortError, QoS, RemoteEndpoint, SendReply
-from rise_adapters.ros2.transport.rclpy.graph import RclpyGraph
 from rise_adapters.ros2.transport.rclpy.installation import first_line
 from rise_adapters.ros2.transport.rclpy.node import SpinningNode
 from rise_adapters.ros2.transport.rclpy.services import RclpyClient, RclpyServer
 from rise_adapters.ros2.transport.rclpy.topics import RclpyPublisher, RclpySubscription
 from rise_adapters.ros2.transport.rclpy.types import InstalledTypes
+
+# --- the graph --------------------------------------------------------------------------------------------------------
+
+_log = logging.getLogger(__name__)
+
+_UNKNOWN = "_UNKNOWN_"
+"""Within the name of a node that ROS does not know (yet): `_NODE_NAME_UNKNOWN_`."""
+
+
+class RclpyGraph:
+    """Names are full ones. Nothing is there once the node has ended."""
+
+    def __init__(self, node: SpinningNode, vendor: str) -> None:
+        """`vendor`: whose software carries this node, as in `RemoteEndpoint`."""
+        self._spinning = node
+        self._node: Any = node.rclpy_node
+        self._vendor = vendor
+
+    def find_publishers(self, topic: str) -> list[RemoteEndpoint]:
+        return self._find_endpoints(self._node.get_publishers_info_by_topic, topic)
+
+    def find_subscribers(self, topic: str) -> list[RemoteEndpoint]:
+        return self._find_endpoints(self._node.get_subscriptions_info_by_topic, topic)
+
+    def find_servers(self, service: str) -> list[RemoteEndpoint]:
+        # RMWs on DDS carry a service on two topics: what reads the one and writes the other are the servers.
+        found = [
+            *self._find_endpoints(self._node.get_subscriptions_info_by_topic, f"rq{service}Request", no_mangle=True),
+            *self._find_endpoints(self._node.get_publishers_info_by_topic, f"rr{service}Reply", no_mangle=True),
+        ]
+        return found or self._find_servers_by_node(service)
+
+    def find_clients(self, service: str) -> list[str]:
+        """The nodes that call a service."""
+        # As in `find_servers`: on DDS, who writes this topic calls the service.
+        infos = self._look_up(self._node.get_publishers_info_by_topic, f"rq{service}Request", no_mangle=True)
+        return sorted({_full_name(info) for info in infos} - {self._spinning.name})
+
+    def topics(self, ending: str) -> list[str]:
+        names = [name for name, _ in self._look_up(self._node.get_topic_names_and_types) if name.endswith(ending)]
+        return [name for name in names if self.find_publishers(name) or self.find_subscribers(name)]
+
+    def nodes(self) -> list[str]:
+        return self._look_up(self._node.get_fully_qualified_node_names)
+
+    def programs_of_other_vendors(self) -> list[tuple[str, str]]:
+        """As `port.Transport.programs_of_other_vendors`."""
+        if not self._vendor:
+            return []
+        # By what they have: what a program is carried by is nowhere else to be seen.
+        found = {
+            (end.node, end.vendor)
+            for name, _ in self._look_up(self._node.get_topic_names_and_types, no_demangle=True)
+            for list_infos in (self._node.get_publishers_info_by_topic, self._node.get_subscriptions_info_by_topic)
+            for end in self._find_endpoints(list_infos, name, no_mangle=True)
+            if end.vendor != self._vendor
+        }
+        named = {vendor for node, vendor in found if node}  # of those, what has no name is their middleware's own
+        return sorted((node or "without a name", vendor) for node, vendor in found if node or vendor not in named)
+
+    def _look_up(self, question: Callable[..., Any], *about: str, **more: bool) -> list[Any]:
+        """What rclpy lists; nothing of what it cannot look up, such as a node that has just gone."""
+        if self._spinning.failure():
+            return []
+        try:
+            return list(question(*about, **more))
+        except Exception as error:  # rclpy and its C code raise all kinds
+            _log.debug("%s cannot be looked up: %s", " ".join(about), first_line(error))
+            return []
+
+    def _find_endpoints(self, list_infos: Callable[..., Any], name: str, **more: bool) -> list[RemoteEndpoint]:
+        """What others have under a name."""
+        infos = self._look_up(list_infos, name, **more)
+        return [self._make_endpoint(info) for info in infos if _full_name(info) != self._spinning.name]
+
+    def _make_endpoint(self, info: Any) -> RemoteEndpoint:
+        node = _full_name(info)
+        return RemoteEndpoint(
+            "" if _UNKNOWN in node else node,
+            _demangle_type(info.topic_type),
+            _read_hash(info.topic_type_hash),
+            bytes(info.endpoint_gid[:2]).hex() if self._vendor else "",
+            self._spinning.read_profile(info.qos_profile),
+            bytes(info.endpoint_gid[:12]) if self._vendor else b"",
+        )
+
+    def _find_servers_by_node(self, service: str) -> list[RemoteEndpoint]:
+        """The service of that name as far as other nodes, each by itself, are known to offer it."""
+        found: list[RemoteEndpoint] = []
+        for name, namespace in self._look_up(self._node.get_node_names_and_namespaces):
+            node = f"{namespace.rstrip('/')}/{name}"
+            if node != self._spinning.name:
+                offered = self._look_up(self._node.get_service_names_and_types_by_node, name, namespace)
+                found += [
+                    RemoteEndpoint(node, f"{type}_Request")
+                    for full, types in offered
+                    if full == service
+                    for type in types
+                ]
+        return found
+
+
+def _full_name(info: Any) -> str:
+    return f"{info.node_namespace.rstrip('/')}/{info.node_name}"
+
+
+def _read_hash(value: Any) -> str:
+    """A type hash of an endpoint; `INVALID` when the endpoint does not say."""
+    text = "" if value is None else str(value)
+    return text if text.startswith("RIHS") else ""
+
+
+def _demangle_type(name: str) -> str:
+    """`std_srvs::srv::dds_::Trigger_Request_` -> `std_srvs/srv/Trigger_Request`."""
+    match = re.fullmatch(r"(\w+)::(\w+)::dds_::(\w+)_", name)
+    return "/".join(match.groups()) if match else name
 
 
 class RclpyTransport:

@@ -7,7 +7,7 @@ from importlib import import_module
 from pathlib import Path
 from typing import Any
 
-from rise_adapters.ros2.transport.interfaces.hashes import read_built_hashes
+from rise_adapters.ros2.transport.interfaces.definitions import read_built_hashes
 from rise_adapters.ros2.transport.port import PortError
 from rise_adapters.ros2.transport.rclpy.conversion import (
     FieldConverter,

@@ -16,7 +16,7 @@ from rise_engine.kernel.records import OpenGoal
 Status: TypeAlias = Literal["connected", "degraded", "lost"]
 
 
-class Standing(Struct, frozen=True):
+class RobotHealth(Struct, frozen=True):
     """A robot's status, and what is wrong with which of its endpoints."""
 
     status: Status
@@ -25,7 +25,7 @@ class Standing(Struct, frozen=True):
     open: tuple[OpenGoal, ...] = ()
     """What it may still be doing of actions that have ended."""
 
-    def is_news_after(self, before: Standing) -> bool:
+    def is_news_after(self, before: RobotHealth) -> bool:
         """Whether people have to be told. (Of a robot that is lost anyway only what does not fit is, and what more it
         may be doing.)"""
         if self.status == "lost" == before.status:
@@ -41,17 +41,17 @@ class Standing(Struct, frozen=True):
 
 def assess(
     transport: Transport, endpoints: Sequence[Endpoint], busy: Collection[Endpoint], estop: EstopInput | None = None
-) -> Standing:
+) -> RobotHealth:
     """How the robot stands now. `busy`: the endpoints that do something of ours."""
     goals = open_goals(endpoints)
     if transport.failure():
-        return Standing("lost", open=goals)
+        return RobotHealth("lost", open=goals)
     faults = frozenset((each.label, each.misfit_kind or each.fault) for each in endpoints if each.fault)
     if faults and all(_is_useless(each, busy) for each in endpoints):
-        return Standing("lost", faults, goals)
+        return RobotHealth("lost", faults, goals)
     if estop is not None and estop.fault:
         faults |= {(estop.label, estop.fault)}
-    return Standing("degraded" if faults else "connected", faults, goals)
+    return RobotHealth("degraded" if faults else "connected", faults, goals)
 
 
 def open_goals(endpoints: Sequence[Endpoint]) -> tuple[OpenGoal, ...]:

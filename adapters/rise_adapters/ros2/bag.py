@@ -6,12 +6,17 @@ them readers find a byte that has changed (https://mcap.dev/spec).
 
 Times in the file are those of the wall clock at the session's start, and from there on session time, with what lay
 between the parts of a recovered session added. At the levels that tell no times of day they begin in 1970.
+
+`metadata.yaml` of a bag, version 9, as ROS 2 Jazzy and later write it
+(https://github.com/ros2/rosbag2/blob/jazzy/rosbag2_storage/src/rosbag2_storage/yaml.hpp).
+
+Written without a library: every text is in double quotes, as JSON has it, which YAML 1.2 reads the same.
 """
 
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from datetime import datetime
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -19,8 +24,6 @@ from typing import TYPE_CHECKING, Any
 import msgspec
 from msgspec import Struct
 
-from rise_adapters.ros2.bag.metadata import TopicFacts, bag_metadata, qos_profile
-from rise_adapters.ros2.bag.schemas import message_schema
 from rise_adapters.ros2.record_messages import (
     RECORD,
     RECORD_TYPE,
@@ -36,7 +39,7 @@ from rise_adapters.ros2.record_messages import (
     rule_state_message,
     task_state_message,
 )
-from rise_adapters.ros2.transport.interfaces import InterfaceCatalog, MessageCodec
+from rise_adapters.ros2.transport.interfaces import RISE_INTERFACES, InterfaceCatalog, MessageCodec
 from rise_adapters.ros2.transport.port import Message
 from rise_engine.kernel.records import AnyRecord, RuleRecord, TaskRecord
 from rise_engine.results.analysis.markers import describe_session
@@ -46,6 +49,130 @@ from rise_engine.results.export.format import ExportContext, ExportError, Export
 
 if TYPE_CHECKING:
     from mcap.writer import Writer
+
+# --- metadata.yaml ----------------------------------------------------------------------------------------------------
+
+VERSION = 9
+DISTRIBUTION = "jazzy"
+"""Whose layout it is."""
+_FOREVER = "{sec: 9223372036, nsec: 854775807}"
+
+
+class TopicFacts(Struct, frozen=True):
+    """What metadata.yaml says of a topic."""
+
+    name: str
+    type: str
+    type_hash: str
+    """`RIHS01_...` (REP 2016)."""
+    depth: int
+    messages: int = 0
+
+
+def bag_metadata(
+    file: str, topics: Sequence[TopicFacts], start: int, duration: int, custom_data: Mapping[str, str]
+) -> str:
+    """The text of metadata.yaml.
+
+    :param file: the name of the bag's one file.
+    :param topics: in the order of the file.
+    :param start: of the first message, in nanoseconds since 1970.
+    :param duration: in nanoseconds.
+    :param custom_data: what is said of it besides.
+    """
+    count = sum(topic.messages for topic in topics)
+    times = [f"starting_time: {{nanoseconds_since_epoch: {start}}}", f"duration: {{nanoseconds: {duration}}}"]
+    lines = [
+        "rosbag2_bagfile_information:",
+        f"  version: {VERSION}",
+        "  storage_identifier: mcap",
+        *(f"  {each}" for each in times),
+        f"  message_count: {count}",
+        "  topics_with_message_count:",
+    ]
+    for topic in topics:
+        lines += [
+            "    - topic_metadata:",
+            f"        name: {_quote(topic.name)}",
+            f"        type: {_quote(topic.type)}",
+            "        serialization_format: cdr",
+            "        offered_qos_profiles:",
+            *(f"          {line}" for line in qos_profile(topic.depth).splitlines()),
+            f"        type_description_hash: {_quote(topic.type_hash)}",
+            f"      message_count: {topic.messages}",
+        ]
+    lines += [
+        '  compression_format: ""',
+        '  compression_mode: ""',
+        "  relative_file_paths:",
+        f"    - {_quote(file)}",
+        "  files:",
+        f"    - path: {_quote(file)}",
+        *(f"      {each}" for each in times),
+        f"      message_count: {count}",
+        "  custom_data:",
+        *(f"    {_quote(name)}: {_quote(value)}" for name, value in custom_data.items()),
+        f"  ros_distro: {DISTRIBUTION}",
+    ]
+    return "\n".join(lines) + "\n"
+
+
+def qos_profile(depth: int) -> str:
+    """How a topic of a session is offered: reliable, and its latest messages also to who comes late."""
+    return "\n".join(
+        [
+            "- history: keep_last",
+            f"  depth: {depth}",
+            "  reliability: reliable",
+            "  durability: transient_local",
+            f"  deadline: {_FOREVER}",
+            f"  lifespan: {_FOREVER}",
+            "  liveliness: automatic",
+            f"  liveliness_lease_duration: {_FOREVER}",
+            "  avoid_ros_namespace_conventions: false",
+        ]
+    )
+
+
+def _quote(text: str) -> str:
+    return msgspec.json.encode(text).decode()
+
+
+# --- message types as text --------------------------------------------------------------------------------------------
+
+_SEPARATOR = "=" * 80
+
+
+def message_schema(catalog: InterfaceCatalog, type: str) -> str:
+    """The definition of a message of `rise_interfaces`, with its comments, and then those of the types that it needs.
+
+    :param catalog: where definitions come from.
+    :param type: `rise_interfaces/msg/Record`.
+    :raises PortError: a type is not known.
+    """
+    parts = [(RISE_INTERFACES / "msg" / f"{type.rpartition('/')[2]}.msg").read_text("utf-8").strip()]
+    for nested in _nested(catalog, type):
+        fields = "\n".join(f"{_short(str(each.type))} {each.name}" for each in catalog.definition(nested).fields)
+        parts.append(f"{_SEPARATOR}\nMSG: {_short(nested)}\n{fields}")
+    return "\n".join(parts) + "\n"
+
+
+def _nested(catalog: InterfaceCatalog, type: str) -> list[str]:
+    """Every type that a type contains, each once, what is needed first first."""
+    found: dict[str, None] = {}
+    pending = [type]
+    while pending:
+        for field in catalog.definition(pending.pop(0)).fields:
+            if field.type.is_nested and field.type.base not in found:
+                found[field.type.base] = None
+                pending.append(field.type.base)
+    return list(found)
+
+
+def _short(name: str) -> str:
+    """As definitions name a type: `std_msgs/Header`."""
+    return name.replace("/msg/", "/")
+
 
 METADATA_FILE = "metadata.yaml"
 TOPICS = (
