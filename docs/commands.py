@@ -14,7 +14,7 @@ from pathlib import Path
 
 import click
 
-from rise_engine.cli.program import _SECTIONS
+from rise_engine.cli.program import CommandGroup
 from rise_engine.cli.program import main as rise_engine
 from rise_tui.cli.main import main as rise_tui
 
@@ -84,7 +84,8 @@ def command_text(context: click.Context, shared: list[Row]) -> str:
 
 
 def commands_by_purpose() -> str:
-    names = {title: ", ".join(f"`{name}`" for name in section) for title, section in _SECTIONS.items()}
+    assert isinstance(rise_engine, CommandGroup)
+    names = {title: ", ".join(f"`{name}`" for name, _ in lines) for title, lines in rise_engine.sections().items()}
     return "\n".join(f"- **{title}**: {each}" for title, each in names.items())
 
 

@@ -84,7 +84,7 @@ def split_ros_args(arguments: Sequence[str]) -> tuple[list[str], tuple[str, ...]
     return own, tuple(ros_args)
 
 
-class _CommandGroup(click.Group):
+class CommandGroup(click.Group):
     """The group of all commands."""
 
     def list_commands(self, ctx: click.Context) -> list[str]:
@@ -93,12 +93,15 @@ class _CommandGroup(click.Group):
     def get_command(self, ctx: click.Context, name: str) -> click.Command | None:
         return _load_command(name) if name in COMMANDS else _load_plugin(name)
 
-    def format_commands(self, ctx: click.Context, formatter: click.HelpFormatter) -> None:
-        """Without loading what any of them needs."""
-        sections = {title: [(name, about) for name, (_, about) in rows.items()] for title, rows in _SECTIONS.items()}
+    def sections(self) -> dict[str, list[tuple[str, str]]]:
+        """Commands and their lines of the help, by purpose. Loads nothing that any of them needs."""
+        found = {title: [(name, about) for name, (_, about) in rows.items()] for title, rows in _SECTIONS.items()}
         plugins = [(name, _load_plugin(name)) for name in sorted(installed_plugins(PLUGINS).names - COMMANDS.keys())]
-        sections["Exchange files"] = [(name, each.get_short_help_str(60)) for name, each in plugins if each]
-        for title, lines in sections.items():
+        found["Exchange files"] = [(name, each.get_short_help_str(60)) for name, each in plugins if each]
+        return found
+
+    def format_commands(self, ctx: click.Context, formatter: click.HelpFormatter) -> None:
+        for title, lines in self.sections().items():
             with formatter.section(title):
                 formatter.write_dl(lines, col_max=12)
 
@@ -136,7 +139,7 @@ def _load_plugin(name: str) -> click.Command | None:
     return command
 
 
-@click.group(cls=_CommandGroup, context_settings={"help_option_names": ["-h", "--help"]})
+@click.group(cls=CommandGroup, context_settings={"help_option_names": ["-h", "--help"]})
 @click.version_option(__version__, prog_name="rise-engine")
 def main() -> None:
     """Check and run human-robot interaction scenarios, without a screen."""
