@@ -10,10 +10,10 @@ import click
 
 
 class LazyGroup(click.Group):
-    """A group that knows where its commands lie."""
+    """A group that knows where its commands lie, and what its help says of each."""
 
-    def __init__(self, *arguments: Any, places: Mapping[str, str], **more: Any) -> None:
-        """:param places: by the name of each command, where it lies: `package.module:attribute`."""
+    def __init__(self, *arguments: Any, places: Mapping[str, tuple[str, str]], **more: Any) -> None:
+        """:param places: by the name of each command, where it lies (`package.module:attribute`) and what it does."""
         super().__init__(*arguments, **more)
         self._places = places
 
@@ -23,6 +23,11 @@ class LazyGroup(click.Group):
     def get_command(self, ctx: click.Context, name: str) -> click.Command | None:
         if name not in self._places:
             return None
-        module, _, attribute = self._places[name].partition(":")
+        module, _, attribute = self._places[name][0].partition(":")
         command: click.Command = getattr(import_module(module), attribute)
         return command
+
+    def format_commands(self, ctx: click.Context, formatter: click.HelpFormatter) -> None:
+        """Without loading any of them."""
+        with formatter.section("Commands"):
+            formatter.write_dl([(name, self._places[name][1]) for name in self.list_commands(ctx)])

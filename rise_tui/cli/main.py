@@ -184,7 +184,7 @@ def _check_usage(options: CommandLine) -> None:
         raise click.UsageError(f"--colors mono leaves no colours for --theme {options.display.theme}")
 
 
-@main.command()
+@main.command(short_help="Print a card with all keys.")
 @click.argument("folder", metavar="DIR", required=False)
 @click.option(
     "--html",
@@ -201,7 +201,7 @@ def keys(folder: str | None, html: str | None, keys: str | None) -> None:
     sys.exit(print_card(folder, html, keys))
 
 
-@main.command()
+@main.command(short_help="Change a study: acts, memory, keys, settings, tables.")
 @click.argument("folder", metavar="DIR")
 @ROBOT
 @_THEME
@@ -215,7 +215,7 @@ def edit(folder: str, robot: str | None, theme: str | None, mouse: str, keys: st
     sys.exit(editor.edit(folder, robot=robot, keys=keys, display=display))
 
 
-@main.command()
+@main.command(short_help="Print what a bug report needs.")
 @_KEYS
 def info(keys: str | None) -> None:
     """Print what a bug report needs: versions, terminal, paths, sessions. It contains no secrets."""
@@ -225,7 +225,7 @@ def info(keys: str | None) -> None:
         click.echo(line)
 
 
-@main.command()
+@main.command(short_help="Complete commands with the tab key in your shell.")
 @click.argument("shell", type=click.Choice(["bash", "zsh", "fish"]))
 def completions(shell: str) -> None:
     """Print a script that completes commands and options with the tab key in your shell.
