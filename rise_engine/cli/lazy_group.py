@@ -9,25 +9,30 @@ from typing import Any
 import click
 
 
+def load_command(place: str) -> click.Command:
+    """:param place: where a command lies: `package.module:attribute`."""
+    module, _, attribute = place.partition(":")
+    command: click.Command = getattr(import_module(module), attribute)
+    return command
+
+
 class LazyGroup(click.Group):
     """A group that knows where its commands lie, and what its help says of each."""
 
-    def __init__(self, *arguments: Any, places: Mapping[str, tuple[str, str]], **more: Any) -> None:
-        """:param places: by the name of each command, where it lies (`package.module:attribute`) and what it does."""
+    def __init__(self, *arguments: Any, sections: Mapping[str, Mapping[str, tuple[str, str]]], **more: Any) -> None:
+        """:param sections: the sections of the help: by the name of each command, where it lies and what it does."""
         super().__init__(*arguments, **more)
-        self._places = places
+        self._sections = sections
+        self.places = {name: place for section in sections.values() for name, (place, _) in section.items()}
 
     def list_commands(self, ctx: click.Context) -> list[str]:
-        return sorted(self._places)
+        return list(self.places)
 
     def get_command(self, ctx: click.Context, name: str) -> click.Command | None:
-        if name not in self._places:
-            return None
-        module, _, attribute = self._places[name][0].partition(":")
-        command: click.Command = getattr(import_module(module), attribute)
-        return command
+        return load_command(self.places[name]) if name in self.places else None
 
     def format_commands(self, ctx: click.Context, formatter: click.HelpFormatter) -> None:
         """Without loading any of them."""
-        with formatter.section("Commands"):
-            formatter.write_dl([(name, self._places[name][1]) for name in self.list_commands(ctx)])
+        for title, section in self._sections.items():
+            with formatter.section(title):
+                formatter.write_dl([(name, about) for name, (_, about) in section.items()], col_max=12)

@@ -41,7 +41,7 @@ class _Program(LazyGroup):
 
 @click.group(
     cls=_Program,
-    places=_COMMANDS,
+    sections={"Commands": _COMMANDS},
     invoke_without_command=True,
     context_settings={"help_option_names": ["-h", "--help"]},
     subcommand_metavar="[COMMAND]",

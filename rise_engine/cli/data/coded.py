@@ -204,6 +204,3 @@ def _lines(folder: Path, file: CodedFile) -> list[str]:
 def _values(folder: Path, file: CodedFile) -> dict[str, Any]:
     values: dict[str, Any] = msgspec.to_builtins(file)
     return {**values, "annotations": Counter(each.tier for each in read_spans(folder, file))}
-
-
-COMMANDS = {"coded": coded}

@@ -337,6 +337,3 @@ def _values(folder: Path, file: MediaFile) -> dict[str, Any]:
     values: dict[str, Any] = msgspec.to_builtins(file)
     ppm = round(file.drift_ppm, 3) if len(file.marks) > 1 else None
     return {**values, "drift_ppm": ppm, "there": media_path(folder, file).exists()}
-
-
-COMMANDS = {"media": media}

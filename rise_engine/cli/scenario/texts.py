@@ -213,6 +213,3 @@ def _check_kind(kind: str) -> None:
 def _languages_text(table: TextTable) -> str:
     into = f", into {', '.join(table.languages)}" if table.languages else ""
     return f" in {table.language}{into}" if table.language else into
-
-
-COMMANDS: dict[str, click.Command] = {"texts": texts}

@@ -21,9 +21,6 @@ STUDY = {
 """Every command of `rise-engine study`: where it lies, and what help says of it."""
 
 
-@click.group("study", cls=LazyGroup, places=STUDY)
+@click.group("study", cls=LazyGroup, sections={"Commands": STUDY})
 def study() -> None:
     """Make, check and run a study: a folder with study.toml (docs/reference/study.md)."""
-
-
-COMMANDS = {"study": study}
