@@ -85,7 +85,7 @@ def command_text(context: click.Context, shared: list[Row]) -> str:
 
 def commands_by_purpose() -> str:
     assert isinstance(rise_engine, CommandGroup)
-    names = {title: ", ".join(f"`{name}`" for name, _ in lines) for title, lines in rise_engine.sections().items()}
+    names = {title: ", ".join(f"`{name}`" for name, _ in lines) for title, lines in rise_engine.help_sections().items()}
     return "\n".join(f"- **{title}**: {each}" for title, each in names.items())
 
 

@@ -30,6 +30,8 @@ from importlib import import_module
 from pathlib import Path
 from typing import IO, Any
 
+from click import Context, Group
+
 from tests.patience import PATIENCE
 
 ENGINE = str(Path(sys.executable).with_name("rise-engine"))
@@ -348,12 +350,19 @@ def _end(status: int) -> None:
     os._exit(status)
 
 
+def _load_commands(group: Group) -> None:
+    context = Context(group)
+    for name in group.list_commands(context):
+        command = group.get_command(context, name)
+        if isinstance(command, Group):
+            _load_commands(command)
+
+
 def load_program() -> None:
     """Load what the commands of `rise-engine` load, which they do late."""
     from rise_engine.cli import program
 
-    for module in set(program.COMMANDS.values()):
-        import_module(f"rise_engine.cli.{module}")
+    _load_commands(program.main)
     for module in ("rise_adapters.simulated", "rise_adapters.ros2.profile_check"):
         import_module(module)
     import_module("rise_engine.scenario.loader").load(Path(__file__).parents[1] / "scenarios" / "greeting")

@@ -9,20 +9,35 @@ from typing import Any
 import click
 
 
-class LazyGroup(click.Group):
-    """A group that knows where its commands lie."""
+def load_command(place: str) -> click.Command:
+    """:param place: where a command lies: `package.module:attribute`."""
+    module, _, attribute = place.partition(":")
+    command: click.Command = getattr(import_module(module), attribute)
+    return command
 
-    def __init__(self, *arguments: Any, places: Mapping[str, str], **more: Any) -> None:
-        """:param places: by the name of each command, where it lies: `package.module:attribute`."""
+
+class LazyGroup(click.Group):
+    """A group that knows where its commands lie, and what its help says of each."""
+
+    def __init__(self, *arguments: Any, sections: Mapping[str, Mapping[str, tuple[str, str]]], **more: Any) -> None:
+        """:param sections: the sections of the help: by the name of each command, where it lies and what it does."""
         super().__init__(*arguments, **more)
-        self._places = places
+        self._sections = sections
+        self.places = {name: place for section in sections.values() for name, (place, _) in section.items()}
 
     def list_commands(self, ctx: click.Context) -> list[str]:
-        return sorted(self._places)
+        return list(self.places)
 
     def get_command(self, ctx: click.Context, name: str) -> click.Command | None:
-        if name not in self._places:
-            return None
-        module, _, attribute = self._places[name].partition(":")
-        command: click.Command = getattr(import_module(module), attribute)
-        return command
+        return load_command(self.places[name]) if name in self.places else None
+
+    def help_sections(self) -> dict[str, list[tuple[str, str]]]:
+        """The commands and what help says of each, by section. Loads none of them."""
+        return {
+            title: [(name, about) for name, (_, about) in section.items()] for title, section in self._sections.items()
+        }
+
+    def format_commands(self, ctx: click.Context, formatter: click.HelpFormatter) -> None:
+        for title, lines in self.help_sections().items():
+            with formatter.section(title):
+                formatter.write_dl(lines, col_max=12)

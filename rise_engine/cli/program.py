@@ -17,53 +17,59 @@ from rise_engine import __version__
 from rise_engine.base.errors import RiseError
 from rise_engine.base.exit_status import BROKEN_PIPE, INTERRUPTED, OK
 from rise_engine.base.plugins import find_plugin, installed_plugins
+from rise_engine.cli.lazy_group import LazyGroup, load_command
 from rise_engine.cli.terminal import Refused, clean_standard_streams, discard_rest
 
 _SECTIONS = {
     "Write scenarios": {
-        "new": ("scenario.new_scenario", "Make a study of your own in a new folder."),
-        "check": ("scenario.check", "Report everything that is wrong with a scenario."),
-        "explore": ("scenario.explore", "Search everything that can happen for dead ends."),
-        "test": ("study.tests", "Run the tests of a scenario or study."),
-        "eval": ("scenario.evaluate", "Show the value of an expression."),
-        "expand": ("scenario.expand", "Print acts and rules without their templates."),
-        "graph": ("scenario.graph", "Draw rules and acts."),
-        "robots": ("scenario.robots", "List the robots that a scenario can name."),
-        "schema": ("scenario.robots", "Print the schema of acts and rules for an editor."),
+        "new": ("rise_engine.cli.scenario.new_scenario:new", "Make a study of your own in a new folder."),
+        "check": ("rise_engine.cli.scenario.check:check", "Report everything that is wrong with a scenario."),
+        "explore": (
+            "rise_engine.cli.scenario.explore:explore_command",
+            "Search everything that can happen for dead ends.",
+        ),
+        "test": ("rise_engine.cli.study.tests:test", "Run the tests of a scenario or study."),
+        "eval": ("rise_engine.cli.scenario.evaluate:evaluate", "Show the value of an expression."),
+        "expand": ("rise_engine.cli.scenario.expand:expand", "Print acts and rules without their templates."),
+        "graph": ("rise_engine.cli.scenario.graph:graph", "Draw rules and acts."),
+        "robots": ("rise_engine.cli.scenario.robots:robots", "List the robots that a scenario can name."),
+        "schema": ("rise_engine.cli.scenario.robots:schema", "Print the schema of acts and rules for an editor."),
     },
     "Change scenarios": {
-        "edit": ("scenario.edit_file", "Make the changes of a JSON file, all or none."),
-        "fmt": ("scenario.edit_commands", "Format the files of a study."),
-        "rename": ("scenario.edit_commands", "Rename an act, rule, state, event or key everywhere."),
-        "uses": ("scenario.edit_commands", "Find where a name is used."),
-        "texts": ("scenario.texts", "Export all texts as a table, and import it again."),
-        "lsp": ("scenario.lsp", "Serve an editor with diagnostics and completion."),
+        "edit": ("rise_engine.cli.scenario.edit_file:edit", "Make the changes of a JSON file, all or none."),
+        "fmt": ("rise_engine.cli.scenario.edit_commands:fmt", "Format the files of a study."),
+        "rename": (
+            "rise_engine.cli.scenario.edit_commands:rename",
+            "Rename an act, rule, state, event or key everywhere.",
+        ),
+        "uses": ("rise_engine.cli.scenario.edit_commands:uses", "Find where a name is used."),
+        "texts": ("rise_engine.cli.scenario.texts:texts", "Export all texts as a table, and import it again."),
+        "lsp": ("rise_engine.cli.scenario.lsp:lsp", "Serve an editor with diagnostics and completion."),
     },
     "Run sessions": {
-        "run": ("session.run", "Run a scenario without a console."),
-        "serve": ("session.serve", "Run a session that consoles attach to."),
-        "sessions": ("session.sessions", "List running and unfinished sessions."),
-        "stop": ("session.stop", "Stop the robot and end a session."),
-        "take-over": ("session.stop", "Continue a session with changed files."),
-        "doctor": ("scenario.robots", "Examine ROS 2 on this machine and the robot."),
-        "lsl": ("session.lsl", "Send markers to the Lab Streaming Layer."),
+        "run": ("rise_engine.cli.session.run:run", "Run a scenario without a console."),
+        "serve": ("rise_engine.cli.session.serve:serve", "Run a session that consoles attach to."),
+        "sessions": ("rise_engine.cli.session.sessions:sessions", "List running and unfinished sessions."),
+        "stop": ("rise_engine.cli.session.stop:stop", "Stop the robot and end a session."),
+        "take-over": ("rise_engine.cli.session.stop:take_over", "Continue a session with changed files."),
+        "doctor": ("rise_engine.cli.scenario.robots:doctor", "Examine ROS 2 on this machine and the robot."),
+        "lsl": ("rise_engine.cli.session.lsl:lsl", "Send markers to the Lab Streaming Layer."),
     },
     "Run studies": {
-        "study": ("study.commands", "Make, check, plan and run a study."),
+        "study": ("rise_engine.cli.study.commands:study", "Make, check, plan and run a study."),
     },
     "Use results": {
-        "report": ("data.report", "Summarize a session or a study."),
-        "export": ("data.export", "Write sessions as tables, BIDS, ELAN and more."),
-        "agree": ("data.agree", "Compute the agreement of wizards."),
-        "coded": ("data.coded", "Add annotations from ELAN or BORIS to a session."),
-        "media": ("data.media", "Attach films and sound to a session."),
-        "redact": ("data.redact", "Remove words from a session permanently."),
-        "replay": ("session.replay", "Replay a session, and compare the records."),
-        "reproduce": ("data.reproduce", "Check that a bundle reproduces its results."),
+        "report": ("rise_engine.cli.data.report:report", "Summarize a session or a study."),
+        "export": ("rise_engine.cli.data.export:export", "Write sessions as tables, BIDS, ELAN and more."),
+        "agree": ("rise_engine.cli.data.agree:agree", "Compute the agreement of wizards."),
+        "coded": ("rise_engine.cli.data.coded:coded", "Add annotations from ELAN or BORIS to a session."),
+        "media": ("rise_engine.cli.data.media:media", "Attach films and sound to a session."),
+        "redact": ("rise_engine.cli.data.redact:redact_session", "Remove words from a session permanently."),
+        "replay": ("rise_engine.cli.session.replay:replay_session", "Replay a session, and compare the records."),
+        "reproduce": ("rise_engine.cli.data.reproduce:reproduce", "Check that a bundle reproduces its results."),
     },
 }
-"""Each command's module in this package, in whose `COMMANDS` it is, and its line of the help."""
-COMMANDS = {name: module for section in _SECTIONS.values() for name, (module, _) in section.items()}
+"""The commands in the order of help, each with the place where it lies and its line of the help."""
 PLUGINS = "rise.commands"
 """The entry-point group in which a package names commands of its own, each a `click.Command`. The module that it names
 is light: help loads it."""
@@ -84,32 +90,25 @@ def split_ros_args(arguments: Sequence[str]) -> tuple[list[str], tuple[str, ...]
     return own, tuple(ros_args)
 
 
-class CommandGroup(click.Group):
+class CommandGroup(LazyGroup):
     """The group of all commands."""
 
     def list_commands(self, ctx: click.Context) -> list[str]:
-        return [*COMMANDS, *installed_plugins(PLUGINS).names]
+        return [*super().list_commands(ctx), *sorted(installed_plugins(PLUGINS).names)]
 
     def get_command(self, ctx: click.Context, name: str) -> click.Command | None:
-        return _load_command(name) if name in COMMANDS else _load_plugin(name)
+        return super().get_command(ctx, name) or _load_plugin(name)
 
-    def sections(self) -> dict[str, list[tuple[str, str]]]:
-        """Commands and their lines of the help, by purpose. Loads nothing that any of them needs."""
-        found = {title: [(name, about) for name, (_, about) in rows.items()] for title, rows in _SECTIONS.items()}
-        plugins = [(name, _load_plugin(name)) for name in sorted(installed_plugins(PLUGINS).names - COMMANDS.keys())]
-        found["Exchange files"] = [(name, each.get_short_help_str(60)) for name, each in plugins if each]
-        return found
-
-    def format_commands(self, ctx: click.Context, formatter: click.HelpFormatter) -> None:
-        for title, lines in self.sections().items():
-            with formatter.section(title):
-                formatter.write_dl(lines, col_max=12)
+    def help_sections(self) -> dict[str, list[tuple[str, str]]]:
+        plugins = {name: _load_plugin(name) for name in sorted(installed_plugins(PLUGINS).names - self.places.keys())}
+        lines = [(name, each.get_short_help_str(60)) for name, each in plugins.items() if each]
+        return {**super().help_sections(), "Exchange files": lines}
 
     def main(self, args: Sequence[str] | None = None, *rest: Any, **more: Any) -> Any:
         own, ros_args = split_ros_args(sys.argv[1:] if args is None else args)
         with clean_standard_streams():
             if own[:1] == ["serve"]:
-                serve = _load_command("serve")
+                serve = load_command(self.places["serve"])
                 arguments = import_module("rise_engine.cli.arguments")  # which needs what `serve` needs
                 own, ros_args = arguments.add_ros_parameters(own, ros_args, serve)
             return super().main(own, *rest, obj=ros_args, **more)
@@ -128,18 +127,13 @@ class CommandGroup(click.Group):
         return ctx.exit(status or OK)
 
 
-def _load_command(name: str) -> click.Command:
-    command: click.Command = import_module(f"rise_engine.cli.{COMMANDS[name]}").COMMANDS[name]
-    return command
-
-
 def _load_plugin(name: str) -> click.Command | None:
     found = find_plugin(PLUGINS, name)
     command: click.Command | None = found.load() if found is not None else None
     return command
 
 
-@click.group(cls=CommandGroup, context_settings={"help_option_names": ["-h", "--help"]})
+@click.group(cls=CommandGroup, sections=_SECTIONS, context_settings={"help_option_names": ["-h", "--help"]})
 @click.version_option(__version__, prog_name="rise-engine")
 def main() -> None:
     """Check and run human-robot interaction scenarios, without a screen."""

@@ -5,6 +5,7 @@ from __future__ import annotations
 import asyncio
 import os
 import shlex
+import sys
 from pathlib import Path
 
 import click
@@ -14,17 +15,39 @@ from rise_engine.author.edit.study_folder import scenarios_below
 from rise_engine.author.edit.workspace import Workspace
 from rise_engine.base.errors import RiseError
 from rise_engine.base.exit_status import REFUSED, USAGE
+from rise_engine.cli.options import ROBOT
 from rise_engine.run.client import connect
 from rise_engine.run.protocol.registry import RegistryError, ask_summary
 from rise_engine.scenario.file_names import PARTICIPANTS_FILE, SCENARIO_FILE, STUDY_FILE
 from rise_engine.session.folder import running_sessions
 from rise_engine.study.review import findings_of_files
+from rise_tui.cli.options import KEYS, MOUSE, THEME
 from rise_tui.cli.terminal import PlainTerminal
-from rise_tui.config.display import DisplayOptions, prepare_textual, with_detected_colors
-from rise_tui.config.paths import expand_home, key_file_path
-from rise_tui.editor.study import RunningHere
+from rise_tui.config.display import (
+    USUAL_FRAMES,
+    DisplayOptions,
+    choose_theme,
+    detect_colors,
+    prepare_textual,
+    with_detected_colors,
+)
+from rise_tui.config.paths import PREFERENCES_NAME, expand_home, key_file_path, state_folder
+from rise_tui.config.preferences import Preferences, load_saved
+from rise_tui.editor.study import RunningHere, SessionWatch
 
 STOP_SECONDS = 5.0
+
+
+@click.command()
+@click.argument("folder", metavar="DIR")
+@ROBOT
+@THEME
+@MOUSE
+@KEYS
+def edit(folder: str, robot: str | None, theme: str | None, mouse: str, keys: str | None) -> None:
+    """Change the study in DIR: acts, memory, keys, settings, tables. Nothing starts on a robot."""
+    display = DisplayOptions(theme or "", "auto", mouse == "on", USUAL_FRAMES)
+    sys.exit(_edit(folder, robot=robot, keys=keys, display=display))
 
 
 def _participant(socket: str) -> str:
@@ -64,7 +87,7 @@ class SessionsHere:
         return "STOPPED: the session of this study was told to stop everything; its console releases it"
 
 
-def edit(folder: str, *, robot: str | None, keys: str | None, display: DisplayOptions) -> int:
+def _edit(folder: str, *, robot: str | None, keys: str | None, display: DisplayOptions) -> int:
     """Show the editor until it is left; returns the exit status."""
     if not PlainTerminal().interactive:
         click.echo("the editor needs a terminal; `rise-engine edit` needs none", err=True)
@@ -86,6 +109,26 @@ def edit(folder: str, *, robot: str | None, keys: str | None, display: DisplayOp
         return REFUSED
     display = with_detected_colors(display, os.environ)
     prepare_textual(display)  # before anything imports Textual
-    from rise_tui.cli.edit_console import run_editor
+    return _run_editor(workspace, SessionsHere(), key_file_path(keys), display)
 
-    return run_editor(workspace, SessionsHere(), key_file_path(keys), display)
+
+def _run_editor(workspace: Workspace, sessions: SessionWatch, key_file: Path | None, display: DisplayOptions) -> int:
+    """Until it is left; returns the exit status."""
+    from rise_tui.config.key_file import read_keys  # all of these bring Textual
+    from rise_tui.config.keymap import how_to_fix
+    from rise_tui.editor.app import EditApp
+    from rise_tui.editor.exploring import explore_saved
+    from rise_tui.editor.model.draft import draft_of
+    from rise_tui.editor.study import EditedStudy
+
+    keys = read_keys(key_file) if key_file is not None else None
+    if keys is not None and keys.problems:
+        click.echo("\n".join((*map(str, keys.problems), how_to_fix(key_file))), err=True)
+        return USAGE
+    kept, _ = load_saved(state_folder() / PREFERENCES_NAME, Preferences)
+    theme = choose_theme(display, detect_colors(display, os.environ), kept.theme)
+    study = EditedStudy(workspace, draft_of(workspace))
+    app = EditApp(study, sessions=sessions, theme=theme, keys=keys, notice=workspace.read_only, explorer=explore_saved)
+    app.run(mouse=display.mouse)
+    asyncio.run(study.close())
+    return app.return_code or 0

@@ -10,8 +10,11 @@ from collections.abc import Iterator
 from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
 
+import click
+
 from rise_engine.run.protocol.registry import RegistryError, ask_all_summaries, runtime_folder
 from rise_engine.session.folder import sessions_folder
+from rise_tui.cli.options import KEYS
 from rise_tui.config.display import DisplayOptions, choose_theme, detect_colors
 from rise_tui.config.key_file import read_keys
 from rise_tui.config.paths import PREFERENCES_NAME, abbreviate_home, config_folder, key_file_path, state_folder
@@ -19,6 +22,14 @@ from rise_tui.config.preferences import Preferences, load_saved
 from rise_tui.rendering.text import clean, format_age
 
 PACKAGES = ("rise-tui", "textual", "rich", "click", "msgspec", "lxml", "cyclonedds")
+
+
+@click.command()
+@KEYS
+def info(keys: str | None) -> None:
+    """Print what a bug report needs: versions, terminal, paths, sessions. It contains no secrets."""
+    for line in report_lines(keys):
+        click.echo(line)
 
 
 def report_lines(keys: str | None) -> Iterator[str]:

@@ -3,6 +3,7 @@ registry of actions, with the keys that this user has."""
 
 from __future__ import annotations
 
+import sys
 from collections.abc import Iterator
 from html import escape
 from pathlib import Path
@@ -15,6 +16,7 @@ from rise_engine.run.protocol.session_options import SessionOptions
 from rise_engine.scenario.keys import PUNCTUATION
 from rise_engine.scenario.model import KeyBinding, Scenario
 from rise_tui.actions import KEY_SCOPES, actions_in
+from rise_tui.cli.options import KEYS
 from rise_tui.config.key_file import read_keys
 from rise_tui.config.keymap import KeyFile
 from rise_tui.config.launch import ScenarioProblems, load_scenario
@@ -35,6 +37,21 @@ KINDS = {
 _MARKS = frozenset(PUNCTUATION.values())
 HOLD, FILLER = "press twice", "filler"
 NO_KEY = "no key"
+
+
+@click.command()
+@click.argument("folder", metavar="DIR", required=False)
+@click.option(
+    "--html",
+    metavar="FILE",
+    is_flag=False,
+    flag_value="-",
+    help="Write a page for printing. Without FILE, print it to standard output.",
+)
+@KEYS
+def keys(folder: str | None, html: str | None, keys: str | None) -> None:
+    """Print a card with all keys, to lay beside the keyboard: first the scenario's in DIR, then the console's."""
+    sys.exit(print_card(folder, html, keys))
 
 
 class KeyCardEntry(NamedTuple):

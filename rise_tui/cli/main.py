@@ -11,20 +11,26 @@ from click.core import ParameterSource
 from click.shell_completion import get_completion_class
 
 from rise_engine import __version__
-from rise_engine.cli.options import HERE, NEW, PLACES, RECOVER, ROBOT, SEED, SESSION_OPTIONS, SETTINGS, options
+from rise_engine.cli.lazy_group import LazyGroup
+from rise_engine.cli.options import HERE, NEW, PLACES, RECOVER, SEED, SESSION_OPTIONS, SETTINGS, options
 from rise_engine.cli.program import split_ros_args
 from rise_engine.cli.terminal import clean_standard_streams
-from rise_tui.cli.options import CommandLine
+from rise_tui.cli.options import KEYS, MOUSE, THEME, CommandLine
 from rise_tui.cli.start import start
 from rise_tui.config.display import MOST_FRAMES, USUAL_FRAMES, DisplayOptions
 
-THEMES = ("dark", "light", "contrast", "colorblind", "mono", "terminal")
-"""Those of `rise_tui.rendering.themes`, which is not imported before a session is on its way."""
+_COMMANDS = {
+    "completions": ("rise_tui.cli.main:completions", "Complete commands with the tab key in your shell."),
+    "edit": ("rise_tui.cli.edit:edit", "Change a study: acts, memory, keys, settings, tables."),
+    "info": ("rise_tui.cli.info:info", "Print what a bug report needs."),
+    "keys": ("rise_tui.cli.key_card:keys", "Print a card with all keys."),
+}
+"""Where each subcommand lies, and what help says of it. Most of them bring Textual."""
 _NAMES = ("participant", "condition", "language", "wizard")
 """Options that say nothing when they are empty."""
 
 
-class _Program(click.Group):
+class _Program(LazyGroup):
     """What stands after `--ros-args` is not for us but for the session's connection to ROS."""
 
     def main(self, args: Sequence[str] | None = None, *rest: Any, **more: Any) -> Any:
@@ -33,21 +39,9 @@ class _Program(click.Group):
             return super().main(ours, *rest, obj=theirs, **more)
 
 
-_THEME = click.option(
-    "--theme", type=click.Choice(THEMES), help="Choose the theme. Default: the one that you used last; at first, dark."
-)
-_MOUSE = click.option(
-    "--mouse",
-    type=click.Choice(["on", "off"]),
-    default="on",
-    show_default=True,
-    help="Use the mouse, or leave it to the terminal.",
-)
-_KEYS = click.option("--keys", metavar="FILE", help="Use this key file instead of the usual one. none: the usual keys.")
-
-
 @click.group(
     cls=_Program,
+    sections={"Commands": _COMMANDS},
     invoke_without_command=True,
     context_settings={"help_option_names": ["-h", "--help"]},
     subcommand_metavar="[COMMAND]",
@@ -85,7 +79,7 @@ _KEYS = click.option("--keys", metavar="FILE", help="Use this key file instead o
 @click.option(
     "--speed", type=click.FloatRange(0.01, 1000), default=1.0, help="Play a replay or a shadow this many times as fast."
 )
-@_THEME
+@THEME
 @click.option(
     "--colors",
     type=click.Choice(["auto", "truecolor", "256", "16", "mono"]),
@@ -93,7 +87,7 @@ _KEYS = click.option("--keys", metavar="FILE", help="Use this key file instead o
     show_default=True,
     help="Set what the terminal can show. auto: what it reports.",
 )
-@_MOUSE
+@MOUSE
 @click.option(
     "--fps",
     type=click.IntRange(1, MOST_FRAMES),
@@ -101,7 +95,7 @@ _KEYS = click.option("--keys", metavar="FILE", help="Use this key file instead o
     show_default=True,
     help="Paint the screen at most this many times a second. Fewer help on a slow link.",
 )
-@_KEYS
+@KEYS
 @click.option("--fresh", is_flag=True, help="Do not restore the layout, filters and theme of the last time.")
 @click.version_option(__version__)
 @click.pass_context
@@ -184,48 +178,7 @@ def _check_usage(options: CommandLine) -> None:
         raise click.UsageError(f"--colors mono leaves no colours for --theme {options.display.theme}")
 
 
-@main.command()
-@click.argument("folder", metavar="DIR", required=False)
-@click.option(
-    "--html",
-    metavar="FILE",
-    is_flag=False,
-    flag_value="-",
-    help="Write a page for printing. Without FILE, print it to standard output.",
-)
-@_KEYS
-def keys(folder: str | None, html: str | None, keys: str | None) -> None:
-    """Print a card with all keys, to lay beside the keyboard: first the scenario's in DIR, then the console's."""
-    from rise_tui.cli.key_card import print_card  # Textual comes with it, as below
-
-    sys.exit(print_card(folder, html, keys))
-
-
-@main.command()
-@click.argument("folder", metavar="DIR")
-@ROBOT
-@_THEME
-@_MOUSE
-@_KEYS
-def edit(folder: str, robot: str | None, theme: str | None, mouse: str, keys: str | None) -> None:
-    """Change the study in DIR: acts, memory, keys, settings, tables. Nothing starts on a robot."""
-    from rise_tui.cli import edit as editor
-
-    display = DisplayOptions(theme or "", "auto", mouse == "on", USUAL_FRAMES)
-    sys.exit(editor.edit(folder, robot=robot, keys=keys, display=display))
-
-
-@main.command()
-@_KEYS
-def info(keys: str | None) -> None:
-    """Print what a bug report needs: versions, terminal, paths, sessions. It contains no secrets."""
-    from rise_tui.cli.info import report_lines
-
-    for line in report_lines(keys):
-        click.echo(line)
-
-
-@main.command()
+@click.command()
 @click.argument("shell", type=click.Choice(["bash", "zsh", "fish"]))
 def completions(shell: str) -> None:
     """Print a script that completes commands and options with the tab key in your shell.

@@ -1,7 +1,8 @@
-"""What the command line of `rise-tui` says."""
+"""The options that commands of `rise-tui` share, and what its command line says."""
 
 from __future__ import annotations
 
+import click
 from msgspec import Struct
 
 from rise_engine.cli.arguments import parse_paths
@@ -9,6 +10,20 @@ from rise_engine.ports.bridge import RosConnection, RosTransport
 from rise_engine.run.protocol.client import Role
 from rise_engine.run.protocol.session_options import SessionOptions
 from rise_tui.config.display import DisplayOptions
+
+THEMES = ("dark", "light", "contrast", "colorblind", "mono", "terminal")
+"""Those of `rise_tui.rendering.themes`, which is not imported before a session is on its way."""
+THEME = click.option(
+    "--theme", type=click.Choice(THEMES), help="Choose the theme. Default: the one that you used last; at first, dark."
+)
+MOUSE = click.option(
+    "--mouse",
+    type=click.Choice(["on", "off"]),
+    default="on",
+    show_default=True,
+    help="Use the mouse, or leave it to the terminal.",
+)
+KEYS = click.option("--keys", metavar="FILE", help="Use this key file instead of the usual one. none: the usual keys.")
 
 
 class CommandLine(Struct, frozen=True, kw_only=True):

@@ -168,7 +168,7 @@ def test_run_plays_what_they_would_have_and_keeps_nothing(study: Path) -> None:
     assert memory.keys() == {"hesitation", "noise"}
     assert engine(*run).stdout.count("\n") == len(records)
     assert not (study / "sessions").exists() and [line["kind"] for line in log_lines(study)] == ["planned"]
-    assert "say either DIR or --study" in engine("run", study / "scenario", "--study", study).stderr
+    assert "use either DIR or --study" in engine("run", study / "scenario", "--study", study).stderr
     real = engine("run", "--study", study, "--participant", "P01", "--mode", "real")
     assert real.returncode == 2 and "serve --study" in real.stderr
     other = engine("run", "--study", study, "--participant", "P01", "--set", "noise=7")

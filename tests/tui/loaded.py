@@ -12,8 +12,16 @@ from rise_tui.config.display import DisplayOptions, prepare_textual
 
 os.environ |= {"TERM": "xterm-256color", "COLORTERM": "truecolor"}
 prepare_textual(DisplayOptions())  # Textual reads it when it is imported
-for _module in ("open_console", "edit_console", "study_folder", "edit", "info", "key_card"):
-    import_module(f"rise_tui.cli.{_module}")
+for _module in (
+    "cli.open_console",
+    "cli.study_folder",
+    "cli.edit",
+    "cli.info",
+    "cli.key_card",
+    "editor.app",
+    "editor.study",
+):
+    import_module(f"rise_tui.{_module}")
 
 explore_saved = import_module("rise_tui.editor.exploring").explore_saved
 explore_saved.__kwdefaults__["after"] = 24 * 60 * 60

@@ -135,9 +135,6 @@ def _formatted(report: AgreementReport, form: Form) -> bytes:
     return text.encode("utf-8", "backslashreplace")
 
 
-COMMANDS = {"agree": agree}
-
-
 # --- a comparison, as text for people and as a table ------------------------------------------------------------------
 
 WIDTH = 100

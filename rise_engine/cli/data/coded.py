@@ -42,7 +42,7 @@ def coded() -> None:
     """Add people's annotations from ELAN or BORIS to a session. Exports have them beside the record."""
 
 
-@coded.command("add")
+@coded.command("add", short_help="Keep an annotation file with the session.")
 @SESSION
 @click.argument("file", type=click.Path())
 @click.option(
@@ -151,7 +151,7 @@ def _find_clock(
     )
 
 
-@coded.command("list")
+@coded.command("list", short_help="List the annotation files.")
 @SESSION
 @JSON
 @refusing(USAGE)
@@ -174,7 +174,7 @@ def list_coded(session: Path, as_json: bool) -> int:
     return PARTIAL if problems else OK
 
 
-@coded.command("remove")
+@coded.command("remove", short_help="Delete an annotation file.")
 @SESSION
 @click.argument("file")
 def remove(session: Path, file: str) -> None:
@@ -204,6 +204,3 @@ def _lines(folder: Path, file: CodedFile) -> list[str]:
 def _values(folder: Path, file: CodedFile) -> dict[str, Any]:
     values: dict[str, Any] = msgspec.to_builtins(file)
     return {**values, "annotations": Counter(each.tier for each in read_spans(folder, file))}
-
-
-COMMANDS = {"coded": coded}

@@ -72,7 +72,7 @@ class _Added(Struct, frozen=True):
     was_there: bool
 
 
-@media.command("add")
+@media.command("add", short_help="Register a recording, and align it with the session.")
 @SESSION
 @click.argument("files", metavar="[FILE]...", nargs=-1, type=click.Path())
 @click.option(
@@ -232,7 +232,7 @@ def _by_start(folder: Path, path: Path) -> Alignment:
     return Alignment(problem="no marks or times are given: use --find-marks, or --at FILE=SESSION")
 
 
-@media.command("list")
+@media.command("list", short_help="List the recordings, and how they are aligned.")
 @SESSION
 @JSON
 @refusing(USAGE)
@@ -257,7 +257,7 @@ def list_media(session: Path, as_json: bool) -> int:
     return PARTIAL if missing else OK
 
 
-@media.command("remove")
+@media.command("remove", short_help="Remove a recording from the list.")
 @SESSION
 @click.argument("file")
 @JSON
@@ -337,6 +337,3 @@ def _values(folder: Path, file: MediaFile) -> dict[str, Any]:
     values: dict[str, Any] = msgspec.to_builtins(file)
     ppm = round(file.drift_ppm, 3) if len(file.marks) > 1 else None
     return {**values, "drift_ppm": ppm, "there": media_path(folder, file).exists()}
-
-
-COMMANDS = {"media": media}

@@ -165,6 +165,3 @@ def _suggestion_lines(found: Sequence[NameSuggestion]) -> list[str]:
     width = min(30, max(len(each.word) for each in found))
     lines = [f"{each.word:{width}}  {each.count:>3}  {each.why}" for each in found]
     return [*lines, "", "Which of them are names, only people know: rise-engine redact SESSION --replace WORD=NAME1"]
-
-
-COMMANDS = {"redact": redact_session}

@@ -103,6 +103,3 @@ def _write(
 
 def _width() -> int:
     return min(WIDEST, shutil.get_terminal_size((WIDTH, 24)).columns) if sys.stdout.isatty() else WIDTH
-
-
-COMMANDS = {"report": report}

@@ -255,6 +255,3 @@ def _document(path: Path, found: Reproduction, robot: str | None) -> dict[str, A
             for each in found.others
         ],
     }
-
-
-COMMANDS = {"reproduce": reproduce}

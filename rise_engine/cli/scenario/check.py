@@ -129,6 +129,3 @@ def _explain_act(loaded: LoadResult, act: str, *, as_json: bool) -> None:
         source = "as usual" if table is None else f"{table.header} ({table.location.file}:{table.location.line})"
         lines.append(f"  {name:<13} {json.dumps(value):<11} {source}")
     show(lines, {"act": act, "settings": rows}, as_json=as_json)
-
-
-COMMANDS = {"check": check}

@@ -169,6 +169,3 @@ def _write(path: Path, before: Files, after: Files) -> None:
         write_files(path, before, after)
     finally:
         workspace.close()
-
-
-COMMANDS = {"fmt": fmt, "rename": rename, "uses": uses}

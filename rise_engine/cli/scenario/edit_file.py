@@ -169,6 +169,3 @@ def _document(
         "diff": diff_of(before, after),
         "written": written,
     }
-
-
-COMMANDS = {"edit": edit}

@@ -158,6 +158,3 @@ def type_name(value: Any) -> str:
 def _one_line(text: str) -> str:
     """Every character at the column where it was written."""
     return "".join(" " if character.isspace() else character for character in text)
-
-
-COMMANDS = {"eval": evaluate}

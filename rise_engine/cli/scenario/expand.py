@@ -78,6 +78,3 @@ def _additions_text(files: list[XmlFile]) -> str:
     return "beyond RISE itself, these acts and rules have: " + ", ".join(
         f"{name} ({number})" for name, number in sorted(found.items())
     )
-
-
-COMMANDS = {"expand": expand}

@@ -307,6 +307,3 @@ def _write_ways(scenario: Scenario, exploration: Exploration, folder: Path, stud
                 (folder / f"{number:02}-{finding.kind}.jsonl").write_text(text, encoding="utf-8")
     except OSError as error:
         raise Refused(f"{folder} cannot be written: {error_message(error)}", status=NOT_WRITTEN) from None
-
-
-COMMANDS = {"explore": explore_command}

@@ -102,6 +102,3 @@ def graph(folder: str, name: str, format: str, act: bool, width: int | None, out
         Path(output).write_bytes(text.encode())
     except OSError as error:
         raise Refused(f"{output}: {reason_of(error)}") from None
-
-
-COMMANDS = {"graph": graph}

@@ -28,6 +28,3 @@ def lsp(stdio: bool) -> None:
         ) from None
     with refusing(USAGE):
         make_server().start_io(CheckedHeaders(sys.stdin.buffer))  # type: ignore[arg-type]  # what pygls reads with
-
-
-COMMANDS = {"lsp": lsp}

@@ -103,6 +103,3 @@ def _make_blank(folder: Path, title: str, robot: str) -> None:
         f"  check it   rise-engine check {where}",
         f"  run it     rise-tui --config {where}",
     )
-
-
-COMMANDS = {"new": new}

@@ -132,6 +132,3 @@ def _named_robot(folder: str | None) -> str:
     """The robot that a scenario names, whatever else is wrong with it."""
     scenario = load(folder or ".").scenario
     return scenario.robot.name if scenario is not None else DEFAULT_ROBOT
-
-
-COMMANDS = {"doctor": doctor, "robots": robots, "schema": schema}

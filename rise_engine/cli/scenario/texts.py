@@ -58,7 +58,7 @@ def texts() -> None:
     """Export what a study says as one table, for spreadsheets and translators, and import it again."""
 
 
-@texts.command("export")
+@texts.command("export", short_help="Write every text as one table.")
 @SCENARIO
 @click.option(
     "-o", "--output", metavar="FILE", type=click.Path(), help="Write a new .csv, .xlsx or .po file. Default: print CSV."
@@ -91,7 +91,7 @@ def export(folder: str, output: str | None, languages: tuple[str, ...], only: On
     print_lines(f"{output}: {pluralize(len(table.rows), 'text')}{_languages_text(table)}")
 
 
-@texts.command("import")
+@texts.command("import", short_help="Import the changes of such a table.")
 @SCENARIO
 @click.argument("file", metavar="FILE", type=click.Path())
 @LANGUAGES
@@ -147,7 +147,7 @@ def _apply(workspace: Workspace, found: TextImport, *, dry_run: bool) -> str:
     return f": {', '.join(saved)}"
 
 
-@texts.command("check")
+@texts.command("check", short_help="Report texts without a current translation.")
 @SCENARIO
 @LANGUAGES
 def check(folder: str, languages: tuple[str, ...]) -> int:
@@ -213,6 +213,3 @@ def _check_kind(kind: str) -> None:
 def _languages_text(table: TextTable) -> str:
     into = f", into {', '.join(table.languages)}" if table.languages else ""
     return f" in {table.language}{into}" if table.language else into
-
-
-COMMANDS: dict[str, click.Command] = {"texts": texts}

@@ -72,6 +72,3 @@ def _log_to_standard_error() -> None:
     log = logging.getLogger("rise_engine.run.recording")
     log.addHandler(handler)
     log.setLevel(logging.INFO)
-
-
-COMMANDS = {"lsl": lsl}

@@ -97,6 +97,3 @@ def _comparison_lines(found: ReplayComparison) -> list[str]:
     if found.missing:
         lines.append(f"different: {pluralize(found.missing, 'record')} of the replay cannot be read in the journal")
     return [*lines, f"(all else is identical: {same})"]
-
-
-COMMANDS = {"replay": replay_session}

@@ -107,6 +107,3 @@ def run(
             scenario, wanted, file.tasks, stream, virtual, until=until, json=as_json, strict=strict, started=started
         )
     )
-
-
-COMMANDS = {"run": run}

@@ -159,6 +159,3 @@ def _refusal_lines(refused: EngineRefused, scenario_folder: str) -> list[str]:
         refused_folder = f"{scenario_folder} was refused: " if scenario_folder else ""
         lines.append(f"{refused_folder}nothing was started")
     return lines
-
-
-COMMANDS = {"serve": serve}

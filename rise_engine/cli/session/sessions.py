@@ -211,6 +211,3 @@ def _listed(folder: Path, info: SessionInfo, judged: tuple[str, str] | None) -> 
         mode=info.mode,
         title=info.title,
     )
-
-
-COMMANDS = {"sessions": sessions}

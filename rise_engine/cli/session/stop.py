@@ -116,6 +116,3 @@ def take_over(session: str | None) -> None:
     if not reply.accepted:
         raise Refused(hints=[f"not taken over: {reply.reason}"])
     print_lines(f"{name} goes on with the files as they are now")
-
-
-COMMANDS = {"stop": stop, "take-over": take_over}

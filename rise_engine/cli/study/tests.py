@@ -91,6 +91,3 @@ def test(folder: str, files: tuple[str, ...], as_json: bool) -> int:
     if not as_json:
         print_lines(f"{passed} of {pluralize(len(tests), 'test')} passed")
     return OK if passed == len(tests) else REFUSED
-
-
-COMMANDS = {"test": test}

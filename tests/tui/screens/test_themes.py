@@ -11,7 +11,7 @@ from textual.color import Color
 from textual.theme import Theme
 
 import rise_tui
-from rise_tui.cli.main import THEMES
+from rise_tui.cli.options import THEMES
 from rise_tui.config.display import DetectedColors, DisplayOptions, choose_theme, detect_colors, prepare_textual
 from rise_tui.rendering import themes
 from rise_tui.rendering.styled_lines import STYLE_SPECS
