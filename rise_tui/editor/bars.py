@@ -45,7 +45,7 @@ def top_line(draft: StudyDraft, width: int, *, busy: str = "") -> StyledLine:
 
 
 def finding_line(draft: StudyDraft, about: str) -> StyledLine:
-    """The first thing that is wrong; of what stands in `about` (a file) first."""
+    """The first finding; those in the file `about` come first."""
     found = draft.findings
     if not found:
         return ()
@@ -101,7 +101,7 @@ class FindingLine(StaticLines):
 
 
 class BannerLine(StaticLines):
-    """What is to be known all the time: that a session runs. Takes no row without it."""
+    """A line that stays: a session runs. It takes no row when it is empty."""
 
     DEFAULT_CSS = """
     BannerLine { display: none; }

@@ -1,4 +1,4 @@
-"""Memory, keys and settings: one form each, in which rows are added, renamed and taken away."""
+"""Memory, keys and settings: a form each, with rows that can be added, renamed and removed."""
 
 from __future__ import annotations
 

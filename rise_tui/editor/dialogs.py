@@ -92,7 +92,7 @@ def draft_dialog(draft: Draft) -> Dialog:
 
 
 class SaveDialog(SingleDismissModal[bool]):
-    """The result is whether it is to be saved."""
+    """The result: whether to save."""
 
     DEFAULT_CSS = """
     SaveDialog {

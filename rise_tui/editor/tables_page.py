@@ -1,4 +1,4 @@
-"""The tables of a study: rows and columns, of which the cell under the cursor is changed below them."""
+"""The tables of a study in rows and columns. The cell under the cursor is changed below them."""
 
 from __future__ import annotations
 
@@ -285,7 +285,7 @@ class TablesPage(SentencePage):
         )  # fmt: skip
 
     def add_table(self) -> None:
-        """A table with columns, in which rows are added then."""
+        """A table with columns and no rows yet."""
 
         def ask_columns(name: str) -> None:
             def make(columns: str) -> None:

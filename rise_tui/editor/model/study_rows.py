@@ -147,7 +147,7 @@ def wrong_files(draft: StudyDraft) -> dict[str, list[int]]:
 
 
 def find_at(draft: StudyDraft, file: str, line: int) -> tuple[str, str] | None:
-    """Which page shows what stands in this line: its kind and name."""
+    """The page that shows this line: its kind and name."""
     for act in draft.outline.acts:
         if act.file == file and act.has_line(line):
             return "act", act.name
@@ -172,7 +172,7 @@ def used_by(draft: StudyDraft, kind: str, name: str) -> list[str]:
 
 
 def act_preview(draft: StudyDraft, act: WrittenAct, width: int) -> list[StyledLine]:
-    """What the page of an act would show, and who uses it."""
+    """What the page of an act would show, and what uses it."""
     lines: list[StyledLine] = [
         ((f" {act.name}", "strong"),),
         ((f" {act.file}:{act.line}  ~{format_seconds(act_seconds(act, draft.checked))} s", "muted"),),

@@ -52,7 +52,7 @@ LABEL = 8
 _MEASURE = 16
 """Cells for how long a text is."""
 ORIGINAL = "acts"
-"""What the language of the acts is called while nobody says which one it is."""
+"""Shown for the language of the acts while it is not given."""
 
 
 class TextEntry(NamedTuple):
@@ -148,7 +148,7 @@ def shown_entries(entries: Sequence[TextEntry], view: TextsView) -> list[TextEnt
 
 
 def find_text(draft: StudyDraft, file: str, line: int) -> TextsView | None:
-    """The translation that stands in a line of a file of translations."""
+    """The translation in a line of a file of translations."""
     for language, found in draft.checked.translations.items():
         if found.file == file:
             before = [(where.line, f"{act}/{key}") for (act, key), where in found.keys.items() if where.line <= line]
@@ -254,7 +254,7 @@ def said_with(checked: LoadResult, text: SpokenText) -> str:
 
 
 def entry_head(draft: StudyDraft, entry: TextEntry, width: int) -> StyledLine:
-    """Which text, when it is said and with what, and where it stands."""
+    """Which text, when and with what it is said, and its line."""
     text, where = entry.text, _place_of_original(draft, entry.text)
     beside = said_with(draft.checked, text)
     left: StyledLine = (
@@ -347,7 +347,7 @@ def said_seconds(checked: LoadResult, text: SpokenText, template: Template) -> f
 
 
 def place_of(draft: StudyDraft, entry: TextEntry, language: str, column: int) -> FilePlace:
-    """Where a text, or its translation, stands; of one that is not there, where it will."""
+    """The line of a text or its translation; of a missing one, the line before which it is written."""
     if column == 1 and entry.translation is not None:
         where = entry.translation.location
         return FilePlace(where.file, where.line, where.line)

@@ -85,7 +85,11 @@ class TransitionDraft(NamedTuple):
 
 def likely_transition(state: WrittenState) -> TransitionDraft:
     """What a new transition begins with: the end of the act that the state starts, unless another waits for it."""
-    ends = {way.form.ended for way in state.transitions if not way.form.outcomes and way.form.condition is None}
+    ends = {
+        transition.form.ended
+        for transition in state.transitions
+        if not transition.form.outcomes and transition.form.condition is None
+    }
     for statement in reversed(state.on_entry):
         call = statement.call
         if call is not None and call.function == "startCommunicationRobotAct" and call.argument not in ends:

@@ -111,7 +111,7 @@ async def test_keys_become_edits() -> None:
     to_hello = ("tab", "down", "down", "down")
     cases: list[tuple[str, Sequence[str], Sequence[tuple[AnyEdit, ...]]]] = [
         (
-            "a new way is made trigger first",
+            "a new transition is made trigger first",
             ("a", "right", "tab", *"happy", "tab", *"Break", "enter"),
             [
                 (
@@ -174,7 +174,7 @@ async def test_a_way_is_changed_moved_and_removed_where_it_stands() -> None:
     async with opened(study) as (pilot, page):
         await pilot.press("tab", *["down"] * 13)
         assert page.parts.part is not None and page.parts.part.text == "2 as soon as /skip happens"
-        assert page.spot is not None and page.spot.way == 1, "the graph's cursor follows"
+        assert page.spot is not None and page.spot.transition == 1, "the graph's cursor follows"
         await press(pilot, "enter")
         await pilot.press("tab", *["backspace"] * len(" and not happy"))
         await settle(pilot)
