@@ -34,6 +34,7 @@ class RulePage(EditPage):
 
     KIND: ClassVar[str] = "rule"
     CAN_FILTER = True
+    EXPECTED = ("no-effect",)
     DEFAULT_CSS = """
     RulePage TrialView { display: none; }
     RulePage.-trying TrialView { display: block; }

@@ -178,8 +178,10 @@ class TransitionRuleForm(RuleForm):
     def _target_notes(self) -> list[FieldNote]:
         target, known = self.draft.target.strip(), self.names.states_of(self.rule.name)
         if not target:
-            stays = "the rule stays in this state, and does what is listed below the transition"
-            return [FieldNote("info", stays)] if self.has_functions else []
+            if self.has_functions:
+                stays = "the rule stays in this state, and does what is listed below the transition"
+                return [FieldNote("info", stays)]
+            return [FieldNote("warning", "it does nothing yet: choose a state (F2), or add functions afterwards")]
         if target == self.state:
             return [FieldNote("info", "the rule leaves the state and enters it again")]
         if target in known:
