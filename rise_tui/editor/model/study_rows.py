@@ -5,10 +5,11 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 from rise_engine.author.edit.outline import WrittenAct
+from rise_engine.base.text import pluralize
 from rise_engine.scenario.file_names import PARTICIPANTS_FILE
 from rise_engine.scenario.model import KeyBinding
 from rise_tui.editor.model.act_rows import act_seconds, action_type, all_texts, what_text, when_text
-from rise_tui.editor.model.draft import StudyDraft, count, is_study_alone
+from rise_tui.editor.model.draft import StudyDraft, is_study_alone
 from rise_tui.editor.model.text_rows import find_text
 from rise_tui.rendering.text import ListRow, StyledLine, StyledSpan, clean, crop, fixed_span, format_seconds, wrap
 
@@ -80,8 +81,8 @@ def study_rows(draft: StudyDraft, width: int, wanted: str = "") -> list[ListRow]
     rows.append(heading("RULES", len(rules)))
     for rule in rules:
         transitions = sum(len(state.transitions) for state in rule.states)
-        note = f"{count(len(rule.states), 'state'):>9}" + (
-            f" {count(transitions, 'transition')}" if width >= 50 else ""
+        note = f"{pluralize(len(rule.states), 'state'):>9}" + (
+            f" {pluralize(transitions, 'transition')}" if width >= 50 else ""
         )
         key = keys[("rule", rule.name)][0].label if ("rule", rule.name) in keys else ""
         rows.append(ListRow(row_id("rule", rule.name), _line(key, rule.name, note, width, bad=False)))

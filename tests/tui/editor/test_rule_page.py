@@ -38,7 +38,7 @@ from rise_engine.scenario.model import SourceLocation
 from rise_tui.editor.model.rule_graph import GraphSpot
 from rise_tui.editor.pick_list import PickList
 from rise_tui.editor.rule_editor import RuleEditor
-from tests.tui.editor.pages import PageApp, StudyInMemory
+from tests.tui.editor.pages import PageApp, StudyInMemory, settle
 from tests.tui.editor.small_study import RULES
 
 pytestmark = pytest.mark.slow
@@ -54,13 +54,6 @@ async def opened(
     async with PageApp(page).run_test(size=size) as pilot:
         await pilot.pause()
         yield pilot, page
-
-
-async def settle(pilot: Pilot[Any]) -> None:
-    """Until what a key asked for has been done."""
-    await pilot.pause()
-    await pilot.app.workers.wait_for_complete()
-    await pilot.pause()
 
 
 async def go_to(pilot: Pilot[Any], page: RuleEditor, spot: GraphSpot) -> None:
