@@ -45,7 +45,7 @@ class ActPage(FormPage):
         self.actions = RowList(id="actions")
         self.parting, self.file = StaticLines(id="parting"), StaticLines(id="file")
         self._goes_to = action
-        """The action on which the cursor is to be put when it is there."""
+        """The action that gets the cursor when it is there."""
 
     def compose(self) -> ComposeResult:
         yield self.head
@@ -182,7 +182,7 @@ class ActPage(FormPage):
         if on_form and self.action is not None:
             if self.form.current is None or self.form.current.id == "type":  # what is changed is what is in it
                 self.form.rows.move_cursor(min(1, self.form.rows.count - 1), by_wizard=False)
-            self.form.say()  # below the form stands what is to be known of this field
+            self.form.say()  # the note of this field is shown below the form
             self.screen.set_focus(self.form.rows)
         else:
             self.screen.set_focus(self.actions)

@@ -4,8 +4,9 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 
+from rise_engine.base.text import pluralize
 from rise_tui.actions import BY_ID
-from rise_tui.editor.model.draft import StudyDraft, count
+from rise_tui.editor.model.draft import StudyDraft
 from rise_tui.editor.model.explored import ExploredStudy, explored_line
 from rise_tui.key_labels import first_key_label
 from rise_tui.rendering.text import (
@@ -31,13 +32,13 @@ def top_line(draft: StudyDraft, width: int, *, busy: str = "") -> StyledLine:
     warnings = len(draft.checked.diagnostics) - errors
     left: list[StyledSpan] = [("  EDIT", "accent")]
     left.append((f"  {clean(draft.checked.robot.name)}", "muted"))
-    left.append((f"  ✗ {count(errors, 'error')}", "fault") if errors else ("  ✓ no errors", "plain"))
+    left.append((f"  ✗ {pluralize(errors, 'error')}", "fault") if errors else ("  ✓ no errors", "plain"))
     if warnings:
-        left.append((f"  ▲ {count(warnings, 'warning')}", "wait"))
+        left.append((f"  ▲ {pluralize(warnings, 'warning')}", "wait"))
     number = len(draft.changes)
     unsaved: StyledSpan = ("saved ", "muted")
     if draft.changed_files:
-        unsaved = (f"● {count(number, 'change')} unsaved ", "wait") if number else ("● not saved ", "wait")
+        unsaved = (f"● {pluralize(number, 'change')} unsaved ", "wait") if number else ("● not saved ", "wait")
     right: StyledLine = ((f"{busy} … ", "muted"), unsaved) if busy else (unsaved,)
     room = width - line_width(left) - line_width(right) - 3
     title: StyledSpan = (f" {shorten(clean(draft.title), max(LEAST_TITLE, min(MOST_TITLE, room)))}", "strong")
@@ -45,7 +46,7 @@ def top_line(draft: StudyDraft, width: int, *, busy: str = "") -> StyledLine:
 
 
 def finding_line(draft: StudyDraft, about: str) -> StyledLine:
-    """The first thing that is wrong; of what stands in `about` (a file) first."""
+    """The first finding; those in the file `about` come first."""
     found = draft.findings
     if not found:
         return ()
@@ -101,7 +102,7 @@ class FindingLine(StaticLines):
 
 
 class BannerLine(StaticLines):
-    """What is to be known all the time: that a session runs. Takes no row without it."""
+    """A line that stays: a session runs. It takes no row when it is empty."""
 
     DEFAULT_CSS = """
     BannerLine { display: none; }

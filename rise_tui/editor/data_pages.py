@@ -1,4 +1,4 @@
-"""Memory, keys and settings: one form each, in which rows are added, renamed and taken away."""
+"""Memory, keys and settings: a form each, with rows that can be added, renamed and removed."""
 
 from __future__ import annotations
 
@@ -12,6 +12,7 @@ from textual.widget import Widget
 
 from rise_engine.author.edit.edits import RemoveStartValue, Rename, RenameSetting, SetSetting, SetStartValue
 from rise_engine.author.edit.plan import EditRefused
+from rise_engine.base.text import pluralize
 from rise_tui.editor.form import FormPage
 from rise_tui.editor.model.data_fields import (
     SCENARIO_FILE,
@@ -23,7 +24,7 @@ from rise_tui.editor.model.data_fields import (
     new_key_edits,
     setting_fields,
 )
-from rise_tui.editor.model.draft import FilePlace, count, is_study_alone
+from rise_tui.editor.model.draft import FilePlace, is_study_alone
 from rise_tui.editor.model.fields import EditField
 from rise_tui.editor.page import EditFrame
 from rise_tui.rendering.text import StyledLine, crop
@@ -55,7 +56,7 @@ class DataPage(FormPage):
 
     def count_text(self, fields: Sequence[EditField]) -> str:
         """How many there are."""
-        return count(len(fields), "value")
+        return pluralize(len(fields), "value")
 
     @abstractmethod
     def make_fields(self) -> Sequence[EditField]:
@@ -88,7 +89,7 @@ class MemoryPage(DataPage):
     TITLE, EMPTY = "MEMORY", "no start values yet: a adds a key"
 
     def count_text(self, fields: Sequence[EditField]) -> str:
-        return f"{count(len(fields), 'key')} with a start value"
+        return f"{pluralize(len(fields), 'key')} with a start value"
 
     @property
     def hints(self) -> Mapping[str, str]:
@@ -127,7 +128,7 @@ class MemoryPage(DataPage):
             self.frame.ask_text(
                 f"Rename the key {field.id}", field.id,
                 lambda new: self.frame.make(*([Rename("key", field.id, new)] if new != field.id else [])),
-                hint=f"Also in the {count(number, 'place')} that use it.",
+                hint=f"Also in the {pluralize(number, 'place')} that use it.",
             )  # fmt: skip
 
     def remove_field(self) -> bool:
@@ -143,7 +144,7 @@ class KeysPage(DataPage):
     TITLE, EMPTY = "KEYS", "no keys yet: a adds one"
 
     def count_text(self, fields: Sequence[EditField]) -> str:
-        return count(len(fields), "key")
+        return pluralize(len(fields), "key")
 
     @property
     def hints(self) -> Mapping[str, str]:

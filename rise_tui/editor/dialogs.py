@@ -11,8 +11,9 @@ from textual.app import App, ComposeResult
 from textual.binding import Binding, BindingType
 
 from rise_engine.author.edit.drafts import Draft
+from rise_engine.base.text import pluralize
 from rise_engine.scenario.diagnostics import Diagnostic
-from rise_tui.editor.model.draft import StudyDraft, count
+from rise_tui.editor.model.draft import StudyDraft
 from rise_tui.editor.model.explored import ExploredPlace, explored_rows, find_explored
 from rise_tui.editor.model.fields import FieldChoice
 from rise_tui.editor.model.study_rows import find_at
@@ -90,7 +91,7 @@ def draft_dialog(draft: Draft) -> Dialog:
 
 
 class SaveDialog(SingleDismissModal[bool]):
-    """The result is whether it is to be saved."""
+    """The result: whether to save."""
 
     DEFAULT_CSS = """
     SaveDialog {
@@ -141,11 +142,11 @@ def save_rows(draft: StudyDraft, diff: str, errors: Sequence[Diagnostic], width:
             rows.append(ListRow("", ((f"{indent}{'  ' if number else ''}{piece}", role),), selectable=False))
 
     if errors:
-        add(f"{count(len(errors), 'error')}: fix this first. Your changes stay in the draft.")
+        add(f"{pluralize(len(errors), 'error')}: fix this first. Your changes stay in the draft.")
         for each in errors:
             add(f"✗ {each.location.file}:{each.location.line} {clean(each.message)}", "fault")
         rows.append(ListRow("", (), selectable=False))
-    add(f"{count(len(draft.changes), 'change')} in {count(len(draft.changed_files), 'file')}", "accent")
+    add(f"{pluralize(len(draft.changes), 'change')} in {pluralize(len(draft.changed_files), 'file')}", "accent")
     for change in draft.changes:
         for sentence in change.says:
             add(f"· {clean(sentence)}")

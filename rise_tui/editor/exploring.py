@@ -16,7 +16,7 @@ from rise_tui.editor.model.draft import StudyDraft
 from rise_tui.editor.model.explored import ExploredStudy, read_explored
 
 QUIET_SECONDS = 3.0
-"""How long after the study was opened or saved it begins: who has just saved may well go on at once."""
+"""How long after opening or saving it begins: authors often go on at once after saving."""
 _NICENESS = 10
 """The process gets what the editor, and a session elsewhere, leave."""
 
@@ -27,7 +27,7 @@ Explorer: TypeAlias = Callable[[str], Awaitable[ExploredStudy | None]]
 async def explore_saved(folder: str, *, after: float = QUIET_SECONDS) -> ExploredStudy | None:
     """What `rise-engine check --deep` finds in a folder, some seconds from now.
 
-    The process is ended when nobody waits for it any more. None: the study has errors, or the process has failed.
+    The process ends with the task that waits for it. None: the study has errors, or the process has failed.
     """
     await asyncio.sleep(after)
     at = f"{datetime.now():%H:%M}"
@@ -52,12 +52,12 @@ class ExploringBeside:
     """What exploring has found in the study that is open, asked for anew when it has been saved."""
 
     def __init__(self, explorer: Explorer | None) -> None:
-        """`explorer`: None: nobody explores."""
+        """`explorer`: None: nothing is explored."""
         self._explorer = explorer
         self.found = ExploredStudy()
 
     def ask(self, draft: StudyDraft) -> bool:
-        """Whether what is saved is to be explored: not with errors, as far as they are known here."""
+        """Whether to explore what is saved: not if it has errors that are known here."""
         has_errors = bool(draft.checked.errors) and not draft.changed_files
         is_asked = self._explorer is not None and not has_errors
         self.found = replace(self.found, is_asked_again=is_asked, has_failed=False)

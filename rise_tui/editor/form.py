@@ -248,7 +248,7 @@ class FieldList(Vertical):
 
 
 class FormPage(EditPage):
-    """A page that holds a list of fields; the subclass says which, and where the list stands."""
+    """A page with a list of fields. The subclass places the list and says which fields it has."""
 
     def __init__(self, frame: EditFrame, name: str = "") -> None:
         super().__init__(frame, name)

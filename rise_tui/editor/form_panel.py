@@ -21,7 +21,7 @@ from rise_tui.widgets.row_list import RowView
 from rise_tui.widgets.static_lines import StaticLines
 
 KEEPS_TEXT = ("condition", "held", "value")
-"""Fields in which a chosen name is added to what is typed."""
+"""Fields that keep what is typed before a chosen name."""
 
 
 class FormPanel(FieldList):
@@ -102,7 +102,7 @@ class FormPanel(FieldList):
         self.rows.styles.height = self.rows.count
 
     def _enter(self, id: str) -> None:
-        """Put the cursor on a field: a text is open at once, among options it stands on the chosen one."""
+        """Put the cursor on a field: a text opens at once; among options the cursor is on the chosen one."""
         self.rows.select(id)
         field = self.current
         if field is not None and field.kind == "text":

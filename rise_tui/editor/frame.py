@@ -19,11 +19,11 @@ from rise_engine.author.edit.drafts import Draft
 from rise_engine.author.edit.edits import AnyEdit, ReplaceFile
 from rise_engine.author.edit.plan import EditRefused
 from rise_engine.author.edit.workspace import Change
-from rise_engine.base.text import clean
+from rise_engine.base.text import clean, pluralize
 from rise_tui.editor import dialogs
 from rise_tui.editor.dialogs import SaveDialog
 from rise_tui.editor.exploring import Explorer, ExploringBeside
-from rise_tui.editor.model.draft import FilePlace, StudyDraft, count, is_study_alone
+from rise_tui.editor.model.draft import FilePlace, StudyDraft, is_study_alone
 from rise_tui.editor.model.explored import ExploredStudy
 from rise_tui.editor.page import EditPage
 from rise_tui.editor.study import EditedStudy, NoSessions, RunningHere, SessionWatch
@@ -337,7 +337,7 @@ class StudyFrame(Screen[None]):
         if not self.study.draft.changed_files:
             self.close()
             return
-        number = count(len(self.study.draft.changes), "change")
+        number = pluralize(len(self.study.draft.changes), "change")
         question = Dialog(
             "Leave the editor?",
             [f"{number} not saved. They stay as a draft for the next time."],

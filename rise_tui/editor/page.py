@@ -1,4 +1,4 @@
-"""What a page of the editor is, and what it can ask of the frame around it.
+"""A page of the editor, and the frame around it.
 
 A page is added in three steps: a subclass of `EditPage` with its `KIND`; one name in `screen.PAGES`; rows that open it,
 by `frame.open_page(KIND, NAME)`. Top line, findings, save, undo, `e`, drafts and F9 come from the frame.
@@ -44,7 +44,7 @@ class EditFrame(Protocol):
     def make(self, *edits: AnyEdit, then: Callable[[], None] | None = None) -> None:
         """Make edits as one step, and draw everything anew; `then` is called when they are made.
 
-        What cannot be made is said. Nothing is to be made without edits.
+        It says what cannot be made. Without edits it does nothing.
         """
 
     def open_page(self, kind: str, name: str = "", *, back: tuple[str, str] | None = None) -> None:
@@ -145,7 +145,7 @@ class EditPage(Vertical):
 
     @property
     def place(self) -> FilePlace | None:
-        """Where what is under the cursor stands: for `e`, and for the lines of the file."""
+        """The lines of what is under the cursor: for `e`, and for the lines of the file."""
         return None
 
     @property

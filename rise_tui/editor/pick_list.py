@@ -1,4 +1,4 @@
-"""Dialogs that ask: a list in which typing filters, and a line to type in."""
+"""Dialogs that ask: a list that filters by typing, and a line to type in."""
 
 from __future__ import annotations
 
@@ -44,7 +44,7 @@ class Picked(NamedTuple):
 
 
 class OneWordField(TextField):
-    """A field in which space is no letter: it belongs to the dialog around it."""
+    """A field that leaves the space key to the dialog around it."""
 
     def on_key(self, event: events.Key) -> None:
         if event.key == "space":

@@ -87,7 +87,7 @@ class RuleStudy:
 
 
 class RuleGraphList(RowList):
-    """The drawing. The cursor walks over states and ways; left and right go from a state to the way in its row."""
+    """The drawing, with a cursor over states and transitions."""
 
     def move_cursor(self, index: int, *, by_wizard: bool = True) -> None:
         """Out of view it goes on by a third of it: what follows is seen, and not each row more paints all rows anew."""
@@ -131,7 +131,7 @@ class RuleDisplay(Vertical):
 
     @dataclass
     class TryRule(Message):
-        """The rule is to be tried, from this state on (empty: from its beginning)."""
+        """Try the rule from this state on (empty: from its beginning)."""
 
         rule: str
         state: str
@@ -168,7 +168,7 @@ class RuleDisplay(Vertical):
 
     @property
     def state(self) -> WrittenState | None:
-        """The state under the cursor, or the one whose way is."""
+        """The state under the cursor, or the one whose transition is."""
         rule, spot = self.rule, self.spot
         if rule is None or spot is None:
             return None
@@ -213,7 +213,8 @@ class RuleDisplay(Vertical):
         parts = state_parts(rule.name, state, use)
         marks = {spot: SEVERITY_MARKS[severity] for spot, severity in self._marks.items()}
         of_parts = [
-            marks.get(GraphSpot(state.id, part.way), NO_MARK) if part.kind == "way" else NO_MARK for part in parts
+            marks.get(GraphSpot(state.id, part.transition), NO_MARK) if part.kind == "transition" else NO_MARK
+            for part in parts
         ]
         width = self.parts.row_width or self.size.width
         self.parts.show_parts(parts, width, of_parts)
@@ -265,7 +266,7 @@ class RuleDisplay(Vertical):
             self._go_to(parse_spot(self.graph.current_id))
             self._select_part()
         elif (part := self.parts.part) is not None and self.spot is not None:
-            self._go_to(GraphSpot(self.spot.state, part.way))
+            self._go_to(GraphSpot(self.spot.state, part.transition))
 
     def on_key(self, event: events.Key) -> None:
         """In a row with a state and a transition, left and right go from one to the other."""
@@ -295,8 +296,8 @@ class RuleDisplay(Vertical):
         if state is None or spot is None:
             return
         rows = range(self.parts.count)
-        wanted = (lambda row: row.startswith(f"way:transition:{spot.way}:")) if spot.way >= 0 else (lambda row: True)
-        found = next((index for index in rows if wanted(self.parts.row_at(index).id)), None)
+        wanted = f"transition:transition:{spot.transition}:" if spot.transition >= 0 else ""
+        found = next((index for index in rows if self.parts.row_at(index).id.startswith(wanted)), None)
         if found is not None:
             self.parts.move_cursor(found, by_wizard=False)
 
@@ -320,7 +321,7 @@ def part_line(part: PartRow, mark: StyledSpan, width: int) -> StyledLine:
     if part.kind == "heading":
         return (mark, (part.text, "strong"))
     role: TextRole = "muted" if part.reason else "plain"
-    if part.kind == "way":
+    if part.kind == "transition":
         target = f" → {part.target}" if part.target is not None else "  stays here"
         end: StyledLine = ((shorten(target, max(8, width // 2)), "muted" if part.target is None else role),)
         guard: StyledLine = ((f" but only if {part.guard}", "muted"),) if part.guard else ()

@@ -46,7 +46,7 @@ STATE_HINTS = {
     "edit.open": "what it does", "edit.add": "transition", "edit.new-state": "new state", "edit.rename": "rename",
     "edit.try": "try", "edit.remove": "remove", "edit.first": "begins here",
 }  # fmt: skip
-WAY_HINTS = {
+TRANSITION_HINTS = {
     "edit.open": "change", "edit.add": "transition", "edit.try": "try", "edit.remove": "remove",
     "edit.earlier": "earlier", "edit.later": "later",
 }  # fmt: skip
@@ -54,7 +54,7 @@ PART_HINTS = {
     "edit.open": "change", "edit.add": "add", "edit.only-if": "only if", "edit.otherwise": "otherwise",
     "edit.chance": "by chance", "edit.remove": "remove", "edit.earlier": "earlier", "edit.later": "later",
 }  # fmt: skip
-"""What the hint line says: in the graph on a state and on a way, and in the list."""
+"""What the hint line says: in the graph on a state and on a transition, and in the list."""
 
 
 class RuleEditor(RuleDisplay):
@@ -68,7 +68,7 @@ class RuleEditor(RuleDisplay):
         """The actions that matter under the cursor, the most important first, each with a word for it."""
         if self.parts.has_focus:
             return PART_HINTS
-        return STATE_HINTS if self.spot is None or self.spot.way < 0 else WAY_HINTS
+        return STATE_HINTS if self.spot is None or self.spot.transition < 0 else TRANSITION_HINTS
 
     @property
     def shown_state(self) -> str:
@@ -110,8 +110,8 @@ class RuleEditor(RuleDisplay):
 
     def _open_here(self, rule: WrittenRule, state: WrittenState, spot: GraphSpot) -> None:
         part = self.parts.part
-        if self.graph.has_focus and spot.way >= 0:
-            self._open_transition(rule, state, spot.way)
+        if self.graph.has_focus and spot.transition >= 0:
+            self._open_transition(rule, state, spot.transition)
         elif self.graph.has_focus:
             self.parts.focus()
         elif part is not None:
@@ -123,8 +123,8 @@ class RuleEditor(RuleDisplay):
             self._add_transition(rule, state)
         elif part.reason:
             self._refuse(f"{part.reason}; e opens the file there")
-        elif part.kind == "way":
-            self._open_transition(rule, state, part.way)
+        elif part.kind == "transition":
+            self._open_transition(rule, state, part.transition)
         elif part.kind == "call" and part.at is not None and (call := call_at(state, part)) is not None:
             self._open(CallRuleForm(names, CallDraft.of(call), part.at, call))
         elif part.kind in ("if", "branch") and part.at is not None and part.guard:
@@ -138,8 +138,8 @@ class RuleEditor(RuleDisplay):
             self._add(rule, state, behind=False)
 
     def _open_transition(self, rule: WrittenRule, state: WrittenState, number: int) -> None:
-        way = state.transitions[number]
-        if reason := way.reason or why_not_editable(way.form):
+        transition = state.transitions[number]
+        if reason := transition.reason or why_not_editable(transition.form):
             self._refuse(f"{reason}; e opens the file there")
             return
         self._open(
@@ -147,10 +147,10 @@ class RuleEditor(RuleDisplay):
                 self._study.names,
                 rule,
                 state.id,
-                TransitionDraft.of(way.form),
+                TransitionDraft.of(transition.form),
                 number,
-                way.form,
-                bool(way.statements),
+                transition.form,
+                bool(transition.statements),
                 len(state.transitions),
             )
         )
@@ -236,10 +236,10 @@ class RuleEditor(RuleDisplay):
         if self.parts.has_focus:
             return self.parts.part
         parts = state_parts(rule.name, state)
-        return next((part for part in parts if part.kind == "way" and part.way == spot.way), None)
+        return next((part for part in parts if part.kind == "transition" and part.transition == spot.transition), None)
 
     def _remove(self, rule: WrittenRule, state: WrittenState, spot: GraphSpot) -> None:
-        if self.graph.has_focus and spot.way < 0:
+        if self.graph.has_focus and spot.transition < 0:
             self._change(RemoveState(rule.name, state.id))
             return
         part = self._part_here(rule, state, spot)
@@ -261,8 +261,8 @@ class RuleEditor(RuleDisplay):
 
     def _go_with(self, part: PartRow, step: int) -> None:
         """The cursor goes with what was moved."""
-        if part.kind == "way" and self.spot is not None:
-            self._go_to(GraphSpot(self.spot.state, part.way + step))
+        if part.kind == "transition" and self.spot is not None:
+            self._go_to(GraphSpot(self.spot.state, part.transition + step))
             self._select_part()
         elif part.at is not None:
             moved = (*part.at.path[:-1], part.at.path[-1] + step)
@@ -295,7 +295,9 @@ class RuleEditor(RuleDisplay):
         if isinstance(form, NameForm):
             self.spot = GraphSpot(form.name.strip())
         if isinstance(form, TransitionRuleForm) and form.index is None and (state := self.state) is not None:
-            same = [number for number, way in enumerate(state.transitions) if way.form == form.draft.form()]
+            same = [
+                number for number, transition in enumerate(state.transitions) if transition.form == form.draft.form()
+            ]
             self.spot = GraphSpot(form.state, same[-1] if same else -1)
         self.close_form()
         self.redraw()

@@ -1,4 +1,4 @@
-"""The page of a rule: its editor, and the trial of it, which stands beside it where there is room."""
+"""The page of a rule: its editor, and a trial of it, beside it where there is room."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ from rise_tui.editor.trial_view import TrialView
 from rise_tui.widgets.row_list import RowList
 
 BESIDE = 100
-"""Columns from which the trial stands beside the rule; below it takes its place."""
+"""Columns from which the trial is beside the rule. In a narrower terminal it takes its place."""
 
 
 class RulePage(EditPage):
@@ -34,6 +34,7 @@ class RulePage(EditPage):
 
     KIND: ClassVar[str] = "rule"
     CAN_FILTER = True
+    EXPECTED = ("no-effect",)
     DEFAULT_CSS = """
     RulePage TrialView { display: none; }
     RulePage.-trying TrialView { display: block; }
@@ -85,8 +86,8 @@ class RulePage(EditPage):
             return None
         if state is None or spot is None:
             return _lines_of(rule)
-        if 0 <= spot.way < len(state.transitions):
-            return _lines_of(state.transitions[spot.way])
+        if 0 <= spot.transition < len(state.transitions):
+            return _lines_of(state.transitions[spot.transition])
         return _lines_of(state)
 
     def draw(self) -> None:
@@ -160,7 +161,7 @@ class RulePage(EditPage):
         self.editor.graph.focus()
 
     def _place_trial(self) -> None:
-        """Beside the rule the trial needs no drawing of its own: the cursor in the rule's shows where it stands."""
+        """Beside the rule, the trial needs no graph: the cursor in the rule's graph follows it."""
         beside = self.is_trying and self._is_beside
         self.set_class(beside, "-beside")
         self.trial.set_class(beside, "-beside")

@@ -1,4 +1,4 @@
-"""The frame of the editor: top line, the page, what is wrong, what is to be known, key hints; save, undo, find, back.
+"""The screen of the editor: top line, page, first finding, banner and key hints; pages, keys, search.
 
 It lies over a console, over the screen of a study, or alone in `rise-tui edit`. No key starts anything on a robot.
 """

@@ -49,16 +49,16 @@ class SentenceField(TextArea, TakesText):
 
     @dataclass
     class TakeSentence(Message):
-        """It is to be as typed; `step`: to which text it goes on, 0: to none."""
+        """Take what is typed; `step`: to which text it goes on, 0: to none."""
 
         text: str
         step: int
 
     class LeaveSentence(Message):
-        """It is to be as it was."""
+        """Leave it as it was."""
 
     def __init__(self, *, exact: bool = False) -> None:
-        """`exact`: whether blanks and line ends that stand there count."""
+        """`exact`: whether its blanks and line ends count."""
         super().__init__(compact=True, highlight_cursor_line=False)
         self._is_exact = exact
 
@@ -97,7 +97,7 @@ class SentenceField(TextArea, TakesText):
 
 
 class SentencePage(EditPage):
-    """A list, below it what is under the cursor as a whole, and below that the field in which it is changed."""
+    """A list, the whole value under the cursor below it, and the field that changes it."""
 
     LEAST_DETAIL: ClassVar[int]
     """Rows for what is under the cursor, where there is room."""
@@ -168,7 +168,7 @@ class SentencePage(EditPage):
 
     @abstractmethod
     def edits_typed(self, said: str) -> tuple[AnyEdit, ...]:
-        """What makes it this. :raises EditRefused: it cannot be meant."""
+        """The edits that make it this. :raises EditRefused: it makes no sense."""
 
     @abstractmethod
     def go_on(self, step: int, *, changed: bool) -> None:

@@ -1,4 +1,4 @@
-"""The workspace of a study for a screen: work that touches the disk runs beside the loop, one thing after the other."""
+"""The workspace of a study for a screen. Work on the disk runs in a thread, one task after the other."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ class EditedStudy:
     """What pages show (`draft`) and how they change it. Belongs to the loop that made it."""
 
     def __init__(self, workspace: Workspace, draft: StudyDraft) -> None:
-        """`draft`: what `draft_of(workspace)` gave; that call blocks, and is made beside the loop too."""
+        """`draft`: what `draft_of(workspace)` gave; that call blocks, and is made in a thread, too."""
         self._workspace, self.draft = workspace, draft
         self._turn = asyncio.Lock()
         self.busy = ""

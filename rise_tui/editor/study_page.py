@@ -1,4 +1,4 @@
-"""The list of a study, with which the editor opens; beside it, what is under the cursor and who uses it."""
+"""The list of a study, the first page of the editor. Beside it: the item under the cursor and what uses it."""
 
 from __future__ import annotations
 
@@ -162,7 +162,7 @@ class StudyPage(EditPage):
         self.frame.ask_text("A new rule", "", take, hint="Its name. It begins in the state Start.")
 
     def _open_new(self, kind: str, name: str) -> None:
-        """The cursor stands on it when its page is left again."""
+        """The cursor is on it when its page is left again."""
         self._select(kind, name)
         self.frame.open_page(kind, name)
 

@@ -1,4 +1,4 @@
-"""The tables of a study: rows and columns, of which the cell under the cursor is changed below them."""
+"""The tables of a study in rows and columns. The cell under the cursor is changed below them."""
 
 from __future__ import annotations
 
@@ -11,9 +11,9 @@ from textual.geometry import Size
 from rise_engine.author.edit.edits import AddRow, AnyEdit, RemoveRow
 from rise_engine.author.edit.plan import EditRefused
 from rise_engine.author.edit.tables import WrittenCells, table_names
-from rise_engine.base.text import clean
+from rise_engine.base.text import clean, pluralize
 from rise_engine.scenario.file_names import PARTICIPANTS_FILE, STUDY_FILE
-from rise_tui.editor.model.draft import FilePlace, count, is_study_alone
+from rise_tui.editor.model.draft import FilePlace, is_study_alone
 from rise_tui.editor.model.table_grid import (
     Grid,
     GridRow,
@@ -147,7 +147,7 @@ class TablesPage(SentencePage):
             self.grid.select(begin)
         self._begins_at = ""
         number = len(grid.tables) + len(grid.problems)
-        note = EMPTY if not number else f"find {self.wanted}" if self.wanted else count(number, "table")
+        note = EMPTY if not number else f"find {self.wanted}" if self.wanted else pluralize(number, "table")
         title = " PARTICIPANTS" if self.is_of_study else " TABLES"
         head: StyledLine = ((title, "strong"), (f"  {clean(note)}", "wait" if self.wanted else "muted"))
         self.head.show(crop(head, max(20, self.size.width)))
@@ -285,7 +285,7 @@ class TablesPage(SentencePage):
         )  # fmt: skip
 
     def add_table(self) -> None:
-        """A table with columns, in which rows are added then."""
+        """A table with columns and no rows yet."""
 
         def ask_columns(name: str) -> None:
             def make(columns: str) -> None:

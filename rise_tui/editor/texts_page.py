@@ -1,4 +1,4 @@
-"""All that is said in a study, beside what it is in another language; both are changed where they stand."""
+"""All texts of a study beside their translation; both are changed here."""
 
 from __future__ import annotations
 
@@ -140,7 +140,7 @@ class TextsPage(SentencePage):
         self.show_detail(self._detail_lines(entry, width))
 
     def _detail_lines(self, entry: TextEntry, width: int) -> list[StyledLine]:
-        """The text whole; while it is changed, all but what is typed, which stands below."""
+        """The whole text; while it is changed, only the other language."""
         language, typing = self.view.language, self.is_typing
         own = original_lines(self.draft, entry, width, is_marked=self.column == 0)
         other = translation_lines(self.draft, entry, language, width, is_marked=self.column == 1) if language else []
@@ -308,7 +308,7 @@ def _ask_for_language(frame: EditFrame, show: Callable[[str], None]) -> None:
 
 
 def _add_language(frame: EditFrame, language: str, show: Callable[[str], None]) -> None:
-    """With the first one, it is asked in which language the acts are."""
+    """With the first one, ask for the language of the acts."""
 
     def make(*edits: AnyEdit) -> None:
         frame.make(*edits, AddLanguage(language), then=lambda: show(language))

@@ -1,4 +1,4 @@
-"""The trial on the screen: where the rule stands in its graph, what can be done, what happened and why.
+"""The trial on the screen: the rule in its graph, what the author can do, what happened and why.
 
 The study's own keys do what they do in a session. So that none of them is taken, everything else has a key that no
 study can have (`rise_engine.scenario.keys.CONSOLE_KEYS`): enter, ←, home, space, ctrl+k.
@@ -42,7 +42,7 @@ ROWS_AHEAD = 3
 
 
 class TrialView(Vertical):
-    """Plays a scenario (`play`). Its rows are made anew after each step; the playing itself is done beside the loop."""
+    """Plays a scenario (`play`), in a thread. Its rows are made anew after each step."""
 
     DEFAULT_CSS = """
     TrialView { height: 1fr; width: 1fr; }
@@ -119,7 +119,7 @@ class TrialView(Vertical):
         self.trial = trial
 
     def _work(self, work: Callable[[], object]) -> None:
-        """Do one thing after the other, beside the loop: a rule that goes round in circles takes its time."""
+        """Do one thing after the other in a thread: a rule that goes round in circles takes long."""
         self.run_worker(self._do(work), group="trial")
 
     async def _do(self, work: Callable[[], object]) -> None:
@@ -137,7 +137,7 @@ class TrialView(Vertical):
     # --- what is shown ---
 
     def redraw(self) -> None:
-        """Show how the trial stands."""
+        """Show the state of the trial."""
         trial, width = self.trial, self.rows.row_width
         if trial is None or width <= 0:
             return
@@ -220,7 +220,7 @@ class TrialView(Vertical):
                 self._with_trial(lambda trial: trial.go_on())
 
     def _take_way(self, trial: Trial, rule: str, number: int) -> None:
-        """Do what would make the rule take a way: press its key, raise its event, let time go on."""
+        """Do what would make the rule take a transition: press its key, raise its event, let time go on."""
         standing = standing_of(trial, rule)
         way = next((way for way in standing.ways if way.index == number), None) if standing is not None else None
         if way is None:

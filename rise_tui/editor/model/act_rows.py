@@ -110,7 +110,7 @@ def action_with(act: WrittenAct, wanted: str) -> str:
 
 
 def said_text(act: WrittenAct) -> str:
-    """What is said in an act; of one in which nothing is, what is done."""
+    """The texts of an act; without texts, its actions."""
     said = [what_text(each) for each in act.actions if each.calls and "message" in each.calls[0].parameters]
     return " ".join(said or [action_type(each) for each in act.actions])
 

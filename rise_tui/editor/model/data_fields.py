@@ -11,10 +11,11 @@ from typing import Any, NamedTuple
 from rise_engine.author.edit.edits import AnyEdit, SetSetting, SetStartValue
 from rise_engine.author.edit.outline import WrittenAct
 from rise_engine.author.edit.plan import EditRefused
+from rise_engine.base.text import pluralize
 from rise_engine.scenario.model import Json
 from rise_engine.scenario.robot_profiles import robot_names
 from rise_tui.editor.model.act_rows import said_text
-from rise_tui.editor.model.draft import StudyDraft, count, is_study_alone, toml_values
+from rise_tui.editor.model.draft import StudyDraft, is_study_alone, toml_values
 from rise_tui.editor.model.fields import TYPED, EditField, FieldChoice, no_edits
 from rise_tui.rendering.text import format_value, json_type_name, parse_typed_value
 
@@ -50,7 +51,7 @@ def memory_fields(draft: StudyDraft) -> list[EditField]:
 
 def _used(draft: StudyDraft, key: str) -> str:
     number = sum(not use.defines for use in draft.uses.of("key", key))
-    return f"used in {count(number, 'place')}" if number else "not used"
+    return f"used in {pluralize(number, 'place')}" if number else "not used"
 
 
 def _start_value(key: str, text: str | None) -> tuple[AnyEdit, ...]:
@@ -67,7 +68,7 @@ def key_choices(draft: StudyDraft) -> list[FieldChoice]:
     """All that a key can start or raise, each as `KIND NAME`."""
     outline = draft.outline
     found = [FieldChoice(f"act {act.name}", f"act {act.name}", said_text(act)) for act in outline.acts]
-    found += [FieldChoice(f"rule {rule.name}", f"rule {rule.name}", count(len(rule.states), "state"))
+    found += [FieldChoice(f"rule {rule.name}", f"rule {rule.name}", pluralize(len(rule.states), "state"))
               for rule in outline.rules]  # fmt: skip
     waits = {way.form.event.lstrip("/") for rule in outline.rules for state in rule.states
              for way in state.transitions if way.form.event}  # fmt: skip

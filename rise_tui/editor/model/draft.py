@@ -100,12 +100,3 @@ def draft_of(workspace: Workspace) -> StudyDraft:
         tuple(workspace.changes),
         workspace.above,
     )
-
-
-def count(number: int, thing: str, things: str = "") -> str:
-    """A number and what is counted.
-
-    >>> count(1, "change"), count(2, "change"), count(3, "key", "keys")
-    ('1 change', '2 changes', '3 keys')
-    """
-    return f"{number} {thing if number == 1 else things or thing + 's'}"

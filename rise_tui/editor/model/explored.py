@@ -57,7 +57,7 @@ class ExploredStudy(Struct, frozen=True):
     """Whether it could not be explored the last time."""
 
     def is_of(self, draft: StudyDraft) -> bool:
-        """Whether it is about what stands on the screen."""
+        """Whether it is about the files on the screen."""
         return self.files == draft.files
 
     def word(self, draft: StudyDraft) -> str:
@@ -68,7 +68,7 @@ class ExploredStudy(Struct, frozen=True):
         return "" if self.is_of(draft) else f" (as saved at {self.at})"
 
     def about(self, kind: str, name: str, state: str = "") -> list[ExploredPlace]:
-        """What is to be told on a page: of a rule that about the state under the cursor first, then about all of it."""
+        """The findings of a page. For a rule, those about the state under the cursor come first."""
         match kind:
             case "rule":
                 own = [finding for finding in self.findings if finding.rule == name]
@@ -150,7 +150,7 @@ def find_explored(draft: StudyDraft, finding: ExploredPlace) -> tuple[str, str] 
 
 
 def findings_in_rules(explored: ExploredStudy, draft: StudyDraft) -> list[Diagnostic]:
-    """What was found in rules, as if the check had found it at the place where that stands now."""
+    """What was found in rules, as diagnostics at the present lines."""
     return [
         Diagnostic(
             "error" if finding.level == "problem" else "warning",
@@ -164,7 +164,7 @@ def findings_in_rules(explored: ExploredStudy, draft: StudyDraft) -> list[Diagno
 
 
 def _places(finding: ExploredPlace, draft: StudyDraft, *, is_of: bool) -> Iterator[SourceLocation]:
-    """Where a finding is about a state or a way: nowhere, or once."""
+    """The place of a finding about a state or a transition: none or one."""
     rule = draft.outline.rule(finding.rule) if finding.rule else None
     if rule is None or not finding.state:
         return

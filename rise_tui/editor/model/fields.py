@@ -33,7 +33,7 @@ TYPED = "as it is typed"
 """What is made of a value that is none of the choices."""
 MakeEdits: TypeAlias = Callable[[str | None], tuple[AnyEdit, ...]]
 LEAST_LABEL, MOST_VALUE = 13, 24
-"""Cells of the labels, at least, and of values behind which the notes stand below each other, at most."""
+"""Least cells of the labels, and most cells of values whose notes line up."""
 NOTE_MARKS: dict[NoteLevel, StyledSpan] = {"error": ("✗ ", "fault"), "warning": ("▲ ", "wait"), "info": ("", "muted")}
 
 

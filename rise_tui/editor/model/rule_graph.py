@@ -1,6 +1,6 @@
-"""A rule's drawn graph with a cursor over its states and ways. Pure.
+"""A rule's drawn graph with a cursor over its states and transitions. Pure.
 
-The drawing is the console's; here it is made of what is written, right or wrong, and every way can be chosen.
+The drawing is the console's; here it is made of what is written, right or wrong, and every transition can be chosen.
 """
 
 from __future__ import annotations
@@ -29,12 +29,12 @@ class GraphSpot(NamedTuple):
     """Where the cursor is: on a state, or on one of its transitions."""
 
     state: str
-    way: int = -1
-    """The way's number; -1: the state."""
+    transition: int = -1
+    """The transition's number; -1: the state."""
 
     @property
     def id(self) -> str:
-        return f"way:{self.way}:{self.state}" if self.way >= 0 else f"state:{self.state}"
+        return f"transition:{self.transition}:{self.state}" if self.transition >= 0 else f"state:{self.state}"
 
 
 def parse_spot(id: str) -> GraphSpot | None:
@@ -42,7 +42,7 @@ def parse_spot(id: str) -> GraphSpot | None:
     kind, _, rest = id.partition(":")
     if kind == "state":
         return GraphSpot(rest)
-    if kind == "way":
+    if kind == "transition":
         number, _, state = rest.partition(":")
         return GraphSpot(state, int(number))
     return None
@@ -63,12 +63,12 @@ def lay_out_rule(rule: WrittenRule, width: int) -> GraphLayout | None:
 
 
 def draw_rule(layout: GraphLayout, spot: GraphSpot | None, marks: Mapping[GraphSpot, Severity]) -> list[ListRow]:
-    """The rows, each with its place as id; a row that has a state and its way is called by the one that is chosen.
+    """The rows, each with its place as id; where a row has two places, the id is that of the chosen one.
 
-    :param spot: where the cursor is: its way's rail is shown to the arrow.
+    :param spot: where the cursor is: the rail of its transition is highlighted to the arrow.
     :param marks: places with findings.
     """
-    chosen = layout.edges.get((spot.state, spot.way)) if spot is not None else None
+    chosen = layout.edges.get((spot.state, spot.transition)) if spot is not None else None
     path = set(edge_path(layout, chosen)) if chosen is not None else set[tuple[int, int]]()
     rows = []
     for index, (row, drawn) in enumerate(zip(layout.rows, draw_state_graph(layout, GraphPosition()), strict=True)):
@@ -76,7 +76,7 @@ def draw_rule(layout: GraphLayout, spot: GraphSpot | None, marks: Mapping[GraphS
         shown = spot if spot in here else here[0]
         line = _recolour(drawn.line, {column for at, column in path if at == index})
         if spot in here and len(here) > 1:
-            line = _emphasize(line, way=shown.way >= 0)
+            line = _emphasize(line, transition=shown.transition >= 0)
         found = [marks[each] for each in here if each in marks]
         mark: StyledSpan = SEVERITY_MARKS["error" if "error" in found else "warning"] if found else ("  ", "plain")
         rows.append(ListRow(shown.id, crop((mark, *line), layout.width + MARGIN)))
@@ -84,11 +84,11 @@ def draw_rule(layout: GraphLayout, spot: GraphSpot | None, marks: Mapping[GraphS
 
 
 def row_spots(row: GraphRow) -> tuple[GraphSpot, ...]:
-    """The places of a row: a state, a way, or a state and its way down."""
+    """The places of a row: a state, a transition, or a state and its transition down."""
     if row.edge is None:
         return (GraphSpot(row.state),)
-    way = GraphSpot(row.edge.source, row.edge.number)
-    return (GraphSpot(row.state), way) if row.is_state else (way,)
+    transition = GraphSpot(row.edge.source, row.edge.number)
+    return (GraphSpot(row.state), transition) if row.is_state else (transition,)
 
 
 def beside(layout: GraphLayout, spot: GraphSpot, step: int) -> GraphSpot:
@@ -103,14 +103,14 @@ def beside(layout: GraphLayout, spot: GraphSpot, step: int) -> GraphSpot:
 def valid_spot(layout: GraphLayout, rule: WrittenRule, spot: GraphSpot | None) -> GraphSpot:
     """The place, or the nearest that is still there."""
     if spot is not None and spot.state in layout.row_of:
-        if spot.way < 0 or (spot.state, spot.way) in layout.edges:
+        if spot.transition < 0 or (spot.state, spot.transition) in layout.edges:
             return spot
         return GraphSpot(spot.state)
     return GraphSpot(rule.initial if rule.initial in layout.row_of else rule.states[0].id)
 
 
-def _drawn_transition(way: WrittenTransition) -> Transition:
-    form = way.form
+def _drawn_transition(transition: WrittenTransition) -> Transition:
+    form = transition.form
     return Transition(
         event=normal_topic(form.event) if form.event is not None else None,
         condition=_as_expression(form.condition),
@@ -142,11 +142,11 @@ def _recolour(line: StyledLine, columns: set[int]) -> StyledLine:
     return tuple(spans)
 
 
-def _emphasize(line: StyledLine, *, way: bool) -> StyledLine:
-    """A row with a state and its way: the one that is chosen is bright, the other is not."""
+def _emphasize(line: StyledLine, *, transition: bool) -> StyledLine:
+    """A row with a state and its transition: the one that is chosen is bright, the other is not."""
     at = next((index for index, (text, _) in enumerate(line) if text == " ↓ "), len(line))
     muted: TextRole = "muted"
-    if way:
+    if transition:
         return (*((text, muted) for text, _ in line[:at]), *((text, "accent") for text, _ in line[at:]))
     name = next((index for index, (text, role) in enumerate(line[:at]) if role == "plain" and text.strip()), at)
     kept = [(text, "accent" if index == name else role) for index, (text, role) in enumerate(line[:at])]
@@ -171,11 +171,11 @@ def rule_findings(rule: WrittenRule, findings: Iterable[Diagnostic]) -> dict[Gra
 
 
 def _spots_at(rule: WrittenRule, offset: int) -> Iterator[GraphSpot]:
-    """The innermost places that hold a character: several, where states share a way or come from one template."""
-    ways = [
+    """The innermost places that hold a character: several, where states share a transition or a template."""
+    transitions = [
         GraphSpot(state.id, number)
         for state in rule.states
-        for number, way in enumerate(state.transitions)
-        if way.node is not state.node and way.holds(offset)
+        for number, transition in enumerate(state.transitions)
+        if transition.node is not state.node and transition.holds(offset)
     ]
-    yield from ways or (GraphSpot(state.id) for state in rule.states if state.holds(offset))
+    yield from transitions or (GraphSpot(state.id) for state in rule.states if state.holds(offset))

@@ -1,6 +1,6 @@
 """A state of a rule as one list: what it does on entry, its transitions, what it does on exit. Pure.
 
-Blocks are an indented list with a line for each condition. Each row knows what it stands for, so that a key can add,
+Blocks are an indented list with a line for each condition. Each row knows its statement, so that a key can add,
 change, move or remove it.
 """
 
@@ -37,7 +37,7 @@ from rise_engine.author.edit.rule_words import (
 )
 from rise_engine.syntax.xml_writing import one_line
 
-PartKind: TypeAlias = Literal["heading", "call", "if", "branch", "choice", "way", "other", "empty", "parameter"]
+PartKind: TypeAlias = Literal["heading", "call", "if", "branch", "choice", "transition", "other", "empty", "parameter"]
 MOST_LEVELS = 4
 """Blocks within each other that the list shows; what is deeper is changed in the file."""
 
@@ -49,29 +49,29 @@ class PartRow(NamedTuple):
     text: str
     depth: int = 0
     at: StatementAddress | None = None
-    """Of a statement or a branch; of a heading, a way or an empty place, where one more in it would stand."""
-    way: int = -1
+    """Of a statement or a branch; of a heading, a transition or an empty place, the address of one more in it."""
+    transition: int = -1
     """The number of the transition that the row is, or belongs to."""
     siblings: int = 0
-    """How many stand beside it."""
+    """How many there are in its block."""
     reason: str = ""
     """Why a form cannot change it."""
     guard: str = ""
-    """Of a way: what must hold besides. Of an arm: its condition. Of a parameter: what is to be known of it."""
+    """Of a transition: its guard. Of a branch: its condition. Of a parameter: a note."""
     target: str | None = None
-    """Of a way: where it leads. Of a parameter: its name."""
+    """Of a transition: where it leads. Of a parameter: its name."""
     in_arm: bool = False
-    """Of a function: it stands in an arm of an `if`."""
+    """Whether it is a function in a branch of an `if`."""
     line: int = 0
     """In the file; 0: it has none of its own."""
 
     @property
     def id(self) -> str:
         """The same for the same thing as long as nothing before it is added or removed."""
-        named = self.kind not in ("heading", "way") and self.at is not None
+        named = self.kind not in ("heading", "transition") and self.at is not None
         path = ".".join(map(str, self.at.path)) if named and self.at is not None else ""
         place = self.at.place if self.at is not None else ""
-        return f"{self.kind}:{place}:{self.way}:{path or (self.target if self.kind == 'parameter' else '')}"
+        return f"{self.kind}:{place}:{self.transition}:{path or (self.target if self.kind == 'parameter' else '')}"
 
 
 def state_parts(rule: str, state: WrittenState, use: WrittenUse | None = None) -> list[PartRow]:
@@ -82,10 +82,12 @@ def state_parts(rule: str, state: WrittenState, use: WrittenUse | None = None) -
     rows = [*_parameters(use)] if use is not None else []
     rows += [*_block(rule, state, "onEntry", state.on_entry, "WHEN IT IS ENTERED")]
     rows.append(
-        PartRow("heading", "TRANSITIONS" if state.transitions else "TRANSITIONS   none: the rule ends here", way=-1)
+        PartRow(
+            "heading", "TRANSITIONS" if state.transitions else "TRANSITIONS   none: the rule ends here", transition=-1
+        )
     )
-    for number, way in enumerate(state.transitions):
-        rows += _way(rule, state, number, way)
+    for number, transition in enumerate(state.transitions):
+        rows += _transition(rule, state, number, transition)
     rows += _block(rule, state, "onExit", state.on_exit, "WHEN IT IS LEFT")
     return rows
 
@@ -101,13 +103,13 @@ def use_of(outline: Outline, state: WrittenState) -> WrittenUse | None:
 def add_statement(row: PartRow, statement: StatementForm, *, behind: bool = False) -> AddStatement | None:
     """A new statement for the place of the cursor: behind a function, last in a block, first in an arm.
 
-    :param behind: behind the whole block in which the cursor stands, instead.
-    :returns: None where no function can stand.
+    :param behind: after the whole block of the cursor, instead.
+    :returns: None where there can be no function.
     """
     at = row.at
     if at is None or row.reason or row.kind == "other":
         return None
-    if row.kind in ("heading", "way", "empty"):
+    if row.kind in ("heading", "transition", "empty"):
         if behind and row.kind == "empty":  # behind the `if`: without the number of the arm and that in it
             at = _behind(_with_path(at, at.path[:-2]))
         return AddStatement(at, statement)
@@ -122,7 +124,7 @@ def add_statement(row: PartRow, statement: StatementForm, *, behind: bool = Fals
 
 
 def add_branch(row: PartRow, parts: Sequence[PartRow], condition: str | None) -> AddBranch | None:
-    """Another arm of the `if` in which the cursor stands: a condition before its `else`, or that (None)."""
+    """Another branch of the `if` at the cursor: one with a condition before its `else`, or the `else` (None)."""
     head = _head_of(row, parts)
     if head is None or head.at is None:
         return None
@@ -136,28 +138,28 @@ def add_branch(row: PartRow, parts: Sequence[PartRow], condition: str | None) ->
 
 def id_of_call(at: StatementAddress) -> str:
     """The row of the function at an address."""
-    return PartRow("call", "", at=at, way=at.transition if at.place == "transition" else -1).id
+    return PartRow("call", "", at=at, transition=at.transition if at.place == "transition" else -1).id
 
 
 def removal(row: PartRow, state: WrittenState, rule: str) -> AnyEdit | None:
     """What takes away the row and all that is in it; None: nothing can be taken away here."""
-    if row.kind == "way":
-        return RemoveTransition(rule, state.id, row.way, state.transitions[row.way].form)
+    if row.kind == "transition":
+        return RemoveTransition(rule, state.id, row.transition, state.transitions[row.transition].form)
     if row.kind in ("call", "if", "branch", "choice", "other") and row.at is not None and not row.reason:
         return RemoveStatement(row.at)
     return None
 
 
 def movement(row: PartRow, state: WrittenState, rule: str, step: int) -> AnyEdit | None:
-    """What moves the row among those it stands with; None: it stands at the end, or has no order."""
+    """The edit that moves the row within its block; None: it is at the end, or has no order."""
     if row.reason:
         return None
-    if row.kind == "way":
-        to = row.way + step
-        own = len([way for way in state.transitions if not way.shared_by])
-        if not 0 <= to < own or state.transitions[row.way].shared_by:
+    if row.kind == "transition":
+        to = row.transition + step
+        own = len([transition for transition in state.transitions if not transition.shared_by])
+        if not 0 <= to < own or state.transitions[row.transition].shared_by:
             return None
-        return MoveTransition(rule, state.id, row.way, state.transitions[row.way].form, to)
+        return MoveTransition(rule, state.id, row.transition, state.transitions[row.transition].form, to)
     if row.kind in ("call", "if", "choice", "other") and row.at is not None:
         to = row.at.path[-1] + step
         return MoveStatement(row.at, to) if 0 <= to < row.siblings else None
@@ -191,8 +193,8 @@ def block_of(state: WrittenState, address: StatementAddress) -> tuple[WrittenSta
         return state.on_entry
     if address.place == "onExit":
         return state.on_exit
-    ways = state.transitions
-    return ways[address.transition].statements if 0 <= address.transition < len(ways) else ()
+    transitions = state.transitions
+    return transitions[address.transition].statements if 0 <= address.transition < len(transitions) else ()
 
 
 def _parameters(use: WrittenUse) -> Iterator[PartRow]:
@@ -220,30 +222,32 @@ def _block(
     yield from _statements(statements, StatementAddress(rule, state.id, place), 1, -1, state.reason)
 
 
-def _way(rule: str, state: WrittenState, number: int, way: WrittenTransition) -> Iterator[PartRow]:
-    reason, form = way.reason, way.form
+def _transition(rule: str, state: WrittenState, number: int, transition: WrittenTransition) -> Iterator[PartRow]:
+    reason, form = transition.reason, transition.form
     has_trigger = form.event is not None or form.ended is not None or form.after is not None
     guard = one_line(form.condition) if form.condition is not None and has_trigger else ""
-    place = StatementAddress(rule, state.id, "transition", number, (len(way.statements),))
+    place = StatementAddress(rule, state.id, "transition", number, (len(transition.statements),))
     yield PartRow(
-        "way",
+        "transition",
         f"{number + 1} {trigger_words(form)}",
         at=place,
-        way=number,
+        transition=number,
         siblings=len(state.transitions),
         reason=reason,
         guard=guard,
         target=form.target.strip() if form.target is not None else None,
-        line=way.line,
+        line=transition.line,
     )
-    yield from _statements(way.statements, StatementAddress(rule, state.id, "transition", number), 2, number, reason)
+    yield from _statements(
+        transition.statements, StatementAddress(rule, state.id, "transition", number), 2, number, reason
+    )
 
 
 def _statements(
     statements: tuple[WrittenStatement, ...],
     block: StatementAddress,
     depth: int,
-    way: int,
+    transition: int,
     reason: str,
     *,
     in_arm: bool = False,
@@ -252,18 +256,18 @@ def _statements(
     for number, statement in enumerate(statements):
         at = _with_path(block, (*block.path, number))
         why = reason or statement.reason
-        row = PartRow("other", "", depth, at, way, len(statements), why, in_arm=in_arm, line=statement.line)
+        row = PartRow("other", "", depth, at, transition, len(statements), why, in_arm=in_arm, line=statement.line)
         if statement.call is not None:
             yield row._replace(kind="call", text=call_words(statement.call))
         elif statement.branches:
             yield from _branches(statement, row)
         elif statement.template:
             yield row._replace(text=f"from the template {statement.template}")
-            yield from _statements(statement.brings, at, depth + 1, way, why)
+            yield from _statements(statement.brings, at, depth + 1, transition, why)
         elif statement.choices or not statement.reason:
             yield row._replace(kind="choice", text=ONE_OF)
             if depth <= MOST_LEVELS:
-                yield from _statements(statement.choices, at, depth + 1, way, why)
+                yield from _statements(statement.choices, at, depth + 1, transition, why)
             else:
                 yield _too_deep(row)
         else:
@@ -286,26 +290,26 @@ def _branches(statement: WrittenStatement, row: PartRow) -> Iterator[PartRow]:
         if row.depth > MOST_LEVELS:
             yield _too_deep(row)
         elif branch.statements:
-            yield from _statements(branch.statements, at, row.depth + 1, row.way, reason, in_arm=True)
+            yield from _statements(branch.statements, at, row.depth + 1, row.transition, reason, in_arm=True)
         else:
             empty = _with_path(at, (*at.path, 0))
-            yield PartRow("empty", "nothing yet", row.depth + 1, empty, row.way, reason=reason)
+            yield PartRow("empty", "nothing yet", row.depth + 1, empty, row.transition, reason=reason)
 
 
 def _too_deep(row: PartRow) -> PartRow:
-    return PartRow("other", "… more within: e opens the file", row.depth + 1, None, row.way, line=row.line)
+    return PartRow("other", "… more within: e opens the file", row.depth + 1, None, row.transition, line=row.line)
 
 
 def _head_of(row: PartRow, parts: Sequence[PartRow]) -> PartRow | None:
     """The `if` that a row is, or is in, the nearest."""
-    if row.at is None or row.kind in ("heading", "way"):
+    if row.at is None or row.kind in ("heading", "transition"):
         return None
     heads = [
         each
         for each in parts
         if each.kind == "if"
         and each.at is not None
-        and each.way == row.way
+        and each.transition == row.transition
         and each.at.place == row.at.place
         and row.at.path[: len(each.at.path)] == each.at.path
     ]

@@ -132,9 +132,9 @@ def study_names(outline: Outline, draft: ScenarioDraft, files: Files) -> StudyNa
 
 
 def calls_of_rule(rule: WrittenRule) -> Iterator[CallForm]:
-    """Every function that stands anywhere in a rule."""
+    """Every function in a rule."""
     for state in rule.states:
-        for block in (state.on_entry, state.on_exit, *(way.statements for way in state.transitions)):
+        for block in (state.on_entry, state.on_exit, *(transition.statements for transition in state.transitions)):
             yield from _calls_in(block)
 
 

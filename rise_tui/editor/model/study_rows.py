@@ -5,10 +5,11 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 from rise_engine.author.edit.outline import WrittenAct
+from rise_engine.base.text import pluralize
 from rise_engine.scenario.file_names import PARTICIPANTS_FILE
 from rise_engine.scenario.model import KeyBinding
 from rise_tui.editor.model.act_rows import act_seconds, action_type, all_texts, what_text, when_text
-from rise_tui.editor.model.draft import StudyDraft, count, is_study_alone
+from rise_tui.editor.model.draft import StudyDraft, is_study_alone
 from rise_tui.editor.model.text_rows import find_text
 from rise_tui.rendering.text import ListRow, StyledLine, StyledSpan, clean, crop, fixed_span, format_seconds, wrap
 
@@ -80,8 +81,8 @@ def study_rows(draft: StudyDraft, width: int, wanted: str = "") -> list[ListRow]
     rows.append(heading("RULES", len(rules)))
     for rule in rules:
         transitions = sum(len(state.transitions) for state in rule.states)
-        note = f"{count(len(rule.states), 'state'):>9}" + (
-            f" {count(transitions, 'transition')}" if width >= 50 else ""
+        note = f"{pluralize(len(rule.states), 'state'):>9}" + (
+            f" {pluralize(transitions, 'transition')}" if width >= 50 else ""
         )
         key = keys[("rule", rule.name)][0].label if ("rule", rule.name) in keys else ""
         rows.append(ListRow(row_id("rule", rule.name), _line(key, rule.name, note, width, bad=False)))
@@ -147,7 +148,7 @@ def wrong_files(draft: StudyDraft) -> dict[str, list[int]]:
 
 
 def find_at(draft: StudyDraft, file: str, line: int) -> tuple[str, str] | None:
-    """Which page shows what stands in this line: its kind and name."""
+    """The page that shows this line: its kind and name."""
     for act in draft.outline.acts:
         if act.file == file and act.has_line(line):
             return "act", act.name
@@ -172,7 +173,7 @@ def used_by(draft: StudyDraft, kind: str, name: str) -> list[str]:
 
 
 def act_preview(draft: StudyDraft, act: WrittenAct, width: int) -> list[StyledLine]:
-    """What the page of an act would show, and who uses it."""
+    """What the page of an act would show, and what uses it."""
     lines: list[StyledLine] = [
         ((f" {act.name}", "strong"),),
         ((f" {act.file}:{act.line}  ~{format_seconds(act_seconds(act, draft.checked))} s", "muted"),),

@@ -107,7 +107,7 @@ def _read_cells(name: str, files: tuple[tuple[str, bytes], ...]) -> GridTable | 
 
 
 def row_at_line(grid: Grid, place: str) -> GridRow | None:
-    """The row that stands in a line, `tables/items.csv:3`; None: none does."""
+    """The row in a line, `tables/items.csv:3`; None: there is none."""
     file, _, line = place.rpartition(":")
     for name, table in grid.tables.items():
         if table.cells.file == file and line.isdigit():
@@ -117,7 +117,7 @@ def row_at_line(grid: Grid, place: str) -> GridRow | None:
 
 
 def is_selectable(grid: Grid, row: GridRow) -> bool:
-    """Whether the cursor stands on it: on rows, and on the columns of a table that has no rows yet."""
+    """Whether the cursor can be on it: on rows, and on the columns of a table without rows."""
     table = grid.tables.get(row.table)
     return row.number >= 0 or (row.number == -1 and table is not None and not table.cells.rows)
 
@@ -231,7 +231,7 @@ def new_table(names: Sequence[str], name: str, columns: str) -> ReplaceFile:
 
 
 def new_column(table: str, column: str, at: int, further: Sequence[str]) -> tuple[AnyEdit, ...]:
-    """A column, empty in all rows; one of participants.csv stands in study.toml, too.
+    """A column, empty in all rows. One of participants.csv is also named in study.toml.
 
     :param further: the columns that `[participants]` names.
     """
@@ -243,7 +243,7 @@ def new_column(table: str, column: str, at: int, further: Sequence[str]) -> tupl
 
 
 def next_pseudonym(cells: WrittenCells) -> str:
-    """What the next participant may be called: P09 after P08; empty where nobody can say."""
+    """A likely name for the next participant: P09 after P08; empty: there is none."""
     at = cells.columns.index("participant") if "participant" in cells.columns else -1
     last = cells.rows[-1][at] if cells.rows and at >= 0 else "P00"
     digits = last[len(last.rstrip("0123456789")) :]

@@ -12,6 +12,7 @@ from msgspec.structs import replace
 from rise_engine.author.edit.edits import AnyEdit, SetTranslation
 from rise_engine.author.edit.plan import EditRefused
 from rise_engine.author.edit.translations import edit_of_original, written_original
+from rise_engine.base.text import pluralize
 from rise_engine.scenario.durations import expected_seconds
 from rise_engine.scenario.file_names import SCENARIO_FILE
 from rise_engine.scenario.loader import LoadResult
@@ -20,7 +21,7 @@ from rise_engine.scenario.spoken_texts import SpokenText
 from rise_engine.scenario.template import MissingValueError, Template
 from rise_engine.scenario.translations import Translation, slot_problem
 from rise_tui.editor.model.act_rows import when_text
-from rise_tui.editor.model.draft import FilePlace, StudyDraft, count
+from rise_tui.editor.model.draft import FilePlace, StudyDraft
 from rise_tui.rendering.text import (
     ListRow,
     StyledLine,
@@ -52,7 +53,7 @@ LABEL = 8
 _MEASURE = 16
 """Cells for how long a text is."""
 ORIGINAL = "acts"
-"""What the language of the acts is called while nobody says which one it is."""
+"""Shown for the language of the acts while it is not given."""
 
 
 class TextEntry(NamedTuple):
@@ -148,7 +149,7 @@ def shown_entries(entries: Sequence[TextEntry], view: TextsView) -> list[TextEnt
 
 
 def find_text(draft: StudyDraft, file: str, line: int) -> TextsView | None:
-    """The translation that stands in a line of a file of translations."""
+    """The translation in a line of a file of translations."""
     for language, found in draft.checked.translations.items():
         if found.file == file:
             before = [(where.line, f"{act}/{key}") for (act, key), where in found.keys.items() if where.line <= line]
@@ -191,7 +192,7 @@ def head_line(draft: StudyDraft, view: TextsView, entries: Sequence[TextEntry], 
         left.append((f"   ✗ {counts.missing} missing", "fault" if counts.missing else "muted"))
         left.append((f"   of {counts.of}", "muted"))
     else:
-        left.append((f"   {count(len(entries), 'text')}, in no other language: a adds one", "muted"))
+        left.append((f"   {pluralize(len(entries), 'text')}, in no other language: a adds one", "muted"))
     notes = [*(["only ✗ ▲"] if view.only else []), *([f"find {view.wanted}"] if view.wanted else [])]
     right = f"{' · '.join(notes)}: {shown} " if notes else ""
     return align_at_both_ends(tuple(left), ((clean(right), "wait"),), width)
@@ -254,7 +255,7 @@ def said_with(checked: LoadResult, text: SpokenText) -> str:
 
 
 def entry_head(draft: StudyDraft, entry: TextEntry, width: int) -> StyledLine:
-    """Which text, when it is said and with what, and where it stands."""
+    """Which text, when and with what it is said, and its line."""
     text, where = entry.text, _place_of_original(draft, entry.text)
     beside = said_with(draft.checked, text)
     left: StyledLine = (
@@ -325,9 +326,9 @@ def session_note(draft: StudyDraft, language: str, folder: str) -> str:
     if "study.toml" in draft.files:
         command = "from the column `language` of participants.csv"
     counts = count_texts(text_entries(draft, language))
-    lacking = [f"{count(counts.missing, 'text is', 'texts are')} missing"] if counts.missing else []
-    lacking += [f"{count(counts.wrong, 'text is', 'texts are')} wrong"] if counts.wrong else []
-    after = f"; refused while {' and '.join(lacking)}" if lacking else ""
+    lacking = [f"{pluralize(counts.missing, 'text')} missing"] if counts.missing else []
+    lacking += [f"{pluralize(counts.wrong, 'text')} wrong"] if counts.wrong else []
+    after = f"; refused now: {' and '.join(lacking)}" if lacking else ""
     return f"a session in {language}: {command}{after}"
 
 
@@ -347,7 +348,7 @@ def said_seconds(checked: LoadResult, text: SpokenText, template: Template) -> f
 
 
 def place_of(draft: StudyDraft, entry: TextEntry, language: str, column: int) -> FilePlace:
-    """Where a text, or its translation, stands; of one that is not there, where it will."""
+    """The line of a text or its translation; of a missing one, the line before which it is written."""
     if column == 1 and entry.translation is not None:
         where = entry.translation.location
         return FilePlace(where.file, where.line, where.line)

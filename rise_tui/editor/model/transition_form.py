@@ -85,7 +85,11 @@ class TransitionDraft(NamedTuple):
 
 def likely_transition(state: WrittenState) -> TransitionDraft:
     """What a new transition begins with: the end of the act that the state starts, unless another waits for it."""
-    ends = {way.form.ended for way in state.transitions if not way.form.outcomes and way.form.condition is None}
+    ends = {
+        transition.form.ended
+        for transition in state.transitions
+        if not transition.form.outcomes and transition.form.condition is None
+    }
     for statement in reversed(state.on_entry):
         call = statement.call
         if call is not None and call.function == "startCommunicationRobotAct" and call.argument not in ends:
@@ -174,8 +178,10 @@ class TransitionRuleForm(RuleForm):
     def _target_notes(self) -> list[FieldNote]:
         target, known = self.draft.target.strip(), self.names.states_of(self.rule.name)
         if not target:
-            stays = "the rule stays in this state, and does what is listed below the transition"
-            return [FieldNote("info", stays)] if self.has_functions else []
+            if self.has_functions:
+                stays = "the rule stays in this state, and does what is listed below the transition"
+                return [FieldNote("info", stays)]
+            return [FieldNote("warning", "it does nothing yet: choose a state (F2), or add functions afterwards")]
         if target == self.state:
             return [FieldNote("info", "the rule leaves the state and enters it again")]
         if target in known:

@@ -1,4 +1,4 @@
-"""A trial in rows: where the rule stands, what it waits for, what can be done, what counts, what happened. Pure."""
+"""A trial in rows: the state of the rule, its transitions, the keys and memory values, the events so far. Pure."""
 
 from __future__ import annotations
 
@@ -48,13 +48,13 @@ def clock_text(seconds: float) -> str:
 
 
 def standing_of(trial: Trial, rule: str) -> RuleStanding | None:
-    """Where the rule stands; when it does not run, the rule that gets events first."""
+    """The state of the rule; when it does not run, that of the rule that gets events first."""
     running = standing_rules(trial)
     return next((each for each in running if each.name == rule), running[0] if running else None)
 
 
 def head_lines(trial: Trial, rule: str, width: int) -> tuple[StyledLine, StyledLine]:
-    """That nothing of it is real, the virtual time, and where the rule stands."""
+    """The title, the virtual time, and the state of the rule."""
     time: StyledLine = (("virtual time ", "muted"), (f"{clock_text(trial.now)} ", "strong"))
     first = align_at_both_ends(((" TRY IT", "accent"), ("   no robot, no record", "muted")), time, width)
     standing = standing_of(trial, rule)
@@ -67,7 +67,7 @@ def head_lines(trial: Trial, rule: str, width: int) -> tuple[StyledLine, StyledL
 
 
 def trial_rows(trial: Trial, rule: str, width: int) -> list[ListRow]:
-    """What can be done with enter, and what is to be known for it, in at most `width` cells."""
+    """The rows that enter acts on, with what the author needs for them, in at most `width` cells."""
     standing = standing_of(trial, rule)
     rows = [ListRow(GO_ON, crop(_go_on_line(trial), width))]
     rows += _running_rows(trial, width)

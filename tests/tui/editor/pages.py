@@ -3,8 +3,10 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
+from typing import Any
 
 from textual.app import ComposeResult
+from textual.pilot import Pilot
 from textual.widget import Widget
 
 from rise_engine.author.edit.edits import AnyEdit
@@ -82,3 +84,10 @@ class PageApp(TerminalApp):
         for known in themes.THEMES:
             self.register_theme(known)
         self.theme = themes.full_name(themes.DEFAULT)
+
+
+async def settle(pilot: Pilot[Any]) -> None:
+    """Until what a key asked for has been done."""
+    await pilot.pause()
+    await pilot.app.workers.wait_for_complete()
+    await pilot.pause()

@@ -103,6 +103,7 @@ def test_what_a_form_has_no_place_for() -> None:
         (TransitionDraft(event="/Other_Two"), "event", "info", "when the rule Other ends in Two"),
         (TransitionDraft("after", time="1s", held="happy"), "held", "info", "happy is false at the start: false"),
         (TransitionDraft("condition", condition="step <"), "condition", "error", "something is missing"),
+        (TransitionDraft(event="/next"), "target", "warning", "it does nothing yet"),
         (TransitionDraft(event="/next", target="Start"), "target", "info", "enters it again"),
         (TransitionDraft(event="/next", target="Ende"), "target", "info", "a new state"),
         (CallDraft("startInteractionRule", rule="Other", enter="no"), "enter", "info", "without doing"),

@@ -52,8 +52,8 @@ def part(text: str, nth: int = 0) -> PartRow:
     return [row for row in PARTS if row.text.startswith(text)][nth]
 
 
-def at(place: str, *path: int, way: int = 0) -> StatementAddress:
-    return StatementAddress("Course", "Start", place, way, path)  # type: ignore[arg-type]
+def at(place: str, *path: int, transition: int = 0) -> StatementAddress:
+    return StatementAddress("Course", "Start", place, transition, path)  # type: ignore[arg-type]
 
 
 def test_every_state_and_every_way_is_drawn_and_can_be_chosen() -> None:
@@ -86,10 +86,14 @@ def test_in_a_long_rule_a_state_and_its_way_share_a_row() -> None:
     outline = outline_of({**FILES, "rules/long.xml": rule.encode()})
     layout = lay_out_rule(outline.rules[-1], 78)
     assert layout is not None
-    state, way = GraphSpot("S3"), GraphSpot("S3", 0)
-    assert beside(layout, state, 1) == way and beside(layout, way, 1) == way and beside(layout, way, -1) == state
-    ids = [row.id for row in draw_rule(layout, way, {})]
-    assert way.id in ids and state.id not in ids
+    state, transition = GraphSpot("S3"), GraphSpot("S3", 0)
+    assert (
+        beside(layout, state, 1) == transition
+        and beside(layout, transition, 1) == transition
+        and beside(layout, transition, -1) == state
+    )
+    ids = [row.id for row in draw_rule(layout, transition, {})]
+    assert transition.id in ids and state.id not in ids
     assert valid_spot(layout, outline.rules[-1], GraphSpot("S3", 5)) == state
     assert valid_spot(layout, outline.rules[-1], GraphSpot("gone")) == GraphSpot("S0")
 
@@ -166,8 +170,8 @@ def test_where_something_new_stands() -> None:
     assert new(part("one of these"), behind=True) == at("onEntry", 3)
     assert new(part("start the act R_Hello", 1)) == at("onEntry", 2, 1)
     assert new(part("start the act R_Hello", 1), behind=True) == at("onEntry", 3)
-    assert new(part("2 as soon as")) == at("transition", 1, way=1)
-    assert new(part("stop the act")) == at("transition", 1, way=1)
+    assert new(part("2 as soon as")) == at("transition", 1, transition=1)
+    assert new(part("stop the act")) == at("transition", 1, transition=1)
     assert new(part("WHEN IT IS LEFT")) == at("onExit", 0)
     assert add_statement(part("TRANSITIONS"), NOD) is None
 
@@ -200,6 +204,6 @@ def test_what_comes_from_a_template_is_shown_with_what_is_given_to_it() -> None:
         ("then = End", ""),
         ("pause = 2s", "as the template says"),
     ]
-    ways = [row for row in rows if row.kind == "way"]
-    assert ways[0].reason and not ways[1].reason, "what the rule gives to the template's state is its own"
+    transitions = [row for row in rows if row.kind == "transition"]
+    assert transitions[0].reason and not transitions[1].reason, "what the rule gives to the template's state is its own"
     assert removal(next(row for row in rows if row.kind == "heading" and row.at), WAIT, "Course") is None

@@ -32,7 +32,7 @@ async def test_a_way_is_one_line_of_the_file_and_undo_gives_the_same_bytes(study
     async with editor(study) as it:
         page = await opened(it, "Greeting")
         await it.press("a", "tab", *"W_close", "tab", "tab", *"Closed", "enter")
-        assert page.editor.spot is not None and page.editor.spot.way == 2, "the cursor is on the new way"
+        assert page.editor.spot is not None and page.editor.spot.transition == 2, "the cursor is on the new transition"
         assert file.read_bytes() == before, "nothing is written before it is saved"
         changed = page.draft.files["rules/greeting.xml"]
         line = b'    <transition eventTopic="/W_close" target="Closed"/>\n'

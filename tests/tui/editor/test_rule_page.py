@@ -38,7 +38,7 @@ from rise_engine.scenario.model import SourceLocation
 from rise_tui.editor.model.rule_graph import GraphSpot
 from rise_tui.editor.pick_list import PickList
 from rise_tui.editor.rule_editor import RuleEditor
-from tests.tui.editor.pages import PageApp, StudyInMemory
+from tests.tui.editor.pages import PageApp, StudyInMemory, settle
 from tests.tui.editor.small_study import RULES
 
 pytestmark = pytest.mark.slow
@@ -54,13 +54,6 @@ async def opened(
     async with PageApp(page).run_test(size=size) as pilot:
         await pilot.pause()
         yield pilot, page
-
-
-async def settle(pilot: Pilot[Any]) -> None:
-    """Until what a key asked for has been done."""
-    await pilot.pause()
-    await pilot.app.workers.wait_for_complete()
-    await pilot.pause()
 
 
 async def go_to(pilot: Pilot[Any], page: RuleEditor, spot: GraphSpot) -> None:
@@ -111,7 +104,7 @@ async def test_keys_become_edits() -> None:
     to_hello = ("tab", "down", "down", "down")
     cases: list[tuple[str, Sequence[str], Sequence[tuple[AnyEdit, ...]]]] = [
         (
-            "a new way is made trigger first",
+            "a new transition is made trigger first",
             ("a", "right", "tab", *"happy", "tab", *"Break", "enter"),
             [
                 (
@@ -174,7 +167,7 @@ async def test_a_way_is_changed_moved_and_removed_where_it_stands() -> None:
     async with opened(study) as (pilot, page):
         await pilot.press("tab", *["down"] * 13)
         assert page.parts.part is not None and page.parts.part.text == "2 as soon as /skip happens"
-        assert page.spot is not None and page.spot.way == 1, "the graph's cursor follows"
+        assert page.spot is not None and page.spot.transition == 1, "the graph's cursor follows"
         await press(pilot, "enter")
         await pilot.press("tab", *["backspace"] * len(" and not happy"))
         await settle(pilot)

@@ -132,7 +132,7 @@ def test_rows_have_their_marks_and_an_act_is_named_once(draft: StudyDraft) -> No
 def test_a_stale_text_says_of_what_it_was_and_how_a_session_is_started(draft: StudyDraft) -> None:
     text = " ".join(plain_text(line).strip() for line in note_lines(draft, entry(draft, STALE), "de", "my lab", 80))
     assert "It was “Very good!”. s: it is still right" in text
-    assert "rise-tui --config 'my lab' --language de; refused while 1 text is missing" in text
+    assert "rise-tui --config 'my lab' --language de; refused now: 1 text missing" in text
 
 
 def test_in_a_study_of_many_sessions_the_list_of_participants_says_the_language(folder: Path) -> None:
@@ -162,7 +162,7 @@ def test_a_translation_with_other_memory_values_is_wrong(folder: Path) -> None:
     assert found in shown_entries(text_entries(draft, "de"), TextsView("de", only=True))
     said = " ".join(plain_text(line).strip() for line in note_lines(draft, found, "de", "lab", 100))
     assert "✗ the translation has {person_name}, which the text has not" in said
-    assert "refused while 1 text is missing and 1 text is wrong" in said
+    assert "refused now: 1 text missing and 1 text wrong" in said
 
 
 # --- edits ----------------------------------------------------------------------------------------------------------

@@ -190,7 +190,7 @@ async def test_a_language_is_added_and_left_and_right_go_through_all(lab: Path) 
         await it.until(lambda: page.view.language == "fr")
         assert languages_of(it.screen.study.draft) == ("de", "fr")
         assert page.entry is not None and (page.entry.text.id, page.entry.state) == (STALE, "missing")
-        assert "rise-tui --config lab --language fr; refused while 72" in page.detail.text
+        assert "rise-tui --config lab --language fr; refused now: 72" in page.detail.text
         seen = []
         for key in ("left", "left", "left", "right", "right", "right"):
             await it.press(key)

@@ -27,7 +27,7 @@ from rise_tui.editor.model.trial_rows import (
 )
 from rise_tui.editor.trial_view import TrialView
 from rise_tui.rendering.text import line_width, plain_text
-from tests.tui.editor.pages import PageApp
+from tests.tui.editor.pages import PageApp, settle
 
 SCENARIOS = Path(__file__).parents[3] / "scenarios"
 RULE = "Table setting"
@@ -110,13 +110,6 @@ async def played(size: tuple[int, int] = (80, 24)) -> AsyncIterator[tuple[Pilot[
         await settle(pilot)
         view.rows.focus()
         yield pilot, view
-
-
-async def settle(pilot: Pilot[Any]) -> None:
-    """Until what was asked for has been played."""
-    await pilot.pause()
-    await pilot.app.workers.wait_for_complete()
-    await pilot.pause()
 
 
 @pytest.mark.slow

@@ -44,7 +44,7 @@ def test_a_letter_and_a_cursor_cost_little_and_a_hang_up_loses_nothing(tmp_path:
         it.process.wait()
         assert {each: each.read_bytes() for each in before} == before
         with terminal("edit", str(folder), home=it.home, size=(120, 40)) as again:
-            again.until_screen("A draft is there")
+            again.until_screen("Unsaved changes")
             again.press(b"t")
             again.until_screen("1 change unsaved")
             again.press(b"\x03")
