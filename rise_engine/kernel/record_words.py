@@ -150,7 +150,7 @@ def words_of(record: AnyRecord, *, took: float | None = None, sources: bool = Fa
         case RobotRecord():
             return RecordWords("robot", record.status, record.detail, ": ")
         case ControlRecord():
-            return RecordWords("control", record.status, f"by {record.by}; it is with {record.holder or 'nobody'}")
+            return RecordWords("control", record.status, f"by {record.by}; {record.holder or 'nobody'} has it now")
         case NoteRecord():
             return RecordWords(
                 "note", record.text, f"by {record.source}" if sources and record.source != ENGINE else ""
@@ -273,7 +273,7 @@ def _memory_text(record: MemoryRecord) -> str:
 def _countdown_text(record: CountdownRecord) -> str:
     return {
         "began": f"fires in {record.seconds or 0.0:g} s",
-        "broken": "is held up: what must hold does not",
+        "broken": "is paused: its condition does not hold",
         "failed": f"never fires: {record.reason}",
     }.get(record.status, record.status)
 
@@ -282,7 +282,7 @@ def _kept_text(record: KeptRecord) -> str:
     return {
         "kept": f"is kept for {record.seconds or 0.0:g} s: no rule waits for it yet",
         "taken": f"was kept, and {record.rule} takes it now",
-        "expired": "was kept in vain: no rule waited for it",
+        "expired": "expired: no rule waited for it",
         "taken-back": "is no longer kept",
     }.get(record.status, record.status)
 
@@ -306,14 +306,14 @@ def _failure_text(record: FailureRecord, sources: bool) -> str:
         "waiting": _add(f"failed, and is repeated {when}", record.reason),
         "repeated": f"is repeated as task {record.by}{says}" if sources else "is repeated",
         "gone-on": _add("failed, and the study goes on without it", record.reason) + says,
-        "dropped": _add("failed, and nobody is asked any more", record.reason),
+        "dropped": _add("failed, and is no longer asked about", record.reason),
     }.get(record.status, record.status)
 
 
 def _stop_words(record: StopRecord) -> RecordWords:
     by = f"by {record.source}" if record.source else ""
     if record.status == "let-go":
-        text = f"{stopper_words(record.source)} is not pressed any more; everything stays stopped"
+        text = f"{stopper_words(record.source)} is no longer pressed; everything stays stopped"
         return RecordWords("stop", "let go", text, ": ")
     if record.status != "latched":
         return RecordWords("stop", record.status, by)

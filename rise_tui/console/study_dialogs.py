@@ -63,7 +63,7 @@ def plan_lines(
 ) -> list[StyledLine]:
     """What would run, in lines."""
     counted = plan.request.purpose == "counted"
-    condition = conditions.label(plan.run.condition) or "none in this study"
+    condition = conditions.described(plan.run.condition) or "none in this study"
     if conditions.hidden and not plan.request.condition:
         condition = HIDDEN
     real = plan.mode == "real"

@@ -44,10 +44,16 @@ class Conditions(NamedTuple):
     labels: Mapping[str, str]
     """By the name of each condition: how it is shown. Also those of the between factors alone."""
     hidden: bool = False
+    descriptions: Mapping[str, str] = {}
+    """By the name of each condition: its factors with their levels, `hesitation: A, noise: quiet`."""
 
     def label(self, condition: str) -> str:
         """How a condition is shown in its session; one that is of no design is shown as it is."""
         return self.labels.get(condition, condition)
+
+    def described(self, condition: str) -> str:
+        """The same with its factors, where there is room."""
+        return self.descriptions.get(condition) or self.label(condition)
 
     def shown(self, condition: str) -> str:
         """How a condition is shown outside its session: empty in a hidden study."""
@@ -65,12 +71,24 @@ def conditions_of(study: Study) -> Conditions:
     for levels in product(*between):
         labels.setdefault(_join(levels, named=True), _join(levels, named=False))
     labels.pop("", None)
-    return Conditions(labels, study.assignment.hidden)
+    names = [factor.name for factor in study.factors]
+    descriptions = {
+        _join(levels): ", ".join(
+            f"{name}: {level.label or level.name}" for name, level in zip(names, levels, strict=True)
+        )
+        for levels in product(*every)
+    }
+    return Conditions(labels, study.assignment.hidden, descriptions)
 
 
 def condition_names(study: Study) -> list[str]:
     """Every condition that a session can have, in the order of the design."""
     return [name for levels in product(*(factor.levels for factor in study.factors)) if (name := _join(levels))]
+
+
+def _describe(study: Study, levels: tuple[Level, ...]) -> str:
+    pairs = zip(study.factors, levels, strict=True)
+    return ", ".join(f"{factor.name}: {level.label or level.name}" for factor, level in pairs)
 
 
 def _join(levels: tuple[Level, ...], *, named: bool = True) -> str:

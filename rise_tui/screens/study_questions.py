@@ -59,7 +59,7 @@ class RehearsalDialog(FormDialog[SessionRequest | None]):
             yield self.list
 
     def on_mount(self) -> None:
-        rows = [ListRow(name, ((f" condition {self._shown.label(name)}", "plain"),)) for name in self._names]
+        rows = [ListRow(name, ((f" {self._shown.described(name)}", "plain"),)) for name in self._names]
         if not self._shown.hidden or not rows:
             text = " their own condition" if rows else " this study has no conditions"
             rows.insert(0, ListRow(THEIRS, ((text, "plain"),)))

@@ -76,7 +76,7 @@ def rule(status: Any, state: str | None = "Talk", **more: Any) -> RuleRecord:
          "countdown Visit: transition 2 never fires: no time"),
         (KeptRecord(*AT, 7, "/yes", "kept", 2.0), "event /yes is kept for 2 s: no rule waits for it yet"),
         (KeptRecord(*AT, 7, "/yes", "taken", rule="Visit"), "event /yes was kept, and Visit takes it now"),
-        (KeptRecord(*AT, 7, "/yes", "expired"), "event /yes was kept in vain: no rule waited for it"),
+        (KeptRecord(*AT, 7, "/yes", "expired"), "event /yes expired: no rule waited for it"),
         (CueRecord(*AT, "answered", ANNA, task=8, since=2.5),
          "cue the participant's cue is answered by task 8 after 2.5 s"),
         (FailureRecord(*AT, 7, "Greet", "asked", "engine", reason="no voice"),

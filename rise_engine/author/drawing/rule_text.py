@@ -69,7 +69,7 @@ def wait_text(scenario: Scenario, transition: Transition) -> str:
     """What must happen for a transition, in words."""
     if transition.after is not None:
         time = delay_text(transition.after)
-        return f"{time} to pass" if transition.held is None else f"{time} of what must hold"
+        return f"{time} to pass" if transition.held is None else f"its condition to hold for {time}"
     if transition.ended is not None:
         return f"{transition.ended} {' or '.join(ENDINGS[end] for end in awaited_ends(transition))}"
     if transition.event is None:

@@ -197,14 +197,14 @@ def test_what_holds_a_time_up() -> None:
     it.set("talks", True)
     it.set("cue", False)
     assert it.said() == [
-        "waits for 8 s of what must hold held up: talks is true → b",
+        "waits for its condition to hold for 8 s held up: talks is true → b",
         "while not talks talks is true false",
         "and not cue cue is false true",
     ]
     it.set("talks", False)
     it.client.emit(CountdownRecord(0, 0.0, "", "R", "a", 0, "began", 8.0))
     it.client.time += 3
-    assert it.said()[0] == "waits for 8 s of what must hold 5 s left → b" and it.counts()
+    assert it.said()[0] == "waits for its condition to hold for 8 s 5 s left → b" and it.counts()
     it.client.emit(CountdownRecord(0, 0.0, "", "R", "a", 0, "broken"))
     assert "held up" in it.said()[0]
 

@@ -112,7 +112,7 @@ def test_the_shell_keeps_its_blocking_terminal() -> None:
     os.close(master)
 
 
-@pytest.mark.parametrize(("folder", "said"), [("", "enter a folder"), ("DIR", "there is no scenario in DIR:")])
+@pytest.mark.parametrize(("folder", "said"), [("", "name a folder"), ("DIR", "there is no scenario in DIR:")])
 def test_a_folder_that_is_no_scenario_is_refused(folder: str, said: str, tmp_path: Path) -> None:
     place = folder.replace("DIR", str(tmp_path))
     done = run_rise_tui("--config", place)

@@ -53,7 +53,7 @@ def until(it: Terminal, holds: Callable[[], object], what: str) -> None:
 def begin(it: Terminal, participant: str) -> None:
     """The checks of who is selected, and the session."""
     it.press(b"\r")
-    it.until_screen("enter makes the checks: 2")
+    it.until_screen("enter runs 2 checks")
     it.until_screen(f"participant  {participant}")
     it.still()
     it.press(b"\r")
@@ -95,7 +95,7 @@ def test_a_day_from_the_first_participant_to_the_next() -> None:
         it.press(b"\r")
         it.until_screen("Who are you?")
         it.press(b"anna\r")
-        it.until_screen("enter makes the checks: 2")
+        it.until_screen("enter runs 2 checks")
         it.press(b"\x1b")
         it.until_screen("nothing has been started for P01")
         assert entries(folder, "taken") == []

@@ -5,6 +5,7 @@ from __future__ import annotations
 import signal
 from collections.abc import Callable
 from threading import Event
+from typing import Any
 
 import pytest
 from textual.widgets import Button, Static
@@ -13,8 +14,11 @@ from rise_engine.kernel.records import SessionRecord
 from rise_engine.run.protocol.client import AttachReply, EngineGone
 from rise_engine.scenario.keys import KeyRefusedError, bindable_key_name
 from rise_tui.config.launch import RecoveredClient
-from rise_tui.console.exit_dialogs import END_KEY
+from rise_tui.console.app import END_PATIENCE
+from rise_tui.console.exit_dialogs import END_KEY, exit_message
 from rise_tui.console.screen import ConsoleScreen
+from rise_tui.model.status import running_lines, session_title
+from rise_tui.model.store import Store
 from rise_tui.screens.dialog import Dialog
 from rise_tui.screens.outcome import EndSessionDialog
 from tests.patience import PATIENCE
@@ -108,21 +112,19 @@ async def test_ending_names_who_and_all_that_runs_and_stop_works_while_the_word_
         await has_left(it, f"ended: the record is in {folder}\nwhat happened: rise-engine report {folder}")
 
 
-async def test_of_much_that_runs_it_is_said_how_much_more() -> None:
+def test_of_much_that_runs_it_is_said_how_much_more() -> None:
     client = FakeClient(demo())
+    assert running_lines(a_store(client)) == ["No rule and no act is running."]
     for _ in range(9):
         client.act("Filler")
-    async with console(client=client, size=(80, 24)) as it:
-        said = await asked_to_end(it)
-        assert said.count("act Filler") == 5 and "and 4 more" in said and "no participant named" in said
+    assert running_lines(a_store(client)) == ["Running now:", *["  act Filler"] * 5, "  and 4 more"]
+    assert session_title(a_store(client)) == "no participant named · Demo study"
 
 
 @pytest.mark.parametrize(
     ("way", "said", "code"),
     [
-        ("d", "", 0),
         ("enter", "", 0),
-        (signal.SIGHUP, "SIGHUP: ", 129),
         (signal.SIGTERM, "SIGTERM: ", 143),
     ],
 )
@@ -205,19 +207,38 @@ async def test_who_does_not_recover_leaves() -> None:
         await it.until(lambda: not it.app.is_running)
 
 
-async def test_leaving_an_engine_that_has_gone_asks_nothing_and_says_how_to_recover() -> None:
+@pytest.mark.parametrize("in_order", [True, False])
+async def test_leaving_what_is_over_asks_nothing(in_order: bool) -> None:
     async with console() as it:
-        it.client.end("its process is not there any more")
-        await it.until(lambda: "ENGINE GONE" in it.bars.alarm_bar.text)
+        if in_order:
+            it.client.end_in_order("ended by wizard:ben")
+        else:
+            it.client.end("its process is not there any more")
+        await it.until(lambda: ("SESSION ENDED" if in_order else "ENGINE GONE") in it.bars.alarm_bar.text)
         await it.press("ctrl+c")
         await it.until(lambda: not it.app.is_running)
-        assert "the engine has gone; to recover the session: rise-tui --config " in it.app.exit_message
+        assert it.app.exit_message == exit_message(it.screen.store, end=False, in_time=True, patience=END_PATIENCE)
 
 
-async def test_leaving_a_session_that_somebody_has_ended() -> None:
-    async with console() as it:
-        it.client.end_in_order("ended by wizard:ben")
-        await it.until(lambda: "SESSION ENDED" in it.bars.alarm_bar.text)
-        await it.press("ctrl+c")
-        await it.until(lambda: not it.app.is_running)
-        assert it.app.exit_message.startswith("ended: the record is in ")
+def a_store(client: FakeClient) -> Store:
+    return Store(client.attach_reply(), "anna", client.now)
+
+
+@pytest.mark.parametrize(
+    ("gone", "in_order", "leaves", "said"),
+    [
+        ("", False, {}, "detached: Demo study goes on; come back with: rise-tui"),
+        ("", False, {"signal_name": "SIGHUP"}, "SIGHUP: detached: Demo study goes on; come back with: rise-tui"),
+        ("", False, {"end": True}, "ended: the record is in "),
+        ("", False, {"end": True, "in_time": False}, "Demo study did not end within 13 s: look at the robot; "),
+        ("it was killed", False, {}, "the engine has gone; to recover the session: rise-tui --config "),
+        ("ended by wizard:ben", True, {}, "ended: the record is in "),
+    ],
+)
+def test_the_terminal_says_what_became_of_the_session(
+    gone: str, in_order: bool, leaves: dict[str, Any], said: str
+) -> None:
+    store = a_store(FakeClient(demo()))
+    store.gone_reason, store.ended_in_order = gone, in_order
+    how: dict[str, Any] = {"end": False, "in_time": True, "patience": END_PATIENCE} | leaves
+    assert exit_message(store, **how).startswith(said)

@@ -70,7 +70,7 @@ async def test_it_cannot_be_taken_for_a_session_and_paused_no_key_is_kept(folder
             assert "shadow of a finished session" in c.screen.store.notice.text  # type: ignore[union-attr]
         await play_until(c, 1.1)
         assert "cue 1 of 5" in bar.text
-        assert "sent nowhere" in bar.text
+        assert "recorded, not sent" in bar.text
         assert "cue" in line.text
         await c.press("ctrl+y")  # the twin
         await c.until(lambda: "PAUSED at 00:00:01" in bar.text)

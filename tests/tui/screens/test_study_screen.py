@@ -103,7 +103,7 @@ async def test_a_hidden_study_shows_no_condition_before_its_session() -> None:
         assert "hidden" in at.screen.lists.beside.text
         await at.press("r")
         rehearsal = await at.shows(RehearsalDialog)
-        assert "their own condition" not in rehearsal.list.text and "condition A+quiet" in rehearsal.list.text
+        assert "their own condition" not in rehearsal.list.text and "hesitation: A, noise: quiet" in rehearsal.list.text
         await at.press("enter")
         await at.shows(ChecksScreen)
         assert at.source.planned[0].condition == "yes+quiet"
@@ -160,7 +160,14 @@ def plan_of(source: FakeStudy, participant: str = "P07") -> list[str]:
 def test_what_would_run_is_said_in_full() -> None:
     shown = "\n".join(plan_of(FakeStudy()))
     for piece in (
-        *("P07 · run 2 of 2", "A+loud", "REAL", "pepper", "LabLinking: setting the table", "yes, slot 7"),
+        *(
+            "P07 · run 2 of 2",
+            "hesitation: A, noise: loud",
+            "REAL",
+            "pepper",
+            "LabLinking: setting the table",
+            "yes, slot 7",
+        ),
         *("/home/lab/lablinking/sessions", "anna", "consent, lights, door, disk, tracker"),
         "run 1 · ✓ complete · A+quiet · 2026-11-21 14:15 · 24:10",
     ):
