@@ -97,7 +97,7 @@ def write_blank_study(folder: Path, title: str, robot: str) -> tuple[str, ...]:
     files = blank_study(title, robot)
     try:
         if os.path.lexists(folder) and not folder.is_dir():
-            raise StudyCopyError(f"{folder} is no folder")
+            raise StudyCopyError(f"{folder} is not a folder")
         if folder.is_dir() and any(folder.iterdir()):
             raise StudyCopyError(f"{folder} is not empty; name a new folder")
         write_new_folder(folder, files)

@@ -75,7 +75,7 @@ def copy_study(name: str, to: Path) -> int:
     source, number = studies[name], 0
     try:
         if to.exists() and not to.is_dir():
-            raise StudyCopyError(f"{to} is no folder")
+            raise StudyCopyError(f"{to} is not a folder")
         if to.is_dir() and any(to.iterdir()):
             raise StudyCopyError(f"{to} is not empty; name a new folder")
         to.mkdir(parents=True, exist_ok=True)

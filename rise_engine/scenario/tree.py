@@ -82,7 +82,7 @@ class FileTree:
         """The content of a file of at most `most` bytes. Raises UnreadableError."""
         known = os.path.normpath(path)
         if known in self._held_folders:
-            raise UnreadableError("this is a folder; a file must stand here")
+            raise UnreadableError("this is a folder; a file is needed here")
         if known in self._held:
             data = self._held[known]
             if data is None:
@@ -104,7 +104,7 @@ def _read_from_disk(path: Path, most: int) -> tuple[bytes, int]:
         status = path.stat()
         if not stat.S_ISREG(status.st_mode):  # a pipe would keep us waiting for ever
             kind = "a folder" if stat.S_ISDIR(status.st_mode) else "no regular file"
-            raise UnreadableError(f"this is {kind}; a file must stand here")
+            raise UnreadableError(f"this is {kind}; a file is needed here")
         return (path.read_bytes() if status.st_size <= most else b""), status.st_size
     except OSError as error:
         reason = f"this file cannot be read: {error.strerror or error}"

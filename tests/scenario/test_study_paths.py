@@ -48,7 +48,7 @@ NAMES = {
     "linked/x.toml": "leads out of the study's folder through a link, to ",
     "acts/linked.xml": "leads out of the study's folder through a link, to ",
     "hidden/config.toml": "is a link, and `.git/config.toml` is hidden",
-    "acts/program.xml": "is a link, and `run.sh` is no name for this file",
+    "acts/program.xml": "is a link, and `run.sh` is not a name for this file",
 }
 """Names that nobody may write, and what is said of each."""
 

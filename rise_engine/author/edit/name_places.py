@@ -123,7 +123,7 @@ class NamePlaces:
                     if "'" in name:
                         line = text.line(value.start)
                         raise EditRefused(
-                            f"{place.file}, line {line}: write this text in \" marks first; it stands in ' marks"
+                            f"{place.file}, line {line}: write this text in \" marks first; it is in ' marks"
                         )
                     return Splice(place.file, place.start, place.end, name)
                 return Splice(place.file, place.start, place.end, json.dumps(name, ensure_ascii=False)[1:-1])

@@ -134,7 +134,7 @@ def plan_rename(edit: Rename, study: StudyState) -> Plan:
     renaming = Renaming(edit.kind, names.owner, names.old, names.new, names.events())
     splices += data_splices(study.files, renaming)
     if not splices:
-        raise EditRefused(f"{names.what} stands nowhere")
+        raise EditRefused(f"{names.what} is written nowhere")
     splices = _in_order(splices)
     files = len({splice.file for splice in splices})
     says = (
@@ -167,7 +167,7 @@ def _check_new_name(names: _RenamedName) -> None:
     """:raises EditRefused: the new name is none."""
     kind, new = names.edit.kind, names.new
     if not new or new.strip() != new or find_unseen(new) >= 0 or any(each in new for each in BLANKS[1:]):
-        raise EditRefused(f"`{new}` is no name: it has characters that can be seen, and no blanks around it")
+        raise EditRefused(f"`{new}` is not a name: a name has visible characters, and no blanks around it")
     if new == names.old:
         raise EditRefused(f"{names.what} is called so already")
     if kind == "key" and (not is_writable_key(new) or new in _CONSTANTS):
@@ -175,9 +175,9 @@ def _check_new_name(names: _RenamedName) -> None:
     if kind == "key" and "." in new:
         raise EditRefused(f"`{new}` would be a part of `{new.partition('.')[0]}`; a key's new name has no dot")
     if "${" in new or (kind == "state" and "|" in new):
-        raise EditRefused(f"`{new}` is no name: `${{` and, in states, `|` have a meaning of their own")
+        raise EditRefused(f"`{new}` is not a name: `${{` and, in states, `|` have a meaning of their own")
     if kind == "action" and any(each in new for each in " ,;"):
-        raise EditRefused(f"`{new}` is no actionID: it has no blanks, commas and semicolons")
+        raise EditRefused(f"`{new}` is not an actionID: an actionID has no blanks, commas or semicolons")
 
 
 def _check_collisions(names: _RenamedName, study: StudyState) -> None:
@@ -328,14 +328,12 @@ def _why_not(use: Use, places: NamePlaces) -> str:
     template = use.location.template
     if isinstance(template, TemplateLocation):
         if template.file not in places.files:
-            return (
-                f"{_place_text(use)}: the name stands in the template `{template.name}`, which comes with the program"
-            )
+            return f"{_place_text(use)}: the name is in the template `{template.name}`, which comes with the program"
         return (
             f"{_place_text(use)}: the template `{template.name}` puts the name together ({template.file}, line "
             f"{template.line})"
         )
-    return f"{_place_text(use)}: the name does not stand there as a whole"
+    return f"{_place_text(use)}: the name is not written there as a whole"
 
 
 def _in_order(splices: list[Splice]) -> list[Splice]:
