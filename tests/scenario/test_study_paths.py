@@ -17,11 +17,10 @@ from rise_engine.author.edit.saving import finish_interrupted, write_files
 from rise_engine.author.edit.study_folder import read_study_files
 from rise_engine.author.edit.workspace import Workspace
 from rise_engine.cli import main
-from rise_engine.scenario.interrupted_save import FRESH, NOTE, SavedFile, sum_of
 from rise_engine.scenario.loader import load
-from rise_engine.scenario.new_study import write_new_folder
-from rise_engine.scenario.shipped_studies import StudyCopyError
+from rise_engine.scenario.shipped_studies import StudyCopyError, write_new_folder
 from rise_engine.scenario.study_paths import why_not_read, why_not_written
+from rise_engine.scenario.tree import FRESH, NOTE, SavedFile, sum_of
 from rise_engine.study.study_toml import load_study
 from tests.study.studies import write_study
 

@@ -13,8 +13,7 @@ from rise_engine.imports.woz4u_file import read_woz4u
 from rise_engine.imports.woz4u_study import ImportedStudy, make_study
 from rise_engine.scenario.diagnostics import Diagnostics
 from rise_engine.scenario.loader import load
-from rise_engine.scenario.new_study import write_new_folder
-from rise_engine.scenario.shipped_studies import StudyCopyError
+from rise_engine.scenario.shipped_studies import StudyCopyError, write_new_folder
 from rise_engine.scenario.study_paths import why_not_read
 
 _LARGEST = 10_000_000
