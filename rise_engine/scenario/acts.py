@@ -127,11 +127,11 @@ class _ActReader(ElementReader):
         for child in element:
             if child.tag in COMMON:
                 if child.tag in common:
-                    self.report_error("duplicate-parameter", child, f"`{child.tag}` stands here twice")
+                    self.report_error("duplicate-parameter", child, f"`{child.tag}` is given twice here")
                 common.setdefault(child.tag, child)
                 continue
             if child.tag == "Variants":
-                message = "`<Variants>` cannot stand inside `<Variants>`; write all its actions in one"
+                message = "`<Variants>` is not allowed inside `<Variants>`; write all its actions in one"
                 self.report_error("variants", child, message)
                 continue
             spec = self.find_spec(child)
@@ -147,9 +147,7 @@ class _ActReader(ElementReader):
             calls.append(self.read_call(child, spec, ()))
         if not calls:
             if first is None and all(child.tag in COMMON for child in element):
-                self.report_error(
-                    "variants", element, "`<Variants>` holds the actions of which one is picked; it has none"
-                )
+                self.report_error("variants", element, "`<Variants>` holds actions and picks one of them; it has none")
             return self.make_action(element, common, ()) if "actionID" in common else None
         if len(calls) == 1:
             self.report_warning("variants", element, "there is only one variant to pick")
@@ -193,7 +191,7 @@ class _ActReader(ElementReader):
             )
         elif failure is not None and failure.text.strip(BLANKS) != proceed:
             at = find_unseen(failure.text)
-            message = f"the character {character_name(failure.text[at])} cannot stand beside `continue`; delete it"
+            message = f"the character {character_name(failure.text[at])} is not allowed beside `continue`; delete it"
             self.diagnostics.error("wrong-value", self.file.text_location(failure, at), message)
         return Action(name, calls, wait_for, proceed == "continue", self.file.element_location(element))
 
@@ -203,7 +201,7 @@ class _ActReader(ElementReader):
             return ""
         self.check_attributes(element, _NO_ATTRIBUTES)
         for child in element:
-            ssml = "; SSML stands in one <speak>...</speak>, which is all of it" if element.tag == MESSAGE else ""
+            ssml = "; SSML is one <speak>...</speak> and nothing else" if element.tag == MESSAGE else ""
             self.report_error("unknown-element", child, f"`<{element.tag}>` holds only text{ssml}")
         return element.text.strip()
 
@@ -214,7 +212,7 @@ class _ActReader(ElementReader):
         for child in element:
             name = child.tag
             if name in seen:
-                self.report_error("duplicate-parameter", child, f"`{name}` stands here twice")
+                self.report_error("duplicate-parameter", child, f"`{name}` is given twice here")
                 continue
             seen[name] = child
             parameter = spec.parameters.get(name)
@@ -265,11 +263,11 @@ class _ActReader(ElementReader):
         name = element.tag
         if name in COMMON:
             self.report_error(
-                "unknown-parameter", element, f"`{name}` stands in `<Variants>`, not in its single actions"
+                "unknown-parameter", element, f"`{name}` belongs in `<Variants>`, not in its single actions"
             )
         elif name in self.robot.actions or name == "Variants":
             self.report_error(
-                "unknown-parameter", element, f"an action cannot stand inside `<{spec.name}>`; close it before"
+                "unknown-parameter", element, f"an action is not allowed inside `<{spec.name}>`; close it before"
             )
         else:
             known = (*spec.parameters, *besides)

@@ -37,16 +37,16 @@ _STATEMENTS = ("function", "if", "oneOf")
 _ELSE = ("else", "elseif")
 _PLACES = {
     "InteractionRule": "is the outermost element",
-    "State": "stands in <InteractionRule>",
-    "onEntry": "stands in <State>",
-    "onExit": "stands in <State>",
-    "transition": "stands in <State> or <transitions>",
-    "transitions": "stands in <InteractionRule>",
-    "function": "stands in <onEntry>, <onExit>, <if>, <else>, <oneOf> or <transition>",
-    "if": "stands in <onEntry>, <onExit>, <else>, <oneOf> or <transition>",
-    "oneOf": "stands in <onEntry>, <onExit>, <if>, <else> or <transition>",
-    "else": "stands last in its <if>, or directly after it",
-    "elseif": "stands in its <if> before <else>, or directly after it",
+    "State": "belongs in <InteractionRule>",
+    "onEntry": "belongs in <State>",
+    "onExit": "belongs in <State>",
+    "transition": "belongs in <State> or <transitions>",
+    "transitions": "belongs in <InteractionRule>",
+    "function": "belongs in <onEntry>, <onExit>, <if>, <else>, <oneOf> or <transition>",
+    "if": "belongs in <onEntry>, <onExit>, <else>, <oneOf> or <transition>",
+    "oneOf": "belongs in <onEntry>, <onExit>, <if>, <else> or <transition>",
+    "else": "belongs at the end of its <if>, or directly after it",
+    "elseif": "belongs in its <if> before <else>, or directly after it",
 }
 
 
@@ -57,7 +57,7 @@ class BlockReader(ElementReader):
         """An error about an element that does not belong where it stands."""
         name = element.tag
         if name in _PLACES:
-            message = f"`<{name}>` cannot stand in `<{parent.tag}>`; it {_PLACES[name]}"
+            message = f"`<{name}>` is not allowed in `<{parent.tag}>`; it {_PLACES[name]}"
         else:
             message = f"unknown element `<{name}>` in `<{parent.tag}>`{suggest(name, known).words}"
         self.report_error("unknown-element", element, message)
@@ -124,7 +124,7 @@ class BlockReader(ElementReader):
                     statements.append(OneOf(choices, self.file.element_location(child)))
                 elif not child:
                     self.report_error(
-                        "no-choice", child, "`<oneOf>` holds the functions of which one is picked; it has none"
+                        "no-choice", child, "`<oneOf>` holds functions and picks one of them; it has none"
                     )
             else:
                 self.report_misplaced(child, parent, _STATEMENTS)
@@ -198,7 +198,7 @@ class BlockReader(ElementReader):
         """What is wrong with the form of a `<function>`."""
         for child in element:
             self.report_error(
-                "unknown-element", child, f"`<function>` holds nothing; `<{child.tag}>` cannot stand in it"
+                "unknown-element", child, f"`<function>` holds nothing; `<{child.tag}>` is not allowed in it"
             )
         self.check_no_text(element)
         known = [name for name in given if name in _FUNCTIONS]

@@ -53,7 +53,7 @@ def read_study(table: TomlTable) -> dict[str, Any]:
             table.report_value("missing-value", "conditions", message)
         elif len(set(names)) < len(names):
             twice = Counter(names).most_common(1)[0][0]
-            table.report_value("duplicate-name", "conditions", f"the condition `{twice}` stands there twice")
+            table.report_value("duplicate-name", "conditions", f"the condition `{twice}` is listed twice")
         else:
             study["conditions"] = names
     return study
@@ -163,7 +163,7 @@ def read_private(table: TomlTable, draft: ScenarioDraft) -> frozenset[str]:
     for index, name in enumerate(names):
         locate = partial(table.value_location, "private", str(index))
         if name in seen:
-            table.diagnostics.error("duplicate-name", locate(), f"`{name}` stands there twice")
+            table.diagnostics.error("duplicate-name", locate(), f"`{name}` is listed twice")
         else:
             seen.add(name)
             draft.private_keys.append(Mention(name, locate))
@@ -321,7 +321,7 @@ def condition_label(scenario: Scenario, condition: str) -> str:
 def condition_sentence(condition: Condition) -> str:
     """What a condition sets, in words: `sets hesitation = true, pause = 600`."""
     if condition.label_only:
-        return "sets nothing: what it stands for lies outside of the robot"
+        return "sets nothing: the difference lies outside of the robot"
     values = ", ".join(f"{key} = {_value_text(value)}" for key, value in condition.memory.items())
     return f"sets {values}" if values else "sets nothing"
 

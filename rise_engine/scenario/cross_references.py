@@ -191,7 +191,8 @@ def _check_memory(draft: ScenarioDraft, diagnostics: Diagnostics) -> None:
             diagnostics.warning(
                 "bare-word",
                 mention.locate(),
-                f"`{mention.name}` is no memory key and is taken as a text; write '{mention.name}' in quotation marks",
+                f"`{mention.name}` is not a memory key and is taken as a text; write '{mention.name}' in quotation "
+                "marks",
                 suggest_key(mention.name),
             )
     for mention in draft.bare_keys:

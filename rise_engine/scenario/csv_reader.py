@@ -114,7 +114,7 @@ class CsvReader:
             starts, bad = find_values(text, self.separator)
             if bad is not None:
                 message = (
-                    f"behind a closing quotation mark stands a {shown} or the end of the line; within a value in "
+                    f"a closing quotation mark is followed by a {shown} or the end of the line; within a value in "
                     'quotation marks, a quotation mark is written twice: ""'
                 )
                 self.report(start + bad, message)
@@ -151,7 +151,7 @@ class CsvReader:
         if beside is not None:
             message = (
                 f"this row has a value more than the header has names ({count}); a value with a "
-                f"{SHOWN.get(self.separator, self.separator)} in it stands in quotation marks"
+                f"{SHOWN.get(self.separator, self.separator)} in it needs quotation marks"
             )
             self.report(self.value_at(row, beside), message)
             return False

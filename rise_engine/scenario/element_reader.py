@@ -81,7 +81,7 @@ class ElementReader:
             if child.tag == tag:
                 yield child
             else:
-                message = f"`<{child.tag}>` cannot stand here; `<{root.tag}>` holds `<{tag}>`"
+                message = f"`<{child.tag}>` is not allowed here; `<{root.tag}>` holds `<{tag}>`"
                 self.report_error("unknown-element", child, message)
 
     def check_attributes(self, element: Element, known: frozenset[str]) -> dict[str, str]:
@@ -112,9 +112,9 @@ class ElementReader:
         location = self.file.text_location(element, index) if behind is None else self.file.tail_location(behind, index)
         if find_unseen(stray) == 0:
             name = character_name(stray[0])
-            message = f"the character {name} cannot stand here; delete it, or write an ordinary blank"
+            message = f"the character {name} is not allowed here; delete it, or write an ordinary blank"
         else:
-            message = f"text cannot stand here: `{' '.join(stray[:1000].split())[:60]}`"
+            message = f"text is not allowed here: `{' '.join(stray[:1000].split())[:60]}`"
         self.diagnostics.error("unexpected-text", location, message)
 
 

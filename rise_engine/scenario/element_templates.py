@@ -218,7 +218,7 @@ class _TemplateReader(ElementReader):
             message = f"a parameter is called by one word of letters, digits, _ and -, not `{name}`{reserved}"
             self.report_value("bad-name", element, "name", message)
         elif name in template.parameters:
-            self.report_value("duplicate-parameter", element, "name", f"the parameter `{name}` stands here twice")
+            self.report_value("duplicate-parameter", element, "name", f"the parameter `{name}` is given twice here")
         else:
             template.parameters[name] = element
         default = element.get("default") or ""
@@ -263,26 +263,26 @@ class _TemplateReader(ElementReader):
             elif child.tag != "Template":
                 self.check_uses(child)
             elif parent is not self.file.root or parent.tag not in WRAPPERS:
-                message = "`<Template>` cannot stand here; it stands beside the acts or rules of a file"
+                message = "`<Template>` is not allowed here; it belongs beside the acts or rules of a file"
                 self.report_error("unknown-element", child, message)
 
     def check_no_tail(self, element: Element) -> None:
         """A finding for text behind an element that will not be there when its parent is read."""
         if stray := element.tail.strip(BLANKS):
             location = self.file.tail_location(element, element.tail.index(stray))
-            message = f"text cannot stand here: `{' '.join(stray[:1000].split())[:60]}`"
+            message = f"text is not allowed here: `{' '.join(stray[:1000].split())[:60]}`"
             self.diagnostics.error("unexpected-text", location, message)
 
     def check_use(self, element: Element, parent: Element) -> None:
         self.check_no_text(element)
         for child in element:
-            message = f"`<use>` holds nothing; `<{child.tag}>` cannot stand in it"
+            message = f"`<use>` holds nothing; `<{child.tag}>` is not allowed in it"
             self.report_error("unknown-element", child, message)
         name = (element.get("template") or "").strip()
         self.used.add(name)
         if parent.tag not in HOLDERS:
-            message = f"`<use>` cannot stand in `<{parent.tag}>`; it stands where acts, actions, rules, states, "
-            self.report_error("misplaced", element, message + "transitions or functions stand")
+            message = f"`<use>` is not allowed in `<{parent.tag}>`; it belongs where acts, actions, rules, states, "
+            self.report_error("misplaced", element, message + "transitions or functions are")
         elif not name:
             self.report_error("missing-attribute", element, 'which template is used: <use template="..."/>')
         elif "${" in name:

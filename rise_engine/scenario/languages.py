@@ -42,16 +42,16 @@ def language_problem(tag: str) -> str:
     """What is wrong with a language tag, as a sentence; empty for one that can be used.
 
     >>> language_problem("de-AT"), language_problem("german")
-    ('', '`german` is no language tag; write de')
+    ('', '`german` is not a language tag; write de')
     """
     small = tag.lower()
     meant = _MEANT.get(small, "")
     if not meant and "_" in small and not language_problem(tag.replace("_", "-")):
         meant = tag.replace("_", "-")
     if meant:
-        return f"`{tag}` is no language tag; write {meant}"
+        return f"`{tag}` is not a language tag; write {meant}"
     if _TAG.fullmatch(small) is None:
-        return f"`{tag[:60]}` is no language tag; write it as in en, de or pt-BR (BCP 47)"
+        return f"`{tag[:60]}` is not a language tag; write it as in en, de or pt-BR (BCP 47)"
     first = small.partition("-")[0]
     if len(first) == 2 and first not in _LANGUAGES:
         return f"there is no language `{first}`{did_you_mean(first, sorted(_LANGUAGES))}"

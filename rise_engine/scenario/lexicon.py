@@ -63,7 +63,7 @@ class _LexiconReader:
     def read(self) -> None:
         for language, values in self.top.values.items():
             if not isinstance(values, dict):
-                self.top.report_key("wrong-type", f"a word stands under its language; write {_FORM}", language)
+                self.top.report_key("wrong-type", f"a word belongs under its language; write {_FORM}", language)
                 continue
             if problem := language_problem(language):
                 self.top.report_key("unknown-language", problem, language)
@@ -85,8 +85,8 @@ class _LexiconReader:
             if robot not in self.robots:
                 near = suggest(robot, sorted(self.robots))
                 if not near.meant:
-                    near = replace(near, words=f"{near.words}; a word with a point in it stands in quotation marks")
-                message = f"there is no robot `{robot}`, so this is said by none"
+                    near = replace(near, words=f"{near.words}; a word with a point in it needs quotation marks")
+                message = f"there is no robot `{robot}`, so no robot says this"
                 self.diagnostics.warning("no-effect", inner.key_location(), message, near)
             self.tables.append(LexiconTable(table.name, robot, self.read_words(inner, inner.values)))
 
@@ -97,7 +97,7 @@ class _LexiconReader:
             self.count += 1
             word = normal_word(written)
             if isinstance(said, dict):
-                table.report_key("wrong-type", f"a table cannot stand here; write {_FORM}", written)
+                table.report_key("wrong-type", f"a table is not allowed here; write {_FORM}", written)
             elif not isinstance(said, str):
                 table.report_value("wrong-type", written, f"how a word is said is a text; write {_FORM}")
             elif not word or not said.strip():
@@ -108,7 +108,7 @@ class _LexiconReader:
                 table.report_value("out-of-range", written, message)
             elif word in words:
                 line = table.key_location(first[word]).line
-                message = f"`{word}` stands in line {line} already: blanks and the way of writing accents do not count"
+                message = f"`{word}` is already in line {line}: blanks and the way of writing accents do not count"
                 table.report_key("duplicate-key", message, written)
             else:
                 words[word] = said.strip()

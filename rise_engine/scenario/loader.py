@@ -24,9 +24,7 @@ from rise_engine.scenario.element_templates import LIBRARY, PATTERNS, ElementTem
 from rise_engine.scenario.expansion import expand_files
 from rise_engine.scenario.file_names import DEFAULT_PATHS, LEXICON_FILE, SCENARIO_FILE, TEXTS_FOLDER
 from rise_engine.scenario.find_uses_in_settings import uses_in_memory, uses_in_settings, uses_in_trials
-from rise_engine.scenario.interrupted_save import contents_of_interrupted_save
 from rise_engine.scenario.lexicon import read_lexicon
-from rise_engine.scenario.memo import Memo, Value
 from rise_engine.scenario.memory import read_memory
 from rise_engine.scenario.memory_paths import factors_read
 from rise_engine.scenario.model import SESSION, LexiconTable, RobotProfile, Scenario, SourceLocation
@@ -34,7 +32,7 @@ from rise_engine.scenario.robot_profiles import DEFAULT_ROBOT, builtin_robot, re
 from rise_engine.scenario.rules import read_rules
 from rise_engine.scenario.scenario_toml import ScenarioSettings
 from rise_engine.scenario.shipped_studies import shipped_hint
-from rise_engine.scenario.source_files import MAX_TOML_BYTES, FileReader, SourceFile
+from rise_engine.scenario.source_files import MAX_TOML_BYTES, FileReader, Memo, SourceFile, Value
 from rise_engine.scenario.spoken_texts import SpokenText, TableText
 from rise_engine.scenario.study_paths import why_not_read
 from rise_engine.scenario.suppressions import (
@@ -47,7 +45,7 @@ from rise_engine.scenario.suppressions import (
 from rise_engine.scenario.tables import TABLES_FOLDER, ScenarioLanguages, read_tables
 from rise_engine.scenario.toml_files import TomlFile, TomlTable, toml_of
 from rise_engine.scenario.translations import LanguageTexts, TranslationReader, translated_languages
-from rise_engine.scenario.tree import FileTree, Held
+from rise_engine.scenario.tree import FileTree, Held, contents_of_interrupted_save
 from rise_engine.scenario.uses import Use, Uses, uses_in_acts, uses_in_rules
 from rise_engine.scenario.xml import XmlFile, xml_of
 

@@ -43,7 +43,7 @@ class _MemoryReader:
 
     def report_duplicate(self, key: str, offset: int, first: int) -> None:
         line = self.source.location(first).line
-        self.report_error("duplicate-key", offset, f'the key "{key}" stands in line {line} already')
+        self.report_error("duplicate-key", offset, f'the key "{key}" is already in line {line}')
 
     def report_no_number(self, message: str, offset: int) -> None:
         self.report_error("json-value", offset, message)

@@ -126,7 +126,9 @@ def check_template(parameter: Parameter, template: Template) -> None:
         return
     slots = template.slots
     if any(slot.before or slot.after for slot in slots):
-        raise ParameterError(f"{parameter.name} is no text, and a separator as in `{template.text}` is only for texts")
+        raise ParameterError(
+            f"{parameter.name} is not a text, and a separator as in `{template.text}` is only for texts"
+        )
     if all(slot.fallback is not None for slot in slots):
         convert_parameter(parameter, template.fill({}), " (without a memory value)")
     if len(template.parts) == 1 or (parameter.type == "name" and accepts_any_name(parameter)):

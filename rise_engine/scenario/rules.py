@@ -225,7 +225,7 @@ class _RuleReader(BlockReader):
                 if name not in states:
                     self.unknown_states.append((element, "in", name))
                 elif name in seen:
-                    self.report_value("duplicate-state", element, "in", f"the state `{name}` stands here twice")
+                    self.report_value("duplicate-state", element, "in", f"the state `{name}` is given twice here")
                 else:
                     states[name] = replace(
                         states[name], transitions=(*states[name].transitions, *(way for way, _ in transitions))

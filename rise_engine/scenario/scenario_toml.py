@@ -113,7 +113,7 @@ class ScenarioSettings:
         value = self.table.values.get(key)
         if key == "acts" and isinstance(value, dict):
             names = [toml_key(name) for name in value] or ["NAME"]
-            message = f"`acts` says where the acts are; settings of an act stand in [act.{names[0]}], not [acts...]"
+            message = f"`acts` says where the acts are; settings of an act belong in [act.{names[0]}], not [acts...]"
             self.table.report_value("wrong-type", key, message)
             return usual
         text: str = self.table.read(key, str, usual, form=f': {key} = "..."')

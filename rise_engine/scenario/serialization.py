@@ -33,7 +33,7 @@ def decode_scenario(data: bytes | msgspec.Raw) -> Scenario:
     try:
         scenario = _decoder().decode(data)
     except (ValueError, RecursionError) as error:  # a text that is no condition is a ValueError too
-        raise ScenarioDecodeError(f"this is no scenario of this version: {error}") from None
+        raise ScenarioDecodeError(f"this is not a scenario of this version: {error}") from None
     folder = restore_surrogates(scenario.folder)
     return scenario if folder == scenario.folder else replace(scenario, folder=folder)
 

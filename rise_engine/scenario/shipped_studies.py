@@ -1,18 +1,24 @@
 """The studies that come with the program: complete scenarios, to be run by their name from anywhere, and to be copied.
 
 Where it is installed they lie in this package; in a checkout they are the folder `scenarios`. Nothing is written there.
+A new study begins with a copy or with its first files.
 """
 
 from __future__ import annotations
 
+import json
 import os
+import shutil
 import tomllib
+from collections.abc import Mapping
 from pathlib import Path
 from shutil import copyfile
+from tempfile import mkdtemp
 
 from rise_engine.base.errors import StudyError
 from rise_engine.base.nearest_name import did_you_mean
 from rise_engine.scenario.file_names import SCENARIO_FILE
+from rise_engine.scenario.study_paths import why_none_written
 
 _PACKAGE = Path(__file__).parents[1]
 
@@ -71,7 +77,7 @@ def copy_study(name: str, to: Path) -> int:
     source, number = studies[name], 0
     try:
         if to.exists() and not to.is_dir():
-            raise StudyError(f"{to} is no folder")
+            raise StudyError(f"{to} is not a folder")
         if to.is_dir() and any(to.iterdir()):
             raise StudyError(f"{to} is not empty; name a new folder")
         to.mkdir(parents=True, exist_ok=True)
@@ -85,3 +91,134 @@ def copy_study(name: str, to: Path) -> int:
     except OSError as error:
         raise StudyError(f"{error.filename or to}: {error.strerror or error}") from error
     return number
+
+
+# --- new studies ------------------------------------------------------------------------------------------------------
+
+
+AGENTS_FILE = "AGENTS.md"
+_AGENTS = """\
+# For language models, and for everybody who changes these files by hand
+
+This folder is a scenario of rise-tui: what a robot says and does with a participant while a wizard watches and helps.
+
+- Read the reference pages of rise-tui's documentation first: the scenario folder (`scenario.md`), acts (`cra.md`),
+  rules (`rules.md`), conditions (`conditions.md`) and the changes that `rise-engine edit` makes (`edits.md`).
+- `rise-engine robots .` lists the robots and what each can do.
+- `rise-engine check . --json` says everything that is wrong: file, line, what was expected and the nearest right name.
+  A study with errors does not run. Check after every change.
+- `rise-engine run . --rule NAME --speed max` plays a rule at once, without a robot; a file of tasks can be its wizard.
+
+## How to change it
+
+- Write changes as edits and show them first: `rise-engine edit . EDITS.json --dry-run` prints what would change, and
+  writes nothing. A person reads it. Then leave `--dry-run` out: all edits are made or none, and nothing else in the
+  files is touched. Put one change that can be judged by itself in one edit: one sentence, one act, one transition.
+- Rename with `rise-engine rename . act OLD NEW` (also rule, state, event, key, action), never by search and replace.
+- Change one thing at a time; keep comments, order and indentation. `git diff` should show one line for one sentence.
+- What the robot says is read aloud to people. Texts that a language model has written are drafts until a person has
+  read them. Mark them with a comment `draft`, and say which they are.
+- Change nothing that participants have already been through without being asked.
+- No names of participants and nothing about them in these files.
+"""
+
+_ACTS = """\
+<!-- What the robot says and does. -->
+<Dialogs>
+
+<Dialog name="R_Hello">
+  <Speech>
+    <actionID>1</actionID>
+    <message>Hello!</message>
+  </Speech>
+</Dialog>
+
+</Dialogs>
+"""
+_RULE = """\
+<!-- What happens when: the robot says hello, and has done then. -->
+<InteractionRule name="Main" initial="Hello">
+
+  <State id="Hello">
+    <onEntry>
+      <function startCommunicationRobotAct="R_Hello"/>
+    </onEntry>
+    <transition ended="R_Hello" target="Done"/>
+  </State>
+
+  <State id="Done"/>
+
+</InteractionRule>
+"""
+
+
+def blank_study(title: str, robot: str) -> dict[str, str]:
+    """The files of a study with one act and one rule, by name.
+
+    :param title: what it calls itself. :param robot: the name of a profile.
+    """
+    settings = f"title = {_toml(title)}\nrobot = {_toml(robot)}\n"
+    keys = '\n[keys]\nb = { rule = "Main", label = "begin" }\nh = { act = "R_Hello", label = "hello" }\n'
+    return {
+        "scenario.toml": settings + keys,
+        "acts/acts.xml": _ACTS,
+        "rules/main.xml": _RULE,
+        "memory.json": "{}\n",
+        AGENTS_FILE: _AGENTS,
+    }
+
+
+def _toml(text: str) -> str:
+    """A text between quotation marks: TOML has the escapes of JSON, and DEL besides."""
+    return json.dumps(text, ensure_ascii=False).replace("\x7f", "\\u007f")
+
+
+def write_blank_study(folder: Path, title: str, robot: str) -> tuple[str, ...]:
+    """Make a study with one act and one rule in a new or empty folder: whole, or not at all. The names of its files.
+
+    :raises StudyError: something is there already, or it cannot be written.
+    """
+    files = blank_study(title, robot)
+    try:
+        if os.path.lexists(folder) and not folder.is_dir():
+            raise StudyError(f"{folder} is not a folder")
+        if folder.is_dir() and any(folder.iterdir()):
+            raise StudyError(f"{folder} is not empty; name a new folder")
+        write_new_folder(folder, files)
+    except (OSError, UnicodeError) as error:
+        raise StudyError(f"{folder}: {getattr(error, 'strerror', None) or error}") from error
+    return tuple(files)
+
+
+def write_new_folder(folder: Path, files: Mapping[str, str]) -> None:
+    """Make a folder of a study, or fill an empty one: whole, or not at all.
+
+    :param files: texts by the names that they get in it.
+    :raises StudyError: a study has no files of such names.
+    :raises OSError, UnicodeError: it cannot be written.
+    """
+    parent = folder.absolute().parent
+    parent.mkdir(parents=True, exist_ok=True)
+    made = Path(mkdtemp(prefix=f".{folder.name}.", dir=parent))
+    try:
+        if problem := why_none_written(made, files.items()):
+            raise StudyError(problem)
+        for name, text in files.items():
+            path = made / name
+            path.parent.mkdir(parents=True, exist_ok=True)
+            path.write_bytes(text.encode())
+        made.chmod(0o755)
+        made.replace(folder)  # an empty folder may be there
+    finally:  # also when somebody interrupts it
+        shutil.rmtree(made, ignore_errors=True)
+
+
+def write_agents_file(folder: Path) -> None:
+    """Put the page for language models into a study that has none. Raises StudyError."""
+    try:
+        with (folder / AGENTS_FILE).open("x", encoding="utf-8") as file:
+            file.write(_AGENTS)
+    except FileExistsError:
+        return
+    except OSError as error:
+        raise StudyError(f"{error.filename or folder}: {error.strerror or error}") from error

@@ -54,7 +54,7 @@ class SsmlProblem(NamedTuple):
 def find_ssml_problems(template: Template) -> Iterator[SsmlProblem]:
     """All that is wrong with a message that is meant as SSML; nothing for any other text."""
     if template.text.startswith(_PROLOG) and "<speak" in template.text:
-        yield SsmlProblem(True, "SSML begins with `<speak`; delete what stands before it", template.text[:5])
+        yield SsmlProblem(True, "SSML begins with `<speak`; delete what comes before it", template.text[:5])
     if not begins_as_ssml(template.text):
         return
     text = _without_slots(template)
@@ -100,10 +100,10 @@ def _explain(text: str) -> SsmlProblem:
         sentence = "the message goes on behind its `</speak>`; one `<speak>` holds all of it"
     elif "EntityRef" in message or "Entity" in message:
         index = text.rfind("&", 0, index + 2)
-        sentence = "in SSML, `&` is written `&amp;`; other characters stand as themselves"
+        sentence = "in SSML, `&` is written `&amp;`; other characters are written as they are"
     elif "invalid element name" in message:
         index = text.rfind("<", 0, index + 2)
-        sentence = "`<` cannot stand here; in SSML, write `&lt;`"
+        sentence = "`<` is not allowed here; in SSML, write `&lt;`"
     return _problem_at(text, max(index, 0), sentence.replace(" of line 1", ""))
 
 
@@ -111,7 +111,7 @@ def _slot_problems(template: Template, root: SsmlElement) -> Iterator[SsmlProble
     """Of what stands beside a value or for it, which must leave the tags as they are."""
     slots, within_tags = template.slots, list(_slots_within_tags(root))
     if slots and (len(within_tags) != _without_slots(template).count(_SLOT) or "<![CDATA[" in template.text):
-        message = "a memory value stands between the tags or in an attribute, not in a comment or in CDATA"
+        message = "a memory value belongs between the tags or in an attribute, not in a comment or in CDATA"
         yield SsmlProblem(True, message, "<!" if "<!" in template.text else BEGINNING)
         return
     if len(within_tags) != len(slots):  # the text has letters like the one that stands for a slot

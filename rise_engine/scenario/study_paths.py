@@ -48,7 +48,7 @@ def why_no_name(name: str, suffixes: Sequence[str] | None = SUFFIXES) -> str:
         return f"{shown} lies in `{recorded}`, with what was recorded, which no edit changes; choose another folder"
     if not path.name.lower().endswith(tuple(suffixes)):
         ends = " or ".join((", ".join(suffixes[:-1]), suffixes[-1]) if len(suffixes) > 1 else suffixes)
-        return f"{shown} is no name for this file: it has to end in {ends}"
+        return f"{shown} is not a name for this file: it has to end in {ends}"
     return ""
 
 

@@ -161,7 +161,7 @@ def _read_xml_comments(source: SourceFile, diagnostics: Diagnostics) -> Iterator
             start, end = (source.location(offset) for offset in element or (position, position))
             for location, code, reason in pending:
                 if element is None:
-                    message = "no element follows here; this stands directly before the element that is meant"
+                    message = "no element follows here; put this directly before the element that is meant"
                     diagnostics.warning("bad-allow", location, message)
                 else:
                     yield Suppression(
@@ -201,7 +201,7 @@ def _read_toml_comments(source: SourceFile, diagnostics: Diagnostics) -> Iterato
                 yield Suppression(location, code, reason, source.name, (number, 1), (number + 1, 1))
             pending.clear()
     for location, _, _ in pending:
-        message = "no line follows here; this stands directly before the line that is meant"
+        message = "no line follows here; put this directly before the line that is meant"
         diagnostics.warning("bad-allow", location, message)
 
 

@@ -223,7 +223,7 @@ class _TableReader(CsvReader):
         names = super().read_header(header, rows)
         if len(names) == 1 and (other := next((each for each in (*SEPARATORS, "|") if each in names[0]), None)):
             message = (
-                f"there is one column only; if a {SHOWN[other]} stands between the values, write "
+                f"there is one column only; if a {SHOWN[other]} separates the values, write "
                 f"separator = {_quote(other)} into tables/{self.name}.toml"
             )
             self.report(header.start, message)

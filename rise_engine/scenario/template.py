@@ -184,9 +184,7 @@ def _read_part(text: str, start: int) -> tuple[Expression, int]:
         message = f"{error.message}; {error.hint}" if error.hint else error.message
         raise TemplateError(message, start + error.column, error.suggestion) from None
     if part.draws:
-        message = (
-            "chance cannot stand in braces, because a text is also shown before it is said; assign the number first"
-        )
+        message = "chance is not allowed in braces, because a text is shown before it is said; assign the number first"
         raise TemplateError(message, start + 1)
     return part, end
 
@@ -201,8 +199,7 @@ def _malformed_error(text: str, at: int) -> TemplateError:
     typographic = _TYPOGRAPHIC.search(before_fallback)
     if typographic is not None:
         return TemplateError(
-            f"`{typographic.group()}` is a typographic quotation mark; a separator stands in straight ones: "
-            '{", "key}',
+            f'`{typographic.group()}` is a typographic quotation mark; a separator needs straight ones: {{", "key}}',
             at + typographic.start() + 1,
         )
     if before_fallback.count('"') % 2:
@@ -212,7 +209,7 @@ def _malformed_error(text: str, at: int) -> TemplateError:
         )
     if '"' in before_fallback:
         return TemplateError(
-            f"`{written}` cannot be read: between the braces stand one key and, directly before or after it, a "
+            f"`{written}` cannot be read: between the braces write one key and, directly before or after it, a "
             'separator in quotation marks: {", "key} or {key" "}',
             at + 1,
         )

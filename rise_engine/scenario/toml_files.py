@@ -121,7 +121,9 @@ def _check_values(file: TomlFile, diagnostics: Diagnostics) -> None:
             elif isinstance(value, date | time):
                 holder[key] = value.isoformat()
             elif isinstance(value, float) and not isfinite(value):
-                diagnostics.error("wrong-value", file.value_location(*item), f"`{value}` is no number that can be used")
+                diagnostics.error(
+                    "wrong-value", file.value_location(*item), f"`{value}` is not a number that can be used"
+                )
             elif isinstance(value, int) and not is_64_bit(value):
                 sentence = "a whole number of more than 64 bits; write it as a text or as a decimal number (1.5e20)"
                 diagnostics.error("wrong-value", file.value_location(*item), sentence)
@@ -141,7 +143,7 @@ def _report_syntax_error(message: str, source: SourceFile, text: str, diagnostic
         at_line = source.line_text(line)
         name, before = _duplicate_key(source, line)
         location = source.location(source.offset(line, len(at_line) - len(at_line.lstrip()) + 1))
-        known = f"; it stands in line {before} already" if before else f" ({sentence})"
+        known = f"; it is already in line {before}" if before else f" ({sentence})"
         diagnostics.error("duplicate-key", location, f"`{name}` is given twice{known}")
         return line
     if first:

@@ -150,8 +150,8 @@ class TranslationReader:
         self._index_texts()
         self.table_texts = tuple(table_texts(self.draft.tables, self.all_texts))
         if not self.language and "settings" not in self.draft.unreadable_parts:
-            message = "the study has translations, and nobody knows of what: say at the top of scenario.toml in which "
-            message += 'language the acts are, language = "en"'
+            message = "the study has translations, but the language of its acts is not known: say at the top of "
+            message += 'scenario.toml in which language the acts are, language = "en"'
             first = min(by_tag.values(), key=lambda path: path.name)
             self.diagnostics.warning("no-language", SourceLocation(files.display_name(first)), message)
         for tag, path in sorted(by_tag.items()):
@@ -289,7 +289,7 @@ def _read_texts(file: TomlFile, language: str, diagnostics: Diagnostics) -> Lang
     top = TomlTable(file, (), file.values, diagnostics)
     found = LanguageTexts(language, file.source.name)
     for act in top.values:
-        table = top.subtable(act, f"translations stand under their act: {_FORM}")
+        table = top.subtable(act, f"translations belong under their act: {_FORM}")
         if table is None:
             continue
         found.acts[act] = table.key_location()
@@ -304,7 +304,7 @@ def _read_texts(file: TomlFile, language: str, diagnostics: Diagnostics) -> Lang
 def _read_text(act: TomlTable, key: str) -> Translation | None:
     values = act.values[key]
     if not isinstance(values, dict):
-        act.report_value("wrong-type", key, f"a translation says of which text it is one; write {_FORM}")
+        act.report_value("wrong-type", key, f"a translation names the text that it translates; write {_FORM}")
         return None
     table = TomlTable(act.file, (*act.path, key), values, act.diagnostics)
     table.report_unknown_keys(("text", "of"))

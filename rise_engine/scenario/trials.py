@@ -61,7 +61,7 @@ def _read_columns(table: TomlTable, draft: ScenarioDraft) -> tuple[Expression, .
         value = _read_value(table, ("columns", str(index)), text, draft)
         if value is not None and value.text in found:
             location = table.value_location("columns", str(index))
-            table.diagnostics.error("duplicate-name", location, f"`{value.text}` stands there twice")
+            table.diagnostics.error("duplicate-name", location, f"`{value.text}` is listed twice")
         elif value is not None:
             found[value.text] = value
     return tuple(found.values())
@@ -80,7 +80,7 @@ def _read_value(table: TomlTable, path: tuple[str, ...], text: Any, draft: Scena
         table.diagnostics.error("condition", locate(error.column - 1), expression_message(error), error.suggestion)
         return None
     if not isinstance(value.root, Key | Part):
-        message = f"`{text}` is no memory key, and no part of a value such as `items[i].text`"
+        message = f"`{text}` is not a memory key, and not a part of a value such as `items[i].text`"
         table.diagnostics.error("wrong-value", location, message)
         return None
     note_property(value, locate, draft)
@@ -91,7 +91,7 @@ def _read_measure(table: TomlTable, columns: Iterable[Expression]) -> str:
     measure: str = table.read("measure", str, PARTICIPANT, form=f': measure = "{PARTICIPANT}"')
     known = [*MEASURES, *(column.text for column in columns)]
     if measure not in known:
-        message = f"`{measure}` is no column of trials that is a number: {', '.join(known)}"
+        message = f"`{measure}` is not a column of trials that is a number: {', '.join(known)}"
         table.report_value("unknown-name", "measure", message, suggest(measure, known))
     return measure
 

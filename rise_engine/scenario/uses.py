@@ -41,7 +41,7 @@ class Use(Struct, frozen=True):
     of: str = ""
     """The act or rule in which it stands, as a name alone; empty: elsewhere."""
     in_template: bool = False
-    """Whether the name stands in the template (`place`), and not in the `<use>`."""
+    """Whether the name is in the template (`place`), and not in the `<use>`."""
 
     may_be_text: bool = False
     """It is one word on the right side of an assignment: a key, because the scenario has one of that name."""

@@ -164,13 +164,13 @@ class Element(list["Element"]):
     def text_obstacle(self) -> str:
         """Why its text cannot be replaced without losing something; empty: it can."""
         if self:
-            return f"`<{self[0].tag}>` stands in it"
+            return f"`<{self[0].tag}>` is in it"
         marks = self.marks()
         if "comment" in marks:
-            return "a comment stands in it"
+            return "a comment is in it"
         if "instruction" in marks:
-            return "an XML instruction stands in it"
-        return "text and CDATA stand side by side in it" if "CDATA" in marks and not self.is_cdata else ""
+            return "an XML instruction is in it"
+        return "text and CDATA are side by side in it" if "CDATA" in marks and not self.is_cdata else ""
 
     # --- where the characters of what is read stand -------------------------------------------------------------------
 
@@ -388,7 +388,7 @@ def _odd_name(text: str, before: bytes, error: expat.ExpatError) -> XmlSyntaxErr
         message = f"this is not well-formed XML: {expat.ErrorString(error.code)}"
     else:
         shown = f"`{character}`, {character_name(character)}," if character.isprintable() else character_name(character)
-        message = f"the character {shown} cannot stand in a name; take it out, or write another letter"
+        message = f"the character {shown} is not allowed in a name; take it out, or write another letter"
     return XmlSyntaxError("not-well-formed", at, message, is_final=True)
 
 

@@ -13,7 +13,7 @@ _REDEFINED = re.compile(r"Attribute (\S+) redefined")
 _SENTENCES = {
     "Extra content": "the file goes on after its outermost element; several acts or rules need one wrapper around them",
     "Start tag expected": "an XML file begins with `<`",
-    "AttValue": "the value of an attribute stands in quotation marks, closed before the tag ends",
+    "AttValue": "the value of an attribute needs quotation marks, closed before the tag ends",
     "attributes construct error": 'attributes are written name="value" and separated by a blank',
     "Specification mandates value": 'this attribute has no value; write name="value"',
     "Double hyphen": "a comment cannot have `--` inside it; only `-->` ends it",

@@ -139,7 +139,7 @@ class _Repairer:
         if first < 0:
             return
         write = "write an ordinary blank" if instead else "delete it"
-        message = f"the character {character_name(self.text[first])} cannot stand here; {write}"
+        message = f"the character {character_name(self.text[first])} is not allowed here; {write}"
         self.report_error("unexpected-text", first, message)
         while position >= 0:
             self.replace(position, position + 1, instead)
@@ -275,7 +275,7 @@ class _Repairer:
         else:
             marks = " and ".join(f"`{mark}`" for mark in dict.fromkeys(self.text[offset] for offset, _ in bad))
             they = "they are" if "and" in marks else "it is"
-            message = f"{marks} cannot stand as {they}{where}; write {corrected}"
+            message = f"{marks} cannot stay as {they}{where}; write {corrected}"
         self.report_error("unescaped", first, message)
         for offset, new in bad:
             self.replace(offset, offset + 1, new)

@@ -37,7 +37,7 @@ class NewElement(Struct, frozen=True):
 def check_characters(text: str) -> None:
     """:raises EditRefused: a character that no XML file can hold."""
     if (found := _NO_XML.search(text)) is not None:
-        raise EditRefused(f"the character {character_name(found.group())} cannot stand in a file; leave it out")
+        raise EditRefused(f"the character {character_name(found.group())} is not allowed in a file; leave it out")
 
 
 def escape_text(text: str) -> str:

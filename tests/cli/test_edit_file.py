@@ -17,7 +17,7 @@ from rise_engine.author.edit.workspace import Workspace
 from rise_engine.cli.program import main
 from rise_engine.cli.scenario.edit_file import kinds_of_edits, read_edits
 from rise_engine.scenario.loader import load
-from rise_engine.scenario.new_study import blank_study
+from rise_engine.scenario.shipped_studies import blank_study
 from tests.author.edit.samples import SCENARIOS
 from tests.forked import Forked
 

@@ -155,7 +155,7 @@ FINDINGS: dict[str, tuple[str, list[tuple[str, str]]]] = {
         [
             ("1:20 unknown-memory-key", "did you mean `name`?"),
             ("1:28 unknown-memory-key", "`private` names whole memory keys: `form`, not `form.kind`"),
-            ("1:41 duplicate-name", "`name` stands there twice"),
+            ("1:41 duplicate-name", "`name` is listed twice"),
         ],
     ),
     "private that is none": ('private = "name"', [("1:11 wrong-type", 'private = ["person_name"]')]),

@@ -642,7 +642,7 @@ def test_messages_of_toml(tmp_path: Path) -> None:
     result = loaded(tmp_path, {"scenario.toml": '[keys]\ne = { event = "" }\ne = { event = "x" }\n[acts.A]\n'})
     messages = " ".join(diagnostic.message for diagnostic in result.diagnostics)
     assert "`event` is empty" in messages
-    assert "`e` is given twice; it stands in line 2 already" in messages
+    assert "`e` is given twice; it is already in line 2" in messages
     assert "[act.A]" in messages
 
 

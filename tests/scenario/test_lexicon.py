@@ -109,16 +109,14 @@ def test_the_sentences_say_what_to_write(tmp_path: Path) -> None:
         files: dict[str, str | bytes] = {"scenario.toml": toml, "acts/a.xml": act(SPEECH), "lexicon.toml": lexicon}
         return loaded(tmp_path, files).diagnostics[0].message
 
-    assert told('[en.peper]\na = "b"\n') == (
-        "there is no robot `peper`, so this is said by none; did you mean `pepper`?"
-    )
-    assert told('[en]\nDr.Smith = "b"\n').endswith("a word with a point in it stands in quotation marks")
+    assert told('[en.peper]\na = "b"\n') == ("there is no robot `peper`, so no robot says this; did you mean `pepper`?")
+    assert told('[en]\nDr.Smith = "b"\n').endswith("a word with a point in it needs quotation marks")
     assert told('[en]\na = "b"\n', "") == (
         'nothing in this study is said in `en`. Which language the acts are in says scenario.toml: language = "en"'
     )
     assert (
         told('a = "b"\n')
-        == 'a word stands under its language; write "WORD" = "how it is said", under its language: [en]'
+        == 'a word belongs under its language; write "WORD" = "how it is said", under its language: [en]'
     )
 
 
@@ -154,11 +152,11 @@ def test_no_language_is_a_language_too(tmp_path: Path) -> None:
 @pytest.mark.parametrize(
     ("tag", "problem"),
     [
-        ("German", "`German` is no language tag; write de"),
-        ("dk", "`dk` is no language tag; write da"),
-        ("en_GB", "`en_GB` is no language tag; write en-GB"),
-        ("e", "`e` is no language tag; write it as in en, de or pt-BR (BCP 47)"),
-        ("no-Such-Thing-", "`no-Such-Thing-` is no language tag; write it as in en, de or pt-BR (BCP 47)"),
+        ("German", "`German` is not a language tag; write de"),
+        ("dk", "`dk` is not a language tag; write da"),
+        ("en_GB", "`en_GB` is not a language tag; write en-GB"),
+        ("e", "`e` is not a language tag; write it as in en, de or pt-BR (BCP 47)"),
+        ("no-Such-Thing-", "`no-Such-Thing-` is not a language tag; write it as in en, de or pt-BR (BCP 47)"),
     ],
 )
 def test_what_is_said_of_a_tag(tag: str, problem: str) -> None:

@@ -120,7 +120,7 @@ def test_half_a_character_is_refused_and_not_changed() -> None:
     ids=["empty", "no fields", "a list", "no text", "torn", "deep"],
 )
 def test_what_is_no_scenario_is_refused_with_a_sentence(data: bytes) -> None:
-    with pytest.raises(ValueError, match="no scenario of this version"):
+    with pytest.raises(ValueError, match="not a scenario of this version"):
         decode_scenario(data)
 
 
@@ -128,5 +128,5 @@ def test_a_condition_that_cannot_be_read_is_refused() -> None:
     data = encode_scenario(scenario_of(SHIPPED[-1]))
     assert b'"condition":"' in data
     broken = data.replace(b'"condition":"', b'"condition":"(', 1)
-    with pytest.raises(ValueError, match="no scenario of this version"):
+    with pytest.raises(ValueError, match="not a scenario of this version"):
         decode_scenario(broken)

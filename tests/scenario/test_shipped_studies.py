@@ -117,7 +117,7 @@ def test_a_copy_never_mixes_with_what_is_there(there: str, elsewhere: Path) -> N
         (elsewhere / "mine" / ".hidden").write_text("x")
     before = sorted(elsewhere.rglob("*"))
     result = CliRunner().invoke(main, ["new", "mine", "--from", "greeting"])
-    assert result.exit_code == 1 and ("is no folder" in result.output or "is not empty" in result.output)
+    assert result.exit_code == 1 and ("is not a folder" in result.output or "is not empty" in result.output)
     assert sorted(elsewhere.rglob("*")) == before
 
 

@@ -94,7 +94,7 @@ def test_what_a_condition_sets_and_how_it_is_called() -> None:
     sentences = [condition_sentence(condition) for condition in CONDITIONS.values()]
     assert sentences[0] == 'sets x = 1, form = {"kind": "short"}'
     assert sentences[1] == f'sets x = 2, long = "{"y" * 38}…'
-    assert sentences[2].startswith("sets nothing: what it stands for lies outside")
+    assert sentences[2].startswith("sets nothing: the difference lies outside")
 
 
 @pytest.mark.parametrize(

@@ -18,10 +18,10 @@ from rise_engine.author.edit.study_folder import read_study_files
 from rise_engine.author.edit.workspace import Workspace
 from rise_engine.base.errors import StudyError
 from rise_engine.cli import main
-from rise_engine.scenario.interrupted_save import FRESH, NOTE, SavedFile, sum_of
 from rise_engine.scenario.loader import load
-from rise_engine.scenario.new_study import write_new_folder
+from rise_engine.scenario.shipped_studies import write_new_folder
 from rise_engine.scenario.study_paths import why_not_read, why_not_written
+from rise_engine.scenario.tree import FRESH, NOTE, SavedFile, sum_of
 from rise_engine.study.study_toml import load_study
 from tests.study.studies import write_study
 
@@ -48,7 +48,7 @@ NAMES = {
     "linked/x.toml": "leads out of the study's folder through a link, to ",
     "acts/linked.xml": "leads out of the study's folder through a link, to ",
     "hidden/config.toml": "is a link, and `.git/config.toml` is hidden",
-    "acts/program.xml": "is a link, and `run.sh` is no name for this file",
+    "acts/program.xml": "is a link, and `run.sh` is not a name for this file",
 }
 """Names that nobody may write, and what is said of each."""
 

@@ -99,7 +99,7 @@ WRONG: dict[str, tuple[str | bytes, str, str, str]] = {
         "a,b\n1,2\n3,4,5\n",
         "",
         "items.csv:3:5 table-form",
-        "a comma in it stands in quotation marks",
+        "a comma in it needs quotation marks",
     ),
     "a value too many behind a comma in a text": (
         'a,b\n"x, y",2, z\n',

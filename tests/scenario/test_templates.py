@@ -80,7 +80,7 @@ FAULTS: dict[str, tuple[str, list[tuple[str, str]]]] = {
             '<use template="T" a="A"/>'
         ),
         [
-            ("2:58 duplicate-parameter", "the parameter `a` stands here twice"),
+            ("2:58 duplicate-parameter", "the parameter `a` is given twice here"),
             ("2:94 empty-act", "in the template `T`"),
         ],
     ),
@@ -119,19 +119,22 @@ FAULTS: dict[str, tuple[str, list[tuple[str, str]]]] = {
         acts(
             f'<Template name="T"><Template name="U"/>{SPEECH}</Template><Dialog name="A"><use template="T"/></Dialog>'
         ),
-        [("2:20 unknown-element", "`<Template>` cannot stand here; it stands beside the acts or rules of a file")],
+        [("2:20 unknown-element", "`<Template>` is not allowed here; it belongs beside the acts or rules of a file")],
     ),
     "a template in an act": (
         act(f'<Template name="T"/>{SPEECH}'),
-        [("2:1 unknown-element", "`<Template>` cannot stand here")],
+        [("2:1 unknown-element", "`<Template>` is not allowed here")],
     ),
     "a use that holds something": (
         acts(f'{SAY}\n<Dialog name="A"><use template="Say" id="1" text="Hi"><Wait/></use> loud </Dialog>'),
-        [("5:55 unknown-element", "`<use>` holds nothing"), ("5:69 unexpected-text", "text cannot stand here: `loud`")],
+        [
+            ("5:55 unknown-element", "`<use>` holds nothing"),
+            ("5:69 unexpected-text", "text is not allowed here: `loud`"),
+        ],
     ),
     "text behind a template": (
         acts(f'{SAY} loud <Dialog name="A"><use template="Say" id="1" text="Hi"/></Dialog>'),
-        [("4:13 unexpected-text", "text cannot stand here: `loud`")],
+        [("4:13 unexpected-text", "text is not allowed here: `loud`")],
     ),
     "a use in a text": (
         acts(
@@ -140,7 +143,7 @@ FAULTS: dict[str, tuple[str, list[tuple[str, str]]]] = {
         ),
         [
             ("5:48 missing-parameter", "`message` is empty"),
-            ("5:57 misplaced", "`<use>` cannot stand in `<message>`; it stands where acts, actions, rules,"),
+            ("5:57 misplaced", "`<use>` is not allowed in `<message>`; it belongs where acts, actions, rules,"),
         ],
     ),
     "what a template needs": (

@@ -46,7 +46,7 @@ def test_it_is_read(tmp_path: Path) -> None:
         ('state = "Ask"\nkey = "i"', "wrong-value", (8, 1), "not with both"),
         ('columns = ["i"]', "missing-value", (6, 2), "what begins a trial"),
         ('state = "Ask"\ncolumns = ["itms"]', "unset-key", (8, 13), "did you mean `items`"),
-        ('state = "Ask"\ncolumns = ["i + 1"]', "wrong-value", (8, 12), "no memory key"),
+        ('state = "Ask"\ncolumns = ["i + 1"]', "wrong-value", (8, 12), "not a memory key"),
         ('state = "Ask"\ncolumns = ["i", "i"]', "duplicate-name", (8, 17), "twice"),
         ('state = "Ask"\nmeasure = "participants"', "unknown-name", (8, 11), "did you mean `participant_s`"),
         ('stat = "Ask"', "unknown-key", (7, 1), "did you mean `state`"),

@@ -20,7 +20,7 @@ from rise_engine.scenario.diagnostics import Diagnostic, Diagnostics
 from rise_engine.scenario.file_names import DEFAULT_PATHS
 from rise_engine.scenario.loader import load
 from rise_engine.scenario.model import Rule, Scenario
-from rise_engine.scenario.new_study import write_new_folder
+from rise_engine.scenario.shipped_studies import write_new_folder
 from rise_engine.scenario.source_files import FileReader
 from rise_engine.scenario.study_paths import why_not_written
 from rise_exchange.scxml.chart_in_study import called_acts, check_neighbours, file_name, is_made_file, new_study_files

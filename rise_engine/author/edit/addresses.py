@@ -32,7 +32,7 @@ def xml_of(study: StudyState, file: str) -> XmlFile:
         if each.source.name == file:
             return each
     problem = parts.unreadable.get(file, "it is not one of those that hold acts or rules")
-    raise EditRefused(f"{file} cannot be changed here while it is no XML: {problem}")
+    raise EditRefused(f"{file} cannot be changed here while it is not XML: {problem}")
 
 
 def places_of_parameter(study: StudyState, use: Written, parameter: str) -> int:
@@ -197,7 +197,7 @@ def _walk(address: StatementAddress, study: StudyState, path: tuple[int, ...]) -
         elif statement.choices or statement.call is None:
             place = StatementList(rule, f"{place.where}, one of", statement.choices, statement.node)
         else:
-            raise EditRefused(f"{place.where}: number {number} is a function, and nothing stands in it")
+            raise EditRefused(f"{place.where}: number {number} is a function, and nothing is in it")
     return place
 
 
@@ -205,9 +205,9 @@ def _block(address: StatementAddress, study: StudyState, rule: WrittenRule, stat
     where = f"rule {rule.name}, state {state.id}"
     if address.place == "transition":
         if not 0 <= address.transition < len(state.transitions):
-            raise EditRefused(f"{where}: there is no way out number {address.transition}")
+            raise EditRefused(f"{where}: there is no transition number {address.transition}")
         way = state.transitions[address.transition]
-        where += f", way {address.transition + 1}"
+        where += f", transition {address.transition + 1}"
         check_changeable(where, way.reason, rule.file, way.line)
         return StatementList(rule, where, way.statements, way.node)
     check_changeable(where, state.reason, rule.file, state.line)

@@ -133,7 +133,7 @@ def format_memory(text: str) -> str:
         line = len(_LINE_ENDS.findall(text[: error.offset])) + 1
         raise EditRefused(f"line {line}: {error}") from None
     if not isinstance(value, JsonObject):
-        raise EditRefused("it is no object of keys and values")
+        raise EditRefused("it is not an object of keys and values")
     listed = value.get(LIST_KEY)
     if isinstance(listed, JsonArray) and len(value) == 1:
         entries = [(at, _compact(text, item, at)) for item, at in zip(listed, listed.items_at, strict=True)]
@@ -161,7 +161,7 @@ def _entry_lines(text: str, entries: list[tuple[int, str]]) -> list[str]:
 
 
 def _refuse(key: str, offset: int, first: int) -> None:
-    raise EditRefused(f'the key "{key}" stands in it twice')
+    raise EditRefused(f'the key "{key}" is in it twice')
 
 
 def _written(text: str, at: int) -> str:

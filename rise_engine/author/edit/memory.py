@@ -84,7 +84,7 @@ def memory_values(text: str) -> dict[str, Any]:
 
 def _read_document(text: str) -> JsonObject:
     def refuse_duplicate(key: str, offset: int, first: int) -> None:
-        raise EditRefused(f'the key "{key}" stands in it twice')
+        raise EditRefused(f'the key "{key}" is in it twice')
 
     try:
         found = read_json(text, refuse_duplicate)
@@ -92,7 +92,7 @@ def _read_document(text: str) -> JsonObject:
         line = text.count("\n", 0, error.offset) + 1
         raise EditRefused(f"line {line}: {error}") from None
     if not isinstance(found, JsonObject):
-        raise EditRefused("it is no object of keys and values")
+        raise EditRefused("it is not an object of keys and values")
     return found
 
 
@@ -104,7 +104,7 @@ def _memory_members(document: JsonObject) -> list[JsonMember]:
     items = [item for item in listed if isinstance(item, JsonObject)]
     members = [member for item in items for member in item.members]
     if len(document) > 1 or len(items) < len(listed) or len({member.key for member in members}) < len(members):
-        raise EditRefused(f'"{LIST_KEY}" is a list of objects, each key in one of them, and nothing stands beside it')
+        raise EditRefused(f'"{LIST_KEY}" is a list of objects, each key in one of them, and nothing beside it')
     return members
 
 

@@ -7,19 +7,17 @@ from __future__ import annotations
 
 import json
 import re
-import tomllib
 from collections.abc import Iterator
 
 from msgspec import Struct
 
 from rise_engine.author.edit.plan import EditedText, EditRefused, Files, Splice
-from rise_engine.expression.errors import ExpressionError
-from rise_engine.expression.tokens import escape_text, unquote
+from rise_engine.expression.tokens import escape_text
 from rise_engine.scenario.source_files import SourceFile
 from rise_engine.scenario.uses import Use
 from rise_engine.syntax.toml import TomlKeyPart, TomlValue, toml_key
 from rise_engine.syntax.toml_edits import TomlText
-from rise_engine.syntax.xml import CDATA, ENTITY, XmlSyntaxError, XmlTree, read_entity
+from rise_engine.syntax.xml import CDATA, XmlSyntaxError, XmlTree
 
 
 class NamePlace(Struct, frozen=True):
@@ -40,23 +38,13 @@ class NamePlaces:
         self._tomls: dict[str, TomlText] = {}
         self._trees: dict[str, XmlTree] = {}
 
-    def find(self, use: Use, name: str) -> NamePlace | None:
-        """Where a use writes its name: where it stands, or in its template. None: it is put together of both.
-
-        :param use: the use.
-        :param name: what must be written there: of an event without its slash, of a state without its rule.
-        """
+    def find(self, use: Use) -> NamePlace | None:
+        """Where a use writes its name: at its place, or in its template. None: it is put together of both."""
         place = use.place
         if not use.length or place.file not in self.files:
             return None
-        source, text = self._source(place.file), self._text(place.file)
-        start = source.offset(place.line, place.column)
-        end = start + use.length
-        written = text.text[start:end]
-        read = self._read(place.file, written)
-        if name not in (written, read, _unescaped(read)):
-            return None
-        return NamePlace(place.file, start, end)
+        start = self._source(place.file).offset(place.line, place.column)
+        return NamePlace(place.file, start, start + use.length)
 
     def _source(self, file: str) -> SourceFile:
         if file not in self._sources:
@@ -68,17 +56,6 @@ class NamePlaces:
         if file not in self._texts:
             self._texts[file] = EditedText(file, self.files[file])
         return self._texts[file]
-
-    def _read(self, file: str, written: str) -> str:
-        """What is written, as its file means it."""
-        if file.endswith(".xml") and "&" in written:
-            return ENTITY.sub(lambda found: read_entity(found.group()), written)
-        if file.endswith((".json", ".toml")) and "\\" in written:
-            try:
-                return str(tomllib.loads(f'a = "{written}"')["a"])
-            except ValueError:
-                return written
-        return written
 
     def splice(self, place: NamePlace, name: str) -> Splice:
         """Another name at a place, written as its file must have it there.
@@ -123,19 +100,11 @@ class NamePlaces:
                     if "'" in name:
                         line = text.line(value.start)
                         raise EditRefused(
-                            f"{place.file}, line {line}: write this text in \" marks first; it stands in ' marks"
+                            f"{place.file}, line {line}: write this text in \" marks first; it is in ' marks"
                         )
                     return Splice(place.file, place.start, place.end, name)
                 return Splice(place.file, place.start, place.end, json.dumps(name, ensure_ascii=False)[1:-1])
         raise EditRefused(f"{place.file} is written in a way that cannot be changed here; change it with an editor")
-
-
-def _unescaped(written: str) -> str:
-    """A name that stands in quotation marks within a condition."""
-    try:
-        return unquote(written, f"'{written}'", 0)
-    except ExpressionError:
-        return written
 
 
 def _inner_quote(file: EditedText, value: TomlValue, place: NamePlace) -> str:

@@ -155,7 +155,7 @@ def _add(kind: _Kind, element: NewElement, after: str, file: str, study: StudySt
     if after:
         before = _part(kind, after, study)
         if before.file != file:
-            raise EditRefused(f"the {kind.word} `{after}` stands in {before.file}, not in {file}")
+            raise EditRefused(f"the {kind.word} `{after}` is in {before.file}, not in {file}")
         return Plan((*_splices(kind, element, before.node, file, study),), says=(says,))
     return Plan((*_splices(kind, element, None, file, study),), says=(says,))
 
@@ -169,7 +169,7 @@ def _check_new_file(kind: _Kind, file: str, study: StudyState) -> None:
     right = file == place or (posixpath.dirname(file) == place and file.lower().endswith(".xml"))
     if not right:
         example = place if place.lower().endswith(".xml") else f"{place}/NAME.xml"
-        raise EditRefused(f"{kind.word}s in `{file}` would not be read; they stand in {example}")
+        raise EditRefused(f"{kind.word}s in `{file}` would not be read; they belong in {example}")
 
 
 def _splices(kind: _Kind, element: NewElement, sibling: Element | None, file: str, study: StudyState) -> list[Splice]:
@@ -215,7 +215,9 @@ def _copy(kind: _Kind, old: str, new: str, study: StudyState) -> Plan:
     if part.template:
         attribute = part.name_parameter
         if not attribute or _stand_here(kind, part, study) > 1:
-            raise EditRefused(f"`{old}` cannot be copied: {part.reason}, and its name is no parameter of its own there")
+            raise EditRefused(
+                f"`{old}` cannot be copied: {part.reason}, and its name is not a parameter of its own there"
+            )
     node, splice = part.node, set_value(part.node, attribute, name)
     text = node.tree.text
     written = text[node.start : splice.start] + splice.text + text[splice.end : node.end]

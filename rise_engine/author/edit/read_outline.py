@@ -150,7 +150,7 @@ def _read_call(element: Element) -> WrittenCall:
     parameters: dict[str, WrittenValue] = {}
     for child in element:
         if child.tag in parameters:
-            reason = parameters[child.tag].reason or "it stands here twice"
+            reason = parameters[child.tag].reason or "it is given twice here"
             parameters[child.tag] = replace(parameters[child.tag], reason=reason)
         elif child.tag not in COMMON:
             parameters[child.tag] = _read_value(child)
@@ -293,7 +293,7 @@ class _RuleOutline:
             brings = tuple(self.read_block(self.file.brought.get(element, ()), chain=False))
             reason = f"the template `{name}` brings it" if brings else f"nothing comes of the template `{name}`"
             return WrittenStatement(template=name, brings=brings, node=element, reason=reason)
-        return WrittenStatement(node=where["node"], reason=f"`<{element.tag}>` is no statement of a rule")
+        return WrittenStatement(node=where["node"], reason=f"`<{element.tag}>` is not a statement of a rule")
 
 
 class _Block(list[WrittenStatement]):

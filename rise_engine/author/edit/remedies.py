@@ -191,7 +191,7 @@ def _reach_way(place: FindingPlace) -> Iterator[Remedy]:
     if earlier is not UNSET and form.condition is not None:
         before = [index for index, each in enumerate(way.state.transitions) if each.line == earlier.line]
         for index in before[:1]:
-            title = f"try it before the way in line {earlier.line}"
+            title = f"try it before the transition in line {earlier.line}"
             yield Remedy(title, MoveTransition(way.rule.name, way.state.id, way.index, form, index), is_likely=True)
     yield _without(way)
 
@@ -203,7 +203,7 @@ def _remove_way(place: FindingPlace) -> Iterator[Remedy]:
 
 def _without(way: Way) -> Remedy:
     edit = RemoveTransition(way.rule.name, way.state.id, way.index, way.written.form)
-    return Remedy("remove this way out of the state", edit)
+    return Remedy("remove this transition from the state", edit)
 
 
 def _remove_state(place: FindingPlace) -> Iterator[Remedy]:

@@ -78,19 +78,19 @@ class _RenamedName:
                 return {f"{self.owner}_{old}": f"{self.owner}_{new}"} if old in results else {}
         return {}
 
-    def places(self) -> Iterator[tuple[UsedKind, str, str, str]]:
-        """Names of `Uses`, what is written there, and what is to be: kind, name, old, new."""
+    def places(self) -> Iterator[tuple[UsedKind, str, str]]:
+        """Names of `Uses`, and what is written there instead: kind, name, new."""
         if self.edit.kind == "key":
             for name in self.uses.names("key"):
                 if name == self.old:
-                    yield "key", name, name, self.new
+                    yield "key", name, self.new
                 elif name.startswith(f"{self.old}."):
-                    yield "key", name, name, self.new + name[len(self.old) :]
+                    yield "key", name, self.new + name[len(self.old) :]
             return
         if self.edit.kind != "event":
-            yield self.edit.kind, self.full(self.old), self.old, self.new
+            yield self.edit.kind, self.full(self.old), self.new
         for old, new in self.events().items():
-            yield "event", old, old, new
+            yield "event", old, new
 
 
 def plan_rename(edit: Rename, study: StudyState) -> Plan:
@@ -111,16 +111,16 @@ def plan_rename(edit: Rename, study: StudyState) -> Plan:
         )
     _check_collisions(names, study)
     places = NamePlaces(study.files)
-    found: dict[NamePlace, tuple[str, str]] = {}
+    found: dict[NamePlace, str] = {}
     named: Counter[NamePlace] = Counter()
     problems: list[str] = []
-    for kind, name, old, new in names.places():
+    for kind, name, new in names.places():
         for use in names.uses.of(kind, name):
-            place = places.find(use, old)
+            place = places.find(use)
             if place is None:
                 problems.append(_why_not(use, places))
             else:
-                found[place] = old, new
+                found[place] = new
                 named[place] += 1
     problems = list(dict.fromkeys(problems))
     if problems:
@@ -130,11 +130,11 @@ def plan_rename(edit: Rename, study: StudyState) -> Plan:
         )
     _check_shared(names, found, places)
     _check_templates(names, named, study)
-    splices = [places.splice(place, new) for place, (_, new) in found.items()]
+    splices = [places.splice(place, new) for place, new in found.items()]
     renaming = Renaming(edit.kind, names.owner, names.old, names.new, names.events())
     splices += data_splices(study.files, renaming)
     if not splices:
-        raise EditRefused(f"{names.what} stands nowhere")
+        raise EditRefused(f"{names.what} is written nowhere")
     splices = _in_order(splices)
     files = len({splice.file for splice in splices})
     says = (
@@ -167,7 +167,7 @@ def _check_new_name(names: _RenamedName) -> None:
     """:raises EditRefused: the new name is none."""
     kind, new = names.edit.kind, names.new
     if not new or new.strip() != new or find_unseen(new) >= 0 or any(each in new for each in BLANKS[1:]):
-        raise EditRefused(f"`{new}` is no name: it has characters that can be seen, and no blanks around it")
+        raise EditRefused(f"`{new}` is not a name: a name has visible characters, and no blanks around it")
     if new == names.old:
         raise EditRefused(f"{names.what} is called so already")
     if kind == "key" and (not is_writable_key(new) or new in _CONSTANTS):
@@ -175,9 +175,9 @@ def _check_new_name(names: _RenamedName) -> None:
     if kind == "key" and "." in new:
         raise EditRefused(f"`{new}` would be a part of `{new.partition('.')[0]}`; a key's new name has no dot")
     if "${" in new or (kind == "state" and "|" in new):
-        raise EditRefused(f"`{new}` is no name: `${{` and, in states, `|` have a meaning of their own")
+        raise EditRefused(f"`{new}` is not a name: `${{` and, in states, `|` have a meaning of their own")
     if kind == "action" and any(each in new for each in " ,;"):
-        raise EditRefused(f"`{new}` is no actionID: it has no blanks, commas and semicolons")
+        raise EditRefused(f"`{new}` is not an actionID: an actionID has no blanks, commas or semicolons")
 
 
 def _check_collisions(names: _RenamedName, study: StudyState) -> None:
@@ -279,7 +279,7 @@ def _act_tables(study: StudyState) -> ActTables:
     return read_act_tables(table.section("act"), ScenarioDraft())
 
 
-def _check_shared(names: _RenamedName, found: dict[NamePlace, tuple[str, str]], places: NamePlaces) -> None:
+def _check_shared(names: _RenamedName, found: dict[NamePlace, str], places: NamePlaces) -> None:
     """:raises EditRefused: a place in a template gives other acts, rules or states their names, too."""
     kind = names.edit.kind
     if kind in ("key", "event"):
@@ -289,7 +289,7 @@ def _check_shared(names: _RenamedName, found: dict[NamePlace, tuple[str, str]], 
         if name == own or not name.endswith(names.old):
             continue
         for use in names.uses.of(kind, name):
-            if use.in_template and places.find(use, names.old) in found:
+            if use.in_template and places.find(use) in found:
                 template = use.place
                 raise EditRefused(
                     f"{names.what} has its name from a template ({template.file}, line {template.line}), and so has "
@@ -328,14 +328,12 @@ def _why_not(use: Use, places: NamePlaces) -> str:
     template = use.location.template
     if isinstance(template, TemplateLocation):
         if template.file not in places.files:
-            return (
-                f"{_place_text(use)}: the name stands in the template `{template.name}`, which comes with the program"
-            )
+            return f"{_place_text(use)}: the name is in the template `{template.name}`, which comes with the program"
         return (
             f"{_place_text(use)}: the template `{template.name}` puts the name together ({template.file}, line "
             f"{template.line})"
         )
-    return f"{_place_text(use)}: the name does not stand there as a whole"
+    return f"{_place_text(use)}: the name is not written there as a whole"
 
 
 def _in_order(splices: list[Splice]) -> list[Splice]:

@@ -2,7 +2,7 @@
 
 New contents are written beside the files and made durable; then a note says which files get them; then they are
 renamed; then the note goes. Killed before the note, a save has not happened, and after it, it has: `finish_interrupted`
-brings it to its end, and who reads the study before that follows the note (`rise_engine.scenario.interrupted_save`).
+brings it to its end, and who reads the study before that follows the note (`rise_engine.scenario.tree`).
 """
 
 from __future__ import annotations
@@ -17,7 +17,9 @@ import msgspec
 
 from rise_engine.author.edit.plan import EditRefused, Files
 from rise_engine.base.files import durable_file, sync, write_whole
-from rise_engine.scenario.interrupted_save import (
+from rise_engine.scenario.shipped_studies import shipped_name
+from rise_engine.scenario.study_paths import why_none_written, why_not_written
+from rise_engine.scenario.tree import (
     FRESH,
     NOTE,
     SavedFile,
@@ -27,8 +29,6 @@ from rise_engine.scenario.interrupted_save import (
     sum_of,
     sum_on_disk,
 )
-from rise_engine.scenario.shipped_studies import shipped_name
-from rise_engine.scenario.study_paths import why_none_written, why_not_written
 
 Reached = Callable[[str], None]
 

@@ -140,7 +140,7 @@ def _holder(values: Any, path: KeyPath, *, make: bool = False) -> Any:
                 values[part] = {}
             values = values[part]
         if not isinstance(values, dict | list):
-            raise EditRefused(f"`{'.'.join(path[: at + 1])}` is no table")
+            raise EditRefused(f"`{'.'.join(path[: at + 1])}` is not a table")
     return values
 
 

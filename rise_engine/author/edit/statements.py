@@ -83,7 +83,7 @@ def _element(form: StatementForm) -> NewElement:
         inner = (*map(_element, first.statements), *map(_branch_element, others))
         return NewElement("if", {"cond": str(first.condition).strip()}, children=inner)
     if not form.choices:
-        raise EditRefused("`oneOf` needs the functions of which one is picked")
+        raise EditRefused("`oneOf` needs functions to pick one of")
     return NewElement("oneOf", children=tuple(map(_element, form.choices)))
 
 
@@ -152,7 +152,7 @@ def plan_set_call(edit: SetCall, study: StudyState) -> Plan:
     """Another function in the place of one."""
     place, statement = statement_at(edit.at, study)
     if statement.call is None:
-        raise EditRefused(f"{place.where}: no function stands there, but {statement_words(statement)}")
+        raise EditRefused(f"{place.where}: there is no function there, but {statement_words(statement)}")
     check_changeable(place.where, statement.reason)
     if same_call(statement.call, edit.call):
         return Plan()
@@ -215,7 +215,7 @@ def plan_move_statement(edit: MoveStatement, study: StudyState) -> Plan:
     check_changeable(place.where, "" if statement.template or statement.call else statement.reason)
     target = place.statements[to]
     if statement.node.parent is not target.node.parent:
-        raise EditRefused(f"{place.where}: these do not stand in one element; move it by hand")
+        raise EditRefused(f"{place.where}: these are not in one element; move it by hand")
     splices = move_siblings(statement.node, statement.last, target.node, target.last, behind=to > at)
     return Plan(splices, says=(f"{place.where}: {statement_words(statement)} is number {to + 1} now",))
 
@@ -278,7 +278,7 @@ def _remove_branch(branch: BranchPlace) -> Plan:
     if branch.number == 0:
         raise EditRefused("the first branch holds the others; change its condition, or remove the whole `if`")
     if any(child.tag in _BRANCHES for child in written.node):
-        raise EditRefused("other branches stand in this one; remove them first")
+        raise EditRefused("other branches are in this one; remove them first")
     return Plan((removal_or_collapse(written.node),), says=says)
 
 

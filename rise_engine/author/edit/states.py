@@ -109,7 +109,7 @@ def _check_not_reached(rule: WrittenRule, name: str) -> None:
         if way.form.target == name and state.id != name
     ]
     if ways:
-        raise EditRefused(f"ways lead to {name}: from {', '.join(ways)}; let them lead elsewhere first")
+        raise EditRefused(f"transitions lead to {name}: from {', '.join(ways)}; let them lead elsewhere first")
 
 
 def _without_state(shared: Element, name: str) -> list[Splice]:
@@ -130,14 +130,19 @@ _TRANSITION_ORDER = ("eventTopic", "ended", "outcome", "while", "after", "cond",
 
 
 def transition_attributes(form: TransitionForm) -> dict[str, str | None]:
-    """The attributes of a way out; None: it has none. :raises EditRefused: it waits for nothing, or for two things."""
+    """The attributes of a transition; None: it has none.
+
+    :raises EditRefused: it waits for nothing, or for two things.
+    """
     triggers = [name for name, value in (("event", form.event), ("ended", form.ended), ("after", form.after)) if value]
     if len(triggers) > 1:
-        raise EditRefused(f"a way out waits for one thing, and here are {' and '.join(triggers)}; make two ways")
+        raise EditRefused(
+            f"a transition waits for one thing, and here are {' and '.join(triggers)}; make two transitions"
+        )
     if not triggers and not form.condition:
-        raise EditRefused("a way out waits for something: an event, the end of an act, a time, or a condition")
+        raise EditRefused("a transition waits for something: an event, the end of an act, a time, or a condition")
     if form.outcomes and not form.ended:
-        raise EditRefused("how an act ends is asked of a way that waits for its end; name the act")
+        raise EditRefused("how an act ends is asked of a transition that waits for its end; name the act")
     if form.held and not form.after:
         raise EditRefused("what must hold for some time needs the time; without one it is a condition")
     return {
@@ -163,7 +168,7 @@ def _normal(form: TransitionForm) -> tuple[object, ...]:
 
 
 def find_transition(state: WrittenState, index: int, was: TransitionForm) -> int:
-    """The number of the way out that is meant: the one there, or the nearest that says what it said.
+    """The number of the transition that is meant: the one there, or the nearest that says what it said.
 
     :raises EditRefused: no way out of the state says that any more.
     """
@@ -172,7 +177,7 @@ def find_transition(state: WrittenState, index: int, was: TransitionForm) -> int
         return index
     like = [number for number, way in enumerate(ways) if same_form(way.form, was)]
     if not like:
-        raise EditRefused(f"`{state.id}` has no way out any more that is taken {transition_words(was)}")
+        raise EditRefused(f"`{state.id}` no longer has a transition that is taken {transition_words(was)}")
     return min(like, key=lambda number: abs(number - index))
 
 
@@ -180,12 +185,12 @@ def _found(edit: SetTransition | RemoveTransition | MoveTransition, study: Study
     rule, state = state_of(study, edit.rule, edit.state)
     index = find_transition(state, edit.index, edit.was)
     way = state.transitions[index]
-    check_changeable(f"the way out of {state.id}", way.reason, rule.file, way.line)
+    check_changeable(f"the transition of {state.id}", way.reason, rule.file, way.line)
     return _Way(state, index, way)
 
 
 class _Way:
-    """A way out that an edit is about."""
+    """A transition that an edit is about."""
 
     def __init__(self, state: WrittenState, index: int, written: WrittenTransition) -> None:
         self.state = state
@@ -197,7 +202,7 @@ class _Way:
 
 
 def plan_add(edit: AddTransition, study: StudyState) -> Plan:
-    """A new way out of a state, before those that it shares with others."""
+    """A new transition of a state, before those that it shares with others."""
     rule, state = state_of(study, edit.rule, edit.state)
     check_changeable(f"the state {edit.state}", state.reason, rule.file, state.line)
     values = transition_attributes(edit.transition)
@@ -206,18 +211,18 @@ def plan_add(edit: AddTransition, study: StudyState) -> Plan:
     at = len(own) if edit.at is None else min(max(edit.at, 0), len(own))
     if at < len(own):
         if at and own[at - 1].node is own[at].node:
-            check_changeable("the place between these ways", own[at].reason)
+            check_changeable("the place between these transitions", own[at].reason)
         gap = gap_before(own[at].node)
     elif own:
         gap = gap_behind(own[-1].node)
     else:
         gap = gap_behind(state.node[-1]) if state.node else gap_in(state.node)
-    says = f"{edit.state} gets a way: {transition_words(edit.transition)}"
+    says = f"{edit.state} gets a transition: {transition_words(edit.transition)}"
     return Plan((gap.insert(element),), says=(says,))
 
 
 def plan_set(edit: SetTransition, study: StudyState) -> Plan:
-    """What a way out waits for and where it leads; its functions stay."""
+    """What a transition waits for and where it leads; its functions stay."""
     way = _found(edit, study)
     now, values = way.written.form, transition_attributes(edit.transition)
     if same_form(now, edit.transition):
@@ -240,9 +245,9 @@ def transition_attributes_of(node: Element) -> dict[str, str]:
 
 
 def plan_remove(edit: RemoveTransition, study: StudyState) -> Plan:
-    """A way out goes with its functions; what holds the shared ways goes with the last one."""
+    """A transition goes with its functions; what holds the shared ones goes with the last one."""
     way = _found(edit, study)
-    says = (f"{way.whose} loses the way: {transition_words(way.written.form)}",)
+    says = (f"{way.whose} loses the transition: {transition_words(way.written.form)}",)
     parent = way.node.parent
     if parent is not None and parent.tag == "transitions" and len(parent) == 1 and collapse(parent) is not None:
         return Plan((removal(parent),), says=says)
@@ -250,7 +255,7 @@ def plan_remove(edit: RemoveTransition, study: StudyState) -> Plan:
 
 
 def plan_move(edit: MoveTransition, study: StudyState) -> Plan:
-    """A way out is tried earlier or later."""
+    """A transition is tried earlier or later."""
     way = _found(edit, study)
     ways = way.state.transitions
     to = min(max(edit.to, 0), len(ways) - 1)
@@ -269,10 +274,10 @@ def plan_move(edit: MoveTransition, study: StudyState) -> Plan:
             if before is not None and behind is not None and before.node is behind.node:
                 break
             splices = move_siblings(way.node, way.node, node, node, behind=not is_behind)
-            says = f"{way.whose}: the way {transition_words(way.written.form)} is number {to + 1} now"
+            says = f"{way.whose}: the transition {transition_words(way.written.form)} is number {to + 1} now"
             return Plan(splices, says=(says,))
     raise EditRefused(
-        "a way out keeps its place among those that stand with it: a state's own are tried before those that it shares"
+        "a transition keeps its place among those beside it: a state tries its own before those that it shares"
     )
 
 

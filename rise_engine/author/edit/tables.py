@@ -178,7 +178,7 @@ def _refuse_known(participant: str, files: Files) -> None:
     """:raises EditRefused: something was recorded of this participant, which names them."""
     if participant and f'"{participant}"'.encode() in files.get(_LOG_FILE, b""):
         raise EditRefused(
-            f"{participant} stands in {_LOG_FILE} already, so the line and the name stay; "
+            f"{participant} is already in {_LOG_FILE}, so the line and the name stay; "
             "write `excluded` into `status` if they do not count"
         )
 

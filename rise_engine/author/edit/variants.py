@@ -62,7 +62,7 @@ def plan_remove_variant(action: WrittenAction, variant: int, says: str) -> Plan:
     if len(action.calls) > 2:
         return Plan((gone,), says=(says,))
     if action.node.marks():
-        noticed = ("a comment stands in `<Variants>`, which therefore stays, with one wording",)
+        noticed = ("a comment is in `<Variants>`, which therefore stays, with one wording",)
         return Plan((gone,), says=(says,), noticed=noticed)
     common = [child.written for child in action.node if child.tag in COMMON]
     return _instead(action.node, _single(action.node, action.calls[1 - variant].node, common), says)

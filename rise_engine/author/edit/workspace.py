@@ -60,7 +60,7 @@ class Workspace:
         :param folder: the study's, or a scenario.toml in it.
         :param robot: the name of a profile, instead of the one that the study names.
         :param also_check: finds what is wrong with the files of a study of participants, which nobody here reads.
-        :raises EditRefused: it is no folder, cannot be read, or a study that comes with the program.
+        :raises EditRefused: it is not a folder, cannot be read, or a study that comes with the program.
         """
         path = Path(os.path.abspath(folder))  # noqa: PTH100  # keeps symbolic links
         self.folder = path.parent if path.suffix == ".toml" else path

@@ -32,7 +32,7 @@ from rise_engine.syntax.xml_writing import NewElement, set_text
 
 
 class Way(Struct, frozen=True):
-    """A way out of a state."""
+    """A transition of a state."""
 
     rule: WrittenRule
     state: WrittenState

@@ -129,7 +129,7 @@ def _answer_about_names(server: StudyServer) -> None:
     @server.feature(lsp.TEXT_DOCUMENT_RENAME)
     def rename(params: lsp.RenameParams) -> lsp.WorkspaceEdit:
         if (found := server.use_at(params)) is None:
-            raise _refusal("here stands no name of an act, rule, state, event, action or memory key")
+            raise _refusal("there is no name of an act, rule, state, event, action or memory key here")
         study, use = found
         try:
             changed = workspace_edit(server, study, study.rename(use, params.new_name))

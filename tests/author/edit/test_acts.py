@@ -95,7 +95,7 @@ def test_what_cannot_be_changed_is_refused_with_the_reason() -> None:
     text = "<Dialog name='A'><Speech><actionID>1</actionID><message>a <!-- b --> c</message></Speech></Dialog>"
     study = with_acts(text)
     assert refusal(study, SetParameter("A", "1", "message", "x")) == (
-        "message of A 1 cannot be changed: a comment stands in it (acts/signals.xml, line 1)"
+        "message of A 1 cannot be changed: a comment is in it (acts/signals.xml, line 1)"
     )
     assert "did you mean `message`?" in refusal(study, SetParameter("A", "1", "mesage", "x"))
     assert "did you mean `R_Greeting`?" in refusal(study, SetParameter("R_Greting", "1", "message", "x"))

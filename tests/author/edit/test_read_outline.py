@@ -126,10 +126,10 @@ def test_texts_that_a_form_cannot_change_say_why() -> None:
     act = outline_of({"acts/a.xml": f"<Dialog name='A'>{actions}</Dialog>"}).acts[0]
     shown = {action.id: action.calls[0].parameters["message"] for action in act.actions}
     assert {id: (value.text, value.reason) for id, value in shown.items()} == {
-        "one": ("Well  done!", "a comment stands in it"),
+        "one": ("Well  done!", "a comment is in it"),
         "two": ("A & B", ""),
-        "three": ("A & B", "text and CDATA stand side by side in it"),
-        "four": ("A &", "`<b>` stands in it"),
+        "three": ("A & B", "text and CDATA are side by side in it"),
+        "four": ("A &", "`<b>` is in it"),
         "five": ("<speak>Hi <break/></speak>", ""),
         "six": ("two lines < more", ""),
     }

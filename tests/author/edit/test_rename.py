@@ -281,9 +281,9 @@ def test_states_and_rules_take_the_events_of_their_ends_with_them(state: StudySt
     [
         ("act", "R_C", "R_D", "there is no act `R_C`; did you mean"),
         ("act", "R_A", "R_B", "`R_B` is taken: acts/a.xml, line 13"),
-        ("act", "R_A", " x", "is no name"),
-        ("act", "R_A", "", "is no name"),
-        ("act", "R_A", "a\u200bb", "is no name"),
+        ("act", "R_A", " x", "is not a name"),
+        ("act", "R_A", "", "is not a name"),
+        ("act", "R_A", "a\u200bb", "is not a name"),
         ("act", "R_A", "R_A", "is called so already"),
         (
             "act",

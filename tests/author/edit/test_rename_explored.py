@@ -105,7 +105,7 @@ def test_a_name_is_quoted_as_the_condition_and_the_file_want_it(
 
 
 def test_what_a_literal_text_cannot_have_is_refused(tmp_path: Path) -> None:
-    with pytest.raises(EditRefused, match="write this text in \" marks first; it stands in ' marks"):
+    with pytest.raises(EditRefused, match="write this text in \" marks first; it is in ' marks"):
         plan(Rename("rule", "Main", "Zq's"), state_of(tmp_path))
     basic = state_of(tmp_path, "[always]\na = \"in('Main', 'Greet')\"")
     assert toml_of(renamed(basic, "rule", "Main", "Zq's")) == "[always]\na = \"in('Zq\\\\'s', 'Greet')\""

@@ -185,7 +185,7 @@ def test_shared_ways_change_for_all_states_that_have_them() -> None:
 def test_a_state_goes_when_nothing_leads_to_it() -> None:
     study = study_state("greeting")
     assert refusal(study, RemoveState("Greeting", "Closed")) == (
-        "ways lead to Closed: from Nobody (line 16); let them lead elsewhere first"
+        "transitions lead to Closed: from Nobody (line 16); let them lead elsewhere first"
     )
     assert "begins in Start" in refusal(study, RemoveState("Greeting", "Start"))
     there = after(study, AddState("Greeting", "Waiting"))

@@ -168,7 +168,7 @@ def test_participants_are_a_table_of_which_no_other_line_changes() -> None:
     "edit", [SetCell("participants.csv", 0, "participant", "P09"), RemoveRow("participants.csv", 0)]
 )
 def test_who_was_recorded_stays(edit: Edit) -> None:
-    with pytest.raises(EditRefused, match="P01 stands in study\\.jsonl already"):
+    with pytest.raises(EditRefused, match="P01 is already in study\\.jsonl"):
         people_after(edit)
     assert people_after(edit, b"") != PEOPLE
 

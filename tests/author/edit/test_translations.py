@@ -123,7 +123,7 @@ def test_a_translation_without_of_gets_one() -> None:
 @pytest.mark.parametrize(
     ("edit", "sentence"),
     [
-        (SetTranslation("german", "R_Yes", "2/1", "x"), "`german` is no language tag; write de"),
+        (SetTranslation("german", "R_Yes", "2/1", "x"), "`german` is not a language tag; write de"),
         (SetTranslation("de", "R_Yess", "2/1", "x"), "did you mean `R_Yes`?"),
         (SetTranslation("de", "R_Yes", "2", "x"), "the act `R_Yes` has no text `2`; known: `2/1`, `2/2`"),
         (SetTranslation("de", "R_Yes", "2/1", " "), "to have none, remove it"),
@@ -216,7 +216,7 @@ def test_a_language_is_one_line_and_its_first_translation_makes_the_file() -> No
 @pytest.mark.parametrize(
     ("language", "sentence"),
     [
-        ("german", "`german` is no language tag; write de"),
+        ("german", "`german` is not a language tag; write de"),
         ("DE", "the study is translated into `de` already"),
         (" en ", "the acts are in `en` themselves"),
     ],

@@ -150,7 +150,7 @@ def test_what_an_editor_has_not_saved_is_in_the_way(study: Path) -> None:
     ("arguments", "sentence"),
     [
         (("export", LABLINKING, "-o", "t.ods"), "a table of texts is a .csv, an .xlsx or a .po file"),
-        (("export", LABLINKING, "--language", "german"), "`german` is no language tag; write de"),
+        (("export", LABLINKING, "--language", "german"), "`german` is not a language tag; write de"),
         (("export", LABLINKING, "-o", __file__.replace(".py", ".csv")), "is already"),
         (("export", LABLINKING, "-o", "t.po", "--language", "de", "--language", "fr"), "for one language"),
         (("import", LABLINKING, "nothing.csv"), "nothing.csv: it cannot be read"),
