@@ -121,7 +121,7 @@ def _releasable(store: Store) -> Obstacle:
 
 
 def _shadowed(store: Store) -> Obstacle:
-    return None if store.attach_reply.shadow else "this is no shadow of a session (rise-tui --shadow)"
+    return None if store.attach_reply.shadow else "this is not a shadow of a session (rise-tui --shadow)"
 
 
 def _configurable(store: Store) -> Obstacle:

@@ -55,7 +55,7 @@ async def look_at_recorders(request: ChildRequest) -> Finding:
     finally:
         rmtree(folder, ignore_errors=True)
     found = [f"{each.name}: {each.found}" for each in trials if each.found]
-    found += [f"the test file of {each.name} still lies at {each.left}" for each in trials if each.left]
+    found += [f"the test file of {each.name} is still at {each.left}" for each in trials if each.left]
     problems = [f"{each.name}: {each.problem}" for each in trials if each.problem]
     return Finding(not problems, "; ".join(found), "; ".join(problems))
 

@@ -19,12 +19,13 @@ import msgspec
 from msgspec import Struct, field
 
 from rise_engine.base.errors import SessionError
+from rise_engine.base.text import name_some
 from rise_engine.base.words import WordError, Words
 from rise_engine.kernel import Kernel
 from rise_engine.kernel.inputs import AnyInput, TaskFunction
 from rise_engine.privacy.changed_session import ChangedSession, why_not_replayed
 from rise_engine.session.coded import CODED_FILE, CODED_FOLDER, redacted_files
-from rise_engine.session.disk import Disk, error_message, is_searched, write_new_file
+from rise_engine.session.disk import Disk, error_message, lines_with, write_new_file
 from rise_engine.session.folder import INFO, JOURNAL, SCENARIO_COPY, SessionInfo, read_info
 from rise_engine.session.journal_format import InputLine, encode_line
 from rise_engine.session.journal_reader import JournalContents, read_journal
@@ -104,7 +105,7 @@ def redact(
     except OSError as error:
         raise SessionError(
             f"{folder} cannot be redacted: {error_message(error)}. It replays as before; "
-            "say it again when that is mended"
+            "fix that and repeat the command"
         ) from None
     finally:
         lock.release()
@@ -167,7 +168,7 @@ class _Redaction:
             )
         if contents.torn or contents.damaged or contents.gaps or contents.header is None:
             raise SessionError(
-                f"{self._path} is damaged, so nobody can prove that it still says what happened without the words. "
+                f"{self._path} is damaged, so no replay can prove that it still says what happened without the words. "
                 "Nothing was changed; what can be read can be exported, and the folder can be deleted"
             )
         require_inputs(contents)
@@ -176,7 +177,7 @@ class _Redaction:
         if self._words.find(info.participant):
             raise SessionError(
                 f"the study knows this session by {info.participant!r}, a pseudonym, so that word stays. Nothing was "
-                "changed. Who withdraws is erased with `rise-engine study withdraw`"
+                "changed. To erase a participant who withdraws, use `rise-engine study withdraw`"
             )
 
     # --- the journal ---
@@ -335,16 +336,13 @@ def find_words(folder: Path, words: Words) -> list[str]:
             continue
         if path.name.endswith(NEW_SUFFIX):
             continue
-        searched = is_searched(path)
-        lines = path.read_bytes().decode("utf-8", "replace").splitlines() if searched else []
-        places = [number for number, line in enumerate(lines, 1) if words.find(line)]
+        places = lines_with(path, words.find)
         name = path.relative_to(folder)
         if not places:
             if words.find(str(name)):
                 found.append(f"the name of {name}")
             continue
-        where = ", ".join(map(str, places[:5])) + (f" and {len(places) - 5} more" if len(places) > 5 else "")
-        found.append(f"{name}, line{'s' if len(places) > 1 else ''} {where}{_whose(name)}")
+        found.append(f"{name}, line{'s' if len(places) > 1 else ''} {name_some(places)}{_whose(name)}")
     return found
 
 

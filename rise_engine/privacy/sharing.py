@@ -222,8 +222,8 @@ class _Sharing:
 
     def _difference(self, _line: int, what: str) -> SessionError:
         if why := why_not_replayed(self._folder):
-            return SessionError(f"{why}, so nobody can prove what it is without what is private")
-        return SessionError(f"what is private, or was typed, decides what happened: without it {what}")
+            return SessionError(f"{why}, so no replay can prove what happened without the private values")
+        return SessionError(f"private values or typed words decided what happened: without them {what}")
 
     # --- files ---
 
@@ -255,7 +255,7 @@ class _Sharing:
 
 def _refuse_damaged(contents: JournalContents) -> None:
     if contents.torn or contents.damaged or contents.gaps or contents.header is None:
-        raise SessionError("its journal is damaged, so nobody can prove what it is without what is private")
+        raise SessionError("its journal is damaged, so no replay can prove what happened without the private values")
     if not contents.ended:
         raise SessionError("it has not ended")
 

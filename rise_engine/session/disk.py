@@ -7,7 +7,7 @@ import fcntl
 import hashlib
 import os
 import sys
-from collections.abc import Iterable
+from collections.abc import Callable, Iterable
 from pathlib import Path
 
 BLOCK = 1_000_000
@@ -136,6 +136,12 @@ def tree_hash(path: Path) -> str:
     return digest.hexdigest()
 
 
-def is_searched(path: Path) -> bool:
-    """Whether words are looked for in a file, and not only in its name: a film is as large as no text is."""
-    return path.suffix in _TEXTS or path.stat().st_size <= _SMALL
+def lines_with(path: Path, is_found: Callable[[str], object]) -> list[int]:
+    """The lines of a file, from 1, in which something is found. A film is not searched: it is as large as no text is.
+
+    Raises OSError.
+    """
+    if path.suffix not in _TEXTS and path.stat().st_size > _SMALL:
+        return []
+    lines = path.read_bytes().decode("utf-8", "replace").splitlines()
+    return [number for number, line in enumerate(lines, 1) if is_found(line)]

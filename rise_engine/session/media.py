@@ -39,7 +39,7 @@ def read_list(path: Path, item: type[_Item]) -> tuple[_Item, ...]:
     except OSError as problem:
         raise SessionError(f"{path} cannot be read: {problem.strerror or problem}") from None
     except (msgspec.DecodeError, UnicodeError) as problem:
-        raise SessionError(f"{path} is not what was written there: {problem}. Mend it, or move it away") from None
+        raise SessionError(f"{path} is not what was written there: {problem}. Correct it, or move it away") from None
 
 
 def list_bytes(items: Sequence[object]) -> bytes:
@@ -63,7 +63,7 @@ def change_list(path: Path, item: type[_Item], change: Callable[[list[_Item]], l
             new.replace(path)
             Disk().sync_folder(path.parent)
     except UnicodeError:
-        raise SessionError("a path or name is no text that can be written: give that file another name") from None
+        raise SessionError("a path or name is not a text that can be written: give that file another name") from None
     except OSError as problem:
         raise SessionError(f"{path} cannot be written: {error_message(problem)}") from None
 

@@ -176,7 +176,7 @@ def _lines(
     if study.assignment.between == "minimise":
         yield (
             "The cell is found when somebody takes a slot: the one in which the cells differ least, four times out of "
-            "five. What comes of it is counted in `study status`."
+            "five. `study status` counts the result."
         )
     elif cell_number > 1:
         yield from _cell_lines(study, strata, slots)
@@ -193,7 +193,7 @@ def _cell_lines(study: Study, strata: Sequence[StratumBalance], slots: Sequence[
         listed = ", ".join(f"{name} {count}" for name, count in counts.counts.items())
         yield f"{where}{pluralize(stratum.rows, 'row')}: {listed}"
         if not stratum.rows:
-            yield "  NO ROWS: nobody of this stratum can take part"
+            yield "  NO ROWS: no participant of this stratum can take part"
             continue
         if not counts.equal_after:
             yield "  NOT BALANCED: the cells are equally full after no row"
@@ -205,7 +205,7 @@ def _cell_lines(study: Study, strata: Sequence[StratumBalance], slots: Sequence[
             yield f"  NOT BALANCED: at the end they differ by {difference}"
     number, rest = len(cells(study)), study.n % len(cells(study))
     if rest:
-        yield f"n = {study.n} is no multiple of the {number} cells: {rest} of them will have one more."
+        yield f"n = {study.n} is not a multiple of the {number} cells: {rest} of them will have one more."
     yield from (f"NOTE: {problem}." for problem in block_problems(study, slots))
     if len(strata) > 1:
         most = sum(stratum.cells.largest_difference for stratum in strata)
@@ -225,7 +225,7 @@ def _order_lines(study: Study, orders: Sequence[OrderBalance]) -> Iterable[str]:
         yield f"    {_order_sentence('every run follows every other one equally often', carry_over)}"
     yield from _last_set_lines(study, orders)
     if study.assignment.within == "fixed":
-        yield "  Everybody has the same order: an effect of it cannot be told from one of the factor."
+        yield "  Everybody has the same order, so its effect cannot be separated from that of the factor."
     if study.assignment.within == "random":
         yield "  Orders are drawn for each participant alone: they are balanced in the long run only."
 

@@ -93,7 +93,7 @@ class SessionPlan(Struct, frozen=True):
         given = self.language if scenario.translations else ""
         if asked and given and asked != given and self.purpose == "counted":
             raise CannotBegin(
-                f"{asked!r} is not the language of {self.participant}: the study says {given!r}, so leave it away"
+                f"{asked!r} is not the language of {self.participant}: the study says {given!r}, so leave it out"
             )
         return asked or given
 
@@ -183,7 +183,7 @@ def _plan_counted(state: StudyStatus, request: BeginRequest) -> SessionPlan:
     if running := running_problem(state, name):
         problems.append(running)
     if request.seed is not None:
-        problems.append("a session that counts has the plan's seed: give none")
+        problems.append("a session that counts has the plan's seed: do not give another")
     standing = next((each for each in state.standing.participants if each.participant == name), None)
     may_begin = standing is None or standing.state in BEGINNABLE or standing.state == "no-consent"
     if request.checks is not None and may_begin:  # else nobody is to make them
@@ -205,7 +205,7 @@ def _plan_counted(state: StudyStatus, request: BeginRequest) -> SessionPlan:
     if request.condition and request.condition != run.condition:
         raise CannotBegin(
             f"{request.condition!r} is not the condition of {name} in run {run.run}: the plan gives it, so leave "
-            "--condition away"
+            "--condition out"
         )
     return SessionPlan(
         participant=name,
@@ -262,7 +262,7 @@ def _find_participant(
         return None
     found = next((each for each in state.participants if each.participant == name), None)
     if found is None:
-        remedy = "; a rehearsal can also name nobody" if rehearses else "; add a line for them"
+        remedy = "; a rehearsal needs no participant" if rehearses else "; add a line for them"
         near = did_you_mean(name, known, limit=0 if rehearses else 12) or remedy
         problems.append(f"there is no participant {name!r} in participants.csv{near}")
     return found
@@ -273,7 +273,7 @@ def _hindrance(standing: ParticipantStanding) -> str:
     name = standing.participant
     match standing.state:
         case "excluded":
-            return f"{name} is excluded: {standing.why or 'nobody has said why'}"
+            return f"{name} is excluded: {standing.why or 'no reason was given'}"
         case "withdrawn":
             return f"{name} has withdrawn"
         case "unfinished":

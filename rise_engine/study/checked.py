@@ -76,7 +76,7 @@ def skip_problem(check: StudyCheck, purpose: Purpose, reason: str) -> str:
         what = "consent" if check.auto == "consent" else "whether the participant may take part"
         return f"{check.id}: {what} cannot be skipped in a session that counts"
     if not reason.strip():
-        return f"{check.id}: who skips a check says why"
+        return f"{check.id}: give a reason for skipping a check"
     return ""
 
 
@@ -85,7 +85,7 @@ def due_after_checks(study: Study, sessions: Iterable[SessionEntry], entries: It
     after = [check for check in study.checks if check.when == "after"]
     made = made_after(entries)
     return [
-        f"{session.participant}, run {session.run}{attempt_text(session)}: nobody has confirmed “{check_text(check)}” "
+        f"{session.participant}, run {session.run}{attempt_text(session)}: not confirmed: “{check_text(check)}” "
         f"(check {check.id})"
         for session in sessions
         if session.status == "ended" and session.purpose == "counted"

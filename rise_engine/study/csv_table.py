@@ -109,8 +109,8 @@ def read_csv(
 # --- personal data ----------------------------------------------------------------------------------------------------
 
 WHY = (
-    "this folder knows people by their pseudonyms only, because it is copied, archived and shared; who they are stands "
-    "in a list of yours in another place"
+    "this folder knows people by their pseudonyms only, because it is copied, archived and shared; keep the list "
+    "of their names somewhere else"
 )
 
 _WORDS: dict[str, str] = {

@@ -149,7 +149,7 @@ def exclude_participant(open: OpenStudy, participant: str, reason: str, *, sourc
     _check_known(state, participant)
     problems: list[str] = []
     if not reason.strip():
-        problems.append("say why they are excluded: the report of the study tells it")
+        problems.append("say why they are excluded: the study's report gives the reason")
     if participant in state.places.withdrawn:
         problems.append(f"{participant} has withdrawn")
     elif participant in state.places.excluded:

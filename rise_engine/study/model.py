@@ -30,7 +30,7 @@ class Level(Struct, frozen=True):
     label: str = ""
     """What screens show instead of the name while the study is blinded; empty: the name."""
     description: str = ""
-    """What it is, in words for readers of the data; empty: nobody has said it."""
+    """What it is, in words for readers of the data; empty: not said."""
 
 
 class Factor(Struct, frozen=True):

@@ -47,7 +47,7 @@ def write_new_study(folder: Path, new: NewStudy, *, accept_errors: bool = False)
     folder = folder.resolve()
     for source in new.sources.values():
         if folder.is_relative_to(source.resolve()):
-            raise StudyError(f"{folder} lies in the scenario {source}, which is to be copied into it")
+            raise StudyError(f"{folder} lies in the scenario {source}, which would be copied into it")
     try:
         folder.parent.mkdir(parents=True, exist_ok=True)
         made = Path(mkdtemp(prefix=f".{folder.name}.", dir=folder.parent))
@@ -155,7 +155,7 @@ def _factor_lines(new: NewStudy) -> Iterable[str]:
         yield f"[factors.{factor.name}]"
         yield f"kind = {_text(factor.kind)}"
         if factor.name in new.label_only:
-            yield "label_only = true  # what differs is done by people"
+            yield "label_only = true  # people make the difference"
         for level in factor.levels:
             yield _level_line(level)
         labels = {level.name: level.label for level in factor.levels if level.label}
@@ -194,7 +194,7 @@ def _assignment_lines(study: Study) -> Iterable[str]:
         yield "# Others: latin, all, fixed, random."
         yield f"within  = {_text(settings.within)}"
     yield f"spare   = {settings.spare:g}  # rows of the plan beyond n, for those who drop out"
-    yield f"hidden  = {_value(settings.hidden)}  # true: nobody sees the condition before the session begins"
+    yield f"hidden  = {_value(settings.hidden)}  # true: the condition is hidden until the session begins"
     yield ""
     if study.strata:
         yield "[strata]"
@@ -231,7 +231,7 @@ def _check_lines(checks: Iterable[StudyCheck]) -> Iterable[str]:
 
 _RECORDING_LINES = (
     "# What records each session, begun and ended with it; take away the # of what you have.",
-    "# Nobody is recorded without a date in the column consent_recording of participants.csv.",
+    "# Only participants with a date in the column consent_recording of participants.csv are recorded.",
     "# [recording]",
     '# obs = { password_file = "~/.config/rise/obs" }',
     '# camera = { by = "ffmpeg", input = ["-f", "v4l2", "-i", "/dev/video0"] }',
@@ -243,7 +243,7 @@ _RECORDING_LINES = (
 
 def _report_lines() -> Iterable[str]:
     yield "# What `rise-engine report` asks you for its reporting sheet; the rest it takes from the record."
-    yield "# What is missing stands there as still to say. Take away a # and write; it can change any time."
+    yield "# Missing items are listed there as still to say. Remove a # and write; you can change it at any time."
     yield "[report]"
     for item in REPORT_ITEMS:
         yield f'# {item.name} = ""  # {item.question}'

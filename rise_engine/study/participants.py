@@ -104,7 +104,7 @@ class _ParticipantsReader:
             consents = [each for each in table.columns if each.startswith(CONSENT_PREFIX)]
             example = consents[0].removeprefix(CONSENT_PREFIX) if consents else "study"
             near = did_you_mean(column, consents, limit=0) or ";"
-            message = f"there is no column `{column}`, so nobody is recorded{near} "
+            message = f"there is no column `{column}`, so no participant is recorded{near} "
             message += f'add it, or name another one in study.toml: [recording] consent = "{example}"'
             self.diagnostics.warning("no-recording-consent", SourceLocation(PARTICIPANTS_FILE), message)
 
@@ -147,7 +147,7 @@ class _ParticipantsReader:
             message = f"a pseudonym has letters and digits only (A-Z, a-z, 0-9), as P07, not `{name}`: {WHY}"
             self.table.report(row, "participant", "bad-name", message)
         elif (before := seen.setdefault(name.casefold(), line)) != line:
-            message = f"`{name}` stands in line {before} already; upper and lower case are no difference"
+            message = f"`{name}` is in line {before} already; upper and lower case make no difference"
             self.table.report(row, "participant", "duplicate-name", message)
 
     def read_stratum(self, row: CsvRow, column: str, status: str) -> str:
@@ -168,7 +168,7 @@ class _ParticipantsReader:
             with suppress(ValueError):
                 return date.fromisoformat(value).isoformat()
         meant = _other_date(value)
-        message = f"`{value}` is no date; write {meant or 'year-month-day, as 2026-11-21'}"
+        message = f"`{value}` is not a date; write {meant or 'year-month-day, as 2026-11-21'}"
         if meant:
             message = f"dates are written year-month-day: `{meant}`, not `{value}` (Excel changes them; format the "
             message += "column as text)"

@@ -196,7 +196,7 @@ class _PlanReader:
         number = self.read_number(row, "slot", at, 1)
         line = self.table.location(row, "slot").line
         if number is not None and (before := self.numbers.setdefault(number, line)) != line:
-            self.table.report(row, "slot", "duplicate-name", f"the slot {number} stands in line {before} already")
+            self.table.report(row, "slot", "duplicate-name", f"the slot {number} is in line {before} already")
         number = number or at
         seed = self.read_number(row, "seed", slot_seed(study, number), 0)
         strata = () if study.assignment.between == "minimise" else study.assignment.strata

@@ -73,7 +73,7 @@ def plan_study(
         planned = last_planned(entries)
         if planned is not None and _finish(folder, planned):
             return _read(
-                study, "The plan was made, and now it is in its place: an earlier command had been ended before."
+                study, "The plan is in its place now: an earlier command had been stopped before it put it there."
             )
         if again is not None:
             return _plan_again(study, scenarios, participants, log, {"reason": again, **why})
@@ -135,7 +135,7 @@ def _plan_again(
     folder, entries = Path(study.folder), log.entries()
     planned = last_planned(entries)
     if planned is None:
-        raise StudyError("there is no plan yet that could be made again; leave --again away")
+        raise StudyError("there is no plan yet that could be made again; leave --again out")
     holders = held_slots(entries, participants)
     if study.assignment.between == "list":
         return _take_list_again(study, scenarios, log, holders, why)
@@ -167,8 +167,8 @@ def _take_scenarios(
     hashes, before = scenario_hashes(study, scenarios), dict(planned.get("scenarios") or {})
     changed = [name for name, digest in hashes.items() if before.get(name) != digest]
     if not changed:
-        raise StudyError("nothing that the plan is made of has changed: the plan stays as it is")
-    what = f"The plan stays as it is; from now on {in_backquotes(changed)} counts as it is now, with this robot"
+        raise StudyError("nothing that the plan is made of has changed: the plan stays unchanged")
+    what = f"The plan stays unchanged; from now on {in_backquotes(changed)} counts as it is now, with this robot"
     made = _read(study, f"{what}. Sessions before ran what it was before: each has a copy of it.")
     fields = _entry_fields(study, scenarios, made.slots, plan_hash(Path(study.folder)))
     log.append("planned", **fields, **why)
@@ -217,7 +217,7 @@ def _held_rows(study: Study, planned: LogEntry, holders: Mapping[int, str]) -> t
 def _refuse_lost(holders: Mapping[int, str], slots: Sequence[Slot]) -> None:
     there = {slot.slot for slot in slots}
     if lost := [f"{name} (slot {slot})" for slot, name in holders.items() if slot not in there]:
-        raise StudyError(f"{PLAN_FILE} has no row for {', '.join(lost)}, who hold a slot; put it back")
+        raise StudyError(f"{PLAN_FILE} has no row for {', '.join(lost)}, whose slots they are; put it back")
 
 
 def _keep(study: Study, planned: LogEntry) -> MadePlan:

@@ -105,7 +105,7 @@ REPORT_ITEMS = (
     ReportItem("recruitment", "how participants were found"),
     ReportItem("compensation", "what participants got for it"),
     ReportItem("demographics", "age, gender and what else is known of the participants"),
-    ReportItem("instructions", "what participants were told before, in words"),
+    ReportItem("instructions", "what participants were told before the session"),
     ReportItem("hypotheses", "what you expected of the participants"),
     ReportItem("preregistration", "where the study was registered before, or that it was not"),
     ReportItem("expectations", "whether expectations were asked before and after, and how"),
@@ -118,7 +118,7 @@ REPORT_ITEMS = (
     ReportItem("wizard_training", "how the wizards were trained"),
     ReportItem("wizard_errors", "how errors of the wizards were prevented, and looked for in recordings"),
     ReportItem("place", "where it took place"),
-    ReportItem("environment", "the room: its light, its noise, who else was there"),
+    ReportItem("environment", "the room: its light, its noise, other people in it"),
     ReportItem("story", "what the interaction was about, for participants"),
     ReportItem("iterations", "what was changed after pilots"),
     ReportItem("limits", "what having a wizard means for the conclusions"),
@@ -142,5 +142,7 @@ def read_report(study: TomlTable) -> dict[str, str]:
                 said[name] = text
     for author in authors_of(said):
         if author.orcid and (problem := orcid_problem(author.orcid)):
-            table.report_value("wrong-value", "authors", f"`{author.orcid}` of {author.name} is no ORCID: {problem}")
+            table.report_value(
+                "wrong-value", "authors", f"`{author.orcid}` of {author.name} is not an ORCID: {problem}"
+            )
     return said

@@ -275,7 +275,7 @@ class _AnswersReader:
 
     def unknown(self, name: str) -> str:
         if not name:
-            return "this row names no participant: delete it, or write the pseudonym there"
+            return "this row names no participant: delete it, or add the pseudonym"
         if self.has_withdrawn(name):
             return f"`{name}` has withdrawn: delete this row yourself, because nothing but people writes in this file"
         near = did_you_mean(name, sorted(self.names), limit=0)
@@ -298,7 +298,7 @@ class _AnswersReader:
             before = first.setdefault((each.participant, each.run), each.line)
             if before != each.line:
                 what = f"`{each.participant}`" + (f", run {each.run}," if each.run is not None else "")
-                message = f"{what} stands in line {before} already: delete the row that does not count"
+                message = f"{what} is in line {before} already: delete the row that does not count"
                 self.table.report(by_line[each.line], self.settings.key, "duplicate-name", message)
 
     def item(self, name: str, answers: Iterable[Answers]) -> Item:

@@ -104,8 +104,8 @@ def withdraw(
         erase_leftovers(study, report)
     except OSError as error:
         raise StudyError(
-            f"not everything could be erased: {error.filename or study}: {error_message(error)}. Say it again when "
-            "that is mended; it goes on where it stopped"
+            f"not everything could be erased: {error.filename or study}: {error_message(error)}. Fix that and "
+            "repeat the command: it continues where it stopped"
         ) from None
     report.remains = find_names(study, participant)
     report.beyond += _beyond(study, participant)
@@ -281,7 +281,7 @@ def _plan_exports(plan: WithdrawalPlan, study: Path, log: Sequence[LogEntry]) ->
             del plan.exports[path]  # it was never finished, unless its hash is known
             if path in plan.hashes:
                 plan.unreachable.append(
-                    f"{study / path} was exported of them and is not there: erase it where it is now"
+                    f"{study / path} was exported with their data and is not there: erase it where it is now"
                 )
 
 
@@ -297,7 +297,7 @@ def _note_missing(plan: WithdrawalPlan, study: Path, log: Sequence[LogEntry]) ->
             continue
         folder = study / SESSIONS / name
         if folder.is_symlink():
-            plan.unreachable.append(f"{folder} is a link to {folder.resolve()}: erase what is theirs there")
+            plan.unreachable.append(f"{folder} is a link to {folder.resolve()}: erase their data there")
         elif not folder.exists():
             plan.unreachable.append(f"session {name} is not in {SESSIONS} any more: erase it where it is now")
 

@@ -51,15 +51,15 @@ def why_not_export(study: Path, export: str) -> str:
     :param export: its path, from there on or absolute.
     """
     if "\0" in export:
-        return f"{export} was named as an export of them, and is no path"
+        return f"{export} was named as an export of their data, and is not a path"
     path, root = study / export, Path(os.path.realpath(study))
     real = _real_place(path)
     if root not in real.parents:
-        return f"{path} was exported of them, and lies outside of the study's folder: erase it yourself"
+        return f"{path} was exported with their data, and is outside the study's folder: erase it yourself"
     first = real.relative_to(root).parts[0]
     own = first in _STUDYS_OWN or first.startswith(".") or str(real.relative_to(root)) in questionnaire_files(study)
     if own or path.is_symlink() or _is_of_scenario(real, root):
-        return f"{path} is named as an export of them, and is a part of the study: look what it is"
+        return f"{path} is named as an export of their data, and is a part of the study: check what it is"
     return ""
 
 
@@ -76,13 +76,13 @@ def why_not_recording(study: Path, session: Path, path: Path, facts: KnownBy) ->
     if sentence := why_not_place(study, path):
         return sentence
     if path.is_dir() and not (path / "metadata.yaml").is_file():
-        return f"{path} is a folder, and no bag: erase what is theirs in it"
+        return f"{path} is a folder, but not a bag: erase their data in it"
     if not (facts.sizes or facts.hashes):
-        return f"{path}: nothing says how large it was, so it may be another file; look what it is, and erase it"
+        return f"{path}: nothing says how large it was, so it may be another file; check what it is, and erase it"
     if facts.sizes and _size(path) not in facts.sizes:
-        return f"{path} has another size than what was recorded: look what it is, and erase it"
+        return f"{path} has another size than what was recorded: check what it is, and erase it"
     if not facts.hashes and _is_older(path, session):
-        return f"{path} is older than the session that names it: look what it is"
+        return f"{path} is older than the session that names it: check what it is"
     return ""
 
 
@@ -93,12 +93,12 @@ def why_not_place(study: Path, path: Path) -> str:
     :param path: what a session has registered, absolute.
     """
     if path.is_symlink():
-        return f"{path} is a link to {path.resolve()}: erase what is theirs there"
+        return f"{path} is a link to {path.resolve()}: erase their data there"
     real, root = _real_place(path), Path(os.path.realpath(study))
     if real == root or root in real.parents or real in root.parents:
-        return f"{path} is no file that a recorder made, but a part of the study: look what it is"
+        return f"{path} is not a recorder's file, but a part of the study: check what it is"
     if any((parent / name).exists() for parent in real.parents for name in _OF_SOMEBODY):
-        return f"{path} lies in the folder of another session or study: look what it is"
+        return f"{path} is in the folder of another session or study: check what it is"
     return ""
 
 
@@ -107,8 +107,8 @@ def why_other(path: Path, hashes: Collection[str]) -> str:
     if hashes and tree_hash(path) in hashes:
         return ""
     if hashes:
-        return f"{path} was changed since it was written: erase what is theirs in it"
-    return f"{path}: nothing says what was written there, so it may be another file; look what it is, and erase it"
+        return f"{path} was changed since it was written: erase their data in it"
+    return f"{path}: nothing says what was written there, so it may be another file; check what it is, and erase it"
 
 
 def _real_place(path: Path) -> Path:
@@ -313,7 +313,7 @@ class Erasing:
         self._failed = True
         where = error.filename or path
         self.report.unreached.append(
-            f"{where} could not be erased: {error_message(error)}. Say it again when it can be"
+            f"{where} could not be erased: {error_message(error)}. Repeat the command when it can be"
         )
         return False
 

@@ -105,7 +105,7 @@ async def test_a_test_file_that_lies_elsewhere_is_named(monkeypatch: pytest.Monk
     monkeypatch.setattr(TestRecorder, "stop", stop)
     monkeypatch.setattr(TestRecorder, "status", status)
     found = await look_at_recorders(asked)
-    assert found.passed and "the test file of obs still lies at D:/videos/test.mkv" in found.value
+    assert found.passed and "the test file of obs is still at D:/videos/test.mkv" in found.value
 
 
 async def test_nobody_who_has_not_consented_is_recorded_for_a_trial(tmp_path: Path) -> None:

@@ -157,7 +157,7 @@ def test_without_the_scenario_nobody_knows_what_is_private(made: Made) -> None:
     shutil.rmtree(made.folder / "scenario")
     shutil.rmtree(made.study)
     SessionExport(made.folder)
-    with pytest.raises(SessionError, match="nobody can say which memory keys are private"):
+    with pytest.raises(SessionError, match="it is not known which memory keys are private"):
         SessionExport(made.folder, level="shared")
 
 

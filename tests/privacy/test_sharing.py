@@ -116,7 +116,7 @@ def test_words_that_decide_are_not_shared(tmp_path: Path) -> None:
     ]
     folder = play_session(tmp_path / "sessions", script, scenario=scenario, until=20.0)
     with pytest.raises(
-        SessionError, match=r"decides what happened: without it record \d+ \(condition, at 2\.0 s\)"
+        SessionError, match=r"decided what happened: without them record \d+ \(condition, at 2\.0 s\)"
     ) as found:
         shared(folder, tmp_path / "new")
     assert "Zelda" not in str(found.value)

@@ -73,7 +73,7 @@ def test_what_is_about_one_participant_says_nothing_about_the_next(kind: str) ->
 def test_a_skip_needs_a_reason() -> None:
     assert skip_problem(LAMP, "counted", "it is broken") == ""
     for blank in ("", "  \t"):
-        assert skip_problem(LAMP, "counted", blank) == "lamp: who skips a check says why"
+        assert skip_problem(LAMP, "counted", blank) == "lamp: give a reason for skipping a check"
 
 
 def test_consent_is_never_skipped_in_a_session_that_counts() -> None:
@@ -100,7 +100,7 @@ def test_what_nobody_has_looked_at_afterwards_is_due() -> None:
         checked("debrief", "passed", NOW, when="after", session="one"),
         checked("debrief", "failed", NOW, when="after", session="two"),
     ]
-    sentence = "P07, run 1, attempt 2: nobody has confirmed “Participant was debriefed” (check debrief)"
+    sentence = "P07, run 1, attempt 2: not confirmed: “Participant was debriefed” (check debrief)"
     assert due_after_checks(LAB, sessions, log) == [sentence]
     log.append(checked("debrief", "skipped", NOW, when="after", session="two", reason="left in a hurry"))
     assert due_after_checks(LAB, sessions, log) == []

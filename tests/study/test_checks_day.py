@@ -81,7 +81,7 @@ def test_a_day(lab: Path) -> None:
     refused = engine("serve", "--study", lab, "--participant", "P01")
     assert refused.returncode == 1
     assert refused.stderr.splitlines()[-5:] == [
-        "error: lamp: nobody has confirmed “The lamp is on”",
+        "error: lamp: not confirmed: “The lamp is on”",
         "error: robot: the robot generic is only simulated, and the mode is real: no robot would move; name the real "
         "one (`robot` in study.toml or scenario.toml)",
         "when it is so, say --confirm lamp",
@@ -108,13 +108,13 @@ def test_a_day(lab: Path) -> None:
     ]
     assert checks[2]["reason"] == "the real one is being mended"
 
-    assert "P01, run 1: nobody has confirmed “Participant was debriefed” (check debrief)" in due(lab)
+    assert "P01, run 1: not confirmed: “Participant was debriefed” (check debrief)" in due(lab)
     assert judge(lab, "P01", "complete", "--confirm", "debreif").exit_code == 1
     judged = judge(lab, "P01", "complete")
-    assert judged.exit_code == 0 and "nobody has confirmed “Participant was debriefed”" in judged.output
+    assert judged.exit_code == 0 and "not confirmed: “Participant was debriefed”" in judged.output
     assert "Participant was debriefed" in due(lab)
     later = judge(lab, "P01", "complete", "--confirm", "debrief")
-    assert later.exit_code == 0 and "nobody has confirmed" not in due(lab)
+    assert later.exit_code == 0 and "not confirmed" not in due(lab)
     checked = [(each.get("id"), each.get("result")) for each in read_log(lab) if each.kind == "checked"]
     assert checked.count(("robot", "failed")) == 1 and checked.count(("tracker", "passed")) == 1
     assert checked[-1] == ("debrief", "passed")

@@ -102,7 +102,7 @@ WRONG: dict[str, tuple[str, list[str]]] = {
         ["3:1: error wrong-value: `slot` is a whole number from 1"],
     ),
     "slot 0": (GOOD.replace("2,en", "0,en"), ["3:1: error wrong-value: `slot` is a whole number from 1 on, not `0`"]),
-    "a slot twice": (GOOD.replace("2,en", "1,en"), ["3:1: error duplicate-name: the slot 1 stands in line 2 already"]),
+    "a slot twice": (GOOD.replace("2,en", "1,en"), ["3:1: error duplicate-name: the slot 1 is in line 2 already"]),
     "another stratum": (
         GOOD.replace("2,en", "2,fr"),
         ["3:3: error wrong-value: `language` is one of `de`, `en`, not `fr`"],
@@ -441,7 +441,7 @@ def test_a_mended_scenario_is_taken_with_a_reason_and_the_plan_stays(tmp_path: P
     (tmp_path / "scenario" / "scenario.toml").write_text('title = "Other"')
     again = plan(tmp_path, "a word was misspelt")
     assert again.slots == first.slots and (tmp_path / "plan.csv").read_bytes() == before
-    assert again.sentence.startswith("The plan stays as it is; from now on `scenario` counts as it is now")
+    assert again.sentence.startswith("The plan stays unchanged; from now on `scenario` counts as it is now")
     entry = last_planned(read_log(tmp_path))
     assert entry is not None and entry.get("reason") == "a word was misspelt"
     assert review(tmp_path) == []

@@ -77,7 +77,7 @@ def test_descriptions_levels_runs_and_what_is_left_out(tmp_path: Path) -> None:
     [
         ("participant,q1\np01,3\n", "", "2:1", "participants.csv has no `p01`"),
         ("participant,q1\n,3\n", "", "2:1", "this row names no participant"),
-        ("participant,q1\nP01,3\nP02,1\nP01,4\n", "", "4:1", "`P01` stands in line 2 already"),
+        ("participant,q1\nP01,3\nP02,1\nP01,4\n", "", "4:1", "`P01` is in line 2 already"),
         ("subject,q1\nP01,3\n", "", "1:1", "there is no column `participant`"),
         ("participant,q1\nP01,3\n", 'run = "visit"\n', "1:1", "there is no column `visit`, which"),
         ("participant,visit\nP01,3\n", 'run = "visit"\n', "2:5", "`visit` says which run it was"),

@@ -206,7 +206,7 @@ def test_it_is_not_copied_into_itself(tmp_path: Path) -> None:
     study_folder(tmp_path)
     result = study("new", str(tmp_path / "scenario" / "s"), "--yes", "--scenario", str(tmp_path / "scenario"))
     assert result.exit_code == 1
-    assert "which is to be copied into it" in result.output
+    assert "which would be copied into it" in result.output
 
 
 def test_nobody_can_be_asked_without_a_terminal(tmp_path: Path) -> None:

@@ -202,7 +202,7 @@ def test_sessions_that_cannot_be_read_are_theirs_by_their_name(made: Folder) -> 
 def test_a_damaged_log_is_no_reason_to_guess(made: Folder) -> None:
     with (made.study / LOG_FILE).open("a") as file:
         file.write("no entry\n")
-    with pytest.raises(StudyLogError, match="no JSON"):
+    with pytest.raises(StudyLogError, match="not JSON"):
         withdraw(made.study, "P01")
     assert made.sessions[0].exists()
 
@@ -331,7 +331,7 @@ def test_in_a_copy_of_a_study_the_original_keeps_its_exports(made: Folder, tmp_p
     assert made.texts() == before
     assert sorted(path.name for path in elsewhere.iterdir()) == ["four.csv", "one.csv", "three.csv", "two.csv"]
     assert not any((copy / name).exists() for name in ("p01.csv", "all.csv", "in.csv"))
-    told = [sentence for sentence in report.unreached if "outside of the study's folder: erase it yourself" in sentence]
+    told = [sentence for sentence in report.unreached if "outside the study's folder: erase it yourself" in sentence]
     assert len(told) == 4 + 4 + 1
     assert not (copy / WORK_FOLDER).exists()
 
@@ -361,7 +361,7 @@ def test_an_export_is_listed_before_it_is_written(made: Folder) -> None:
     plan = plan_withdrawal(made.study, "P02")
     assert list(plan.exports) == ["all.csv", "p02.csv"]
     assert [each for each in plan.unreachable if str(out) in each] == [
-        f"{out} was exported of them, and lies outside of the study's folder: erase it yourself"
+        f"{out} was exported with their data, and is outside the study's folder: erase it yourself"
     ]
     result = run("export", made.sessions[2], "--format", "csv", "-o", out)
     assert result.exit_code == 2

@@ -110,7 +110,7 @@ class ListedSession(Struct, frozen=True):
     """ISO 8601."""
     status: Literal["running", "unfinished", "given-up", "ended"]
     outcome: str
-    """complete, aborted, excluded, or empty: nobody has said it."""
+    """complete, aborted, excluded, or empty: not said."""
     reason: str
     seconds: float
     """Session time of its last record."""

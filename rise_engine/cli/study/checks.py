@@ -220,7 +220,7 @@ class _Gathering:
             return report_check(outcome)  # it stands in the log already
         if is_answered_by_person(check) and not self._terminal.answers and check.id not in self._chosen.confirmed:
             # The robot is not made to speak where nobody says that it was heard.
-            if self._miss(check, f"{check.id}: nobody has confirmed “{check_text(check)}”"):
+            if self._miss(check, f"{check.id}: not confirmed: “{check_text(check)}”"):
                 self._to_confirm.append(check.id)
             return None
         return self._make(check)

@@ -154,7 +154,7 @@ def _disagreement(counts: Counter[Value], differ: Callable[[Value, Value], float
 
 def _one_category(value: object) -> str:
     return (
-        f"all of them always chose the same ({value}), so that nobody can tell agreement from habit: "
+        f"all of them always chose the same ({value}), so agreement cannot be told from habit: "
         "the number is not defined"
     )
 

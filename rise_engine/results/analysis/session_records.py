@@ -120,7 +120,7 @@ class SessionRecords:
             return self.load_scenario()
         except SessionError as error:
             raise SessionError(
-                f"nobody can say which memory keys are private: {error}. Only --level full can be exported"
+                f"it is not known which memory keys are private: {error}. Only --level full can be exported"
             ) from None
 
 

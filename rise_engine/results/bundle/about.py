@@ -53,7 +53,7 @@ def read_about(root: Path) -> AboutBundle:
     try:
         return msgspec.json.decode((root / ABOUT_FILE).read_bytes(), type=AboutBundle)
     except FileNotFoundError:
-        raise ExportError(f"it is no bundle that can be made again: it has no {ABOUT_FILE}") from None
+        raise ExportError(f"this bundle cannot be made again: it has no {ABOUT_FILE}") from None
     except (OSError, msgspec.DecodeError) as error:
         raise ExportError(f"{ABOUT_FILE} cannot be read: {error}") from None
 
@@ -61,7 +61,7 @@ def read_about(root: Path) -> AboutBundle:
 PYTHON = (3, 11)
 """The oldest that runs the program (pyproject.toml)."""
 _LEVELS: dict[ExportLevel, str] = {
-    "full": "Everything is told as it was recorded. This is an archive, and not to be published.",
+    "full": "Everything is told as it was recorded. This is an archive. Do not publish it.",
     "shared": "For other researchers: no dates and times of day, no notes and reasons that people typed, no names of "
     "wizards, and nothing that the scenario declares private.",
     "public": "For everybody: no dates and times of day, no notes and reasons that people typed, no names of wizards, "
@@ -106,9 +106,9 @@ def readme_text(study: Study, level: ExportLevel, contents: Sequence[str], left_
         "",
         *_about_program(wheel),
         "`rise-engine reproduce` feeds the recorded inputs of every session to the program once more, and says whether "
-        "the same comes out, record for record. It makes tables, BIDS and the report again from the sessions, and "
+        "it gives the same records. It makes tables, BIDS and the report again from the sessions, and "
         "compares them. At the end it says what this has proved, and what it has not. With `--robot NAME`, another "
-        "robot is simulated and what differs is told.",
+        "robot is simulated, and the differences are listed.",
         "",
     ]
     if level != "full":
@@ -116,10 +116,10 @@ def readme_text(study: Study, level: ExportLevel, contents: Sequence[str], left_
             "## How the sessions were changed",
             "",
             "- Onsets are seconds of the session; `wall` is empty everywhere.",
-            "- Wizards are W1, W2, ...; who annotated is C1, C2, ...; what people typed, and what was annotated as the "
+            "- Wizards are W1, W2, ...; annotators are C1, C2, ...; what people typed, and what was annotated as the "
             "participant's speech, is counted: `[note, 5 words]`.",
-            "- Where something private stood, another word stands (`PERSONNAME1`) or another number (from 90001 on), "
-            "the same one for the same value. Each session was replayed with these: it went the same way.",
+            "- Private words and numbers are replaced (`PERSONNAME1`, numbers from 90001 on), each value always the "
+            "same way. Each session was replayed with these, and the same happened.",
             f"- `{GIVEN}` in participants.csv stands for a consent that was given, whenever that was.",
             "",
         ]
@@ -143,7 +143,7 @@ def license_text(license: str, study: Study) -> str:
     holder = study.report.get("authors", "") or "the people who ran the study"
     if not license:
         return (
-            f"Nobody has said yet what others may do with this bundle. Until somebody does, all rights stay with "
+            f"No licence says yet what others may do with this bundle. Until one does, all rights stay with "
             f"{holder}: ask them.\n"
         )
     url = license_url(license)

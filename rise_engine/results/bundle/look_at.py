@@ -8,7 +8,7 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 
 from rise_engine.base.errors import SessionError
-from rise_engine.base.text import pluralize
+from rise_engine.base.text import name_some, pluralize
 from rise_engine.kernel.records import TaskRecord
 from rise_engine.kernel.speech import SAY
 from rise_engine.privacy.levels import ExportLevel
@@ -75,24 +75,24 @@ class LookAt:
 
         :param root: the bundle, as far as it is made.
         :param people: what each wizard is called in it, by name.
-        :param license: empty: nobody has said it.
+        :param license: empty: not said.
         """
         found = []
         if self._level == "full":
             found.append(
                 "level full: everything is in it as it was recorded, what people typed and the names of wizards, too. "
-                "It is for an archive of your own, and not to be published"
+                "It is for an archive of your own, so do not publish it"
             )
         if not license:
             found.append(
-                "LICENSE: nobody has said what others may do with it; say --license CC-BY-4.0, or write license into "
+                "LICENSE: nothing says what others may do with it; add --license CC-BY-4.0, or write license into "
                 "[report] in study.toml"
             )
         found += self._spoken()
         if self._alone and self._columns:
             found.append(
                 f"participants.csv: {self._alone} of {pluralize(self._people, 'participant')} {_is(self._alone)} the "
-                f"only one with their {', '.join(self._columns)}: who knows them finds them"
+                f"only one with their {', '.join(self._columns)}: they can be recognised"
             )
         text = (root / STUDY_FILE).read_text("utf-8")
         found.append(f"{STUDY_FILE}: comments, [report] and [recording] are in it as you wrote them")
@@ -109,20 +109,19 @@ class LookAt:
         if self._said and self._level == "shared":
             found.append(
                 f'{pluralize(self._said, "sentence")} that wizards said freely (in sessions/*/journal.jsonl, "say"): '
-                "read them, redact what names somebody, or make the bundle with --level public"
+                "read them, redact names, or make the bundle with --level public"
             )
         if self._typed and self._level != "full":
             found.append(
                 f"{pluralize(self._typed, 'memory value')} that wizards set: a key that holds something about a person "
-                "is kept out with --private KEY, or with private = [...] in scenario.toml"
+                "can be kept out with --private KEY, or with private = [...] in scenario.toml"
             )
         if self._own_values:
             keys = ", ".join(self._own_values)
-            found.append(f"the scenario's own start values of private keys ({keys}): memory.json is in it as it is")
+            found.append(f"the scenario's own start values of private keys ({keys}): memory.json is included unchanged")
         if self._words:
-            words = [word for word, _ in self._words.most_common(_SHOWN)]
-            more = f" and {len(self._words) - _SHOWN} more" if len(self._words) > _SHOWN else ""
-            found.append(f"words that could be names: {', '.join(words)}{more}")
+            words = [word for word, _ in self._words.most_common()]
+            found.append(f"words that could be names: {name_some(words, _SHOWN)}")
         return found
 
 

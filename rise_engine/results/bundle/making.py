@@ -167,15 +167,15 @@ class _Bundle:
                 self.report.sessions += 1
             except SessionError as error:
                 self.report.left_out.append(
-                    f"session {name} itself, because {error}. What the level tells of it is in {UNPROVED}/"
+                    f"session {name} itself, because {error}. Its exports at this level are in {UNPROVED}/"
                 )
                 where = ""
-                self._absent[name] = f"it could not be shared; what the level tells of it is in {UNPROVED}/"
+                self._absent[name] = f"it could not be shared; its exports at this level are in {UNPROVED}/"
             self._sessions.append(CrateSession(data.facts, where))
             if self._level != "full" and (shadows := len(shadow_files(data.folder))):
                 self.report.left_out.append(
-                    f"{pluralize(shadows, 'shadow')} of {name}: what second wizards typed is in there, and no level "
-                    "tells it; rise-engine agree tells what they decided"
+                    f"{pluralize(shadows, 'shadow')} of {name}: they hold what second wizards typed, so only level "
+                    "full includes them; rise-engine agree shows what they decided"
                 )
             if self._level == "full" and data.media:
                 recordings = pluralize(len(data.media), "recording")
@@ -273,10 +273,10 @@ class _Bundle:
             "tables": "acts, events and sessions as tables",
             "bids": "the same as a data set of BIDS",
             REPORT: "the report, and the sheet of what a paper should say",
-            PROGRAM: "the program with which it was made, to be installed with pip",
+            PROGRAM: "the program that made it, for pip",
             **{PurePosixPath(each.file).parts[0]: "answers to questionnaires" for each in self._study.questionnaires},
             UNPROVED: "tables and BIDS of sessions that are not in it",
-            ABOUT_FILE: "with which options it was made",
+            ABOUT_FILE: "the options that it was made with",
             "LICENSE": "what others may do with it",
             ENVIRONMENT_FILE: "versions of programs, and where they come from",
         }

@@ -46,7 +46,7 @@ _TRIAL_TYPES = {
     "mistake": "A wizard said that something was a mistake.",
     "stop": "The robot was stopped, or released.",
     "sync": "A mark that recordings show.",
-    "control": "Among several consoles, who may act changed.",
+    "control": "Control passed from one console to another.",
     "robot": "The link to the robot changed.",
     "fault": "Something went wrong.",
     "check": "Something was looked at before or after the session.",
@@ -216,7 +216,7 @@ EVENT_COLUMNS: Columns = {
         seconds(
             "outage_s",
             "Seconds by the wall clock within the duration, or before a recovery, for which the session had no engine. "
-            "Its time stood still: the duration does not count them.",
+            "Its time stopped meanwhile: the duration does not count them.",
             _outage,
         ),
         *_picked(ACTS, "condition").values(),

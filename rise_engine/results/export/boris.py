@@ -40,8 +40,8 @@ CATEGORIES = {
 }
 SUBJECTS = {
     "robot": "The robot",
-    "wizard": "Whoever runs the session",
-    "participant": "Whoever takes part",
+    "wizard": "The person who runs the session",
+    "participant": "The person who takes part",
     "session": "The study itself",
 }
 ACT_MODIFIERS = {"asked by": ["wizard", "rule", "program", "engine"], "used as": ["act", "filler"]}
@@ -263,13 +263,13 @@ def _configuration(ethogram: _Ethogram) -> dict[str, Any]:
 def _variables(data: SessionData, factors: Iterable[str], ethogram: _Ethogram) -> dict[str, str]:
     facts = data.facts
     told = {
-        "participant": (facts.participant, "Who took part, by a pseudonym"),
+        "participant": (facts.participant, "The participant, by a pseudonym"),
         "condition": (facts.condition, "The levels of the session together"),
         "mode": (facts.mode, "debug: the robot was simulated"),
         "outcome": (facts.outcome or "", "How the session counts"),
         "study": (facts.study, "The study's id"),
         "run": (str(facts.run or ""), "Which of the participant's runs"),
-        "attempt": (str(facts.attempt or ""), "The how-manieth session of that run"),
+        "attempt": (str(facts.attempt or ""), "The number of the session among those of that run"),
     }
     for name in dict.fromkeys([*factors, *facts.factors]):  # so every observation has them all
         level = facts.factors.get(name, "")

@@ -67,7 +67,9 @@ ACTS = TableSchema(
         Column("actor", "What kind of source `by` is.", levels=ACTORS),
         Column("status", "How it ended.", levels=STATUS, required=True),
         Column("reason", "Why it did not succeed, or what it repeats."),
-        Column("filler", "Whether it bridged the time of a cue. It is no answer then.", type="boolean", required=True),
+        Column(
+            "filler", "Whether it bridged the time of a cue. It is not an answer then.", type="boolean", required=True
+        ),
         Column("speaks", "Whether one of its actions takes the voice.", type="boolean", required=True),
         Column("text", "What it says, its speech actions joined by a blank.", lambda row: row.of.words),
         Column("mark", "What was said to be wrong about it, or the key that caused it; empty: nothing.", levels=MARKS),
@@ -88,7 +90,7 @@ ACTS = TableSchema(
         moment("key_at", "The key was pressed that caused it, on the console's clock; empty: no key, or not known."),
         moment("accepted_at", "The engine took it.", required=True),
         moment("started_at", "Its turn came."),
-        moment("robot_at", "The robot confirmed its first action. It is no time of the first sound."),
+        moment("robot_at", "The robot confirmed its first action. It is not the time of the first sound."),
         moment("voice_at", "The robot confirmed its first action that takes the voice. The first sound comes later."),
         moment("ended_at", "Its end."),
         seconds("wizard_s", "Cue to key: the wizard. Empty: no cue, no key, or asked for before the cue."),
@@ -133,7 +135,10 @@ ACTIONS = TableSchema(
         Column("act", "That act's name.", lambda row: row.beside.act),
         Column("action", "Its actionID within the act.", required=True),
         Column("type", "What kind of action: Speech, LookAt, ...", required=True),
-        Column("channels", "What of the robot it takes, separated by blanks; empty: it only waits, or nobody knows."),
+        Column(
+            "channels",
+            "The parts of the robot that it takes, separated by blanks; empty: it only waits, or this is not known.",
+        ),
         Column("text", "What it says, or its most telling parameter."),
         Column("parameters", "All of its parameters, as JSON.", type="object"),
         Column("status", "How it ended.", levels=ACTION_STATUS, required=True),
@@ -289,7 +294,7 @@ CODED = TableSchema(
     (
         numbering("coded"),
         Column("tier", "Of ELAN its tier; of BORIS subject and behaviour: `participant: smiles`.", required=True),
-        Column("annotator", "Who annotated it; empty: nobody has said it."),
+        Column("annotator", "Who annotated it; empty: not said."),
         moment("begin", "It begins.", required=True),
         moment("end", "It ends; as begin: it was a moment.", required=True),
         seconds("duration_s", "From begin to end.", span("begin", "end")),
@@ -297,7 +302,7 @@ CODED = TableSchema(
         Column("value", "What was annotated; of BORIS, the behaviour. Below the level full, speech is counted words."),
         Column("modifiers", "Of BORIS, joined by |."),
         Column("comment", "Of BORIS; below the level full, counted words."),
-        Column("file", "In which file it stands, in `coded/` of the session's folder; only at the level full."),
+        Column("file", "The file in `coded/` of the session's folder that has it; only at the level full."),
         Column("speech", "Whether its tier holds what the participant said.", type="boolean", required=True),
         seconds(
             "robot_overlap_s",

@@ -140,8 +140,8 @@ def _aligned_files(data: SessionData, warnings: list[str], first: MediaKind) -> 
             found.append(file)
         else:
             warnings.append(
-                f"{data.facts.session}: where {file.path} lies against the session is not known, so it is not linked; "
-                "`rise-engine media add` with --find-marks or --at says it"
+                f"{data.facts.session}: the place of {file.path} on the session's clock is not known, so it is not "
+                "linked; `rise-engine media add` with --find-marks or --at says it"
             )
     return sorted(found, key=lambda file: (file.kind != first, not _rate_is_measured(file)))
 

@@ -89,7 +89,7 @@ def _started(row: Row) -> str:
 
 FACTS = (
     Column("session", "Which session. The key of sessions.csv.", _fact("session"), required=True),
-    Column("participant", "The participant's pseudonym; empty: nobody was named.", _fact("participant")),
+    Column("participant", "The participant's pseudonym; empty: no participant was named.", _fact("participant")),
     Column(
         "run",
         "Which of the participant's runs, from 1; empty: the session is of no study.",
@@ -100,7 +100,7 @@ FACTS = (
     Column("condition", "The condition: the levels of all factors, joined by +.", _fact("condition")),
     Column("mode", "In which mode the session was run.", _fact("mode"), levels=MODES),
     Column("purpose", "Why the session was run; empty: it is of no study.", _fact("purpose"), levels=PURPOSES),
-    Column("outcome", "How the session counts; empty: nobody has said it.", _fact("outcome"), levels=OUTCOMES),
+    Column("outcome", "How the session counts; empty: not said.", _fact("outcome"), levels=OUTCOMES),
 )
 """Of the session; they stand in every row of every table, and the factors after them."""
 SESSIONS = TableSchema(
@@ -110,7 +110,13 @@ SESSIONS = TableSchema(
         Column("study", "The study's id; empty: the session is of no study."),
         Column("study_hash", "SHA-256 of what study.toml said about sessions when the session began.", pattern=_HASH),
         Column("slot", "The row of the study's plan; empty: it takes none.", type="integer", minimum=1),
-        Column("attempt", "The how-manieth session of this run, from 1.", _fact("attempt"), "integer", minimum=1),
+        Column(
+            "attempt",
+            "The number of this session among those of the same run, from 1.",
+            _fact("attempt"),
+            "integer",
+            minimum=1,
+        ),
         Column("outcome_reason", "Why it is aborted or excluded, as somebody wrote it."),
         Column("title", "The scenario's title."),
         Column("scenario_hash", "SHA-256 of all that is in the scenario, and of the language.", pattern=_HASH),
@@ -142,7 +148,7 @@ SESSIONS = TableSchema(
         ),
         count("rejected_acts", "Those that were refused.", _acts(lambda act: act.status == "REJECTED")),
         count("failed_acts", "Those that failed.", _acts(lambda act: act.status == "ABORTED")),
-        count("fillers", "Acts that bridged the time of a cue; they are no answers.", _acts(lambda act: act.filler)),
+        count("fillers", "Acts that bridged the time of a cue; they are not answers.", _acts(lambda act: act.filler)),
         count("cues", "How often the end of the participant's turn was marked.", lambda row: len(row.data.cues)),
         count(
             "cues_answered",
@@ -185,14 +191,14 @@ SESSIONS = TableSchema(
         count("faults", "Acts, rules and expressions that failed.", _points("fault")),
         count(
             "repairs",
-            "How often something was mended: acts_repeated, steps_back, cues_undone, acts_stopped.",
+            "How often something was corrected: acts_repeated, steps_back, cues_undone, acts_stopped.",
             _repairs("total"),
         ),
         count("acts_repeated", "Acts that were done again after they had failed.", _repairs("repeated")),
         count("steps_back", "Rules that a wizard put back into an earlier state.", _repairs("stepped_back")),
         count("acts_stopped", "Acts that a wizard stopped or interrupted after they had begun.", _repairs("canceled")),
         count("stops_released", "Stops that were released.", _repairs("released")),
-        count("checks_skipped", "Checks that nobody made, with a reason.", _checks("skipped")),
+        count("checks_skipped", "Checks that were skipped, with a reason.", _checks("skipped")),
         count("checks_failed", "Checks that failed.", _checks("failed")),
         count("notes", "Notes that were written down.", _points("note")),
         count(
@@ -209,7 +215,7 @@ CHECKS = TableSchema(
     "One row is something that was looked at before or after a session; the last result of each.",
     (
         Column("check", "Its id in study.toml; the key together with session.", lambda row: row.of.id, required=True),
-        moment("at", "It stands in the record from then on.", lambda row: row.of.t, required=True),
+        moment("at", "It is in the record from then on.", lambda row: row.of.t, required=True),
         Column("text", "What was looked at."),
         Column("result", "What came of it.", levels=CHECK_RESULTS, required=True),
         Column("value", "What was found."),
@@ -251,7 +257,7 @@ def _rate(row: Row) -> float | None:
 
 RECORDINGS = TableSchema(
     "recordings",
-    "One row is one recording of a session: what its recorder said last, and where its file lies against the session.",
+    "One row is one recording of a session: what its recorder said last, and how its file is aligned with the session.",
     (
         numbering("recording"),
         Column("name", "Of its recorder; empty: the file was added later.", _file_or_recorder("name")),
@@ -266,7 +272,7 @@ RECORDINGS = TableSchema(
         Column("path", "Of its file; only at the level full.", _file_or_recorder("path")),
         Column("bytes", "How large its file is.", _file_or_recorder("bytes"), "integer", "bytes", minimum=0),
         seconds("duration_s", "How long it is.", _file("duration")),
-        seconds("offset_s", "Media time = offset_s + rate * session time; empty: nobody knows.", _file("offset"), None),
+        seconds("offset_s", "Media time = offset_s + rate * session time; empty: not known.", _file("offset"), None),
         Column("rate", "Seconds of the file for one second of the session.", _rate, "number"),
         Column("aligned_by", "How that is known.", _file("aligned_by"), levels=ALIGNMENTS),
         seconds(
@@ -325,7 +331,7 @@ def rows_to_keep(study: Path, participant: str, sessions: list[str]) -> list[dic
     """
     loaded = load_study(study, check_scenarios=False).study
     if loaded is None:
-        raise StudyError(f"{STUDY_FILE} has errors, so nobody can say who has agreed to what. Nothing was erased")
+        raise StudyError(f"{STUDY_FILE} has errors, so it is not known who has agreed to what. Nothing was erased")
     found = [each for each in load_participants(loaded).participants if each.participant == participant]
     column = f"{CONSENT_PREFIX}{CONSENT}"
     if not any(each.consent.get(CONSENT) for each in found):

@@ -148,7 +148,7 @@ def outage_columns(what: str, start: str, end: str) -> tuple[Column, Column]:
         return None if seconds is None or missing is None else round(seconds + missing, 6)
 
     return (
-        seconds("outage_s", f"Seconds without an engine in {what}; empty: none. Session time stood still then.", away),
+        seconds("outage_s", f"Seconds without an engine in {what}; empty: none. Session time stopped meanwhile.", away),
         seconds("wall_s", f"{what} by the wall clock, with outage_s; empty: as in session time.", by_wall_clock),
     )
 
@@ -212,7 +212,7 @@ def data_package(
     return msgspec.json.format(msgspec.json.encode(package), indent=2) + b"\n"
 
 
-SAFE = "An apostrophe stands before each cell that a spreadsheet would carry out as a formula; it is not of the data."
+SAFE = "Each cell that a spreadsheet would run as a formula begins with an apostrophe, which is not part of the data."
 UNSAFE = (
     "Cells of tables are as people wrote them. A spreadsheet carries out those that begin with =, +, - or @: open the "
     "tables with another program, or export them with --format tables --spreadsheet-safe."

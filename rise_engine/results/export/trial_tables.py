@@ -69,7 +69,7 @@ TRIALS = TableSchema(
             "What wizards raised in it, also by keys that start rules which raise it at once.",
             lambda row: " ; ".join(row.of.events),
         ),
-        Column("marks", "Of what was asked for in it: wrong, late, early, double.", lambda row: " ".join(row.of.marks)),
+        Column("marks", "Of the tasks in it: wrong, late, early, double.", lambda row: " ".join(row.of.marks)),
         count("failures", "Acts, rules and expressions that failed in it."),
         *outage_columns("duration_s", "start", "end"),
     ),
@@ -151,7 +151,7 @@ class WideTable:
         """
         conditions = sorted({name for person in self._people.values() for name in person.measures})
         columns = [
-            Column("participant", "The participant's pseudonym; empty: nobody was named.", lambda row: row[0]),
+            Column("participant", "The participant's pseudonym; empty: no participant was named.", lambda row: row[0]),
             *self._columns_of_people(),
             *(self._between_column(name) for name in sorted(self._between())),
             count("sessions", "That are complete, or of no study.", lambda row: row[1].sessions),

@@ -62,7 +62,7 @@ def latency_figure(facts: LatencyFacts) -> Figure:
         _draw_histogram(drawing, part, left, top, cell, small - 16, names=False)
     return Figure(
         caption=f"Each bar counts acts within {BIN:g} s; the last one all from {LAST_BIN:g} s on. The line is the "
-        "median. Shades are the reference bands, whose limits stand above.",
+        "median. Shades are the reference bands; their limits are above.",
         svg=(drawing.whole(),),
         text=lambda width: _histogram_lines(shown, width),
     )

@@ -98,7 +98,7 @@ SOURCES = (
 )
 
 CAVEATS = (
-    "A cue is marked by a person's key, whose own delay is not measured and lies within every latency.",
+    "A cue is marked by a person's key, whose own delay is not measured: it is part of every latency.",
     "The robot confirms an action before it is heard or seen: the first sound comes later. Measure it in a recording.",
     "The bands come from speech, between people and with few robots, in Japanese, English and other European samples.",
     "They are orientation, and no test of anything.",

@@ -99,9 +99,9 @@ def problem_paragraphs(problems: Sequence[str], level: ExportLevel) -> Iterable[
 def _banner(facts: SessionFacts) -> str:
     told = []
     if facts.mode == "debug":
-        told.append("DEBUG: the robot was simulated. This is no data of a participant.")
+        told.append("DEBUG: the robot was simulated. These are not data of a participant.")
     elif facts.is_simulated:
-        told.append("SIMULATED: the mode was real, but no robot moved. This is no data of a participant.")
+        told.append("SIMULATED: the mode was real, but no robot moved. These are not data of a participant.")
     elif facts.purpose in ("pilot", "training"):
         told.append(f"{facts.purpose.upper()}: this session does not count.")
     if not facts.ended:
@@ -348,7 +348,7 @@ def _notes(data: SessionData) -> Iterable[Block]:
 def _recordings(data: SessionData) -> Iterable[Block]:
     if data.recordings:
         yield ReportTable(
-            caption="Recorders, as they stood last",
+            caption="Recorders, with their last status",
             head=("recorder", "status", "file", "MB", "reason"),
             rows=tuple(
                 (each.name, each.status, each.path, _megabytes(each.bytes), each.reason) for each in data.recordings
@@ -358,8 +358,7 @@ def _recordings(data: SessionData) -> Iterable[Block]:
         )
     if data.media:
         yield ReportTable(
-            caption="Files, and where they lie against the session's clock: media time = offset + rate \u00d7 session "
-            "time",
+            caption="Files on the session's clock: media time = offset + rate \u00d7 session time",
             head=("file", "kind", "length", "offset in s", "drift in ppm", "aligned by", "marks found"),
             rows=tuple(
                 (

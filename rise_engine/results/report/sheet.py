@@ -32,7 +32,7 @@ from rise_engine.study.withdrawn import Withdrawn
 ORIGIN = (
     "Items paraphrased from the reporting guidelines in Riek 2012, Journal of Human-Robot Interaction 1(1), "
     "119\u2013136, doi 10.5898/JHRI.1.1.Riek: compare them with the paper's own table. What the record knows is "
-    "filled in; the rest stands in [report] of study.toml."
+    "filled in; the rest comes from [report] of study.toml."
 )
 STILL_TO_SAY = "still to say"
 NOBODY = Withdrawn()

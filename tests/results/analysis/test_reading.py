@@ -317,7 +317,7 @@ def test_without_session_file_the_journal_says_it(tmp_path: Path) -> None:
     assert len(found.problems) == 2 and found.acts == before.acts
     for name in ("participant", "condition", "factors", "run", "attempt", "mode", "robot", "seed", "scenario_hash"):
         assert getattr(found.facts, name) == getattr(before.facts, name), name
-    with pytest.raises(SessionError, match="nobody can say which memory keys are private"):
+    with pytest.raises(SessionError, match="it is not known which memory keys are private"):
         read_session(folder, level="shared")
 
 

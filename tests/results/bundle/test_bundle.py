@@ -124,7 +124,7 @@ def test_at_level_full_everything_is_as_it_was(study: Path, tmp_path: Path) -> N
     for name in ("journal.jsonl", "session.toml", "scenario/acts/all.xml"):
         assert (tmp_path / "full" / "sessions" / folder.name / name).read_bytes() == (folder / name).read_bytes()
     assert (tmp_path / "full" / "study.toml").read_bytes() == (study / "study.toml").read_bytes()
-    assert any("not to be published" in each for each in report.look_at)
+    assert any("do not publish it" in each for each in report.look_at)
 
 
 def test_the_exports_tell_of_the_sessions_that_are_in_it(bundle: Path) -> None:
@@ -190,7 +190,7 @@ def test_a_withdrawal_erases_the_bundle(tmp_path: Path) -> None:
     assert not (study / "bundle").exists()
     assert report.make_again == [f"{study / 'bundle'} (with P02, P03)"]
     assert (tmp_path / "elsewhere").exists()
-    assert any(f"{tmp_path / 'elsewhere'} was exported of them" in sentence for sentence in report.unreached)
+    assert any(f"{tmp_path / 'elsewhere'} was exported with their data" in sentence for sentence in report.unreached)
 
 
 def test_the_plan_is_left_out_while_somebody_is_to_come(tmp_path: Path) -> None:
@@ -201,7 +201,7 @@ def test_the_plan_is_left_out_while_somebody_is_to_come(tmp_path: Path) -> None:
     report = bundle_of(study, tmp_path / "bundle", folders=folders)
     assert not (tmp_path / "bundle" / "plan.csv").exists()
     assert any("what the next participants get" in line for line in report.left_out)
-    assert any("LICENSE: nobody has said" in line for line in report.look_at)
+    assert any("LICENSE: nothing says" in line for line in report.look_at)
 
 
 def test_a_session_that_cannot_be_shared_is_left_out_with_a_sentence(tmp_path: Path) -> None:
@@ -223,7 +223,10 @@ def test_shadows_are_in_an_archive_and_nowhere_else(study: Path, tmp_path: Path)
     (session / "shadow").mkdir()
     (session / "shadow" / "1.jsonl").write_text("{}\n", "utf-8")
     report = bundle_of(folder, tmp_path / "shared", folders=[session])
-    assert any(each.startswith("1 shadow of P01_hesitation_real_run1: what second wizards") for each in report.left_out)
+    assert any(
+        each.startswith("1 shadow of P01_hesitation_real_run1: they hold what second wizards")
+        for each in report.left_out
+    )
     assert not list((tmp_path / "shared").rglob("shadow"))
     bundle_of(folder, tmp_path / "full", "full", folders=[session])
     assert (tmp_path / "full" / "sessions" / session.name / "shadow" / "1.jsonl").is_file()
@@ -416,7 +419,7 @@ def test_what_a_killed_program_has_unpacked_is_cleared_by_the_next_one(
 
 def test_what_is_no_bundle(tmp_path: Path) -> None:
     (tmp_path / "x.zip").write_bytes(b"no zip")
-    with pytest.raises(ExportError, match="no zip file"), opened_bundle(tmp_path / "x.zip"):
+    with pytest.raises(ExportError, match="not a zip file"), opened_bundle(tmp_path / "x.zip"):
         pass
     with pytest.raises(ExportError, match="there is no"), opened_bundle(tmp_path / "gone"):
         pass
@@ -455,5 +458,5 @@ def test_words_that_decide_leave_the_session_out(tmp_path: Path) -> None:
     steered = play_session(tmp_path / "sessions", script, scenario=scenario, until=9.0)
     report = bundle_of(study, tmp_path / "bundle", folders=[sessions_of(study)[1], steered])
     assert report.sessions == 1
-    assert any("decides what happened" in each for each in report.left_out)
+    assert any("decided what happened" in each for each in report.left_out)
     assert "zelda" not in texts_in(tmp_path / "bundle" / "sessions")

@@ -152,11 +152,11 @@ def test_times_that_elan_leaves_out() -> None:
 @pytest.mark.parametrize(
     ("name", "data", "told"),
     [
-        ("a.eaf", b"<ANNOTATION", "a.eaf:1: this is no XML"),
+        ("a.eaf", b"<ANNOTATION", "a.eaf:1: this is not XML"),
         ("a.eaf", b"<x/>", "begins with <x>"),
         ("a.eaf", b'<ANNOTATION_DOCUMENT><HEADER TIME_UNITS="NTSC-frames"/></ANNOTATION_DOCUMENT>', "in NTSC-frames"),
-        ("a.boris", b"{}", "no project of BORIS"),
-        ("a.csv", b"a,b\n1,2\n", "no table of events of BORIS"),
+        ("a.boris", b"{}", "not a project of BORIS"),
+        ("a.csv", b"a,b\n1,2\n", "not a table of BORIS events"),
         ("a.csv", b"Subject,Behavior,Time\nP,nod,soon\n", "a.csv:2: 'Time' is a number of seconds, not 'soon'"),
         ("a.csv", b"Subject,Behavior,Time\nP,n\xfc,1\n", "a.csv:2: this is not UTF-8"),
         ("a.pdf", b"", "it ends in .eaf, .boris, .csv, .tsv"),
@@ -282,7 +282,7 @@ def test_a_file_that_was_changed_since_is_said(folder: Path, tmp_path: Path) -> 
     data = read_session(folder)
     assert data.coded == () and "was changed since it was added" in data.problems[0]
     (folder / CODED_FILE).write_text("{")
-    assert "Mend it" in read_session(folder).problems[0]
+    assert "Correct it" in read_session(folder).problems[0]
 
 
 def test_coded_csv_and_events_of_bids(folder: Path, tmp_path: Path) -> None:
@@ -328,7 +328,7 @@ def test_cells_that_a_spreadsheet_would_carry_out(format: str, folder: Path, tmp
         about = [
             json.loads((tmp_path / name / "datapackage.json").read_text())["description"] for name in ("plain", "safe")
         ]
-        assert "--spreadsheet-safe" in about[0] and "An apostrophe stands before" in about[1]
+        assert "--spreadsheet-safe" in about[0] and "begins with an apostrophe" in about[1]
         assert "'=HYPERLINK" in (tmp_path / "safe" / "coded.csv").read_text()
 
 

@@ -127,7 +127,7 @@ def test_what_is_private_cannot_be_known_of_one(study: Path) -> None:
     (broken / "session.toml").write_text(told.replace("scenario_folder = ", 'scenario_folder = "/nowhere" #'), "utf-8")
     result = export("study", "--format", "csv", "--level", "shared", "-o", "out.csv")
     assert result.exit_code == 1
-    assert f"warning: {broken.name} is not in it: nobody can say which memory keys are private" in result.stderr
+    assert f"warning: {broken.name} is not in it: it is not known which memory keys are private" in result.stderr
     assert "6 sessions exported to out.csv" in result.stderr
 
 

@@ -116,7 +116,7 @@ def test_below_full_what_people_typed_is_counted(study: Path, tmp_path: Path) ->
 
 def test_a_questionnaire_with_errors_is_not_exported(study: Path, tmp_path: Path) -> None:
     (study / "answers" / "after.csv").write_text(AFTER + "P01,1,9\n")
-    with pytest.raises(ExportError, match=r"after.csv:5:1: .*`P01`, run 1, stands in line 3 already"):
+    with pytest.raises(ExportError, match=r"after.csv:5:1: .*`P01`, run 1, is in line 3 already"):
         make_tables(study, tmp_path / "out")
     assert not (tmp_path / "out").exists()
 

@@ -209,7 +209,7 @@ def test_media_have_offset_and_drift(data):
     short = replace(media, path="short.mp4", within=0.025)
     loose = MediaFile(path="a.wav", kind="audio")
     page = PageReader(page_text(session_report(replace(data, media=(media, short, loose)))))
-    rows = page.table("Files, and where they lie")
+    rows = page.table("Files on the session's clock")
     assert rows["room.mp4"]["offset in s"] == "4.200"
     assert rows["room.mp4"]["drift in ppm"] == "50.0"
     assert rows["short.mp4"]["drift in ppm"] == "50.0 \u00b1 428"

@@ -48,14 +48,14 @@ def test_everything_that_is_missing_is_said_at_once_with_the_options_for_it(tmp_
     terminal = TerminalOfTest(answers=False)
     lines = refused(tmp_path, terminal=terminal, wizard="root")
     assert lines == [
-        "lamp: nobody has confirmed “The lamp is on”",
+        "lamp: not confirmed: “The lamp is on”",
         "wizard: root: this is an account or a role, and does not say who it is; --wizard NAME, or add it to [wizards] "
         "in study.toml",
         lines[2],
     ]
     assert lines[2].startswith("space: ") and "free: 900.0 TB must be free in " in lines[2]
     assert not terminal.asked
-    assert "warning  door: nobody has confirmed “The door is shut”" in terminal.lines
+    assert "warning  door: not confirmed: “The door is shut”" in terminal.lines
     assert logged(tmp_path) == [("wizard", "failed"), ("space", "failed")]
 
 
@@ -116,7 +116,7 @@ def test_a_session_that_does_not_count_is_not_held_up(tmp_path: Path) -> None:
     terminal = TerminalOfTest(answers=False)
     reports = gather(tmp_path, terminal=terminal, purpose="training", wizard="root")
     assert results(reports) == {"wizard": "failed", "space": "failed"}
-    assert "warning  lamp: nobody has confirmed “The lamp is on”" in terminal.lines
+    assert "warning  lamp: not confirmed: “The lamp is on”" in terminal.lines
 
 
 def test_in_debug_nothing_is_looked_at(tmp_path: Path) -> None:
@@ -137,7 +137,7 @@ def test_what_is_still_good_is_not_looked_at_again(tmp_path: Path) -> None:
 
 def test_a_log_that_cannot_be_written_is_a_sentence(tmp_path: Path) -> None:
     (tmp_path / "study.jsonl").write_text("no entry\n")
-    with pytest.raises(StudyLogError, match=r"study\.jsonl:1: this line is no JSON"):
+    with pytest.raises(StudyLogError, match=r"study\.jsonl:1: this line is not JSON"):
         gather(tmp_path, WIZARD, terminal=TerminalOfTest(answers=False))
 
 
@@ -204,7 +204,7 @@ def test_a_program_is_mended_and_looked_at_again(tmp_path: Path) -> None:
 def test_after_a_session_nothing_is_refused(tmp_path: Path) -> None:
     terminal = TerminalOfTest(answers=False)
     assert gather(tmp_path, terminal=terminal, when="after", session="2026_P07") == ()
-    assert terminal.lines == ["warning  debrief: nobody has confirmed “Participant was debriefed”"]
+    assert terminal.lines == ["warning  debrief: not confirmed: “Participant was debriefed”"]
     (report,) = gather(tmp_path, terminal=terminal, when="after", session="2026_P07", confirmed=("debrief",))
     assert report.result == "passed"
     (entry,) = read_log(tmp_path)

@@ -166,5 +166,5 @@ async def test_at_the_end_it_says_what_to_do_next(folder: Path) -> None:
 async def test_elsewhere_there_is_no_pause() -> None:
     async with console() as c:
         c.screen.action_do("pause")
-        await c.until(lambda: "this is no shadow of a session" in c.notice)
+        await c.until(lambda: "this is not a shadow of a session" in c.notice)
         assert not c.bars.shadow_bar.has_class("-on")
