@@ -230,6 +230,12 @@ _SMALL = 5_000_000
 _TEXTS = (".jsonl", ".csv", ".json", ".toml", ".txt", ".md")
 
 
-def is_searched(path: Path) -> bool:
-    """Whether words are looked for in a file, and not only in its name: a film is as large as no text is."""
-    return path.suffix in _TEXTS or path.stat().st_size <= _SMALL
+def lines_with(path: Path, is_found: Callable[[str], object]) -> list[int]:
+    """The lines of a file, from 1, in which something is found. A film is not searched: it is as large as no text is.
+
+    :raises OSError: the file cannot be read.
+    """
+    if path.suffix not in _TEXTS and path.stat().st_size > _SMALL:
+        return []
+    lines = path.read_bytes().decode("utf-8", "replace").splitlines()
+    return [number for number, line in enumerate(lines, 1) if is_found(line)]

@@ -7,7 +7,7 @@ direction of writing, or are simply not seen. Whoever writes to a screen passes 
 from __future__ import annotations
 
 import re
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from typing import Any
 from unicodedata import name
 
@@ -54,6 +54,12 @@ def clean(text: str, *, keep: str = "") -> str:
 def pluralize(number: int, noun: str) -> str:
     """A number of things in words: `1 record`, `2 records`."""
     return f"{number} {noun}" if number == 1 else f"{number} {noun}s"
+
+
+def name_some(values: Sequence[object], most: int = 5) -> str:
+    """The first few of several things, and how many more there are: `3, 7 and 2 more`."""
+    more = len(values) - most
+    return ", ".join(map(str, values[:most])) + (f" and {more} more" if more > 0 else "")
 
 
 def escape_unseen_json(text: str) -> str:

@@ -43,7 +43,7 @@ def look_at_disk(sessions: Path, minimum: str) -> Finding:
     """
     wanted = parse_size(minimum) if minimum else DEFAULT_SPACE
     if wanted is None:
-        return Finding(False, reason=f"`min` is no size: {minimum}")
+        return Finding(False, reason=f"`min` is not a size: {minimum}")
     folder = sessions
     while not folder.exists() and folder != folder.parent:
         folder = folder.parent
@@ -118,7 +118,7 @@ def look_at_consent(needed: Sequence[str], participant: Participant | None, name
         with suppress(ValueError):
             given = date.fromisoformat(text)
         if given is None:
-            problems.append(f"consent_{what} is {text!r}, which is no date such as {today}")
+            problems.append(f"consent_{what} is {text!r}, which is not a date such as {today}")
         elif given > today:
             problems.append(f"consent_{what} is {text}, which is still to come")
     if problems:

@@ -18,7 +18,8 @@ import msgspec
 from msgspec import Struct, field
 
 from rise_engine.base.errors import SessionError
-from rise_engine.base.files import Disk, error_message, is_locked, is_searched
+from rise_engine.base.files import Disk, error_message, is_locked, lines_with
+from rise_engine.base.text import name_some
 from rise_engine.base.words import WordError, Words
 from rise_engine.kernel import Kernel
 from rise_engine.kernel.inputs import AnyInput, TaskFunction
@@ -334,16 +335,13 @@ def find_words(folder: Path, words: Words) -> list[str]:
             continue
         if path.name.endswith(NEW_SUFFIX):
             continue
-        searched = is_searched(path)
-        lines = path.read_bytes().decode("utf-8", "replace").splitlines() if searched else []
-        places = [number for number, line in enumerate(lines, 1) if words.find(line)]
+        places = lines_with(path, words.find)
         name = path.relative_to(folder)
         if not places:
             if words.find(str(name)):
                 found.append(f"the name of {name}")
             continue
-        where = ", ".join(map(str, places[:5])) + (f" and {len(places) - 5} more" if len(places) > 5 else "")
-        found.append(f"{name}, line{'s' if len(places) > 1 else ''} {where}{_whose(name)}")
+        found.append(f"{name}, line{'s' if len(places) > 1 else ''} {name_some(places)}{_whose(name)}")
     return found
 
 

@@ -106,7 +106,7 @@ def read_coded_document(name: str, data: bytes, observation: str = "", session: 
             return _read_project(name, data, observation, session)
         case ".csv" | ".tsv":
             return _read_table(name, data, observation, session)
-    raise SessionError(f"{name} is no annotation file: it ends in {', '.join(SUFFIXES)}")
+    raise SessionError(f"{name} is not an annotation file: it ends in {', '.join(SUFFIXES)}")
 
 
 def replace_words(name: str, data: bytes, replace: Callable[[str], str]) -> bytes:
@@ -150,13 +150,15 @@ def _parse_xml(name: str, data: bytes) -> etree._Element:
     try:
         return etree.fromstring(data, parser)
     except etree.XMLSyntaxError as error:
-        raise SessionError(f"{name}:{error.lineno or 1}: this is no XML: {error.msg}") from None
+        raise SessionError(f"{name}:{error.lineno or 1}: this is not XML: {error.msg}") from None
 
 
 def _read_eaf(name: str, data: bytes) -> CodedDocument:
     root = _parse_xml(name, data)
     if root.tag != "ANNOTATION_DOCUMENT":
-        raise SessionError(f"{name}:1: this is no file of ELAN: it begins with <{root.tag}>, not <ANNOTATION_DOCUMENT>")
+        raise SessionError(
+            f"{name}:1: this is not a file of ELAN: it begins with <{root.tag}>, not <ANNOTATION_DOCUMENT>"
+        )
     header = root.find("HEADER")
     unit = 1.0 if header is None or header.get("TIME_UNITS", "milliseconds") == "milliseconds" else None
     if unit is None:
@@ -286,7 +288,7 @@ def _read_project(name: str, data: bytes, observation: str, session: str) -> Cod
             kind = "" if _BORIS_STATE in str(behavior.get("type", "")).lower() else "POINT"
             rows.append((float(at) - offset, str(subject), str(code), str(modifiers), str(comment), kind))
     except (msgspec.DecodeError, KeyError, TypeError, ValueError, AttributeError) as error:
-        raise SessionError(f"{name}: this is no project of BORIS that can be read: {error!r}") from None
+        raise SessionError(f"{name}: this is not a project of BORIS that can be read: {error!r}") from None
     _pair(name, rows, document)
     return document
 
@@ -350,7 +352,7 @@ def _read_table(name: str, data: bytes, observation: str, session: str) -> Coded
             rows.append((lines.line_num, dict(zip(header, cells, strict=False))))
     if not header or not ({"Time", "Start (s)"} & set(header)):
         raise SessionError(
-            f"{name}: this is no table of events of BORIS: one row has to be Subject, Behavior and Time, or Start (s)"
+            f"{name}: this is not a table of BORIS events: one row has to be Subject, Behavior and Time, or Start (s)"
         )
     known = list(dict.fromkeys(row["Observation id"] for _, row in rows if "Observation id" in row))
     if known:

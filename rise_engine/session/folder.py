@@ -114,7 +114,7 @@ def find_session(text: str) -> Path:
     if named and _is_session(root / plain):
         return root / plain
     if os.path.lexists(path):
-        raise SessionError(f"{text} is no session: it is no folder with a {JOURNAL} or {INFO} in it")
+        raise SessionError(f"{text} is not a session: it is not a folder with a {JOURNAL} or {INFO} in it")
     if not named:
         raise SessionError(f"there is no folder {text}")
     known = []
@@ -223,7 +223,7 @@ def _read_info(folder: Path) -> SessionInfo:
         info = msgspec.convert(restore_all_surrogates(values), SessionInfo)
         return replace(info, scenario_folder=os.path.expanduser(info.scenario_folder))  # noqa: PTH111  # it may be empty
     except FileNotFoundError:
-        raise SessionError(f"{folder} is no session: it has no {INFO}") from None
+        raise SessionError(f"{folder} is not a session: it has no {INFO}") from None
     except (OSError, ValueError, msgspec.ValidationError) as error:
         raise SessionError(f"{path} cannot be read: {error}") from None
 
@@ -418,7 +418,7 @@ def without_home(folder: str) -> str:
 def _info_toml(info: SessionInfo) -> str:
     lines = ["# A RISE session (docs/reference/sessions.md)."]
     if info.mode == "debug":
-        lines.append("# DEBUG: the robot was simulated. This is no participant's data.")
+        lines.append("# DEBUG: the robot was simulated. These are not a participant's data.")
     tables: list[str] = []
     for key, value in asdict(info).items():
         if isinstance(value, dict):

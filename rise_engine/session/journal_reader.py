@@ -138,13 +138,15 @@ class JournalContents(Struct):
             self.torn = file.read(end - self.size)
         if self.size == 0:
             reason = (
-                "its first line is no header of a journal" if b"\n" in self.torn else "not even its first line is whole"
+                "its first line is not the header of a journal"
+                if b"\n" in self.torn
+                else "not even its first line is whole"
             )
             raise SessionError(f"{self.path} holds nothing that can be read: {reason}")
         last = self.last_record
         self.ended = self.ended or (isinstance(last, SessionRecord) and last.status == "ended")
         if self.header is None and 1 not in self.damaged:
-            self.damaged = {1: "it is no header of a journal", **self.damaged}
+            self.damaged = {1: "it is not the header of a journal", **self.damaged}
 
 
 def read_journal(path: Path, on_progress: ProgressCallback | None = None) -> JournalContents:

@@ -122,7 +122,7 @@ def pseudonym_problem(participant: str) -> str:
     if not participant or _PSEUDONYM.fullmatch(participant):
         return ""
     return (
-        f"{participant!r} is no pseudonym: letters without accents and digits only, such as P07. What is recorded, the "
-        "folder's name and every export carry it, so in real mode it must not be anybody's name; keep the list of who "
-        "is who elsewhere"
+        f"{participant!r} is not a pseudonym: letters without accents and digits only, such as P07. What is recorded, "
+        "the folder's name and every export carry it, so in real mode it must not be anybody's name; keep the list of "
+        "names elsewhere"
     )

@@ -59,7 +59,7 @@ def change_list(path: Path, item: type[_Item], change: Callable[[list[_Item]], l
             write_whole(path, data)
             sync(path.parent)
     except UnicodeError:
-        raise SessionError("a path or name is no text that can be written: give that file another name") from None
+        raise SessionError("a path or name is not a text that can be written: give that file another name") from None
     except OSError as problem:
         raise SessionError(f"{path} cannot be written: {error_message(problem)}") from None
 

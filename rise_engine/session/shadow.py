@@ -168,7 +168,7 @@ def read_shadow(path: Path) -> Shadow:
         except msgspec.MsgspecError as error:
             problems.append(f"{path.name}:{number}: cannot be read, and is left out ({error})")
     if not lines or not isinstance(header := lines[0], ShadowHeader):
-        raise SessionError(f"{path} is no shadow of a session: its first line does not say who judges")
+        raise SessionError(f"{path} is not a shadow of a session: its first line does not say who judges")
     if header.format > SHADOW_FORMAT:
         raise SessionError(f"{path} was written by a newer version of this program ({header.version})")
     return Shadow(path=path, header=header, lines=tuple(lines[1:]), problems=tuple(problems))

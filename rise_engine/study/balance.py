@@ -176,7 +176,7 @@ def _lines(
     if study.assignment.between == "minimise":
         yield (
             "The cell is found when somebody takes a slot: the one in which the cells differ least, four times out of "
-            "five. What comes of it is counted in `study status`."
+            "five. `study status` counts the result."
         )
     elif cell_number > 1:
         yield from _cell_lines(study, strata, slots)
@@ -205,7 +205,7 @@ def _cell_lines(study: Study, strata: Sequence[StratumBalance], slots: Sequence[
             yield f"  NOT BALANCED: at the end they differ by {difference}"
     number, rest = len(cells(study)), study.n % len(cells(study))
     if rest:
-        yield f"n = {study.n} is no multiple of the {number} cells: {rest} of them will have one more."
+        yield f"n = {study.n} is not a multiple of the {number} cells: {rest} of them will have one more."
     yield from (f"NOTE: {problem}." for problem in block_problems(study, slots))
     if len(strata) > 1:
         most = sum(stratum.cells.largest_difference for stratum in strata)

@@ -183,7 +183,7 @@ def _plan_counted(state: StudyStatus, request: BeginRequest) -> SessionPlan:
     if running := running_problem(state, name):
         problems.append(running)
     if request.seed is not None:
-        problems.append("a session that counts has the plan's seed: give none")
+        problems.append("a session that counts has the plan's seed: do not give another")
     standing = next((each for each in state.standing.participants if each.participant == name), None)
     may_begin = standing is None or standing.state in BEGINNABLE or standing.state == "no-consent"
     if request.checks is not None and may_begin:  # else nobody is to make them
@@ -205,7 +205,7 @@ def _plan_counted(state: StudyStatus, request: BeginRequest) -> SessionPlan:
     if request.condition and request.condition != run.condition:
         raise CannotBegin(
             f"{request.condition!r} is not the condition of {name} in run {run.run}: the plan gives it, so leave "
-            "--condition away"
+            "--condition out"
         )
     return SessionPlan(
         participant=name,

@@ -68,7 +68,7 @@ def program_problem(arguments: Sequence[str], folder: str | Path) -> str:
         near = did_you_mean(path.name, _names_in(path.parent), limit=0)
         return f"there is no program {name} in the study's folder{near}"
     if not path.is_file():
-        return f"{name} is no program but a folder"
+        return f"{name} is a folder, not a program"
     if not os.access(path, os.X_OK):
         return f"{name} may not be executed: chmod +x {escape_surrogates(str(path))}"
     return _interpreter_problem(name, path)
@@ -211,7 +211,7 @@ def _read_minimum(table: TomlTable, auto: str) -> str:
     if "min" in table.values and auto != "disk" and (auto or "auto" not in table.values):
         table.report_key("check-form", '`min` says how much room there must be; it goes with auto = "disk"', "min")
     elif text and parse_size(text) is None:
-        table.report_value("wrong-value", "min", f"`{text}` is no size; write 20 GB or 500 MB")
+        table.report_value("wrong-value", "min", f"`{text}` is not a size; write 20 GB or 500 MB")
     return text
 
 
@@ -221,7 +221,7 @@ def _read_every(table: TomlTable, auto: str) -> float | None:
         return None
     seconds = parse_length(text)
     if seconds is None or seconds <= 0:
-        table.report_value("wrong-value", "every", f"`{text}` is no length of time; write 8 h, 30 d or 1 y")
+        table.report_value("wrong-value", "every", f"`{text}` is not a length of time; write 8 h, 30 d or 1 y")
         return None
     if auto in OF_THE_PARTICIPANT:
         message = f'`every` does not go with auto = "{auto}": that one participant passed says nothing about the next'
@@ -236,9 +236,11 @@ def _read_limit(table: TomlTable) -> float | None:
         return None
     seconds = parse_length(text)
     if seconds is None or not 0 < seconds <= _LONGEST_LIMIT:
-        table.report_value("wrong-value", "limit", f"`{text}` is no limit of a check; write 30 s or 2 min, up to 1 h")
+        table.report_value(
+            "wrong-value", "limit", f"`{text}` is not a limit of a check; write 30 s or 2 min, up to 1 h"
+        )
         return None
     if "ask" in table.values:
-        table.report_key("check-form", "`limit` goes with auto and run: who is asked may take their time", "limit")
+        table.report_key("check-form", "`limit` goes with auto and run: a person may take their time", "limit")
         return None
     return seconds

@@ -76,7 +76,7 @@ def skip_problem(check: StudyCheck, purpose: Purpose, reason: str) -> str:
         what = "consent" if check.auto == "consent" else "whether the participant may take part"
         return f"{check.id}: {what} cannot be skipped in a session that counts"
     if not reason.strip():
-        return f"{check.id}: who skips a check says why"
+        return f"{check.id}: give a reason for skipping a check"
     return ""
 
 

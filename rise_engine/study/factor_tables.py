@@ -125,7 +125,7 @@ def _check_difference(table: TomlTable, levels: tuple[Level, ...]) -> None:
         if same is not None:
             message = (
                 f"the robot does the same in `{same.name}` and `{level.name}`: give them other memory values or "
-                "another scenario; or write label_only = true, if what differs is done by people"
+                "another scenario; or write label_only = true, if people make the difference"
             )
             table.report_key("same-level", message, "levels", level.name)
 

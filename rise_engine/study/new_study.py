@@ -155,7 +155,7 @@ def _factor_lines(new: NewStudy) -> Iterable[str]:
         yield f"[factors.{factor.name}]"
         yield f"kind = {_text(factor.kind)}"
         if factor.name in new.label_only:
-            yield "label_only = true  # what differs is done by people"
+            yield "label_only = true  # people make the difference"
         for level in factor.levels:
             yield _level_line(level)
         labels = {level.name: level.label for level in factor.levels if level.label}

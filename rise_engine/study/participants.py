@@ -168,7 +168,7 @@ class _ParticipantsReader:
             with suppress(ValueError):
                 return date.fromisoformat(value).isoformat()
         meant = _other_date(value)
-        message = f"`{value}` is no date; write {meant or 'year-month-day, as 2026-11-21'}"
+        message = f"`{value}` is not a date; write {meant or 'year-month-day, as 2026-11-21'}"
         if meant:
             message = f"dates are written year-month-day: `{meant}`, not `{value}` (Excel changes them; format the "
             message += "column as text)"

@@ -161,7 +161,9 @@ def parse_condition(study: Study, text: str) -> dict[str, str]:
     if len(parts) != len(study.factors):
         example = "+".join(factor.levels[0].name for factor in study.factors)
         what = f"a level of each factor ({in_backquotes(factor.name for factor in study.factors)}), as in {example}"
-        raise ValueError(f"`{text}` is no condition: name {what}" if study.factors else "this study has no conditions")
+        raise ValueError(
+            f"`{text}` is not a condition: name {what}" if study.factors else "this study has no conditions"
+        )
     for factor, part in zip(study.factors, parts, strict=True):
         names = _level_names(factor)
         if part not in names:

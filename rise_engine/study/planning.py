@@ -135,7 +135,7 @@ def _plan_again(
     folder, entries = Path(study.folder), log.entries()
     planned = last_planned(entries)
     if planned is None:
-        raise StudyError("there is no plan yet that could be made again; leave --again away")
+        raise StudyError("there is no plan yet that could be made again; leave --again out")
     holders = held_slots(entries, participants)
     if study.assignment.between == "list":
         return _take_list_again(study, scenarios, log, holders, why)

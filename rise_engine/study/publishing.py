@@ -142,5 +142,7 @@ def read_report(study: TomlTable) -> dict[str, str]:
                 said[name] = text
     for author in authors_of(said):
         if author.orcid and (problem := orcid_problem(author.orcid)):
-            table.report_value("wrong-value", "authors", f"`{author.orcid}` of {author.name} is no ORCID: {problem}")
+            table.report_value(
+                "wrong-value", "authors", f"`{author.orcid}` of {author.name} is not an ORCID: {problem}"
+            )
     return said

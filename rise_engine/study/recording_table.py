@@ -117,7 +117,7 @@ def _read_stalled(settings: TomlTable) -> float | None:
     text = settings.read("stalled", str, "", form=': stalled = "10 s"')
     seconds = parse_length(text) if text else None
     if text and (seconds is None or not SHORTEST_STALL <= seconds <= LONGEST_STALL):
-        message = f"`{text}` is no time without growth after which it counts as stalled; write 10 s, from 3 s to 1 h"
+        message = f"`{text}` is not a time without growth after which it counts as stalled; write 10 s, from 3 s to 1 h"
         settings.report_value("wrong-value", "stalled", message)
         return None
     return seconds

@@ -16,7 +16,7 @@ from msgspec import Struct
 from msgspec.structs import replace
 
 from rise_engine.base.errors import FileError
-from rise_engine.base.text import pluralize
+from rise_engine.base.text import name_some, pluralize
 from rise_engine.scenario.model import Json
 from rise_engine.session.folder import mark_abandoned
 from rise_engine.study.chance import cell_for
@@ -52,13 +52,13 @@ def due_retention(study: Study, sessions: Iterable[StudySession], today: date) -
                 found = registered_recordings(session.path, inside=True)
                 paths.update((path, day) for path in found if Path(path).exists())
         if paths:
-            names = _name_some([f"{path} of {day}" for path, day in paths.items()])
+            names = name_some([f"{path} of {day}" for path, day in paths.items()], NAMED)
             due.append(f"{pluralize(len(paths), 'recording')} kept longer than {days:g} days, delete: {names}")
     days = study.retention.get("sessions")
-    if days is not None:
-        old = [f"{each.name}" for each, day in kept if day + timedelta(days=days) <= today]
-        if old:
-            due.append(f"{pluralize(len(old), 'session')} kept longer than {days:g} days, delete: {_name_some(old)}")
+    old = [each.name for each, day in kept if days is not None and day + timedelta(days=days) <= today]
+    if old:
+        names = name_some(old, NAMED)
+        due.append(f"{pluralize(len(old), 'session')} kept longer than {days:g} days, delete: {names}")
     return due
 
 
@@ -66,11 +66,6 @@ def _day(session: StudySession) -> date | None:
     with suppress(ValueError):
         return datetime.fromisoformat(session.entry.started).date()
     return None
-
-
-def _name_some(names: list[str]) -> str:
-    more = len(names) - NAMED
-    return ", ".join(names[:NAMED]) + (f" and {more} more" if more > 0 else "")
 
 
 class StudyFiles(Struct, frozen=True):

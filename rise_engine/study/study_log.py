@@ -157,11 +157,11 @@ def _parse_line(line: bytes, number: int) -> LogEntry | str:
     try:
         values = decode(line.decode())
     except UnicodeDecodeError:
-        return "this line is no UTF-8; it was changed by another program: put the line back as it was"
+        return "this line is not UTF-8; it was changed by another program: put the line back as it was"
     except JsonError as error:
-        return f"this line is no JSON ({error}); it was changed by another program: put the line back as it was"
+        return f"this line is not JSON ({error}); it was changed by another program: put the line back as it was"
     if not isinstance(values, dict) or not all(isinstance(values.get(key), str) for key in ("kind", "at")):
-        return "this line is no entry: an object with `kind` and `at`"
+        return "this line is not an entry: an object with `kind` and `at`"
     return LogEntry(values.pop("kind"), values.pop("at"), values, number)
 
 

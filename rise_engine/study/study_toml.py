@@ -353,7 +353,7 @@ class _StudyReader:
                 continue
             seconds = parse_length(text)
             if seconds is None or seconds <= 0:
-                message = f"`{text}` is no length of time; write 365 d, 52 w or 10 y"
+                message = f"`{text}` is not a length of time; write 365 d, 52 w or 10 y"
                 table.report_value("wrong-value", name, message)
             else:
                 kept[name] = seconds / DAY

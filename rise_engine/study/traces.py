@@ -11,7 +11,8 @@ from functools import lru_cache
 from pathlib import Path
 
 from rise_engine.base.errors import SessionError
-from rise_engine.base.files import is_searched
+from rise_engine.base.files import lines_with
+from rise_engine.base.text import name_some
 from rise_engine.kernel.inputs import RecordingReport, SessionStarted
 from rise_engine.kernel.records import RecordingRecord, SessionRecord
 from rise_engine.scenario.file_names import PARTICIPANTS_FILE as PARTICIPANTS_FILE
@@ -165,18 +166,13 @@ def find_names(study: Path, participant: str) -> list[str]:
         name = path.relative_to(study)
         if name.parts[0] == WORK_FOLDER:  # it goes, or whoever withdraws them is told why it cannot
             continue
-        if path.is_symlink() or not path.is_file():
-            if has_name(path.name, participant):
-                found.append(f"the name of {name}: erase it, or give it another name")
-            continue
         if has_name(path.name, participant):
             found.append(f"the name of {name}: erase it, or give it another name")
-        lines = lines_naming(path, participant)
-        if not lines:
+        if path.is_symlink() or not path.is_file():
             continue
-        where = ", ".join(map(str, lines[:5])) + (f" and {len(lines) - 5} more" if len(lines) > 5 else "")
-        advice = _OF_PEOPLE if str(name) in theirs else _advice(name, participant)
-        found.append(f"{name}, line{'s' if len(lines) > 1 else ''} {where}: {advice}")
+        if lines := lines_naming(path, participant):
+            advice = _OF_PEOPLE if str(name) in theirs else _advice(name, participant)
+            found.append(f"{name}, line{'s' if len(lines) > 1 else ''} {name_some(lines)}: {advice}")
     return found
 
 
@@ -187,20 +183,16 @@ def _advice(name: Path, participant: str) -> str:
     if name.parts[0] == SESSIONS and len(name.parts) == 3 and name.name == MEDIA_FILE:
         return f"give that file a name without it, then rise-engine media remove {name.parts[1]} and media add"
     if name.parts[0] == SESSIONS and len(name.parts) > 2:
-        return f"rise-engine redact {name.parts[1]} --replace {participant}=NAME, if it is them who is meant"
-    return "take it out yourself, if it is them who is meant"
+        return f"rise-engine redact {name.parts[1]} --replace {participant}=NAME, if it means them"
+    return "take it out yourself, if it means them"
 
 
 def lines_naming(path: Path, participant: str) -> list[int]:
     """The lines of a file in which a pseudonym stands, from 1."""
     try:
-        if not is_searched(path):
-            return []
-        text = path.read_bytes().decode("utf-8", "replace")
+        return lines_with(path, name_pattern(participant).search)
     except OSError:
         return []
-    pattern = name_pattern(participant)
-    return [number for number, line in enumerate(text.splitlines(), 1) if pattern.search(line)]
 
 
 def name_pattern(participant: str) -> re.Pattern[str]:

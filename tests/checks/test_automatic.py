@@ -145,7 +145,7 @@ def test_consent_that_is_missing_says_all_of_it() -> None:
     assert look_at_consent(["study", "recording", "video", "sound"], person, "P07", TODAY) == Finding(
         False,
         reason="P07: consent_study has no date; consent_recording is 2026-11-23, which is still to come; "
-        "consent_video is 'yes', which is no date such as 2026-11-22; consent_sound has no date; "
+        "consent_video is 'yes', which is not a date such as 2026-11-22; consent_sound has no date; "
         "see participants.csv (line 8)",
     )
 

@@ -153,7 +153,7 @@ def test_what_cannot_be_started_is_said_before_it_is_tried(tmp_path: Path) -> No
     for run, problem in {
         ("./check.sh",): f"./check.sh may not be executed: chmod +x {tmp_path}/check.sh",
         ("./chek.sh",): "there is no program ./chek.sh in the study's folder; did you mean `check.sh`?",
-        ("./tools",): "./tools is no program but a folder",
+        ("./tools",): "./tools is a folder, not a program",
         ("check.sh",): "check.sh is in the study's folder, and is not a program of this computer: write ./check.sh",
         ("no-such-program",): "there is no program no-such-program on this computer",
         ("./empty",): "./empty is empty",

@@ -137,7 +137,7 @@ def test_what_is_still_good_is_not_looked_at_again(tmp_path: Path) -> None:
 
 def test_a_log_that_cannot_be_written_is_a_sentence(tmp_path: Path) -> None:
     (tmp_path / "study.jsonl").write_text("no entry\n")
-    with pytest.raises(StudyLogError, match=r"study\.jsonl:1: this line is no JSON"):
+    with pytest.raises(StudyLogError, match=r"study\.jsonl:1: this line is not JSON"):
         gather(tmp_path, WIZARD, terminal=TerminalOfTest(answers=False))
 
 

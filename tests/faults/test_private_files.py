@@ -110,6 +110,6 @@ def test_who_had_an_abandoned_session_is_forgotten(root: Path) -> None:
 def test_only_pseudonyms_take_part_in_real_sessions(root: Path, name: str) -> None:
     study = folder(root / "scenario")
     refused = engine("serve", study, "--mode", "real", "--robot", "generic", "--participant", name)
-    assert refused.returncode == 2 and "is no pseudonym" in refused.stderr
+    assert refused.returncode == 2 and "is not a pseudonym" in refused.stderr
     assert not (root / "sessions").exists() or not list((root / "sessions").iterdir())
     serve_once(study, "--mode", "debug", "--participant", name)

@@ -196,7 +196,7 @@ def test_a_repair_that_fails_changes_nothing(made: Made) -> None:
         (b"", "is empty: nothing was ever recorded"),
         (b"\n", "holds nothing that can be read"),
         (b"hello", "not even its first line is whole"),
-        (b"# Notes\nabc\n", "its first line is no header"),
+        (b"# Notes\nabc\n", "its first line is not the header"),
         (b"\0" * 5000, "holds nothing"),
         (
             with_checksum(msgspec.json.encode(JournalHeader(FORMAT + 1, "rise-tui 9"))),

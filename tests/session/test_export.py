@@ -161,7 +161,7 @@ def test_a_session_is_found_by_path_name_or_file(made: Made, monkeypatch: pytest
     [
         ("/nowhere/at/all", "there is no folder /nowhere/at/all"),
         ("", "name a session"),
-        ("..", "is no session"),
+        ("..", "is not a session"),
         ("no\0thing", "there is no session"),
     ],
 )

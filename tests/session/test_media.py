@@ -100,7 +100,7 @@ def test_a_disk_that_takes_nothing_leaves_what_was_there(tmp_path: Path, monkeyp
     with pytest.raises(SessionError, match=r"media.json cannot be written: the disk is full"):
         register_media(tmp_path, MediaFile(path="/data/mic.wav", kind="audio"))
     assert read_media(tmp_path) == (FILM,)
-    with pytest.raises(SessionError, match="no text that can be written"):
+    with pytest.raises(SessionError, match="not a text that can be written"):
         register_media(tmp_path, MediaFile(path="/data/\udcff.wav", kind="audio"))
 
 

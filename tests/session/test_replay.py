@@ -67,5 +67,5 @@ async def test_leaving_in_the_middle(made: Made) -> None:
 
 
 async def test_what_cannot_be_read_is_said(tmp_path: Path) -> None:
-    with pytest.raises(EngineGone, match="is no session"):
+    with pytest.raises(EngineGone, match="is not a session"):
         await asyncio.wait_for(ReplayClient(tmp_path).attach(), PATIENCE)

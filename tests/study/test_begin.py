@@ -94,10 +94,10 @@ def test_the_second_run_is_the_rest_of_the_order_and_the_second_attempt_the_same
         (BeginRequest(), ["say who takes part; the next one is P01"]),
         (BeginRequest("P01", run=2), ["P01 cannot have run 2 yet: the next one is run 1"]),
         (BeginRequest("P01", run=3), ["P01 has no run 3: every participant has 2"]),
-        (BeginRequest("P01", seed=1), ["a session that counts has the plan's seed: give none"]),
+        (BeginRequest("P01", seed=1), ["a session that counts has the plan's seed: do not give another"]),
         (
             BeginRequest("P01", condition="no+quiet"),
-            ["'no+quiet' is not the condition of P01 in run 1: the plan gives it, so leave --condition away"],
+            ["'no+quiet' is not the condition of P01 in run 1: the plan gives it, so leave --condition out"],
         ),
         (BeginRequest("P1", seed=1), 2),
         (

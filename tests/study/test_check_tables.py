@@ -27,13 +27,13 @@ def test_a_limit(tmp_path: Path, text: str, seconds: float) -> None:
 @pytest.mark.parametrize("text", ["0 s", "61 min", "long", "30"])
 def test_a_limit_that_is_none(tmp_path: Path, text: str) -> None:
     assert findings(tmp_path, 'auto = "robot"', f'limit = "{text}"') == [
-        f"error wrong-value: `{text}` is no limit of a check; write 30 s or 2 min, up to 1 h"
+        f"error wrong-value: `{text}` is not a limit of a check; write 30 s or 2 min, up to 1 h"
     ]
 
 
 def test_what_goes_with_what(tmp_path: Path) -> None:
     assert findings(tmp_path, 'ask = "The lamp is on"', 'limit = "30 s"') == [
-        "error check-form: `limit` goes with auto and run: who is asked may take their time"
+        "error check-form: `limit` goes with auto and run: a person may take their time"
     ]
     assert findings(tmp_path, 'auto = "consent"', 'every = "30 d"') == [
         'error check-form: `every` does not go with auto = "consent": that one participant passed says nothing about '

@@ -73,7 +73,7 @@ def test_what_is_about_one_participant_says_nothing_about_the_next(kind: str) ->
 def test_a_skip_needs_a_reason() -> None:
     assert skip_problem(LAMP, "counted", "it is broken") == ""
     for blank in ("", "  \t"):
-        assert skip_problem(LAMP, "counted", blank) == "lamp: who skips a check says why"
+        assert skip_problem(LAMP, "counted", blank) == "lamp: give a reason for skipping a check"
 
 
 def test_consent_is_never_skipped_in_a_session_that_counts() -> None:

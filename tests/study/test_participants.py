@@ -133,9 +133,9 @@ WRONG: dict[str, tuple[str, list[str]]] = {
     ),
     "a day that is none": (
         HEADER + "P01,de,2026-02-30,,\n",
-        ["participants.csv:2:8: error wrong-value: `2026-02-30` is no date; write year-month-day"],
+        ["participants.csv:2:8: error wrong-value: `2026-02-30` is not a date; write year-month-day"],
     ),
-    "yes instead of a date": (HEADER + "P01,de,yes,,\n", ["participants.csv:2:8: error wrong-value: `yes` is no date"]),
+    "yes for a date": (HEADER + "P01,de,yes,,\n", ["participants.csv:2:8: error wrong-value: `yes` is not a date"]),
     "another status": (
         HEADER + "P01,de,,exclude,\n",
         ["participants.csv:2:9: error wrong-value: `status` is `invited`, `excluded` or empty"],

@@ -306,9 +306,9 @@ def test_a_study_without_factors_has_one_session() -> None:
 @pytest.mark.parametrize(
     ("text", "problem"),
     [
-        ("a0", r"`a0` is no condition: name a level of each factor \(`f0`, `f1`\), as in a0\+a1"),
+        ("a0", r"`a0` is not a condition: name a level of each factor \(`f0`, `f1`\), as in a0\+a1"),
         ("a0+b11", "`f1` has no level `b11`; did you mean `b1`"),
-        ("", "`` is no condition"),
+        ("", "`` is not a condition"),
     ],
 )
 def test_conditions_that_are_none(text: str, problem: str) -> None:
@@ -346,7 +346,7 @@ def test_the_proof_counts_what_is_there() -> None:
 @pytest.mark.parametrize(
     ("study", "line"),
     [
-        (make_study([2], n=7), "n = 7 is no multiple of the 2 cells: 1 of them will have one more."),
+        (make_study([2], n=7), "n = 7 is not a multiple of the 2 cells: 1 of them will have one more."),
         (
             make_study([], [5], orders="latin"),
             "NOT BALANCED: at no row every run follows every other one equally often",

@@ -80,8 +80,8 @@ def test_a_study_in_which_nobody_could_be_recorded_is_told_so(tmp_path: Path) ->
     study = write_study(tmp_path, DESIGN + RECORDING, people, plan=False)
     (found,) = load_participants(study).diagnostics
     assert str(found) == (
-        "participants.csv:1:1: warning no-recording-consent: there is no column `consent_recording`, so nobody is "
-        "recorded; did you mean `consent_study`? add it, or name another one in study.toml: "
+        "participants.csv:1:1: warning no-recording-consent: there is no column `consent_recording`, so no participant "
+        "is recorded; did you mean `consent_study`? add it, or name another one in study.toml: "
         '[recording] consent = "study"'
     )
     other = write_study(tmp_path / "other", DESIGN + RECORDING + 'consent = "study"\n', people, plan=False)

@@ -88,7 +88,7 @@ folder = 7
         '2:15: error recorder-option: `url` begins with ws:// or wss://: url = "ws://127.0.0.1:4455"',
         "2:55: error recorder-option: `pasword_file` is no option of this recorder; did you mean `password_file`?",
         "3:24: error recorder-option: `port` is a whole number from 1 to 65535",
-        "3:42: error wrong-value: `soon` is no time without growth after which it counts as stalled; write "
+        "3:42: error wrong-value: `soon` is not a time without growth after which it counts as stalled; write "
         "10 s, from 3 s to 1 h",
         '4:32: error recorder-option: `input` is a list of texts: input = ["-f", "v4l2", "-i", "/dev/video0"]',
         "4:47: error recorder-option: `kind` is one of video, audio",

@@ -70,10 +70,10 @@ def test_a_line_that_only_lacks_its_end_counts(tmp_path: Path) -> None:
 @pytest.mark.parametrize(
     ("line", "sentence"),
     [
-        (b"nonsense", "this line is no JSON"),
-        (b"\xff\xfe", "this line is no UTF-8"),
-        (b"[1, 2]", "this line is no entry"),
-        (b'{"kind": "taken"}', "this line is no entry"),
+        (b"nonsense", "this line is not JSON"),
+        (b"\xff\xfe", "this line is not UTF-8"),
+        (b"[1, 2]", "this line is not an entry"),
+        (b'{"kind": "taken"}', "this line is not an entry"),
     ],
 )
 def test_a_changed_line_is_found_and_nobody_writes_behind_it(tmp_path: Path, line: bytes, sentence: str) -> None:

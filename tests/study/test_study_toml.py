@@ -299,7 +299,7 @@ WRONG: dict[str, tuple[str, str, list[str]]] = {
     "no length of time": (
         "[consent]",
         '[retention]\nmedia = "some days"\n[consent]',
-        ["wrong-value: `some days` is no length of time; write 365 d"],
+        ["wrong-value: `some days` is not a length of time; write 365 d"],
     ),
     "a check with one bracket": (
         "[consent]",
@@ -339,7 +339,7 @@ WRONG: dict[str, tuple[str, str, list[str]]] = {
     "a size that is none": (
         "[consent]",
         '[[check]]\nid = "a"\nauto = "disk"\nmin = "much"\n[consent]',
-        ["wrong-value: `much` is no size; write 20 GB"],
+        ["wrong-value: `much` is not a size; write 20 GB"],
     ),
     "a size of no disk": (
         "[consent]",

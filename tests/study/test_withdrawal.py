@@ -202,7 +202,7 @@ def test_sessions_that_cannot_be_read_are_theirs_by_their_name(made: Folder) -> 
 def test_a_damaged_log_is_no_reason_to_guess(made: Folder) -> None:
     with (made.study / LOG_FILE).open("a") as file:
         file.write("no entry\n")
-    with pytest.raises(StudyLogError, match="no JSON"):
+    with pytest.raises(StudyLogError, match="not JSON"):
         withdraw(made.study, "P01")
     assert made.sessions[0].exists()
 

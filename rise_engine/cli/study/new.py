@@ -311,7 +311,7 @@ class _Conversation:
         if (same := answers.same_levels(levels)) and name not in self.label_only:
             exit_with_usage(
                 f"--factor {written}: in {in_backquotes(same)} the robot does the same; say "
-                f"--label-only {name} if what differs is done by people"
+                f"--label-only {name} if people make the difference"
             )
         return self.make_factor(name, parsed, levels)
 

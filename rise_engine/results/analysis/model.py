@@ -121,7 +121,7 @@ class PlayedAct(Struct, frozen=True, kw_only=True):
     started_at: float | None
     """When its turn came."""
     robot_at: float | None
-    """When the robot confirmed its first action. It is no time of the first sound."""
+    """When the robot confirmed its first action. It is not the time of the first sound."""
     voice_at: float | None
     """When the robot confirmed its first action that takes the voice; the first sound comes later."""
     ended_at: float | None

@@ -53,7 +53,7 @@ def read_about(root: Path) -> AboutBundle:
     try:
         return msgspec.json.decode((root / ABOUT_FILE).read_bytes(), type=AboutBundle)
     except FileNotFoundError:
-        raise ExportError(f"it is no bundle that can be made again: it has no {ABOUT_FILE}") from None
+        raise ExportError(f"this bundle cannot be made again: it has no {ABOUT_FILE}") from None
     except (OSError, msgspec.DecodeError) as error:
         raise ExportError(f"{ABOUT_FILE} cannot be read: {error}") from None
 
@@ -106,7 +106,7 @@ def readme_text(study: Study, level: ExportLevel, contents: Sequence[str], left_
         "",
         *_about_program(wheel),
         "`rise-engine reproduce` feeds the recorded inputs of every session to the program once more, and says whether "
-        "the same comes out, record by record. It makes tables, BIDS and the report again from the sessions, and "
+        "it gives the same records. It makes tables, BIDS and the report again from the sessions, and "
         "compares them. At the end it says what this has proved, and what it has not. With `--robot NAME`, another "
         "robot is simulated, and the differences are listed.",
         "",

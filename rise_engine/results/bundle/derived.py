@@ -127,7 +127,7 @@ def compare_derived(root: Path, about: AboutBundle, *, same_version: bool) -> De
         old, new = _files(root), _files(work)
         for name in sorted(old | new):
             if name not in new:
-                check.differences.append(Difference(name, "nothing that is in the bundle gives this file"))
+                check.differences.append(Difference(name, "no file of the bundle gives this file"))
             elif name not in old:
                 check.differences.append(Difference(name, "it is missing"))
             else:
@@ -209,7 +209,7 @@ def check_bundle(root: Path) -> ManifestCheck:
     """
     missing = [name for name in (METADATA, ABOUT_FILE, MANIFEST_FILE) if not (root / name).is_file()]
     if missing:
-        raise ExportError(f"it is no bundle: it has no {' and no '.join(missing)}")
+        raise ExportError(f"it is not a bundle: it has no {' and no '.join(missing)}")
     try:
         return check_manifest(root)
     except OSError as error:

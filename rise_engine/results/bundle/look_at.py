@@ -8,7 +8,7 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 
 from rise_engine.base.errors import SessionError
-from rise_engine.base.text import pluralize
+from rise_engine.base.text import name_some, pluralize
 from rise_engine.kernel.records import TaskRecord
 from rise_engine.kernel.speech import SAY
 from rise_engine.privacy.levels import ExportLevel
@@ -92,7 +92,7 @@ class LookAt:
         if self._alone and self._columns:
             found.append(
                 f"participants.csv: {self._alone} of {pluralize(self._people, 'participant')} {_is(self._alone)} the "
-                f"only one with their {', '.join(self._columns)}: who knows them finds them"
+                f"only one with their {', '.join(self._columns)}: they can be recognised"
             )
         text = (root / STUDY_FILE).read_text("utf-8")
         found.append(f"{STUDY_FILE}: comments, [report] and [recording] are in it as you wrote them")
@@ -109,20 +109,19 @@ class LookAt:
         if self._said and self._level == "shared":
             found.append(
                 f'{pluralize(self._said, "sentence")} that wizards said freely (in sessions/*/journal.jsonl, "say"): '
-                "read them, redact what names somebody, or make the bundle with --level public"
+                "read them, redact names, or make the bundle with --level public"
             )
         if self._typed and self._level != "full":
             found.append(
                 f"{pluralize(self._typed, 'memory value')} that wizards set: a key that holds something about a person "
-                "is kept out with --private KEY, or with private = [...] in scenario.toml"
+                "can be kept out with --private KEY, or with private = [...] in scenario.toml"
             )
         if self._own_values:
             keys = ", ".join(self._own_values)
             found.append(f"the scenario's own start values of private keys ({keys}): memory.json is included unchanged")
         if self._words:
-            words = [word for word, _ in self._words.most_common(_SHOWN)]
-            more = f" and {len(self._words) - _SHOWN} more" if len(self._words) > _SHOWN else ""
-            found.append(f"words that could be names: {', '.join(words)}{more}")
+            words = [word for word, _ in self._words.most_common()]
+            found.append(f"words that could be names: {name_some(words, _SHOWN)}")
         return found
 
 

@@ -273,10 +273,10 @@ class _Bundle:
             "tables": "acts, events and sessions as tables",
             "bids": "the same as a data set of BIDS",
             REPORT: "the report, and the sheet of what a paper should say",
-            PROGRAM: "the program with which it was made, to be installed with pip",
+            PROGRAM: "the program that made it, for pip",
             **{PurePosixPath(each.file).parts[0]: "answers to questionnaires" for each in self._study.questionnaires},
             UNPROVED: "tables and BIDS of sessions that are not in it",
-            ABOUT_FILE: "with which options it was made",
+            ABOUT_FILE: "the options that it was made with",
             "LICENSE": "what others may do with it",
             ENVIRONMENT_FILE: "versions of programs, and where they come from",
         }

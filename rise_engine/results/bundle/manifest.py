@@ -67,7 +67,7 @@ def check_manifest(root: Path) -> ManifestCheck:
     for number, line in enumerate((root / MANIFEST_FILE).read_text("utf-8", "replace").splitlines(), start=1):
         digest, blanks, name = line.partition("  ")
         if not blanks or len(digest) != 64 or why_no_name(name, None):
-            check.unreadable.append(f"line {number} of {MANIFEST_FILE} is no check sum of a file in here")
+            check.unreadable.append(f"line {number} of {MANIFEST_FILE} is not the check sum of a file in the bundle")
         else:
             listed[name] = digest
     present = set(files_in(root)) - {MANIFEST_FILE}
@@ -128,7 +128,7 @@ def opened_bundle(path: Path) -> Iterator[Path]:
             _check(archive, path.stat().st_size, shutil.disk_usage(folder).free)
             _unpack(archive, folder)
         except (zipfile.BadZipFile, zlib.error, EOFError, NotImplementedError, RuntimeError) as error:
-            raise ExportError(f"{path} is no zip file that can be read ({error})") from None
+            raise ExportError(f"{path} is not a zip file that can be read ({error})") from None
         except OSError as error:
             raise ExportError(f"{path} cannot be unpacked: {error.strerror or error}") from None
         yield folder
@@ -138,7 +138,7 @@ def _refuse_links(folder: Path) -> None:
     """A bundle has none, and one could lead to any file of whoever reads it. Raises ExportError."""
     links = sorted(path.relative_to(folder).as_posix() for path in folder.rglob("*") if path.is_symlink())
     if links:
-        raise ExportError(f"it is no bundle, because these in it are links: {_some(links)}")
+        raise ExportError(f"it is not a bundle, because these in it are links: {_some(links)}")
 
 
 def _some(names: list[str]) -> str:
@@ -158,7 +158,7 @@ def _check(archive: zipfile.ZipFile, size: int, free: int) -> None:
         problems.append(f"it holds {len(entries):,} files, and a bundle has at most {MAX_FILES:,}")
     if total > MAX_BYTES or total > max(MAX_RATIO * size, SMALL_BYTES):
         problems.append(
-            f"it is {_megabytes(size)} and would become {_megabytes(total)}: more than any bundle, so it is none"
+            f"it is {_megabytes(size)} and would become {_megabytes(total)}: more than any bundle, so it is not one"
         )
     elif total + SPARE_BYTES > free:
         problems.append(
@@ -169,7 +169,7 @@ def _check(archive: zipfile.ZipFile, size: int, free: int) -> None:
     other = [entry.filename for entry in entries if not _is_plain(entry)]
     for names, what in ((elsewhere, "would lie outside of it, or be hidden"), (other, "are links, or no files")):
         if names:
-            problems.append(f"it is no bundle, because these in it {what}: {_some(names)}")
+            problems.append(f"it is not a bundle, because these in it {what}: {_some(names)}")
     if problems:
         raise ExportError(*problems)
 

@@ -67,7 +67,9 @@ ACTS = TableSchema(
         Column("actor", "What kind of source `by` is.", levels=ACTORS),
         Column("status", "How it ended.", levels=STATUS, required=True),
         Column("reason", "Why it did not succeed, or what it repeats."),
-        Column("filler", "Whether it bridged the time of a cue. It is no answer then.", type="boolean", required=True),
+        Column(
+            "filler", "Whether it bridged the time of a cue. It is not an answer then.", type="boolean", required=True
+        ),
         Column("speaks", "Whether one of its actions takes the voice.", type="boolean", required=True),
         Column("text", "What it says, its speech actions joined by a blank.", lambda row: row.of.words),
         Column("mark", "What was said to be wrong about it, or the key that caused it; empty: nothing.", levels=MARKS),
@@ -88,7 +90,7 @@ ACTS = TableSchema(
         moment("key_at", "The key was pressed that caused it, on the console's clock; empty: no key, or not known."),
         moment("accepted_at", "The engine took it.", required=True),
         moment("started_at", "Its turn came."),
-        moment("robot_at", "The robot confirmed its first action. It is no time of the first sound."),
+        moment("robot_at", "The robot confirmed its first action. It is not the time of the first sound."),
         moment("voice_at", "The robot confirmed its first action that takes the voice. The first sound comes later."),
         moment("ended_at", "Its end."),
         seconds("wizard_s", "Cue to key: the wizard. Empty: no cue, no key, or asked for before the cue."),

@@ -102,5 +102,5 @@ def load_format(name: str) -> ExportFormat:
     except Exception as error:  # code of others runs as it is imported
         raise ExportError(f"the format {name!r} ({entry.value}) cannot be loaded: {error}") from error
     if not isinstance(found, ExportFormat):
-        raise ExportError(f"the format {name!r} ({entry.value}) is no ExportFormat")
+        raise ExportError(f"the format {name!r} ({entry.value}) is not an ExportFormat")
     return found

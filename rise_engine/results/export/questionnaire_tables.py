@@ -9,6 +9,7 @@ from collections.abc import Iterable, Mapping, Sequence
 from msgspec import Struct
 from msgspec.structs import replace
 
+from rise_engine.base.text import name_some
 from rise_engine.privacy.levels import ExportLevel, LevelFilter
 from rise_engine.results.analysis.model import SessionFacts
 from rise_engine.results.export.format import ExportError
@@ -73,10 +74,9 @@ def _report(read: Questionnaire, warnings: list[str]) -> None:
         raise ExportError(f"the questionnaire {name} cannot be exported; nothing was written", *wrong)
     lines = [each.location.line for each in read.errors]
     if lines:
-        where = ", ".join(map(str, lines[:5])) + (f" and {len(lines) - 5} more" if len(lines) > 5 else "")
         warnings.append(
-            f"{read.settings.file}, line {where}: left out, because participants.csv does not have the participant; "
-            "`rise-engine study check` says more"
+            f"{read.settings.file}, line {name_some(lines)}: left out, because participants.csv does not have the "
+            "participant; `rise-engine study check` says more"
         )
     if any(each.code == "no-questionnaire" for each in read.diagnostics):
         warnings.append(f"the questionnaire {name} is not in it: there is no file {read.settings.file} yet")

@@ -148,7 +148,7 @@ SESSIONS = TableSchema(
         ),
         count("rejected_acts", "Those that were refused.", _acts(lambda act: act.status == "REJECTED")),
         count("failed_acts", "Those that failed.", _acts(lambda act: act.status == "ABORTED")),
-        count("fillers", "Acts that bridged the time of a cue; they are no answers.", _acts(lambda act: act.filler)),
+        count("fillers", "Acts that bridged the time of a cue; they are not answers.", _acts(lambda act: act.filler)),
         count("cues", "How often the end of the participant's turn was marked.", lambda row: len(row.data.cues)),
         count(
             "cues_answered",

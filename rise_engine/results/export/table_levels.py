@@ -83,7 +83,7 @@ MEDIA_KINDS = {
 ALIGNMENTS = {
     "marks": "by marks that were found in it",
     "given": "somebody said it",
-    "start": "by when its recorder was started; that is no time of the first frame",
+    "start": "by when its recorder was started; that is not the time of the first frame",
 }
 EVENT_KINDS = {
     "act": "an act, from when its turn came to its end; name: the act; value: how it ended",

@@ -69,7 +69,7 @@ TRIALS = TableSchema(
             "What wizards raised in it, also by keys that start rules which raise it at once.",
             lambda row: " ; ".join(row.of.events),
         ),
-        Column("marks", "Of what was asked for in it: wrong, late, early, double.", lambda row: " ".join(row.of.marks)),
+        Column("marks", "Of the tasks in it: wrong, late, early, double.", lambda row: " ".join(row.of.marks)),
         count("failures", "Acts, rules and expressions that failed in it."),
         *outage_columns("duration_s", "start", "end"),
     ),

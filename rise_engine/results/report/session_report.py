@@ -99,9 +99,9 @@ def problem_paragraphs(problems: Sequence[str], level: ExportLevel) -> Iterable[
 def _banner(facts: SessionFacts) -> str:
     told = []
     if facts.mode == "debug":
-        told.append("DEBUG: the robot was simulated. This is no data of a participant.")
+        told.append("DEBUG: the robot was simulated. These are not data of a participant.")
     elif facts.is_simulated:
-        told.append("SIMULATED: the mode was real, but no robot moved. This is no data of a participant.")
+        told.append("SIMULATED: the mode was real, but no robot moved. These are not data of a participant.")
     elif facts.purpose in ("pilot", "training"):
         told.append(f"{facts.purpose.upper()}: this session does not count.")
     if not facts.ended:

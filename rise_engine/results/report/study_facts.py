@@ -160,7 +160,7 @@ class StudyFigures(Struct, frozen=True):
         return tuple(sorted(courses, key=lambda each: (-len(each.sessions), each.wizard)))
 
     def checks(self, expected: Iterable[str] = ()) -> tuple[CheckCounts, ...]:
-        """What came of each check in the complete sessions.
+        """Results of each check in the complete sessions.
 
         :param expected: ids of the study's checks, in their order; others follow.
         """

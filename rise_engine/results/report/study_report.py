@@ -298,7 +298,7 @@ def _conditions(given: StudyReportInput) -> Iterable[Block]:
         head=("condition", "sessions", "people", "answers", "median", "middle half", "length", "keys marked"),
         rows=tuple(table),
         numbers=frozenset({1, 2, 3, 4, 5, 6}),
-        note="Sessions of one participant are not independent of one another: this describes, and tests nothing.",
+        note="Sessions of one participant are not independent of one another: this is a description and not a test.",
     )
 
 
@@ -337,7 +337,7 @@ def _wizards(given: StudyReportInput) -> Iterable[Block]:
             "From cue to key, session by session",
             [_course(course) for course in courses],
             "From cue to key in each wizard's complete sessions, in their order: the median of a session, and its "
-            "middle half. A line that climbs or falls may be a wizard who changes, or conditions that do.",
+            "middle half. If a line climbs or falls, the wizard may have changed, or the conditions.",
         )
     yield ReportTable(
         caption="Wizards in complete sessions. From cue to key in seconds; marks as mistakes per 100 keys with their "
@@ -388,7 +388,7 @@ def _checks(given: StudyReportInput) -> Iterable[Block]:
         yield Paragraph(f"Debriefed after {share_text(debriefed.count, debriefed.n)} complete sessions.")
     if counts:
         yield ReportTable(
-            caption=f"What came of each check in {pluralize(len(given.figures.complete), 'complete session')}",
+            caption=f"Results of each check in {pluralize(len(given.figures.complete), 'complete session')}",
             head=("check", "passed", "skipped", "failed", "no record"),
             rows=tuple(
                 (each.id, str(each.passed), str(each.skipped), str(each.failed), str(each.missing)) for each in counts

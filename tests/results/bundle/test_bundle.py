@@ -419,7 +419,7 @@ def test_what_a_killed_program_has_unpacked_is_cleared_by_the_next_one(
 
 def test_what_is_no_bundle(tmp_path: Path) -> None:
     (tmp_path / "x.zip").write_bytes(b"no zip")
-    with pytest.raises(ExportError, match="no zip file"), opened_bundle(tmp_path / "x.zip"):
+    with pytest.raises(ExportError, match="not a zip file"), opened_bundle(tmp_path / "x.zip"):
         pass
     with pytest.raises(ExportError, match="there is no"), opened_bundle(tmp_path / "gone"):
         pass

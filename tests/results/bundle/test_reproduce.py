@@ -102,7 +102,7 @@ def test_a_bundle_that_somebody_changed(bundle: Path) -> None:
     assert status == 1
     for told in ("changed: participants.csv", "missing: LICENSE", "not of the bundle: extra.txt"):
         assert told in said
-    assert "is no check sum of a file" in said
+    assert "is not the check sum of a file" in said
     assert "2 of 2 sessions identical" in said
     assert "not as it was made" in said
 

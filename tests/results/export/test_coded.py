@@ -152,11 +152,11 @@ def test_times_that_elan_leaves_out() -> None:
 @pytest.mark.parametrize(
     ("name", "data", "told"),
     [
-        ("a.eaf", b"<ANNOTATION", "a.eaf:1: this is no XML"),
+        ("a.eaf", b"<ANNOTATION", "a.eaf:1: this is not XML"),
         ("a.eaf", b"<x/>", "begins with <x>"),
         ("a.eaf", b'<ANNOTATION_DOCUMENT><HEADER TIME_UNITS="NTSC-frames"/></ANNOTATION_DOCUMENT>', "in NTSC-frames"),
-        ("a.boris", b"{}", "no project of BORIS"),
-        ("a.csv", b"a,b\n1,2\n", "no table of events of BORIS"),
+        ("a.boris", b"{}", "not a project of BORIS"),
+        ("a.csv", b"a,b\n1,2\n", "not a table of BORIS events"),
         ("a.csv", b"Subject,Behavior,Time\nP,nod,soon\n", "a.csv:2: 'Time' is a number of seconds, not 'soon'"),
         ("a.csv", b"Subject,Behavior,Time\nP,n\xfc,1\n", "a.csv:2: this is not UTF-8"),
         ("a.pdf", b"", "it ends in .eaf, .boris, .csv, .tsv"),

@@ -58,8 +58,8 @@ def test_they_are_in_datapackage_and_bids(tmp_path: Path) -> None:
         ("[participants]\ncolumns = { age = 7 }\n", "`age` is"),
         ('[participants]\ncolumns = { email = "x" }\n', "seems to hold"),
         ('[participants]\ncolumns = { status = "x" }\n', "has a column `status` already"),
-        ('[report]\nauthors = "Doe, J. (0000-0002-1825-0098)"\n', "is no ORCID: its last digit"),
-        ('[report]\nauthors = "Doe, J. (12)"\n', "is no ORCID: it has four groups"),
+        ('[report]\nauthors = "Doe, J. (0000-0002-1825-0098)"\n', "is not an ORCID: its last digit"),
+        ('[report]\nauthors = "Doe, J. (12)"\n', "is not an ORCID: it has four groups"),
     ],
 )
 def test_what_cannot_be_meant(tmp_path: Path, written: str, told: str) -> None:

@@ -32,7 +32,7 @@ def test_formats_of_other_packages(monkeypatch: pytest.MonkeyPatch) -> None:
     assert load_format("again").name == "csv" and load_format("csv").name == "csv"
     with pytest.raises(ExportError, match=r"the format 'broken' .* cannot be loaded: No module named"):
         load_format("broken")
-    with pytest.raises(ExportError, match="is no ExportFormat"):
+    with pytest.raises(ExportError, match="is not an ExportFormat"):
         load_format("other")
     with pytest.raises(ExportError, match=r"there is no format 'none' here: .*csv.*, again, broken, other"):
         load_format("none")

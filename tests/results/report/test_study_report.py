@@ -138,7 +138,7 @@ def test_participants_and_cells(page):
     assert "3 of 3 wanted" in text and "1 pilot" in text
     cells = page.table("The plan against what happened")
     assert Counter({name: int(row["complete"]) for name, row in cells.items()}).total() == 3
-    assert page.table("What came of each check")["disk"]["skipped"] == "6"
+    assert page.table("Results of each check")["disk"]["skipped"] == "6"
 
 
 def test_the_reporting_sheet_says_what_is_known_and_lists_what_is_missing(study, made, tmp_path):

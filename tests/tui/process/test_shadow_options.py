@@ -89,7 +89,7 @@ def test_one_that_went_to_the_end_does_not_keep_anybody_from_another(folder: Pat
 
 def test_a_session_that_is_none_is_named(tmp_path: Path) -> None:
     code, said = lines_of(CommandLine(shadow=str(tmp_path), wizard="ben"))
-    assert code == "2" and "is no session" in said
+    assert code == "2" and "is not a session" in said
 
 
 @pytest.mark.parametrize(

@@ -302,7 +302,7 @@ async def test_a_failed_check_blocks_is_made_again_or_skipped_with_a_reason() ->
         await at.press("y", "y", "enter")  # an answer of no can be taken back
         assert "not yet: tracker failed" in at.text_of(screen) and screen.list.current_id == "tracker"
         await at.press("s", "enter")
-        assert "who skips a check says why" in at.text_of(screen) and source.started == []
+        assert "give a reason for skipping a check" in at.text_of(screen) and source.started == []
         await at.type("it is broken")
         await at.press("enter")
         source.held, source.refusal = Event(), "the study changed while the session was prepared: try again"
