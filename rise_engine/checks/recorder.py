@@ -14,8 +14,7 @@ from msgspec import Struct
 from rise_engine.checks.child import ChildRequest
 from rise_engine.checks.outcome import Finding
 from rise_engine.ports.recorder import CALL_SECONDS, Recorder, RecorderError, RecorderStatus, RecordingPlan
-from rise_engine.run.recording.calls import call_within
-from rise_engine.run.recording.one_recorder import recording_size
+from rise_engine.run.recording.one_recorder import call_within, recording_size
 from rise_engine.session.erasure import erase_folder
 from rise_engine.study.model import RecorderSettings, RecordingSettings
 from rise_engine.study.recorder_drivers import open_recorder

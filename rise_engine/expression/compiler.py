@@ -13,7 +13,6 @@ from typing import Any, TypeAlias
 from rise_engine.expression.environment import MISSING, Environment, Json, lookup
 from rise_engine.expression.errors import EvaluationError
 from rise_engine.expression.functions import CONSTANTS, NUMERIC, power
-from rise_engine.expression.lists import LIST_FUNCTIONS, ListCall
 from rise_engine.expression.nodes import (
     Chain,
     Compare,
@@ -33,7 +32,9 @@ from rise_engine.expression.nodes import (
     with_all_brackets,
 )
 from rise_engine.expression.operators import (
+    LIST_FUNCTIONS,
     Condition,
+    ListCall,
     Number,
     Operand,
     Refuse,

@@ -7,9 +7,8 @@ from collections.abc import Sequence
 
 from rise_engine.base.nearest_name import nearest_name
 from rise_engine.expression.errors import ExpressionError, shorten
-from rise_engine.expression.functions import ANY_NUMBER_OF_ARGUMENTS, ARITY, SITUATION_ARITY
+from rise_engine.expression.functions import ANY_NUMBER_OF_ARGUMENTS, ARITY, SITUATION_ARITY, find_signature
 from rise_engine.expression.nodes import Compare, with_all_brackets
-from rise_engine.expression.signatures import find_signature
 from rise_engine.expression.tokens import RESERVED, Token
 
 _TEXT_OPERATORS = {

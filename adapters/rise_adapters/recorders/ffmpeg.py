@@ -10,9 +10,8 @@ import asyncio
 from collections.abc import Mapping
 from pathlib import Path
 
-from rise_adapters.recorders.files import new_path, recording_stem, size_of
 from rise_adapters.recorders.options import OptionReader
-from rise_adapters.recorders.program import RecordingProgram
+from rise_adapters.recorders.program import RecordingProgram, new_path, recording_stem, size_of
 from rise_engine.ports.recorder import (
     MediaKind,
     RecorderError,

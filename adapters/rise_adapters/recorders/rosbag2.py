@@ -16,9 +16,8 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from rise_adapters.recorders.files import new_path, recording_stem, size_of
 from rise_adapters.recorders.options import OptionReader
-from rise_adapters.recorders.program import RecordingProgram
+from rise_adapters.recorders.program import RecordingProgram, new_path, recording_stem, size_of
 from rise_engine.base.errors import AdapterError
 from rise_engine.base.text import clean
 from rise_engine.ports.recorder import (

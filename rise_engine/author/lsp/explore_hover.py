@@ -7,7 +7,7 @@ from collections.abc import Iterator, Mapping
 
 from rise_engine.author.lsp.toml_lines import opened_text, table_at
 from rise_engine.expression import Expression, ExpressionError
-from rise_engine.expression.signatures import SITUATION_SIGNATURES
+from rise_engine.expression.functions import SITUATION_SIGNATURES
 from rise_engine.scenario.explore_tables import EVENTUALLY_KEYS, EXPLORE_KEYS, PROPERTY_MEANINGS, PROPERTY_TABLES
 from rise_engine.scenario.trial_settings import TRIAL_KEYS
 

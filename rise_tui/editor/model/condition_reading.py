@@ -12,7 +12,7 @@ from typing import Literal, NamedTuple, TypeAlias
 from rise_engine.base.nearest_name import did_you_mean
 from rise_engine.expression import Environment, EvaluationError, Expression, ExpressionError, lookup
 from rise_engine.expression.errors import MISSING_PART
-from rise_engine.expression.signatures import SIGNATURES
+from rise_engine.expression.functions import SIGNATURES
 from rise_engine.scenario.model import SESSION, Json
 from rise_tui.editor.model.study_names import StudyNames, short_value
 

@@ -9,10 +9,10 @@ from threading import Event
 import pytest
 from msgspec.structs import replace
 
-from rise_engine.author.explore import parallel
+from rise_engine.author.explore import exploration
 from rise_engine.author.explore.bounds import Bounds
 from rise_engine.author.explore.exploration import Exploration, bounds_of, explore, main_rule, sessions_of
-from rise_engine.author.explore.explored import Explored
+from rise_engine.author.explore.situation_graph import Explored
 from rise_engine.author.explore.space import Space
 from rise_engine.author.explore.stepper import Stepper
 from tests.author.explore.exploring import STUDIES, loaded, of_kind, quickly_explored, shipped
@@ -157,12 +157,12 @@ def _never_done(portion: object) -> None:
 
 
 def test_whoever_has_had_enough_waits_for_no_core(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(parallel, "_follow", _never_done)
+    monkeypatch.setattr(exploration, "_follow", _never_done)
     scenario = shipped("greeting")
     space = Space(Stepper(scenario, Bounds(), sessions_of(scenario), main_rule(scenario)))
     space.begin()
     said = iter([True, True, False])
-    parallel.explore_on_cores(space, 2, lambda: next(said))
+    exploration.explore_on_cores(space, 2, lambda: next(said))
     assert not space.complete and list(space.pending) == space.beginnings, "nobody has looked at any"
 
 

@@ -8,9 +8,8 @@ from pathlib import Path
 import pytest
 from click.testing import CliRunner
 
-from rise_engine.author.trial.keeping import path_of_test, text_of_test
-from rise_engine.author.trial.playing import is_same_value, play_test
 from rise_engine.author.trial.study_test import read_study_test
+from rise_engine.author.trial.study_test_run import is_same_value, path_of_test, play_test, text_of_test
 from rise_engine.author.trial.trial import Trial
 from rise_engine.base.errors import FileError
 from rise_engine.cli import main

@@ -9,15 +9,15 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from rise_engine.author.trial.happened import happened, happened_in
-from rise_engine.author.trial.standing import (
+from rise_engine.author.trial.trial import LONGEST, Trial
+from rise_engine.author.trial.trial_history import happened, happened_in
+from rise_engine.author.trial.trial_state import (
     events_to_raise,
     key_choices,
     memory_that_counts,
     running_acts,
     standing_rules,
 )
-from rise_engine.author.trial.trial import LONGEST, Trial
 from rise_engine.base.json_codec import decode
 from rise_engine.cli.session.headless_session import RunOptions, run_session
 from rise_engine.run.protocol.session_options import SessionOptions

@@ -186,7 +186,8 @@ async def test_a_connection_that_is_cut_is_made_anew(scratch: Path, caplog: pyte
         async with connect(session.path, "seer") as program:
             await program.raise_event("/before")
             await outlet.until(lambda: "event/before" in outlet.texts)
-            (watching,) = (c for c, a in session.server.connections.items() if a and a.client.name == "observer:lsl")
+            connections = session.server.connections
+            (watching,) = (each for each in connections if each.client and each.client.name == "observer:lsl")
             watching.abort()
             await eventually(lambda: "observer:lsl" not in session.hub.clients)
             await program.raise_event("/between")

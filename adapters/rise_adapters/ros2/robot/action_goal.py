@@ -33,10 +33,9 @@ from rise_adapters.ros2.actions.client import (
 )
 from rise_adapters.ros2.mapping import ActionMapping
 from rise_adapters.ros2.robot import endings
-from rise_adapters.ros2.robot.endings import MAX_TRIES, Cancellation
+from rise_adapters.ros2.robot.endings import MAX_TRIES, Cancellation, ResultQuery
 from rise_adapters.ros2.robot.endpoints import ActionEndpoint
 from rise_adapters.ros2.robot.goal_host import TIMER_TOLERANCE, Ending, GoalHost, Phase
-from rise_adapters.ros2.robot.result_query import ResultQuery
 from rise_adapters.ros2.transport.port import Message, PortError
 from rise_engine.kernel.commands import StartAction
 

@@ -5,9 +5,8 @@ from __future__ import annotations
 from collections import Counter
 from collections.abc import Iterator
 
-from rise_engine.author.explore.explored import Explored, is_planned
-from rise_engine.author.explore.finding import ExploreFinding, some_states
 from rise_engine.author.explore.paths import Path
+from rise_engine.author.explore.situation_graph import Explored, ExploreFinding, is_planned, some_states
 from rise_engine.author.explore.space import Number
 
 

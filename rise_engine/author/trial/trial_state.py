@@ -10,11 +10,17 @@ from msgspec import Struct
 
 from rise_engine.author.drawing.act_seconds import estimate_act_seconds
 from rise_engine.author.drawing.conditions import Joint, is_met, split_condition
-from rise_engine.author.drawing.labels import transition_label
-from rise_engine.author.drawing.rule_text import Truth, find_awaited_act, functions_in, truth_of, wait_text
+from rise_engine.author.drawing.rule_text import (
+    Truth,
+    find_awaited_act,
+    functions_in,
+    transition_label,
+    truth_of,
+    wait_text,
+)
 from rise_engine.author.drawing.study_keys import ACT, StudyKeys, key_title
-from rise_engine.author.trial.happened import said_words
 from rise_engine.author.trial.trial import Trial
+from rise_engine.author.trial.trial_history import said_words
 from rise_engine.expression import Expression, lookup
 from rise_engine.kernel.view import RuleView
 from rise_engine.scenario.model import (
