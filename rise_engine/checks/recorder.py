@@ -92,10 +92,10 @@ async def _try(settings: RecorderSettings, plan: RecordingPlan) -> RecorderTrial
 
 async def _watch(recorder: Recorder) -> tuple[RecorderStatus, RecorderStatus]:
     """How it stood at the beginning and after TEST_SECONDS."""
-    first = last = await call_within(CALL_SECONDS, recorder.status(), "how it stands")
+    first = last = await call_within(CALL_SECONDS, recorder.status(), "its state")
     for _ in range(round(TEST_SECONDS / LOOK_SECONDS)):
         await asyncio.sleep(LOOK_SECONDS)
-        last = await call_within(CALL_SECONDS, recorder.status(), "how it stands")
+        last = await call_within(CALL_SECONDS, recorder.status(), "its state")
         if not last.recording:
             raise RecorderError("it does not record any more")
     return first, last

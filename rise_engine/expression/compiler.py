@@ -197,7 +197,7 @@ class ExpressionCompiler:
             text = next(value for value in known if isinstance(value, str))
             other = next(value for value in known if not isinstance(value, str))
             raise EvaluationError(
-                f"`+` joins texts or adds numbers, and here {describe(text)} stands beside {describe(other)}; put the "
+                f"`+` joins texts or adds numbers, and this one has {describe(text)} and {describe(other)}; put the "
                 "value into a text with braces where it is said, as in `Number {n}`, or keep it as a text",
                 self.text,
             )

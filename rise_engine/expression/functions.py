@@ -74,7 +74,7 @@ SIGNATURES: tuple[Signature, ...] = (
     _declare(
         "latin(list, k)",
         "row k (from 0 on, and round again) of the balanced Latin square of a list: for as many participants as it has "
-        "entries (with an odd number: twice as many), every entry stands in every place, and follows every other one, "
+        "entries (with an odd number: twice as many), every entry has every place and follows every other one, "
         "equally often",
         "latin(range(4), 1)",
         "[1, 2, 0, 3]",

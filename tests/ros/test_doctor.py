@@ -128,7 +128,7 @@ NETWORK = [
     ({"ROS_DOMAIN_ID": "lab"}, "dds", "problem", "0 to 232"),
     ({"ROS_LOCALHOST_ONLY": "1"}, "rclpy", "warning", "whatever the discovery range says"),
     ({"ROS_AUTOMATIC_DISCOVERY_RANGE": "LOCALHOST"}, "rclpy", "note", "only programs on this machine"),
-    ({"ROS_AUTOMATIC_DISCOVERY_RANGE": "OFF"}, "rclpy", "problem", "nobody is found"),
+    ({"ROS_AUTOMATIC_DISCOVERY_RANGE": "OFF"}, "rclpy", "problem", "no node is found"),
     ({"ROS_AUTOMATIC_DISCOVERY_RANGE": "local"}, "rclpy", "problem", "'local'"),
     ({"ROS_DISCOVERY_SERVER": "10.0.0.1:11811"}, "dds", "warning", "ROS_DISCOVERY_SERVER"),
     ({"ROS_DISCOVERY_SERVER": "10.0.0.1:11811"}, "rclpy", "ok", ""),
@@ -192,7 +192,7 @@ def test_the_interfaces(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None
     both = {**good, "AMENT_PREFIX_PATH": f"{tmp_path}/good{os.pathsep}{tmp_path}/old"}
     assert "2 times" in said(list(installation.check_interfaces(both, "dds")), "warning")
     monkeypatch.setattr(installation, "own_hashes", lambda environment: {})
-    assert "cannot be told" in said(list(installation.check_interfaces(good, "dds")), "note")
+    assert "cannot be checked" in said(list(installation.check_interfaces(good, "dds")), "note")
 
 
 def test_our_own_hashes() -> None:
@@ -274,14 +274,14 @@ async def test_who_else_moves_the_robot(only: Any) -> None:
     ("says", "level", "sentence"),
     [
         ((False,), "ok", "the emergency stop at /estop is heard, and is not pressed"),
-        ((True,), "warning", "the emergency stop at /estop is pressed let it go: until then nothing starts"),
+        ((True,), "warning", "the emergency stop at /estop is pressed release it: nothing starts before that"),
         (
             (None,),
             "problem",
             "the emergency stop at /estop has said nothing yet, so whether it is pressed is not known",
         ),
         ((), "problem", "the emergency stop at /estop cannot be heard: nothing publishes it as std_msgs/msg/Bool"),
-        ((False, True), "warning", "several publishers, of which the last word counts: /button0, /button1"),
+        ((False, True), "warning", "several publishers; the last message counts: /button0, /button1"),
     ],
 )
 async def test_an_emergency_stop(only: Any, says: tuple[bool | None, ...], level: str, sentence: str) -> None:

@@ -102,7 +102,7 @@ def describe_several_servers(count: int, full: str) -> str:
 
 def describe_uncompared(full: str) -> str:
     """The sentence about an other side that does not say what its types are."""
-    return f"{full} does not say which version of its types it has, so nobody can tell whether it is that of this side"
+    return f"{full} does not say which version of its types it has, so the two sides cannot be compared"
 
 
 def describe_misfits(misfits: Iterable[Misfit]) -> str:

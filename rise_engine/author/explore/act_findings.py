@@ -55,7 +55,7 @@ class PropertyChecker:
             yield ExploreFinding(
                 kind="property-error",
                 level="warning",
-                text=f"`{text}` cannot be worked out everywhere: {problem}; there it counts as false",
+                text=f"`{text}` has no value in some situations: {problem}; it counts as false there",
             )
 
     def told(self) -> Iterator[str]:
@@ -88,7 +88,7 @@ class PropertyChecker:
         text = {
             "always": f"`{wanted.condition.text}` does not hold {share}",
             "reachable": f"`{wanted.condition.text}` cannot be reached any more {share}",
-            "eventually": f"`{wanted.condition.text}` need not come by itself {share}",
+            "eventually": f"`{wanted.condition.text}` does not always become true by itself {share}",
         }[wanted.kind]
         if wanted.after is not None:
             text += f" in which `{wanted.after.text}`"
@@ -186,8 +186,8 @@ def find_growing_lines(explored: Explored) -> Iterator[ExploreFinding]:
         yield ExploreFinding(
             kind="line-grows",
             level="warning",
-            text=f"{act} can stand in the line {times}: {rule} asks for it again while the last one is still to come, "
-            "and what comes then has to wait for all of them",
+            text=f"{act} can wait in the queue {times}: {rule} asks for it again before the last one has run, "
+            "and later acts have to wait for all of them",
             location=explored.scenario.acts[act].location,
             act=act,
             rule=rule,
@@ -221,7 +221,7 @@ def find_out_of_step(explored: Explored) -> Iterator[ExploreFinding]:
         yield ExploreFinding(
             kind="out-of-step",
             level="warning",
-            text=f"{rule} goes on from {state} at the end of {act} while another {act} is still to come: of two, the "
+            text=f"{rule} goes on from {state} at the end of {act} while another {act} is still waiting: of two, the "
             "first end counts for both (`ended` waits for its own)",
             location=explored.scenario.rules[rule].states[state].location,
             rule=rule,

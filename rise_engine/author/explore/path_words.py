@@ -110,7 +110,7 @@ def _assignment(behavior: str) -> str:
 def _countdown_text(countdown: Countdown, before: Followed) -> str:
     seconds = f"{countdown.length / 1000:g} s"
     if countdown.purpose == "keep":
-        return f"nobody has waited for /{normal_topic(countdown.owner)} for {seconds}"
+        return f"no rule has waited for /{normal_topic(countdown.owner)} for {seconds}"
     if countdown.purpose == "repeat":
         return f"{seconds} pass after {countdown.owner} has failed"
     if countdown.purpose == "filler":

@@ -236,7 +236,7 @@ def find_missing_values(explored: Explored) -> Iterator[ExploreFinding]:
             yield ExploreFinding(
                 kind="condition-error",
                 level="warning",
-                text=f"when {rule} asks `{text}`, that cannot be worked out: {problem}; it counts as false",
+                text=f"when {rule} asks `{text}`, it has no value: {problem}; it counts as false",
                 location=_place_of(explored.scenario.rules[rule], text),
                 rule=rule,
                 path=explored.paths.to_fact(fact),

@@ -288,7 +288,7 @@ def _taker_text(trial: Trial, topics: Iterable[str]) -> str:
             is_wanted = transition.event is not None and normal_topic(transition.event) in wanted
             if is_wanted and is_met(transition.condition, trial.memory):
                 return f"{name} takes it"
-    return "nobody waits for it now"
+    return "no rule waits for it now"
 
 
 def _state(scenario: Scenario, rule: str, state: str | None) -> State | None:

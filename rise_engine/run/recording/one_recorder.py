@@ -98,7 +98,7 @@ async def call_within(
     if not task.done():
         task.add_done_callback(lambda ended: ended.cancelled() or ended.exception())
         if unless is not None and unless.is_set():
-            raise RecorderError(f"nobody needs to know {what} any more")
+            raise RecorderError(f"{what} is not needed any more")
         raise RecorderError(f"it was asked {what} and did not answer within {seconds:g} s")
     try:
         return task.result()
@@ -218,7 +218,7 @@ class SupervisedRecorder:
         watch = GrowthWatch(stalled_after, loop.time())
         while not await _wait(finish, self.look_seconds):
             try:
-                status = await call_within(CALL_SECONDS, recorder.status(), "how it stands", finish)
+                status = await call_within(CALL_SECONDS, recorder.status(), "its state", finish)
             except RecorderError as error:
                 if finish.is_set():
                     break

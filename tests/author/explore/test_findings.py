@@ -36,7 +36,7 @@ def with_tables(study: str, tables: str, folder: Path, faults: int = 0) -> Explo
 
 def test_a_line_that_grows_is_found_and_is_gone() -> None:
     before = of_kind(quickly_explored(f"{FAULTY}/greeting", faults=0), "line-grows")
-    assert "R_Notice can stand in the line any number of times" in before[0].text
+    assert "R_Notice can wait in the queue any number of times" in before[0].text
     assert before[0].path is not None
     assert len(before[0].path.steps) <= 6
     now = of_kind(quickly_explored("scenarios/greeting", faults=0), "line-grows")
@@ -113,7 +113,7 @@ def test_in_shipped_studies_nothing_gets_stuck_and_the_end_can_be_reached(name: 
 def test_the_quiz() -> None:
     exploration = quickly_explored(f"{FAULTY}/quiz")
     texts = {finding.kind: finding.text for finding in exploration.findings}
-    assert texts["dead-end"].startswith("Praise can get stuck in Praise: no key, no event and no time")
+    assert texts["dead-end"].startswith("Praise can get stuck in Praise: no key, event or time")
     assert texts["idle-key"].startswith("the key h (one more hint) never does anything")
     assert "Quiz never comes to Hint" in texts["never-entered"]
     assert exploration.count("problem") == 1

@@ -121,7 +121,7 @@ def test_everything_that_is_wrong_with_a_test_is_told_at_once(folder: Path) -> N
     lines = [int(line.split(":")[1]) for line in told]
     assert set(lines) == set(range(1, 17)) - {14} and lines == sorted(lines)
     for sentence in (
-        "2: error: an `expect` stands behind a line that does something",
+        "2: error: an `expect` follows a line that does something",
         "3: error: a line has one of",
         "did you mean `key`?",
         "4: error: the study has no key `q`; it has t, g, y",

@@ -250,7 +250,7 @@ def test_a_held_condition_and_an_event_without_a_key(guide: Scenario) -> None:
 def test_keys_say_what_they_would_do_and_the_awaited_come_first(guide: Scenario) -> None:
     trial = Trial(guide)
     told = {choice.key.label: (choice.does, choice.now) for choice in key_choices(trial)}
-    assert told == {"t": ("rule Guide", ""), "g": ("/go", "nobody waits for it now"), "y": ("ready = true", "")}
+    assert told == {"t": ("rule Guide", ""), "g": ("/go", "no rule waits for it now"), "y": ("ready = true", "")}
     trial.press(key(guide, "t"))
     trial.press(key(guide, "y"))
     choices = key_choices(trial)

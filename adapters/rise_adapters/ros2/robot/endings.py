@@ -168,7 +168,7 @@ def of_result(status: int, result: Message, mapping: ActionMapping, name: str, *
     if wrong := _read(mapping.result_rule.failure, result, name):
         return "failed", f"robot-error: {wrong}"
     if cancel_wanted:
-        return "succeeded", "succeeded-during-cancel: the robot finished it although it was to stop"
+        return "succeeded", "succeeded-during-cancel: the robot finished it although it was asked to stop"
     return "succeeded", ""
 
 
@@ -191,9 +191,9 @@ def is_overdue(now: float, limit_at: float) -> bool:
 
 def of_missing_answer(name: str, seconds: float | None) -> Outcome:
     """The server did not say whether it takes it within `seconds`; None: it was to be stopped before that."""
-    what = f"it was to be stopped, and {name} has not even taken it"
+    what = f"it was asked to stop, and {name} had not accepted it yet"
     if seconds is not None:
-        what = f"{name} did not say within {seconds:g} s whether it takes it"
+        what = f"{name} did not say within {seconds:g} s whether it accepts it"
     return "timed-out", f"no-accept: {what}"
 
 
@@ -203,7 +203,7 @@ def of_silence(name: str, seconds: float) -> Outcome:
 
 def of_overdue_result(name: str, expected: float, grace: float) -> Outcome:
     """It takes longer than it may. `expected` and `grace` in seconds."""
-    what = f"it was to take {expected:.1f} s, and {name} had not ended it {grace:g} s later"
+    what = f"it should have taken {expected:.1f} s, and {name} had not ended it {grace:g} s later"
     return "timed-out", f"no-result: {what}"
 
 
@@ -226,7 +226,7 @@ def of_discarded_result(status: int, name: str, *, cancel_wanted: bool) -> Outco
     if status == CANCELED:
         return "canceled", "" if cancel_wanted else f"canceled: somebody else stopped it; {gone}"
     if status == ABORTED:
-        return "aborted", f"aborted: why is not known; {gone}"
+        return "aborted", f"aborted: the reason is unknown; {gone}"
     return of_restart(name)
 
 
