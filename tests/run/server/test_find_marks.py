@@ -8,8 +8,8 @@ import pytest
 
 from rise_engine.kernel.records import SyncRecord
 from rise_engine.kernel.view import SessionView
-from rise_engine.run.server import process
-from rise_engine.run.server.process import find_marks_later, unaligned
+from rise_engine.run.server import find_marks
+from rise_engine.run.server.find_marks import find_marks_later, unaligned
 from rise_engine.session.media import MediaFile, read_media, register_media
 from tests.run.engine.test_media_command import MARKS, session
 from tests.run.recording.sounds import record_marks, write_wav
@@ -40,7 +40,7 @@ def test_each_file_of_a_recorder_is_laid_against_the_session(tmp_path: Path, mon
     folder = recorded(tmp_path)
     assert unaligned(folder) == [("mic", folder / "recordings" / "mic.wav")]
     monkeypatch.setattr("os.nice", lambda number: number)
-    process.main(folder)
+    find_marks.main(folder)
     found = {each.name: each for each in read_media(folder)}
     assert found["mic"].aligned_by == "marks" and len(found["mic"].marks) == 2
     assert found["mic"].offset is not None and abs(found["mic"].offset + 0.7) < 0.01

@@ -1,0 +1,82 @@
+"""Finding the marks in what recorded a session, once it has ended: in a process that nobody waits for.
+
+It does what `rise-engine media add --find-marks` does for each file of a recorder, one after the other and with the
+lowest priority. Where no mark is found, what media.json says of a file stays as it was.
+
+`python -m rise_engine.run.server.find_marks FOLDER` is that process.
+"""
+
+from __future__ import annotations
+
+import logging
+import os
+import subprocess
+import sys
+from importlib.util import find_spec
+from pathlib import Path
+
+from rise_engine.base.errors import RiseError
+from rise_engine.kernel.view import SessionView
+from rise_engine.session.media import media_path, read_media
+
+_LOG = logging.getLogger(__name__)
+FILE_SECONDS = 900.0
+"""For one file: an hour of sound takes some seconds, and a film of 50 GB has to be read once."""
+_WITH_SOUND = frozenset({"video", "audio"})
+
+
+def find_marks_later(folder: Path, view: SessionView) -> bool:
+    """Start looking for marks, if there can be any; whether it was started. Never raises.
+
+    :param folder: of a session that has ended.
+    :param view: how it ended.
+    """
+    try:
+        if view.sync is None or view.sync.medium != "sound" or find_spec("numpy") is None or not unaligned(folder):
+            return False
+        process = subprocess.Popen(
+            [sys.executable, "-m", "rise_engine.run.server.find_marks", str(folder)],
+            stdin=subprocess.DEVNULL,
+            stdout=subprocess.DEVNULL,
+            stderr=subprocess.DEVNULL,
+            start_new_session=True,
+        )
+        process.returncode = 0  # it is nobody's child: no warning that it still runs
+    except (OSError, RiseError) as error:
+        _LOG.warning("marks were not looked for: %s", error)
+        return False
+    return True
+
+
+def unaligned(folder: Path) -> list[tuple[str, Path]]:
+    """The files of a session's recorders about which only their start is known, with their recorder's name.
+
+    :param folder: the session's.
+    :raises RiseError: media.json cannot be read.
+    """
+    return [
+        (file.name, path)
+        for file in read_media(folder)
+        if file.name and file.kind in _WITH_SOUND and file.aligned_by == "start"
+        if (path := media_path(folder, file)).is_file()
+    ]
+
+
+def main(folder: Path) -> None:
+    """Look for marks in each file.
+
+    :param folder: the session's.
+    """
+    os.nice(19)
+    for name, path in unaligned(folder):
+        command = [sys.executable, "-m", "rise_engine", "media", "add", "--find-marks", "--name", name, "--json"]
+        try:
+            subprocess.run(
+                [*command, "--", str(folder), str(path)], stdin=subprocess.DEVNULL, check=False, timeout=FILE_SECONDS
+            )
+        except subprocess.TimeoutExpired:
+            _LOG.warning("marks in %s were not found within %g s", path, FILE_SECONDS)
+
+
+if __name__ == "__main__":
+    main(Path(sys.argv[1]))
