@@ -267,7 +267,7 @@ async def test_who_else_moves_the_robot(only: Any) -> None:
         ActionClient(lab.node(node), SPEECH["action"], SPEECH["type"])
     notes = said(await lab.examined(profile(Speech=SPEECH)), "note")
     assert notes.count("may send goals") == 1
-    assert "the node /teleop may send goals to /rise/robot/speech, too: what the robot does for it is in no" in notes
+    assert "the node /teleop may send goals to /rise/robot/speech, too; the record of this session does not" in notes
 
 
 @pytest.mark.parametrize(
@@ -350,7 +350,7 @@ async def test_a_server_of_another_version(only: Any) -> None:
     assert "with another version of test_interfaces/action/Say" in said(findings, "problem")
     lab.wire.transports[0].hashes[f"{SPEECH['type']}_SendGoal_Request"] = ""
     findings = await lab.examined(profile(Speech=SPEECH))
-    assert exit_status(findings) == 0, "what is not known is no difference"
+    assert exit_status(findings) == 0, "what is unknown is no difference"
     assert "does not say which version of its types it has" in said(findings, "note")
 
 
@@ -368,7 +368,7 @@ async def test_who_does_not_hear_whom(only: Any) -> None:
     warnings = said(await lab.examined(None), "warning")
     assert "the node /cam publishes /gaze as best effort, and the node /gaze_trigger wants it reliably" in warnings
     assert "/words publishes /said as volatile, and the node /late wants it with what was said before" in warnings
-    assert f"another version of {LED['type']} than the node /other listens for: what arrives is garbage" in warnings
+    assert f"another version of {LED['type']} than the node /other listens for: the data is garbage" in warnings
     assert f"publishes /said as {LED['type']}, and the node /wrong listens for std_msgs/msg/String" in warnings
     assert warnings.count("publishes") == 4
 

@@ -220,7 +220,7 @@ def test_a07_one_of_two_servers() -> None:
     bench.run(1)
     mouth.close()
     bench.run(5)
-    assert bench.ending(TASK) == f"lost: server-gone: what offered {SPEECH} has gone away in the middle of it"
+    assert bench.ending(TASK) == f"lost: server-gone: what offered {SPEECH} went away during the action"
     assert bench.ending("2/2") == "succeeded"
     assert bench.robot_statuses() == ["connected", "degraded"]
     bench.check()
@@ -340,7 +340,7 @@ def test_a11_the_result_comes_twice() -> None:
     bench.act()
     bench.run(5)
     assert bench.history(TASK) == ["started", "accepted", "succeeded"]
-    assert bench.notes() == ["duplicate: the result of 2/1 came twice; the second one counts for nothing"]
+    assert bench.notes() == ["duplicate: the result of 2/1 came twice; the second one is ignored"]
     bench.check()
 
 
@@ -350,7 +350,7 @@ def test_a11_the_acceptance_comes_twice() -> None:
     bench.act()
     bench.run(5)
     assert bench.history(TASK) == ["started", "accepted", "succeeded"]
-    assert bench.notes() == [f"duplicate: {SPEECH} answered twice whether it takes 2/1"]
+    assert bench.notes() == [f"duplicate: {SPEECH} answered twice whether it accepts 2/1"]
     bench.check()
 
 

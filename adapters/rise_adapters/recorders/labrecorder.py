@@ -114,7 +114,8 @@ class LabRecorder:
         except OSError as error:
             why = error.strerror or str(error)
         raise RecorderError(
-            f"LabRecorder is not reached at {self.host}:{self.port} ({why}): is it running, with its remote control on?"
+            f"LabRecorder cannot be reached at {self.host}:{self.port} ({why}): "
+            "is it running, with its remote control on?"
         )
 
     async def _send(self, *commands: str) -> None:

@@ -95,7 +95,7 @@ def parameters_as_options(
         name = each.name.replace("-", "_")
         if unfollowed := _why_unfollowed(name, each.value):
             if not each.for_all_nodes:
-                raise PortError(f"{unfollowed}; leave it out")
+                raise PortError(f"{unfollowed}; omit it")
             print(f"note: {unfollowed}; it is in a file for all nodes, and is ignored here", file=sys.stderr)
         elif name in options:
             chosen[name] = each.value

@@ -113,7 +113,7 @@ class SessionHub:
         before = [self.view.wizard] if self.view.wizard else []  # of a session that goes on
         problem = name_problem(name)
         if not problem and (other := find_lookalike(name, [*self._names_seen, *before])):
-            problem = f"{name!r} looks like {other!r}, who is in this session's record: take another name"
+            problem = f"{name!r} looks like {other!r}, a name in this session's record: use another name"
         if self.engine.ended:
             problem = "the session has ended"
         if problem:
@@ -191,9 +191,9 @@ class SessionHub:
         holder, requester = self._holder, self._requester
         match verb:
             case "take" | "ask" if holder is client:
-                answer(Reply(True, "you hold control already"))
+                answer(Reply(True, "you already hold control"))
             case "ask" if requester is client:
-                answer(Reply(True, "you have asked already"))
+                answer(Reply(True, "you have already asked"))
             case "ask" if holder is not None:
                 self._set_control("asked", client, holder, answer)
             case "take" | "ask":
@@ -269,7 +269,7 @@ class SessionHub:
 
     def _holder_sentence(self) -> str:
         holder = self._holder
-        return f"{holder.name} does; ask for it, or take it" if holder is not None else "nobody does; take it"
+        return f"{holder.name} does; ask for it, or take it" if holder is not None else "no wizard holds it; take it"
 
     # --- control ------------------------------------------------------------------------------------------------
 

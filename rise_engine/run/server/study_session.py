@@ -187,7 +187,7 @@ class StudyPreparation:
             raise ServeRefused(exit_status.USAGE, str(error)) from None
         session = next((each for each in state.sessions if each.path.resolve() == path.resolve()), None)
         if session is None:
-            raise ServeRefused(exit_status.USAGE, f"{path.name} is no session of the study {state.study.id}")
+            raise ServeRefused(exit_status.USAGE, f"{path.name} is not a session of the study {state.study.id}")
         owner, named_participant = session.entry.participant, self.options.participant
         if named_participant not in ("", owner):
             raise ServeRefused(

@@ -137,13 +137,13 @@ RULES: list[tuple[str, str, str, list[tuple[str, str, str | None]]]] = [
      [TAKEN, ("asked", C, A), ("asked", B, A), ("given", A, B)]),
     ("giving unasked", "wa attaches, wb attaches, wa gives", "nobody has asked", [TAKEN]),
     ("giving what one has not", "wa attaches, wb attaches, wb gives", "control: wizard:a does", [TAKEN]),
-    ("releasing", "wa attaches, wa releases, wa acts", "nobody does; take it", [TAKEN, ("released", A, None)]),
+    ("releasing", "wa attaches, wa releases, wa acts", "no wizard holds it; take it", [TAKEN, ("released", A, None)]),
     ("releasing what one has not", "wa attaches, wb attaches, wb releases", "you do not hold control", [TAKEN]),
     ("no longer asking", "wa attaches, wb attaches, wb asks, wb releases, wa gives", "nobody has asked",
      [TAKEN, ("asked", B, A), ("released", B, A)]),
     ("free for who comes", "wa attaches, wa releases, wb attaches, wb acts", "",
      [TAKEN, ("released", A, None), ("taken", B, B)]),
-    ("the holder leaves", "wa attaches, wb attaches, wa leaves, wb acts", "nobody does; take it",
+    ("the holder leaves", "wa attaches, wb attaches, wa leaves, wb acts", "no wizard holds it; take it",
      [TAKEN, ("released", A, None)]),
     ("the holder leaves one who asked", "wa attaches, wb attaches, wb asks, wa leaves, wb acts", "",
      [TAKEN, ("asked", B, A), ("given", A, B)]),
@@ -236,7 +236,7 @@ def test_nobody_comes_under_a_name_that_looks_like_another_one(there: str, comes
 def test_a_name_stays_taken_when_its_owner_has_gone_and_after_the_engine_has() -> None:
     it = HubSession()
     it.hub.detach(it.hub.attach("cope", "wizard"))
-    with pytest.raises(Rejected, match="who is in this session's record"):
+    with pytest.raises(Rejected, match="a name in this session's record"):
         it.hub.attach("\u0441\u043e\u0440\u0435", "wizard")
     again = SessionHub(it.engine, view=it.hub.view)
     with pytest.raises(Rejected, match="looks like 'cope'"):

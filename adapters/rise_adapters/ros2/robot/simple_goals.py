@@ -89,7 +89,7 @@ class TopicGoal:
         self._host.on_goal_changed(self)
 
     def why_open(self) -> str:
-        return "an engine that has gone began it" if self._is_stoppable else "its topic takes no stop"
+        return "an engine that has gone began it" if self._is_stoppable else "its topic cannot be stopped"
 
     def is_live(self) -> bool:
         return self.phase != "ended"
@@ -112,7 +112,7 @@ class TopicGoal:
 
     def on_server_gone(self) -> None:
         if self.phase == "running":
-            self._end("lost", f"server-gone: what listened to {self.endpoint.name} has gone away in the middle of it")
+            self._end("lost", f"server-gone: what listened to {self.endpoint.name} went away during the action")
 
     def on_server_changed(self) -> None:
         """More or fewer listen: nothing to ask them."""
@@ -257,7 +257,7 @@ class ServiceGoal:
     def on_server_gone(self) -> None:
         self._mark_over()
         if self.phase == "running":
-            self._end("lost", f"server-gone: what offered {self.endpoint.name} has gone away in the middle of it")
+            self._end("lost", f"server-gone: what offered {self.endpoint.name} went away during the action")
 
     def on_server_changed(self) -> None:
         """Another one would not know the call: only the one that has it can answer."""
