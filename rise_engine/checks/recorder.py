@@ -14,8 +14,7 @@ from msgspec import Struct
 from rise_engine.checks.child import ChildRequest
 from rise_engine.checks.outcome import Finding
 from rise_engine.ports.recorder import CALL_SECONDS, Recorder, RecorderError, RecorderStatus, RecordingPlan
-from rise_engine.run.recording.calls import call_within
-from rise_engine.run.recording.one_recorder import recording_size
+from rise_engine.run.recording.one_recorder import call_within, recording_size
 from rise_engine.session.unfinished_files import erase_folder
 from rise_engine.study.model import RecorderSettings, RecordingSettings
 from rise_engine.study.recording_table import open_recorder
@@ -93,10 +92,10 @@ async def _try(settings: RecorderSettings, plan: RecordingPlan) -> RecorderTrial
 
 async def _watch(recorder: Recorder) -> tuple[RecorderStatus, RecorderStatus]:
     """How it stood at the beginning and after TEST_SECONDS."""
-    first = last = await call_within(CALL_SECONDS, recorder.status(), "how it stands")
+    first = last = await call_within(CALL_SECONDS, recorder.status(), "its state")
     for _ in range(round(TEST_SECONDS / LOOK_SECONDS)):
         await asyncio.sleep(LOOK_SECONDS)
-        last = await call_within(CALL_SECONDS, recorder.status(), "how it stands")
+        last = await call_within(CALL_SECONDS, recorder.status(), "its state")
         if not last.recording:
             raise RecorderError("it does not record any more")
     return first, last

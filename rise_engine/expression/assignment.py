@@ -241,7 +241,7 @@ def _read_left_side(text: str, start: int) -> tuple[str, Expression | None, int]
         return key, target, at + 1
     if at == end and target is None:
         hint = "a key has only letters, digits, `_` and dots"
-        raise ExpressionError(f"`{text[at]}` cannot stand in a key", text, at + 1, hint)
+        raise ExpressionError(f"`{text[at]}` is not allowed in a key", text, at + 1, hint)
     hint = f"write `{written} = value`" + ("; a key has no blanks" if target is None else "")
     raise ExpressionError(f"after the key `{written}` there must be a `=`", text, at + 1, hint)
 

@@ -13,7 +13,6 @@ from typing import Any, TypeAlias
 from rise_engine.expression.environment import MISSING, Environment, Json, lookup
 from rise_engine.expression.errors import EvaluationError
 from rise_engine.expression.functions import CONSTANTS, NUMERIC, power
-from rise_engine.expression.lists import LIST_FUNCTIONS, ListCall
 from rise_engine.expression.nodes import (
     Chain,
     Compare,
@@ -33,7 +32,9 @@ from rise_engine.expression.nodes import (
     with_all_brackets,
 )
 from rise_engine.expression.operators import (
+    LIST_FUNCTIONS,
     Condition,
+    ListCall,
     Number,
     Operand,
     Refuse,
@@ -196,7 +197,7 @@ class ExpressionCompiler:
             text = next(value for value in known if isinstance(value, str))
             other = next(value for value in known if not isinstance(value, str))
             raise EvaluationError(
-                f"`+` joins texts or adds numbers, and here {describe(text)} stands beside {describe(other)}; put the "
+                f"`+` joins texts or adds numbers, and this one has {describe(text)} and {describe(other)}; put the "
                 "value into a text with braces where it is said, as in `Number {n}`, or keep it as a text",
                 self.text,
             )

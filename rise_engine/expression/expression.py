@@ -9,7 +9,7 @@ from functools import cached_property
 from rise_engine.expression import nodes
 from rise_engine.expression.compiler import ExpressionCompiler
 from rise_engine.expression.environment import Environment, Json
-from rise_engine.expression.lists import CHANCE_FUNCTIONS, LIST_FUNCTIONS
+from rise_engine.expression.operators import CHANCE_FUNCTIONS, LIST_FUNCTIONS
 from rise_engine.expression.parser import parse
 from rise_engine.expression.parts import PartReader
 

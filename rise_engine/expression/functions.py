@@ -3,6 +3,10 @@
 All take and give doubles. A domain error gives NaN, an overflow infinity, as in the C library. `rand`, `length`,
 `lower` and `defined` need more than numbers; their arity is here, their meaning in the compiler, and that of the
 functions which give lists in `lists`.
+
+What each function of the language takes and gives, in words.
+
+For `rise-engine eval --functions`, for messages, and for docs/reference/conditions.md, which a test compares with this.
 """
 
 from __future__ import annotations
@@ -10,6 +14,116 @@ from __future__ import annotations
 import math
 from collections.abc import Callable
 from math import copysign, inf, nan
+from typing import NamedTuple
+
+# --- signatures -------------------------------------------------------------------------------------------------------
+
+
+class Signature(NamedTuple):
+    """One function as a person writes it."""
+
+    name: str
+    written: tuple[str, ...]
+    """Each way to call it."""
+    meaning: str
+    """Its result and its arguments, with their units."""
+    example: str
+    result: str
+    """What the example gives, as `rise-engine eval` shows it; of `rand`, a range."""
+
+    @property
+    def usage(self) -> str:
+        """All ways to call it, in backquotes."""
+        return " or ".join(f"`{each}`" for each in self.written)
+
+
+def _declare(calls: str, meaning: str, example: str, result: str) -> Signature:
+    """A function from the ways to call it, with `or` between them."""
+    return Signature(calls.partition("(")[0], tuple(calls.split(" or ")), meaning, example, result)
+
+
+SIGNATURES: tuple[Signature, ...] = (
+    _declare(
+        "rand(most) or rand(least, most)",
+        "a number by chance, from `least` (0 if left out) up to, but without, `most`; a new one each time, from the "
+        "session's seed. A whole number from 1 to 6: `floor(rand(1, 7))`",
+        "floor(rand(1, 7))",
+        "1 to 6",
+    ),
+    _declare("length(value)", "how many characters a text has, entries a list, keys an object", "length('Anna')", "4"),
+    _declare("lower(text)", "the text in small letters", "lower('Yes, PLEASE')", '"yes, please"'),
+    _declare("defined(key)", "whether the memory has this key, whatever its value", "defined(nobody)", "false"),
+    _declare(
+        "range(n) or range(first, end)",
+        "a list of whole numbers, from `first` (0 if left out) up to, but without, the last argument",
+        "range(2, 5)",
+        "[2, 3, 4]",
+    ),
+    _declare(
+        "shuffle(list)",
+        "the same entries in an order by chance, from the session's seed",
+        "shuffle(range(5))",
+        "[2, 1, 0, 4, 3]",
+    ),
+    _declare(
+        "sample(list, n)",
+        "n different entries of a list, drawn by chance, from the session's seed",
+        "sample(range(100), 3)",
+        "[49, 97, 53]",
+    ),
+    _declare(
+        "latin(list, k)",
+        "row k (from 0 on, and round again) of the balanced Latin square of a list: for as many participants as it has "
+        "entries (with an odd number: twice as many), every entry has every place and follows every other one, "
+        "equally often",
+        "latin(range(4), 1)",
+        "[1, 2, 0, 3]",
+    ),
+    _declare("abs(x)", "x without its sign", "abs(-2.5)", "2.5"),
+    _declare("floor(x)", "the next whole number below", "floor(-2.5)", "-3"),
+    _declare("ceil(x)", "the next whole number above", "ceil(2.1)", "3"),
+    _declare("round(x)", "the nearest whole number; of two, the even one", "round(2.5)", "2"),
+    _declare("min(a, b, ...)", "the smallest of two or more numbers", "min(3, 1, 2)", "1"),
+    _declare("max(a, b, ...)", "the largest of two or more numbers", "max(3, 1, 2)", "3"),
+    _declare("clamp(x, low, high)", "x, but not below `low` and not above `high`", "clamp(12, 0, 10)", "10"),
+    _declare("clamp01(x)", "x, but not below 0 and not above 1", "clamp01(1.5)", "1"),
+    _declare("lerp(a, b, t)", "the number on the way from a (t = 0) to b (t = 1)", "lerp(10, 20, 0.25)", "12.5"),
+    _declare("sqrt(x)", "the square root", "sqrt(9)", "3"),
+    _declare("pow(x, y)", "x to the power of y, as `x ^ y`", "pow(2, 10)", "1024"),
+    _declare("exp(x)", "e to the power of x", "exp(0)", "1"),
+    _declare("ln(x)", "the natural logarithm", "ln(e)", "1"),
+    _declare("log10(x)", "the logarithm to base 10", "log10(1000)", "3"),
+    _declare("sin(x)", "the sine; x in radians (`x * d2r` for degrees)", "sin(90 * d2r)", "1"),
+    _declare("cos(x)", "the cosine; x in radians", "cos(0)", "1"),
+    _declare("tan(x)", "the tangent; x in radians", "tan(0)", "0"),
+    _declare("asin(x)", "the angle in radians, -pi/2 to pi/2, whose sine is x", "asin(1) * r2d", "90"),
+    _declare("acos(x)", "the angle in radians, 0 to pi, whose cosine is x", "acos(1)", "0"),
+    _declare("atan(x)", "the angle in radians, -pi/2 to pi/2, whose tangent is x", "atan(0)", "0"),
+    _declare("atan2(y, x)", "the angle in radians, -pi to pi, of the direction (x, y)", "atan2(1, 0) * r2d", "90"),
+)
+"""Those that studies use most come first."""
+
+
+SITUATION_SIGNATURES: tuple[Signature, ...] = (
+    _declare(
+        "in('Rule', 'State')",
+        "whether this rule runs and is in this state",
+        "in('Greeting', 'Nobody')",
+        "true or false",
+    ),
+    _declare("rule('Rule')", "whether this rule runs", "not rule('Conversation')", "true or false"),
+    _declare(
+        "runs('Act')", "whether this act runs, at least once", "runs('R_LookAhead') and runs('R_Nod')", "true or false"
+    ),
+    _declare("waits('Act')", "whether this act waits to be run, at least once", "waits('R_Greeting')", "true or false"),
+)
+"""Those that only a property of a study can call (docs/reference/scenario.md): no session is asked for them."""
+
+
+def find_signature(name: str) -> Signature | None:
+    """The function of that name."""
+    return next((each for each in (*SIGNATURES, *SITUATION_SIGNATURES) if each.name == name), None)
+
 
 CONSTANTS = {"pi": math.pi, "e": math.e, "r2d": 180 / math.pi, "d2r": math.pi / 180}
 """`r2d` turns radians into degrees when multiplied, `d2r` the reverse. A memory key of the same name hides them."""

@@ -1,4 +1,10 @@
-"""Compiled operators: truth, comparisons and arithmetic. Operands are closures of one argument, the environment."""
+"""Compiled operators: truth, comparisons and arithmetic. Operands are closures of one argument, the environment.
+
+The functions that give lists: `range`, `shuffle`, `sample`, `latin` (semantics.md 8.6).
+
+Chance comes as `below(n)`, a whole number from 0 up to, but without, n. How often and in which order it is asked is
+part of what a session is, because it must be the same again.
+"""
 
 from __future__ import annotations
 
@@ -7,8 +13,116 @@ from collections.abc import Callable
 from typing import Any, TypeAlias
 
 from rise_engine.expression.environment import MISSING, Environment, Json
+from rise_engine.expression.errors import EvaluationError
 from rise_engine.expression.functions import divide
-from rise_engine.expression.values import contains, equal
+from rise_engine.expression.values import contains, describe, equal
+
+# --- lists ------------------------------------------------------------------------------------------------------------
+
+MAX_ENTRIES = 10_000
+"""Of a list that one of these functions takes or gives."""
+_LARGEST = 2**53
+"""Up to here doubles are exact."""
+LIST_FUNCTIONS = frozenset({"range", "shuffle", "sample", "latin"})
+CHANCE_FUNCTIONS = frozenset({"rand", "shuffle", "sample"})
+
+Below = Callable[[int], int]
+
+
+def shuffle(entries: list[Any], below: Below) -> list[Any]:
+    """All entries in an order by chance: Fisher and Yates, from the end; draws one number less than there are."""
+    result = entries.copy()
+    for last in range(len(result) - 1, 0, -1):
+        picked = below(last + 1)
+        result[last], result[picked] = result[picked], result[last]
+    return result
+
+
+def sample(entries: list[Any], count: int, below: Below) -> list[Any]:
+    """`count` different entries, in the order in which they were drawn; draws one number for each."""
+    rest = entries.copy()
+    result = []
+    for _ in range(count):
+        picked = below(len(rest))
+        result.append(rest[picked])
+        rest[picked] = rest[-1]  # the last of the rest takes the free place
+        rest.pop()
+    return result
+
+
+def latin_row(entries: list[Any], row: int) -> list[Any]:
+    """A row of the balanced Latin square of the entries (Williams 1949).
+
+    With an even number of entries the square has as many rows; with an odd number twice as many, of which the second
+    half are those of the first, backwards. Row numbers go round.
+    """
+    size = len(entries)
+    if size == 0:
+        return []
+    turn, backwards = row % size, size % 2 == 1 and row // size % 2 == 1
+    order = [(turn + (-(place // 2) if place % 2 == 0 else (place + 1) // 2)) % size for place in range(size)]
+    result = [entries[at] for at in order]
+    return result[::-1] if backwards else result
+
+
+class ListCall:
+    """One call of such a function; its own compiled operand."""
+
+    __slots__ = ("_list", "_name", "_numbers", "_text")
+
+    def __init__(self, name: str, entries: Operand | None, numbers: list[Number], text: str) -> None:
+        """`entries`: the list, which `range` does not take; `numbers`: the other arguments."""
+        self._name = name
+        self._list = entries
+        self._numbers = numbers
+        self._text = text
+
+    def __call__(self, env: Environment) -> list[Any]:
+        entries = self._entries(env)
+        numbers = [self._whole(number(env)) for number in self._numbers]
+        match self._name:
+            case "range":
+                first, end = (0, *numbers)[-2:]
+                self._check_count(max(0, end - first))
+                return list(range(first, end))
+            case "latin":
+                self._check_not_negative(numbers[0])
+                return latin_row(entries, numbers[0])
+        if env.below is None:
+            raise self._error(f"there is no source of chance here, so `{self._name}` has no value")
+        if self._name == "shuffle":
+            return shuffle(entries, env.below)
+        self._check_not_negative(numbers[0])
+        if numbers[0] > len(entries):
+            raise self._error(f"`sample` cannot draw {numbers[0]} different entries from a list of {len(entries)}")
+        return sample(entries, numbers[0], env.below)
+
+    def _entries(self, env: Environment) -> list[Json]:
+        """The list; a key that does not exist is an empty one."""
+        value = self._list(env) if self._list is not None else MISSING
+        if value is MISSING:
+            return []
+        if not isinstance(value, list):
+            raise self._error(f"`{self._name}` takes a list, not {describe(value)}")
+        self._check_count(len(value))
+        return value
+
+    def _whole(self, number: float) -> int:
+        if not -_LARGEST <= number <= _LARGEST or number != int(number):
+            raise self._error(f"`{self._name}` takes whole numbers, not {number!r}")
+        return int(number)
+
+    def _check_not_negative(self, number: int) -> None:
+        if number < 0:
+            raise self._error(f"`{self._name}` takes no number below 0, as {number} is")
+
+    def _check_count(self, count: int) -> None:
+        if count > MAX_ENTRIES:
+            raise self._error(f"`{self._name}` is for lists of at most {MAX_ENTRIES:,} entries, not {count:,}")
+
+    def _error(self, message: str) -> EvaluationError:
+        return EvaluationError(message, self._text)
+
 
 Condition: TypeAlias = Callable[[Environment], bool]
 Number: TypeAlias = Callable[[Environment], float]

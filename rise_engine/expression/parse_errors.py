@@ -7,9 +7,8 @@ from collections.abc import Sequence
 
 from rise_engine.base.nearest_name import Correction, nearest_name
 from rise_engine.expression.errors import ExpressionError, shorten
-from rise_engine.expression.functions import ANY_NUMBER_OF_ARGUMENTS, ARITY, SITUATION_ARITY
+from rise_engine.expression.functions import ANY_NUMBER_OF_ARGUMENTS, ARITY, SITUATION_ARITY, find_signature
 from rise_engine.expression.nodes import Compare, with_all_brackets
-from rise_engine.expression.signatures import find_signature
 from rise_engine.expression.tokens import RESERVED, Token
 
 _TEXT_OPERATORS = {
@@ -71,17 +70,17 @@ def missing_operand_error(text: str, tokens: Sequence[Token], at: int) -> Expres
         written = before.value + token.value
         return _wrong_operator(text, before.start, written, f"{token.kind}=")
     if token.kind == "+":
-        hint = "alone it stands only before a number that is written out; leave it out"
+        hint = "it is allowed only before a literal number; omit it"
         return ExpressionError("`+` needs a value on its left", text, column, hint)
     if token.kind == "[":
-        hint = "a list stands in the memory, under a key; `range(3)` makes 0, 1, 2"
-        return ExpressionError("`[` stands behind a key or a function", text, column, hint)
+        hint = "a list has to be a memory value; `range(3)` makes 0, 1, 2"
+        return ExpressionError("`[` must follow a key or a function", text, column, hint)
     if token.kind == ")" and before is not None and before.kind == "(":
         return ExpressionError("there is nothing between the brackets", text, column)
     if token.kind == "," and before is not None and before.kind in (",", "("):
         return ExpressionError("an argument is missing", text, column)
     if token.kind == "/" and re.compile(r"/\w").match(text, token.start):
-        hint = "an event topic cannot stand in a condition; a key is written without `/`"
+        hint = "an event topic is not allowed in a condition; a key is written without `/`"
         return ExpressionError("`/` needs a value on its left", text, column, hint)
     if before is None or before.kind in ("(", ","):
         return ExpressionError(f"`{token.value}` needs a value on its left", text, column)
@@ -106,7 +105,7 @@ def stray_token_error(text: str, tokens: Sequence[Token], at: int) -> Expression
         opening = "(" if token.kind == ")" else "["
         return ExpressionError("this bracket was never opened", text, column, f"remove it, or add `{opening}`")
     if token.kind == "[":
-        return ExpressionError("`[` stands behind a key or a function", text, column, "write `items[i].text`")
+        return ExpressionError("`[` must follow a key or a function", text, column, "write `items[i].text`")
     if token.kind == "," and before.kind == "number" and tokens[at + 1].kind == "number":
         number = f"{text[before.start : before.end]}.{text[tokens[at + 1].start : tokens[at + 1].end]}"
         return ExpressionError("numbers have a point, not a comma", text, column, f"write `{number}`")

@@ -197,7 +197,7 @@ class _Parser:
         """What stands behind a key or a call: `[i].text`, as often as it goes on."""
         if isinstance(base, Key) and base.name.endswith("."):
             dot = first.end - 1
-            raise ExpressionError("no dot stands before `[`", self.text, dot + 1, f"write `{base.name[:-1]}[`")
+            raise ExpressionError("there is no dot before `[`", self.text, dot + 1, f"write `{base.name[:-1]}[`")
         steps: list[str | Node] = []
         tokens = self.tokens
         while (token := tokens[self.at]).kind in ("[", "names"):

@@ -72,7 +72,7 @@ _HINTS = {
     ";": "separate arguments by a comma",
     "{": "braces belong to the parameters of actions; write the key alone",
     "}": "braces belong to the parameters of actions; write the key alone",
-    ".": "a name stands directly behind a dot: `items[i].text`",
+    ".": "a name follows a dot directly: `items[i].text`",
     "−": "write the plain minus sign `-`",
     "–": "write the plain minus sign `-`",
     "$": "write the key alone",

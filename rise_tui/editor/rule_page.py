@@ -14,7 +14,7 @@ from textual.widget import Widget
 
 from rise_engine.author.edit.edits import ReplaceFile
 from rise_engine.author.edit.outline import Written
-from rise_engine.author.trial.keeping import path_of_test, text_of_test
+from rise_engine.author.trial.study_test_run import path_of_test, text_of_test
 from rise_engine.author.trial.trial import Trial
 from rise_engine.scenario.model import Scenario
 from rise_tui.editor.model.draft import FilePlace

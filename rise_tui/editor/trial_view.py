@@ -18,8 +18,8 @@ from textual.containers import Vertical
 from textual.message import Message
 
 from rise_engine.author.drawing.state_graph import GraphLayout, lay_out_graph
-from rise_engine.author.trial.happened import happened
 from rise_engine.author.trial.trial import Trial
+from rise_engine.author.trial.trial_history import happened
 from rise_engine.scenario.model import Rule, Scenario
 from rise_tui.editor.model.trial_rows import (
     GO_ON,

@@ -17,7 +17,7 @@ from rise_engine.base.errors import AdapterError
 from rise_engine.base.exit_status import NO_SUCH_SESSION, USAGE
 from rise_engine.cli.program import main
 from rise_engine.ports.outlet import OutletPlan
-from rise_engine.run.recording.outlets import find_outlet
+from rise_engine.run.recording.companion_main import find_outlet
 
 
 def settings(scope: str) -> configparser.ConfigParser:

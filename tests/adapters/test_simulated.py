@@ -208,7 +208,7 @@ def test_a_carrier_that_takes_no_stop_is_never_confirmed() -> None:
     assert {"generic/gaze", "generic/speech"}.isdisjoint(report.confirmed)
     assert isinstance(ended, RobotChanged) and ended.status == "connected"  # the call has been answered
     (goal,) = ended.open
-    assert (goal.part, goal.reason, goal.holds) == ("generic/LookAt", "its topic takes no stop", False)
+    assert (goal.part, goal.reason, goal.holds) == ("generic/LookAt", "its topic cannot be stopped", False)
     bench.start("2/a", "LookAt", 1)  # what is published next replaces it, and goes on in its place
     assert [line[1:] for line in bench.run()[-4:]] == [
         ("robot", "connected"),

@@ -134,10 +134,10 @@ def test_what_is_about_the_whole_session_stands_alone_and_first(study: Path, tmp
         (1, "`fault` must be a text"),
         (2, "`seed` must be a whole number"),
         (3, "`seed` must be a whole number"),
-        (4, "stands alone"),
+        (4, "must be alone"),
         (5, "`condition` must be a text"),
         (7, "there is a seed already"),
-        (9, "it stands before the first task"),
+        (9, "write it before the first task"),
         (10, "did you mean `fault`?"),
     ):
         assert any(each.startswith(f"{script}:{line}:") and sentence in each for each in done.stderr.splitlines()), line
@@ -163,4 +163,4 @@ def test_a_session_that_runs_takes_no_faults(study: Path) -> None:
         live.until("task", behavior="Greet", status="SUCCEEDED")
         live.end_input()
         assert live.rest() == 2
-        assert "which runs already" in live.errors()
+        assert "which already runs" in live.errors()

@@ -75,7 +75,7 @@ REFUSED = [
     ("x := 1", 3, "write a single `=`"),
     ("x += 1", 3, "write `x = x + ...`"),
     ("2x = 1", 1, "begin it with a letter"),
-    ("my-key = 1", 3, "cannot stand in a key"),
+    ("my-key = 1", 3, "is not allowed in a key"),
     ("my key = 1", 4, "a key has no blanks"),
     ("n² = 1", 2, "write `^2`"),
     ("true = 1", 1, "cannot be a key"),

@@ -11,7 +11,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from rise_engine.expression import EvaluationError, Expression
-from rise_engine.expression.lists import MAX_ENTRIES
+from rise_engine.expression.operators import MAX_ENTRIES
 from rise_engine.kernel.rng import Rng
 
 MEMORY: dict[str, Any] = {"letters": ["a", "b", "c", "d", "e"], "n": 2, "name": "Ada", "long": [0] * (MAX_ENTRIES + 1)}

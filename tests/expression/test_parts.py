@@ -206,7 +206,7 @@ REFUSED = [
     ("items[0 +] = 1", 10, "a value is missing"),
     ("items[0] = ", 12, "there is no value after the `=`"),
     ("items[0] .x = 1", 10, "there must be a `=`"),
-    ("shuffle(x)[0] = 1", 8, "cannot stand in a key"),
+    ("shuffle(x)[0] = 1", 8, "is not allowed in a key"),
 ]
 
 

@@ -11,8 +11,7 @@ from click.testing import CliRunner
 
 from rise_engine.cli import main
 from rise_engine.expression import Expression, ExpressionError
-from rise_engine.expression.functions import ANY_NUMBER_OF_ARGUMENTS, ARITY
-from rise_engine.expression.signatures import SIGNATURES, Signature
+from rise_engine.expression.functions import ANY_NUMBER_OF_ARGUMENTS, ARITY, SIGNATURES, Signature
 
 DOCS = Path(__file__).parents[2] / "docs" / "reference" / "conditions.md"
 

@@ -7,10 +7,9 @@ from pathlib import Path
 import pytest
 
 from rise_engine.expression import AskedSituation, Assignment, Environment, EvaluationError, Expression, ExpressionError
-from rise_engine.expression.functions import ARITY, SITUATION_ARITY
+from rise_engine.expression.functions import ARITY, SITUATION_ARITY, SITUATION_SIGNATURES
 from rise_engine.expression.key_places import keys_in_expression, names_in_property
 from rise_engine.expression.nodes import SituationTest
-from rise_engine.expression.signatures import SITUATION_SIGNATURES
 from tests.expression.situation_tests import situation_tests
 
 DOCS = Path(__file__).parents[2] / "docs/reference/conditions.md"

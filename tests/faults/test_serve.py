@@ -254,7 +254,7 @@ def test_what_a_condition_sets_is_recorded_recovered_and_replayed(root: Path) ->
     study = folder(root / "study", CONDITIONS)
     for arguments, sentence in (
         (["--condition", "calmm"], "did you mean `calm`?"),
-        (["--condition", "calm", "--set", 'name="Anna"'], "`name` cannot be set beside the condition `calm`"),
+        (["--condition", "calm", "--set", 'name="Anna"'], "`name` cannot be set together with the condition `calm`"),
         (["--condition", "calm", "--set", 'name="Anna"', "--new"], "which says what it is"),
     ):
         refused = engine("serve", study, *arguments)

@@ -172,7 +172,7 @@ def test_run_plays_what_they_would_have_and_keeps_nothing(study: Path) -> None:
     real = engine("run", "--study", study, "--participant", "P01", "--mode", "real")
     assert real.returncode == 2 and "serve --study" in real.stderr
     other = engine("run", "--study", study, "--participant", "P01", "--set", "noise=7")
-    assert other.returncode == 2 and "`noise` cannot be set beside the condition" in other.stderr
+    assert other.returncode == 2 and "`noise` cannot be set together with the condition" in other.stderr
 
 
 def test_finished_sessions_are_listed(study: Path, root: Path) -> None:

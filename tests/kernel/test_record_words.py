@@ -6,7 +6,7 @@ from typing import Any
 
 import pytest
 
-from rise_engine.author.trial.happened import lines_of
+from rise_engine.author.trial.trial_history import lines_of
 from rise_engine.cli.session.transcript import Transcript
 from rise_engine.kernel.record_words import words_of
 from rise_engine.kernel.records import (

@@ -131,8 +131,8 @@ async def test_a_connection_that_is_lost_is_made_anew(tmp_path: Path, wired: Wir
     assert len(session.hub.clients) == 1, "the face that was before has left"
     assert [text.partition(":")[0] for text in session.notes if "ROS" in text] == [
         "the connection to ROS is lost",
-        "the connection to ROS cannot be made anew yet",
-        "the connection to ROS was made anew",
+        "ROS cannot be reached again yet",
+        "ROS is reached again",
     ]
     await bridge.close()
 

@@ -255,7 +255,7 @@ def test_feedback_that_would_not_be_heard_is_said_and_goals_are_sent() -> None:
     bench.run(6)
     (told,) = bench.of(RobotRecord)
     assert told.status == "degraded"
-    assert f"{SPEECH} publishes its feedback as best effort, and here it is wanted reliably" in told.detail
+    assert f"{SPEECH} publishes its feedback as best effort, and this program wants it reliably" in told.detail
     assert 'write `qos.feedback = { reliability = "best_effort" }` into the carrier' in told.detail
     bench.act()
     bench.run(20)
@@ -417,7 +417,7 @@ LIVE: dict[str, tuple[Callable[[MemoryTransport], None], str]] = {
     ),
     "another quality of service": (
         lambda node: unheard(serve(node)),
-        "/tin/speech publishes its feedback as best effort, and here it is wanted reliably",
+        "/tin/speech publishes its feedback as best effort, and this program wants it reliably",
     ),
     "two of it": (
         lambda node: (serve(node), serve(node)),  # type: ignore[dict-item,return-value]

@@ -128,7 +128,7 @@ NETWORK = [
     ({"ROS_DOMAIN_ID": "lab"}, "dds", "problem", "0 to 232"),
     ({"ROS_LOCALHOST_ONLY": "1"}, "rclpy", "warning", "whatever the discovery range says"),
     ({"ROS_AUTOMATIC_DISCOVERY_RANGE": "LOCALHOST"}, "rclpy", "note", "only programs on this machine"),
-    ({"ROS_AUTOMATIC_DISCOVERY_RANGE": "OFF"}, "rclpy", "problem", "nobody is found"),
+    ({"ROS_AUTOMATIC_DISCOVERY_RANGE": "OFF"}, "rclpy", "problem", "no node is found"),
     ({"ROS_AUTOMATIC_DISCOVERY_RANGE": "local"}, "rclpy", "problem", "'local'"),
     ({"ROS_DISCOVERY_SERVER": "10.0.0.1:11811"}, "dds", "warning", "ROS_DISCOVERY_SERVER"),
     ({"ROS_DISCOVERY_SERVER": "10.0.0.1:11811"}, "rclpy", "ok", ""),
@@ -192,7 +192,7 @@ def test_the_interfaces(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None
     both = {**good, "AMENT_PREFIX_PATH": f"{tmp_path}/good{os.pathsep}{tmp_path}/old"}
     assert "2 times" in said(list(installation.check_interfaces(both, "dds")), "warning")
     monkeypatch.setattr(installation, "own_hashes", lambda environment: {})
-    assert "cannot be told" in said(list(installation.check_interfaces(good, "dds")), "note")
+    assert "cannot be checked" in said(list(installation.check_interfaces(good, "dds")), "note")
 
 
 def test_our_own_hashes() -> None:
@@ -267,21 +267,21 @@ async def test_who_else_moves_the_robot(only: Any) -> None:
         ActionClient(lab.node(node), SPEECH["action"], SPEECH["type"])
     notes = said(await lab.examined(profile(Speech=SPEECH)), "note")
     assert notes.count("may send goals") == 1
-    assert "the node /teleop may send goals to /rise/robot/speech, too: what the robot does for it is in no" in notes
+    assert "the node /teleop may send goals to /rise/robot/speech, too; the record of this session does not" in notes
 
 
 @pytest.mark.parametrize(
     ("says", "level", "sentence"),
     [
         ((False,), "ok", "the emergency stop at /estop is heard, and is not pressed"),
-        ((True,), "warning", "the emergency stop at /estop is pressed let it go: until then nothing starts"),
+        ((True,), "warning", "the emergency stop at /estop is pressed release it: nothing starts before that"),
         (
             (None,),
             "problem",
             "the emergency stop at /estop has said nothing yet, so whether it is pressed is not known",
         ),
         ((), "problem", "the emergency stop at /estop cannot be heard: nothing publishes it as std_msgs/msg/Bool"),
-        ((False, True), "warning", "several publishers, of which the last word counts: /button0, /button1"),
+        ((False, True), "warning", "several publishers; the last message counts: /button0, /button1"),
     ],
 )
 async def test_an_emergency_stop(only: Any, says: tuple[bool | None, ...], level: str, sentence: str) -> None:
@@ -350,7 +350,7 @@ async def test_a_server_of_another_version(only: Any) -> None:
     assert "with another version of test_interfaces/action/Say" in said(findings, "problem")
     lab.wire.transports[0].hashes[f"{SPEECH['type']}_SendGoal_Request"] = ""
     findings = await lab.examined(profile(Speech=SPEECH))
-    assert exit_status(findings) == 0, "what is not known is no difference"
+    assert exit_status(findings) == 0, "what is unknown is no difference"
     assert "does not say which version of its types it has" in said(findings, "note")
 
 
@@ -368,7 +368,7 @@ async def test_who_does_not_hear_whom(only: Any) -> None:
     warnings = said(await lab.examined(None), "warning")
     assert "the node /cam publishes /gaze as best effort, and the node /gaze_trigger wants it reliably" in warnings
     assert "/words publishes /said as volatile, and the node /late wants it with what was said before" in warnings
-    assert f"another version of {LED['type']} than the node /other listens for: what arrives is garbage" in warnings
+    assert f"another version of {LED['type']} than the node /other listens for: the data is garbage" in warnings
     assert f"publishes /said as {LED['type']}, and the node /wrong listens for std_msgs/msg/String" in warnings
     assert warnings.count("publishes") == 4
 

@@ -87,7 +87,7 @@ def test_a04_no_acceptance_and_one_that_comes_too_late() -> None:
     bench = Bench([Plan(accept_after=3, seconds=60, status=False), Plan()])
     bench.act()
     bench.run(2.5)
-    assert bench.ending(TASK) == f"timed-out: no-accept: {SPEECH} did not say within 2 s whether it takes it"
+    assert bench.ending(TASK) == f"timed-out: no-accept: {SPEECH} did not say within 2 s whether it accepts it"
     assert bench.ended_at(TASK) == pytest.approx(2, abs=0.01)
     bench.run(3.2)
     assert bench.speech.goals[bench.speech.received[0]].status == CANCELED
@@ -220,7 +220,7 @@ def test_a07_one_of_two_servers() -> None:
     bench.run(1)
     mouth.close()
     bench.run(5)
-    assert bench.ending(TASK) == f"lost: server-gone: what offered {SPEECH} has gone away in the middle of it"
+    assert bench.ending(TASK) == f"lost: server-gone: what offered {SPEECH} went away during the action"
     assert bench.ending("2/2") == "succeeded"
     assert bench.robot_statuses() == ["connected", "degraded"]
     bench.check()
@@ -308,7 +308,7 @@ def test_a09_it_hangs() -> None:
     bench.act()
     bench.run(10)
     assert bench.ending(TASK) == (
-        f"timed-out: no-result: it was to take 2.8 s, and {SPEECH} had not ended it 2 s later"
+        f"timed-out: no-result: it should have taken 2.8 s, and {SPEECH} had not ended it 2 s later"
     )
     assert bench.speech.cancels == bench.speech.received and bench.speech.running() == []
     bench.check()
@@ -340,7 +340,7 @@ def test_a11_the_result_comes_twice() -> None:
     bench.act()
     bench.run(5)
     assert bench.history(TASK) == ["started", "accepted", "succeeded"]
-    assert bench.notes() == ["duplicate: the result of 2/1 came twice; the second one counts for nothing"]
+    assert bench.notes() == ["duplicate: the result of 2/1 came twice; the second one is ignored"]
     bench.check()
 
 
@@ -350,7 +350,7 @@ def test_a11_the_acceptance_comes_twice() -> None:
     bench.act()
     bench.run(5)
     assert bench.history(TASK) == ["started", "accepted", "succeeded"]
-    assert bench.notes() == [f"duplicate: {SPEECH} answered twice whether it takes 2/1"]
+    assert bench.notes() == [f"duplicate: {SPEECH} answered twice whether it accepts 2/1"]
     bench.check()
 
 

@@ -98,7 +98,7 @@ SERVICE = {
     ),
     "it takes longer than the profile allows": (
         ("Speech=slow:3",), 20, "timed-out",
-        "no-result: it was to take 10.3 s, and /zora/say had not ended it 2 s later", ["begun"],
+        "no-result: it should have taken 10.3 s, and /zora/say had not ended it 2 s later", ["begun"],
     ),
 }  # fmt: skip
 

@@ -23,7 +23,7 @@ def test_whatever_happens_the_session_says_what_is_so() -> None:
         (("start", "take", "cancel", "refuses_to_stop", "wait", "refuses_to_stop"), "it refused to stop"),
         (("start", "take", "cancel", "wait"), "it has not ended yet"),
         (("start", "take", "cut"), "its program has gone"),
-        (("start", "stop", "wait", "take"), "it began late and is to stop"),
+        (("start", "stop", "wait", "take"), "it began late and should stop"),
         (("start", "take", "engine_dies"), "an engine that has gone began it"),
         (("start", "engine_dies"), "an engine that has gone may have begun it"),
     ],
@@ -39,7 +39,7 @@ def test_a_goal_that_begins_after_its_stop_is_stopped_and_the_panel_says_so() ->
     assert said is not None and said.unconfirmed == (f"{goal_model.PART} (it has not answered and may still begin)",)
     play_more(world, "take")
     said = world.stop_said()
-    assert said is not None and said.unconfirmed == (f"{goal_model.PART} (it began late and is to stop)",)
+    assert said is not None and said.unconfirmed == (f"{goal_model.PART} (it began late and should stop)",)
     play_more(world, "is_stopped_by_robot")
     said = world.stop_said()
     assert said is not None and said.confirmed == (goal_model.PART,) and said.unconfirmed == ()

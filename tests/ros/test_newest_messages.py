@@ -9,8 +9,8 @@ from types import SimpleNamespace
 from typing import Any, cast
 
 from rise_adapters.ros2.transport.port import QoS
+from rise_adapters.ros2.transport.rclpy.entities import RclpySubscription
 from rise_adapters.ros2.transport.rclpy.node import SpinningNode, _node_class
-from rise_adapters.ros2.transport.rclpy.topics import RclpySubscription
 
 
 class Handle(nullcontext[None]):

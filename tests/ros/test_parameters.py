@@ -135,10 +135,10 @@ def test_what_a_file_gives_to_all_nodes_is_passed_over_with_a_note(
     assert options("--params-file", str(file)) == ["--dwell=1"]
     notes = capsys.readouterr().err.splitlines()
     assert [note.partition(":")[0] for note in notes] == ["note", "note"]
-    assert "the parameter use_sim_time is true" in notes[0] and "is passed over here" in notes[0]
+    assert "the parameter use_sim_time is true" in notes[0] and "is ignored here" in notes[0]
     assert "qos_overrides./scan.subscription.depth" in notes[1]
     file.write_text(f"gaze_trigger:\n  {given}")
-    with pytest.raises(PortError, match=r"does not follow /clock: .*; leave it out"):
+    with pytest.raises(PortError, match=r"does not follow /clock: .*; omit it"):
         options("--params-file", str(file))
 
 

@@ -280,7 +280,7 @@ def test_the_status_topic_says_that_it_stops_although_the_answer_did_not() -> No
     ("end", "ending"),
     [
         (4, f"succeeded: result-not-kept: it says that it succeeded, and {SPEECH} did not keep its result"),
-        (6, f"failed: aborted: why is not known; {SPEECH} did not keep its result"),
+        (6, f"failed: aborted: the reason is unknown; {SPEECH} did not keep its result"),
         (5, f"canceled: canceled: somebody else stopped it; {SPEECH} did not keep its result"),
     ],
 )

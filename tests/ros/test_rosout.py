@@ -50,7 +50,7 @@ async def test_what_somebody_greps_for(tmp_path: Path) -> None:
         assert (INFO, "robot connected: Pepper") in said
         rejected = [text for level, text in said if level == WARN and " was rejected: " in text]
         assert rejected[0].startswith("act Sotry was rejected: there is no")
-        assert rejected[1].startswith("release /node was rejected: a stop is released by who")
+        assert rejected[1].startswith("release /node was rejected: a stop can be released by the")
         assert all(text.endswith(" (asked for by ros:domain_task)") for text in rejected)
         assert (WARN, "stop requested by ros:domain_task") in said
         assert {each["name"] for each in heard} == {"rise"} and all(each["stamp"]["sec"] > 0 for each in heard)

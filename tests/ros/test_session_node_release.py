@@ -50,11 +50,19 @@ async def test_a_node_that_the_scenario_names_releases_a_stop_and_the_record_say
 @pytest.mark.parametrize(
     ("named", "says", "why"),
     [
-        ((), "", "a stop is released by who holds control, or by a node that scenario.toml names; a node says who"),
+        (
+            (),
+            "",
+            "a stop can be released by the wizard who holds control, or by a node that scenario.toml names; a node",
+        ),
         ((), "/node", 'or by a node that scenario.toml names: [control] may_release = ["/node"]'),
-        (("/lab/boss",), "/node", "a stop is released by who holds control, or by /lab/boss, and not by /node"),
+        (
+            ("/lab/boss",),
+            "/node",
+            "a stop can be released by the wizard who holds control, or by /lab/boss, and not by /node",
+        ),
         (("/lab/boss",), "/lab/boss", "it says that it is /lab/boss, and no node of that name uses /rise/domain_task"),
-        (("/node",), "node", "a stop is released by who holds control, or by /node, and not by node"),
+        (("/node",), "node", "a stop can be released by the wizard who holds control, or by /node, and not by node"),
     ],
 )
 @pytest.mark.slow

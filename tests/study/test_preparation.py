@@ -119,5 +119,5 @@ def test_a_session_elsewhere_in_the_study_is_not_theirs(folder: Path, tmp_path: 
         SessionPreparation(options(folder, unfinished="yesterday"), lambda message: None)
     elsewhere = tmp_path / "copy"
     path.rename(elsewhere)
-    with pytest.raises(ServeRefused, match="is no session of the study hesitation"):
+    with pytest.raises(ServeRefused, match="is not a session of the study hesitation"):
         SessionPreparation(options(folder, unfinished=str(elsewhere)), lambda message: None)

@@ -86,14 +86,14 @@ folder = 7
     assert told == [
         "1:17: error unknown-name: there is no recorder `fmpeg`; did you mean `ffmpeg`?",
         '2:15: error recorder-option: `url` begins with ws:// or wss://: url = "ws://127.0.0.1:4455"',
-        "2:55: error recorder-option: `pasword_file` is no option of this recorder; did you mean `password_file`?",
+        "2:55: error recorder-option: `pasword_file` is not an option of this recorder; did you mean `password_file`?",
         "3:24: error recorder-option: `port` is a whole number from 1 to 65535",
         "3:42: error wrong-value: `soon` is not a time without growth after which it counts as stalled; write "
         "10 s, from 3 s to 1 h",
         '4:32: error recorder-option: `input` is a list of texts: input = ["-f", "v4l2", "-i", "/dev/video0"]',
         "4:47: error recorder-option: `kind` is one of video, audio",
         '5:32: error recorder-option: `node` is the full name of the node that records: node = "/rosbag2_recorder"',
-        "5:53: error recorder-option: `topics` is for a recorder that is started for the session; what is at "
+        "5:53: error recorder-option: `topics` is for a recorder that is started for the session; the recorder at "
         "`node` has its own",
         '6:1: error missing-value: `room` does not say by what it records: room = { by = "..." }, one of '
         "`ffmpeg`, `labrecorder`, `obs`, `rosbag2`",

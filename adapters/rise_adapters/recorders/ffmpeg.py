@@ -10,9 +10,8 @@ import asyncio
 from collections.abc import Mapping
 from pathlib import Path
 
-from rise_adapters.recorders.files import new_path, recording_stem, size_of
 from rise_adapters.recorders.options import OptionReader
-from rise_adapters.recorders.program import RecordingProgram
+from rise_adapters.recorders.program import RecordingProgram, new_path, recording_stem, size_of
 from rise_engine.ports.recorder import (
     MediaKind,
     RecorderError,
@@ -49,7 +48,7 @@ class FfmpegRecorder:
         self.output = read.texts("output", 'output = ["-c:v", "libx264", "-preset", "veryfast"]')
         for key, values in (("input", self.input), ("output", self.output)):
             if own := next((each for each in values if each in _OWN), None):
-                read.refuse(f"`{key}` has {own}, which is said already")
+                read.refuse(f"`{key}` has {own}, which is already set")
         self.kind: MediaKind = "audio" if read.choice("kind", ("video", "audio")) == "audio" else "video"
         self.program = read.text("program", "ffmpeg")
         read.finish()
@@ -117,7 +116,7 @@ class FfmpegRecorder:
         if path is None or not size_of(path):
             raise RecorderError("nothing was recorded")
         if not ended_well:
-            raise RecorderError("ffmpeg did not end when it was asked to, and was killed; its file has no proper end")
+            raise RecorderError("ffmpeg did not end when it was asked to, and was killed; its file is not complete")
         return str(path)
 
     async def close(self) -> None:

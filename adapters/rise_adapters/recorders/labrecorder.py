@@ -13,8 +13,8 @@ from collections.abc import Mapping
 from contextlib import suppress
 from pathlib import Path
 
-from rise_adapters.recorders.files import new_path, recording_stem, size_of
 from rise_adapters.recorders.options import OptionReader
+from rise_adapters.recorders.program import new_path, recording_stem, size_of
 from rise_engine.base.text import clean
 from rise_engine.ports.recorder import MediaKind, RecorderError, RecorderStatus, RecordingPlan
 from rise_engine.scenario.model import Json
@@ -114,7 +114,8 @@ class LabRecorder:
         except OSError as error:
             why = error.strerror or str(error)
         raise RecorderError(
-            f"LabRecorder is not reached at {self.host}:{self.port} ({why}): is it running, with its remote control on?"
+            f"LabRecorder cannot be reached at {self.host}:{self.port} ({why}): "
+            "is it running, with its remote control on?"
         )
 
     async def _send(self, *commands: str) -> None:

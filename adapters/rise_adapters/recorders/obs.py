@@ -161,7 +161,7 @@ class ObsRecorder:
             raise RecorderError(f"OBS did not answer within {ANSWER_SECONDS:g} s at {self.url}") from None
         except (ClientError, OSError, ValueError) as error:
             raise RecorderError(
-                f"OBS is not reached at {self.url}: is it running, and is its WebSocket server on (Tools)? ({error})"
+                f"OBS cannot be reached at {self.url}: is it running, and is its WebSocket server on (Tools)? ({error})"
             ) from None
         self._socket = socket
         self._reading = asyncio.create_task(self._read(socket))
@@ -186,7 +186,7 @@ class ObsRecorder:
         try:
             return path.read_text("utf-8").strip()
         except (OSError, ValueError) as error:
-            why = error.strerror if isinstance(error, OSError) else "it is no text"
+            why = error.strerror if isinstance(error, OSError) else "it is not text"
             raise RecorderError(
                 f"the file with the password of OBS cannot be read ({self.password_file}): {why}"
             ) from None
@@ -239,7 +239,7 @@ async def _receive(socket: ClientWebSocketResponse, wanted: int) -> object:
     message = await socket.receive()
     if message.type is not WSMsgType.TEXT:
         if socket.close_code == _AUTHENTICATION_FAILED:
-            raise RecorderError("OBS did not take the password")
+            raise RecorderError("OBS did not accept the password")
         raise RecorderError(f"OBS has closed the connection (code {socket.close_code})")
     found = _table(message.json())
     if found.get("op") != wanted:
@@ -254,7 +254,7 @@ def _refusal(request: str, answer: dict[str, Any]) -> str:
         return ""
     code = _whole(status.get("code")) or 0
     if request == "StartRecord" and code == _OUTPUT_RUNNING:
-        return "OBS records already: stop that first, so that no recording of somebody else goes on"
+        return "OBS is already recording: stop that first, so that no other recording goes on"
     said = clean(_text(status.get("comment")))
     return f"OBS refused {request} (code {code})" + (said and f": {said}")
 

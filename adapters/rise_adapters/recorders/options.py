@@ -18,7 +18,7 @@ class OptionReader:
         :param known: every option that there is.
         """
         self.options = options
-        self.problems = [f"`{key}` is no option of this recorder{did_you_mean(key, known)}" for key in options
+        self.problems = [f"`{key}` is not an option of this recorder{did_you_mean(key, known)}" for key in options
                          if key not in known]  # fmt: skip
 
     def text(self, key: str, usual: str = "", *, needed: str = "") -> str:

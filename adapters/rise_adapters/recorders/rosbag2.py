@@ -16,9 +16,8 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from rise_adapters.recorders.files import new_path, recording_stem, size_of
 from rise_adapters.recorders.options import OptionReader
-from rise_adapters.recorders.program import RecordingProgram
+from rise_adapters.recorders.program import RecordingProgram, new_path, recording_stem, size_of
 from rise_engine.base.errors import AdapterError
 from rise_engine.base.text import clean
 from rise_engine.ports.recorder import (
@@ -65,7 +64,9 @@ def open_rosbag2(name: str, options: Mapping[str, Json]) -> Recorder:
         if not node.startswith("/"):
             read.refuse('`node` is the full name of the node that records: node = "/rosbag2_recorder"')
         for key in of_program:
-            read.refuse(f"`{key}` is for a recorder that is started for the session; what is at `node` has its own")
+            read.refuse(
+                f"`{key}` is for a recorder that is started for the session; the recorder at `node` has its own"
+            )
     else:
         for key in of_node:
             read.refuse(f"`{key}` goes with `node`, a recorder that runs already")
@@ -245,4 +246,4 @@ class BagOverServices:
 
 
 def _reindex(path: Path) -> str:
-    return f"`ros2 bag reindex {path}` mends it"
+    return f"`ros2 bag reindex {path}` repairs it"

@@ -117,7 +117,7 @@ class Ros2Bridge:
             except AdapterError as error:
                 if str(error) != reported:
                     reported = str(error)
-                    self._record_note(f"the connection to ROS cannot be made anew yet: {reported}")
+                    self._record_note(f"ROS cannot be reached again yet: {reported}")
                 continue
             reported = ""
             interface, self._interface = self._interface, None
@@ -129,9 +129,9 @@ class Ros2Bridge:
                     self._robot.switch_transport(fresh)
                 if self._hub is not None and not self._hub.engine.ended:
                     self._open_interface(NeighbourSessions(fresh, self._neighbours.announcement))
-                self._record_note("the connection to ROS was made anew")
+                self._record_note("ROS is reached again")
             except PortError as error:  # it may have gone again already
-                self._record_note(f"the new connection to ROS cannot be used: {error}")
+                self._record_note(f"the new connection to ROS does not work: {error}")
             before.close()
 
     def _record_note(self, text: str) -> None:

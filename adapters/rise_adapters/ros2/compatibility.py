@@ -102,7 +102,7 @@ def describe_several_servers(count: int, full: str) -> str:
 
 def describe_uncompared(full: str) -> str:
     """The sentence about an other side that does not say what its types are."""
-    return f"{full} does not say which version of its types it has, so nobody can tell whether it is that of this side"
+    return f"{full} does not say which version of its types it has, so the two sides cannot be compared"
 
 
 def describe_misfits(misfits: Iterable[Misfit]) -> str:
@@ -144,7 +144,7 @@ def _compare_servers(transport: Transport, mapping: ActionMapping) -> EndpointCo
                     if answers
                     else f"wants {'goals' if is_action else 'calls'} {conflict.wanted}"
                 )
-                misfit = Misfit(OTHER_QUALITY, full, f"{does}, which no service of ROS is", "correct it in the wrapper")
+                misfit = Misfit(OTHER_QUALITY, full, f"{does}, which no ROS service is", "correct it in the wrapper")
             if misfit is not None:
                 found.unusable.append(misfit)
     takes, answers_all = (all((service, answers) in seen for service in services) for answers in (False, True))
@@ -156,7 +156,7 @@ def _compare_servers(transport: Transport, mapping: ActionMapping) -> EndpointCo
             if misfit is not None:
                 found.unusable.append(misfit)
             elif wanted is not None and (conflict := qos_conflict(end.qos, wanted)):
-                statement = f"publishes its {part} {conflict.offered}, and here it is wanted {conflict.wanted}"
+                statement = f"publishes its {part} {conflict.offered}, and this program wants it {conflict.wanted}"
                 found.unheard.append(_qos_misfit(full, statement, f"qos.{part}", conflict.for_reader))
     return found
 
@@ -217,7 +217,7 @@ def _type_misfit(
     goes to `found`."""
     verb = "taken" if mapping.kind == "topic" else "offered"
     if end.type != wanted:
-        there = ros_type(end.type) or "something that is no type of ROS"
+        there = ros_type(end.type) or "something that is not a ROS type"
         remedy = "correct `carrier.type` in the robot's profile, or start the wrapper that fits it"
         return Misfit(OTHER_TYPE, full, f"is {verb} as {there}, not as {mapping.type}", remedy)
     own = transport.type_hash(wanted)

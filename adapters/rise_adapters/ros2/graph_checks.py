@@ -49,7 +49,7 @@ def other_clients(transport: Transport, action: str) -> list[str]:
 
 def describe_other_client(node: str, action: str) -> str:
     """The sentence about somebody who may move the robot, too."""
-    return f"{describe_node(node)} may send goals to {action}, too: what the robot does for it is in no record here"
+    return f"{describe_node(node)} may send goals to {action}, too; the record of this session does not contain these"
 
 
 def describe_strangers(transport: Transport) -> list[str]:
@@ -86,7 +86,7 @@ def describe_topic_misfits(transport: Transport, topic: str) -> list[str]:
                     found[f"{what}: nothing arrives"] = None
             elif publisher.hash and listener.hash and publisher.hash != listener.hash:
                 what = f"{who} publishes {topic} with another version of {publisher.type} than {whom} listens for"
-                found[f"{what}: what arrives is garbage"] = None
+                found[f"{what}: the data is garbage"] = None
             elif conflict := qos_conflict(publisher.qos, listener.qos):
                 what = f"{who} publishes {topic} {conflict.offered}, and {whom} wants it {conflict.wanted}"
                 found[f"{what}: nothing arrives"] = None

@@ -95,8 +95,8 @@ def parameters_as_options(
         name = each.name.replace("-", "_")
         if unfollowed := _why_unfollowed(name, each.value):
             if not each.for_all_nodes:
-                raise PortError(f"{unfollowed}; leave it out")
-            print(f"note: {unfollowed}; it stands in a file for all nodes, and is passed over here", file=sys.stderr)
+                raise PortError(f"{unfollowed}; omit it")
+            print(f"note: {unfollowed}; it is in a file for all nodes, and is ignored here", file=sys.stderr)
         elif name in options:
             chosen[name] = each.value
         elif not each.for_all_nodes and name != SIM_TIME:
@@ -179,11 +179,13 @@ def _read_file(path: Path, full: str) -> Iterator[GivenParameter]:
 
 def _find_sections(table: Any, where: str, path: str) -> Iterator[tuple[str, dict[str, Any]]]:
     if not isinstance(table, dict):
-        raise PortError(f"--params-file {path}: below a node's name stands `ros__parameters:`, and below that its own")
+        raise PortError(
+            f"--params-file {path}: a node's name has `ros__parameters:` below it, and that has the node's parameters"
+        )
     for key, value in table.items():
         if key == "ros__parameters":
             if value and not isinstance(value, dict):
-                raise PortError(f"--params-file {path}: below ros__parameters stand names with values")
+                raise PortError(f"--params-file {path}: ros__parameters has names with values below it")
             yield where, value or {}
         else:
             yield from _find_sections(value, f"{where}/{str(key).strip('/')}", path)

@@ -118,7 +118,7 @@ def parse_fault(text: str, profile: RobotProfile) -> Fault:
     nth = None
     if match["nth"] is not None:
         if not match["nth"].isdecimal() or int(match["nth"]) < 1:
-            raise ValueError(f"the fault {text!r} cannot be read: after @ goes which one it is, 1 for the first")
+            raise ValueError(f"the fault {text!r} cannot be read: write its number after @, 1 for the first")
         nth = int(match["nth"])
     return ActionFault(action, kind, amount, nth)
 

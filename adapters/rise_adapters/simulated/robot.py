@@ -225,7 +225,7 @@ class SimulatedRobot:
         if ending.action in self._open:
             self._close(ending.action)
         elif goal is not None and goal.accepted and self._carrier_without_stop(goal.type) == "topic":
-            self._leave_open(ending.action, goal, "its topic takes no stop", ending, holds=False)
+            self._leave_open(ending.action, goal, "its topic cannot be stopped", ending, holds=False)
         else:
             self._report(ending)
         self._repeat_stop_report()

@@ -12,7 +12,6 @@ from collections.abc import Callable, Iterator
 from typing import Any
 
 from rise_engine.expression import Assignment, Expression
-from rise_engine.expression.lists import LIST_FUNCTIONS
 from rise_engine.expression.nodes import (
     Chain,
     Compare,
@@ -30,6 +29,7 @@ from rise_engine.expression.nodes import (
     may_join,
     walk,
 )
+from rise_engine.expression.operators import LIST_FUNCTIONS
 from rise_engine.scenario.model import Scenario
 
 EXACT_WHOLE_NUMBERS = 2**53

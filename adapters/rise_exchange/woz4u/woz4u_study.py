@@ -167,7 +167,7 @@ class _StudyMaker:
             found = self.read_text(text.strip())
             if found is None:
                 self.left_out.append(
-                    f"line {item.line}: “{item.title}” says the text file {text.strip()}, which is not there"
+                    f"line {item.line}: “{item.title}” says the text file {text.strip()}, which does not exist"
                 )
                 return []
             text = found

@@ -10,7 +10,7 @@ from __future__ import annotations
 
 from typing import NamedTuple
 
-from rise_engine.author.drawing.act_levels import action_levels
+from rise_engine.author.drawing.act_seconds import action_levels
 from rise_engine.scenario.model import Act
 
 _ENTERS = {(True, True): "╰", (True, False): "├", (False, True): "┴", (False, False): "┼"}

@@ -4,9 +4,9 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 
-from rise_engine.author.drawing.labels import transition_label
 from rise_engine.author.drawing.pictures import call_text
-from rise_engine.author.drawing.state_order import find_state_order
+from rise_engine.author.drawing.rule_text import transition_label
+from rise_engine.author.drawing.state_graph import find_state_order
 from rise_engine.base.text import clean
 from rise_engine.scenario.model import Act, Action, Rule
 

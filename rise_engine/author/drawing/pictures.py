@@ -5,8 +5,14 @@ from __future__ import annotations
 from typing import Literal, NamedTuple, TypeAlias
 
 from rise_engine.author.drawing.act_graph import ActRow, act_rows
-from rise_engine.author.drawing.cells import cell_length, shorten_to
-from rise_engine.author.drawing.state_graph import GraphEdge, GraphLayout, GraphRow, lay_out_graph
+from rise_engine.author.drawing.state_graph import (
+    GraphEdge,
+    GraphLayout,
+    GraphRow,
+    cell_length,
+    lay_out_graph,
+    shorten_to,
+)
 from rise_engine.base.text import clean, pluralize
 from rise_engine.scenario.model import Act, Action, ActionCall, Rule
 from rise_engine.scenario.ssml import plain_words

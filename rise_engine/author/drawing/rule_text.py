@@ -5,12 +5,12 @@ from __future__ import annotations
 from collections.abc import Iterator, Mapping
 from typing import Any, NamedTuple
 
-from rise_engine.author.drawing.labels import delay_text
 from rise_engine.base.typed_values import format_value
 from rise_engine.expression import Environment, EvaluationError, Expression, lookup
 from rise_engine.scenario.model import (
     CUE_TOPICS,
     Block,
+    Delay,
     Function,
     If,
     OneOf,
@@ -21,6 +21,37 @@ from rise_engine.scenario.model import (
     normal_topic,
     result_topics,
 )
+
+# --- labels -----------------------------------------------------------------------------------------------------------
+
+
+def delay_text(delay: Delay) -> str:
+    """A time as it is shown: `8 s`, or the expression that gives it."""
+    return delay.text if delay.seconds is None else f"{delay.seconds:g} s"
+
+
+def transition_label(transition: Transition, *, condition: bool = False) -> str:
+    """A transition's short name: its event, its time, or its condition; with `condition`, also what must be true then.
+
+    >>> transition_label(Transition(event="next", target="Tea"))
+    'next'
+    """
+    label = _waited_label(transition)
+    if condition and transition.condition is not None and not transition.is_eventless:
+        return f"{label} if {transition.condition.text}"
+    return label
+
+
+def _waited_label(transition: Transition) -> str:
+    if transition.ended is not None:
+        return f"{transition.ended} {' or '.join(transition.outcomes) or 'ended'}"
+    if transition.event is not None:
+        return transition.event
+    if transition.after is not None:
+        time = f"after {delay_text(transition.after)}"
+        return time if transition.held is None else f"{time} of {transition.held.text}"
+    return transition.condition.text if transition.condition is not None else "at once"
+
 
 ENDINGS = {"_end": "to end", "_succeeded": "to succeed", "_failed": "to fail", "_stopped": "to be stopped"}
 """What the engine raises about acts; about rules only the first."""

@@ -9,14 +9,143 @@ The layout depends on the rule and the width alone: a state never changes its pl
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from itertools import zip_longest
 from typing import Literal, NamedTuple, TypeAlias
+from unicodedata import category, east_asian_width
 
-from rise_engine.author.drawing.cells import cell_length
-from rise_engine.author.drawing.labels import transition_label
-from rise_engine.author.drawing.state_order import StateOrder, find_state_order
+from rise_engine.author.drawing.rule_text import transition_label
+from rise_engine.base.text import clean
 from rise_engine.scenario.model import Rule
+
+# --- cells of text ----------------------------------------------------------------------------------------------------
+
+_WITHOUT_WIDTH = ("Mn", "Me", "Cf")
+"""Marks that stand on the character before, and characters that are not seen."""
+
+
+def cell_length(text: str) -> int:
+    """The cells of a text: two for East Asian wide characters and most emoji, none for combining marks
+    (https://www.unicode.org/reports/tr11/).
+
+    >>> cell_length("Grün"), cell_length("挨拶"), cell_length("e\\u0301")
+    (4, 4, 1)
+    """
+    if text.isascii():
+        return len(text)
+    return sum(_character_cells(character) for character in text)
+
+
+def _character_cells(character: str) -> int:
+    if category(character) in _WITHOUT_WIDTH:
+        return 0
+    return 2 if east_asian_width(character) in ("W", "F") else 1
+
+
+def shorten_to(text: str, width: int) -> str:
+    """The text, made safe to show, in at most `width` cells; what does not fit ends in `…`.
+
+    >>> shorten_to("After the welcome", 10)
+    'After the…'
+    """
+    text = clean(text)
+    if cell_length(text) <= width:
+        return text
+    cells, kept = 0, ""
+    for character in text:
+        cells += _character_cells(character)
+        if cells > width - 1:
+            break
+        kept += character
+    return kept.rstrip() + "…" if width > 0 else ""
+
+
+# --- the order of states ----------------------------------------------------------------------------------------------
+
+Ways = Mapping[str, Sequence[str]]
+"""For every state the states that it can go to, in the file's order, each once."""
+
+
+class StateOrder(NamedTuple):
+    """All states of a rule, each once."""
+
+    states: tuple[str, ...]
+    reached: int
+    """How many of them, from the first on, some course of the rule can reach; the others stand behind them."""
+
+
+def find_state_order(rule: Rule) -> StateOrder:
+    """The rule's states: what follows stands below, its first way first, and an end behind what goes on.
+
+    Depends on the rule alone, so that a state never changes its place.
+    """
+    ways = {
+        name: tuple(dict.fromkeys(way.target for way in state.transitions if way.target in rule.states))
+        for name, state in rule.states.items()
+    }
+    first = [rule.initial] if rule.initial in ways else []
+    course = _find_course(first, ways)
+    rest = _find_course((name for name in ways if name not in set(course)), ways, frozenset(course))
+    return StateOrder((*course, *rest), len(course))
+
+
+def _find_course(roots: Iterable[str], ways: Ways, known: frozenset[str] = frozenset()) -> list[str]:
+    """Everything that the roots reach: a state comes after all that lead to it, loops left aside."""
+    entries, loops, found = _explore(roots, ways, known)
+    open_ways = dict.fromkeys(found, 0)
+    for source in found:
+        for target in _onward_states(source, ways, loops, open_ways):
+            open_ways[target] += 1
+    placed: list[str] = []
+    ready = [root for root in reversed(entries) if not open_ways[root]]
+    while ready:
+        state = ready.pop()
+        placed.append(state)
+        follow = []
+        for target in _onward_states(state, ways, loops, open_ways):
+            open_ways[target] -= 1
+            if not open_ways[target]:
+                follow.append(target)
+        follow.reverse()  # the last is the next
+        ready.extend(sorted(follow, key=lambda one: bool(ways[one])))
+    return placed
+
+
+def _onward_states(source: str, ways: Ways, loops: set[tuple[str, str]], among: Mapping[str, int]) -> Iterable[str]:
+    return (target for target in ways[source] if target in among and (source, target) not in loops)
+
+
+def _explore(
+    roots: Iterable[str], ways: Ways, known: frozenset[str]
+) -> tuple[list[str], set[tuple[str, str]], list[str]]:
+    """Depth first, first ways first: where it began, the ways that lead back into the course, and what it found."""
+    entries: list[str] = []
+    loops: set[tuple[str, str]] = set()
+    found: list[str] = []
+    seen = set(known)
+    for root in roots:
+        if root in seen:
+            continue
+        entries.append(root)
+        seen.add(root)
+        found.append(root)
+        walked = [(root, iter(ways[root]))]
+        walking = {root}
+        while walked:
+            state, rest = walked[-1]
+            target = next(rest, None)
+            if target is None:
+                walked.pop()
+                walking.discard(state)
+            elif target in walking:
+                loops.add((state, target))
+            elif target not in seen:
+                seen.add(target)
+                found.append(target)
+                walking.add(target)
+                walked.append((target, iter(ways[target])))
+    return entries, loops, found
+
 
 Way: TypeAlias = Literal["down", "rail", "word", "again", "stays"]
 """How a transition is drawn: straight down, by a rail, by its target's name; `again` enters its own state anew."""

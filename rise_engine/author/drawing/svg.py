@@ -5,8 +5,8 @@ from __future__ import annotations
 from collections.abc import Iterable, Iterator, Sequence
 from xml.sax.saxutils import escape
 
-from rise_engine.author.drawing.cells import cell_length
 from rise_engine.author.drawing.pictures import Picture, PictureRow
+from rise_engine.author.drawing.state_graph import cell_length
 from rise_engine.base.text import clean
 
 CELL, ROW, FONT = 8, 18, 13

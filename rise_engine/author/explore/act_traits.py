@@ -8,8 +8,7 @@ from typing import Any, Literal, TypeAlias
 
 from msgspec import Struct
 
-from rise_engine.author.drawing.act_levels import actions_in_order
-from rise_engine.author.drawing.act_seconds import estimate_call_seconds
+from rise_engine.author.drawing.act_seconds import actions_in_order, estimate_call_seconds
 from rise_engine.expression import lookup
 from rise_engine.kernel.act_runner import SPEECH_CHANNEL
 from rise_engine.scenario.model import Act, Action, ActionCall, Scenario

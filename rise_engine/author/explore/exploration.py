@@ -2,25 +2,88 @@
 
 from __future__ import annotations
 
+import multiprocessing
+import signal
 import time
+from collections import deque
 from collections.abc import Callable, Sequence
-from typing import Any
+from multiprocessing.pool import ApplyResult
+from typing import Any, TypeAlias
 
 from msgspec import Struct
 from msgspec.structs import replace
 
-from rise_engine.author.explore import questions_of_acts, questions_of_course, questions_of_use
+from rise_engine.author.explore import act_findings, progress_findings, usage_findings
+from rise_engine.author.explore.act_findings import PropertyChecker
 from rise_engine.author.explore.bounds import Bounds
-from rise_engine.author.explore.explored import Explored
-from rise_engine.author.explore.finding import ExploreFinding
-from rise_engine.author.explore.parallel import explore_on_cores
-from rise_engine.author.explore.properties import PropertyChecker
-from rise_engine.author.explore.space import Space
-from rise_engine.author.explore.stepper import Stepper
-from rise_engine.author.explore.telling import tell_path
+from rise_engine.author.explore.path_words import tell_path
+from rise_engine.author.explore.situation import Situation
+from rise_engine.author.explore.situation_graph import Explored, ExploreFinding
+from rise_engine.author.explore.space import Number, Space
+from rise_engine.author.explore.stepper import FollowedMove, Stepper
+from rise_engine.author.explore.zones import Zone
 from rise_engine.base.text import pluralize
 from rise_engine.kernel.inputs import SessionStarted
 from rise_engine.scenario.model import Scenario
+
+# --- several processes ------------------------------------------------------------------------------------------------
+
+_PORTION = 64
+"""Situations that a core is given at a time: so many that sending them costs little beside following them."""
+_AHEAD = 3
+"""Portions for each core that are under way at once."""
+_SECONDS = 0.05
+"""How long a portion is waited for before it is asked again whether to go on."""
+
+_Portion: TypeAlias = list[tuple[Number, Situation, Zone]]
+_Followed: TypeAlias = tuple[list[tuple[Number, list[FollowedMove]]], int]
+"""What follows each situation, and how many inputs that took."""
+
+_stepper: Stepper | None = None
+"""The one of this process."""
+
+
+def explore_on_cores(space: Space, cores: int, go_on: Callable[[], bool]) -> None:
+    """As `Space.explore`, on several cores. Processes are forked, so that nothing of the scenario has to be sent;
+    where that cannot be done, one core does it all."""
+    if cores < 2 or "fork" not in multiprocessing.get_all_start_methods():
+        space.explore(go_on)
+        return
+    context = multiprocessing.get_context("fork")
+    most = space.stepper.bounds.situations
+    under_way: deque[tuple[list[Number], ApplyResult[_Followed]]] = deque()
+    with context.Pool(cores, _begin, (space.stepper,)) as pool:
+        while (space.pending or under_way) and len(space.situations) <= most and go_on():
+            while space.pending and len(under_way) < _AHEAD * cores:
+                portion = space.take_pending(_PORTION)
+                numbers = [number for number, _, _ in portion]
+                under_way.append((numbers, pool.apply_async(_follow, (portion,))))
+            first = under_way[0][1]
+            first.wait(_SECONDS)
+            if not first.ready():
+                continue  # somebody may have had enough meanwhile
+            under_way.popleft()
+            followed, steps = first.get()
+            space.stepper.steps += steps
+            for number, found in followed:
+                space.take(number, found)
+        space.complete = not space.pending and not under_way
+        for numbers, _ in under_way:  # broken off, and waited for no more: what they were given was not looked at
+            space.put_back(numbers)
+
+
+def _begin(stepper: Stepper) -> None:
+    global _stepper
+    _stepper = stepper
+    signal.signal(signal.SIGINT, signal.SIG_IGN)  # ctrl+c is for who keeps the situations
+
+
+def _follow(portion: _Portion) -> _Followed:
+    assert _stepper is not None, "set when the process began"
+    before = _stepper.steps
+    found = [(number, list(_stepper.follow(situation, zone))) for number, situation, zone in portion]
+    return found, _stepper.steps - before
+
 
 QUICK_SECONDS = 4.5
 """How long `explore_quickly` looks; what it then says comes within five seconds."""
@@ -150,27 +213,27 @@ def main_rule(scenario: Scenario) -> str:
 def tell(explored: Explored) -> Exploration:
     """Ask everything of a space."""
     checker = PropertyChecker(explored)
-    by_state = questions_of_use.keys_by_state(explored)
+    by_state = usage_findings.keys_by_state(explored)
     findings: list[ExploreFinding] = [
         *checker.findings(),
-        *questions_of_course.find_dead_ends(explored),
-        *questions_of_course.find_lost_ends(explored),
-        *questions_of_course.find_runaways(explored),
-        *questions_of_acts.find_growing_lines(explored),
-        *questions_of_acts.find_two_at_once(explored),
-        *questions_of_acts.find_out_of_step(explored),
-        *questions_of_acts.find_failures_alike(explored),
-        *questions_of_use.find_missing_values(explored),
-        *questions_of_use.find_missing_parts(explored),
-        *questions_of_use.find_unused(explored),
-        *questions_of_use.find_idle_keys(explored, by_state),
-        *questions_of_use.find_lost_keys(explored),
-        *questions_of_course.find_rounds(explored),
-        *questions_of_acts.find_cut_off(explored),
+        *progress_findings.find_dead_ends(explored),
+        *progress_findings.find_lost_ends(explored),
+        *progress_findings.find_runaways(explored),
+        *act_findings.find_growing_lines(explored),
+        *act_findings.find_two_at_once(explored),
+        *act_findings.find_out_of_step(explored),
+        *act_findings.find_failures_alike(explored),
+        *usage_findings.find_missing_values(explored),
+        *usage_findings.find_missing_parts(explored),
+        *usage_findings.find_unused(explored),
+        *usage_findings.find_idle_keys(explored, by_state),
+        *usage_findings.find_lost_keys(explored),
+        *progress_findings.find_rounds(explored),
+        *act_findings.find_cut_off(explored),
     ]
     findings.sort(key=lambda finding: _LEVELS.index(finding.level))
     space = explored.space
-    about_the_end = questions_of_course.tell_of_the_end(explored)
+    about_the_end = progress_findings.tell_of_the_end(explored)
     return Exploration(
         scenario_hash=explored.scenario.hash,
         bounds=space.stepper.bounds,
@@ -178,7 +241,7 @@ def tell(explored: Explored) -> Exploration:
         situations=len(space.situations),
         steps=space.stepper.steps,
         looked_at=tuple(_looked_at(explored)),
-        told=tuple(filter(None, (about_the_end, *checker.told(), *questions_of_course.tell_who_must_act(explored)))),
+        told=tuple(filter(None, (about_the_end, *checker.told(), *progress_findings.tell_who_must_act(explored)))),
         findings=tuple(findings),
         keys=by_state,
     )

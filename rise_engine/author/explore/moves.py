@@ -8,7 +8,7 @@ from typing import Any, Literal, NamedTuple, TypeAlias
 
 from rise_engine.author.explore.act_traits import ActTraits
 from rise_engine.author.explore.bounds import Bounds
-from rise_engine.author.explore.cone import parts_of_session_read
+from rise_engine.author.explore.influence import parts_of_session_read
 from rise_engine.author.explore.situation import PERSON, Situation
 from rise_engine.kernel.act_runner import CANCEL_LIMIT
 from rise_engine.kernel.inputs import ActionReport, AnyInput, RobotChanged, StopReport, Submit, TimerElapsed

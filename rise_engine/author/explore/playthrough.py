@@ -12,8 +12,8 @@ from collections.abc import Callable, Iterator
 from msgspec import Struct
 
 from rise_engine.author.explore.moves import topics_from_outside
-from rise_engine.author.trial.standing import key_choices, standing_rules
 from rise_engine.author.trial.trial import SOURCE, Trial
+from rise_engine.author.trial.trial_state import key_choices, standing_rules
 from rise_engine.kernel.inputs import SessionStarted, Submit
 from rise_engine.kernel.records import ActionRecord, TaskRecord
 from rise_engine.scenario.model import CUE_TOPICS, Scenario, SourceLocation

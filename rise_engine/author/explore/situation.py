@@ -12,10 +12,9 @@ from typing import Any, Literal, NamedTuple, TypeAlias, cast
 
 import msgspec
 
+from rise_engine.author.explore.act_models import FAILED, Decisions, Phase, WholeActRun, WholeActs
 from rise_engine.author.explore.act_traits import ActTraits
-from rise_engine.author.explore.chance import Decisions
-from rise_engine.author.explore.cone import parts_of_session_read
-from rise_engine.author.explore.whole_acts import FAILED, Phase, WholeActRun, WholeActs
+from rise_engine.author.explore.influence import parts_of_session_read
 from rise_engine.expression import Environment
 from rise_engine.kernel import Kernel
 from rise_engine.kernel.commands import SetTimer

@@ -8,7 +8,7 @@ from typing import get_args
 
 from msgspec import Struct
 
-from rise_engine.expression.signatures import SITUATION_SIGNATURES
+from rise_engine.expression.functions import SITUATION_SIGNATURES
 from rise_engine.scenario.blocks import FUNCTIONS
 from rise_engine.scenario.cross_references import engine_topics
 from rise_engine.scenario.explore_settings import ExploredKeys

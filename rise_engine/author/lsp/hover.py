@@ -9,7 +9,7 @@ from rise_engine.author.lsp.served_study import ServedStudy
 from rise_engine.base.json_codec import encode
 from rise_engine.base.text import pluralize
 from rise_engine.expression import Expression, ExpressionError
-from rise_engine.expression.signatures import SITUATION_SIGNATURES
+from rise_engine.expression.functions import SITUATION_SIGNATURES
 from rise_engine.scenario.explore_tables import EVENTUALLY_KEYS, EXPLORE_KEYS, PROPERTY_MEANINGS, PROPERTY_TABLES
 from rise_engine.scenario.model import Parameter
 from rise_engine.scenario.parameters import listed_names

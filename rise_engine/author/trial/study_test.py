@@ -188,7 +188,7 @@ class _TestReader:
             self.report([f"`wait` must be a number of seconds above 0, up to {LONGEST_WAIT:g}"])
 
     def take_head(self, value: dict[str, Any]) -> None:
-        problems = [] if not self.head and not self.lines else ["`test` stands once, in the first line"]
+        problems = [] if not self.head and not self.lines else ["`test` is allowed once, in the first line"]
         if not isinstance(value["test"], str) or not value["test"].strip():
             problems.append("`test` must be a text: what is tested")
         seed, condition, memory = value.get("seed", 1), value.get("condition", ""), value.get("memory", {})
@@ -225,7 +225,7 @@ class _TestReader:
                 missing = (text for text in texts if text not in self.scenario.acts)
                 problems += [f"there is no act `{text}`{did_you_mean(text, self.scenario.acts)}" for text in missing]
         if not self.did_something:
-            problems.append("an `expect` stands behind a line that does something")
+            problems.append("an `expect` follows a line that does something")
         self.report(problems)
         if not problems:
             starts, says, events = (

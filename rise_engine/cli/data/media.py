@@ -25,8 +25,7 @@ from rise_engine.run.recording.alignment import (
     align_by_marks,
     align_by_moments,
 )
-from rise_engine.run.recording.finding import find_marks
-from rise_engine.run.recording.media_files import MediaFacts, Sound, hash_file, look_at_media
+from rise_engine.run.recording.media_files import MediaFacts, Sound, find_marks, hash_file, look_at_media
 from rise_engine.session.folder import JOURNAL
 from rise_engine.session.journal_reader import read_journal
 from rise_engine.session.media import (

@@ -16,7 +16,7 @@ from rise_engine.base.json_codec import JsonError, decode
 from rise_engine.cli.options import JSON
 from rise_engine.cli.terminal import Refused, exit_with_usage, print_notes, reason_of, show, write_json
 from rise_engine.expression import EvaluationError, Expression, ExpressionError
-from rise_engine.expression.signatures import SIGNATURES
+from rise_engine.expression.functions import SIGNATURES
 
 
 class _ExpressionCommand(click.Command):

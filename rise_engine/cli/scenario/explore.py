@@ -19,11 +19,11 @@ from msgspec.structs import replace
 
 from rise_engine.author.explore.bounds import Bounds
 from rise_engine.author.explore.exploration import Exploration, bounds_of, explore
-from rise_engine.author.explore.finding import ExploreFinding
-from rise_engine.author.explore.playing import find_times, task_file_of
-from rise_engine.author.explore.questions_of_use import NOT_RUNNING
+from rise_engine.author.explore.path_playback import find_times, task_file_of
+from rise_engine.author.explore.path_words import tell_path
+from rise_engine.author.explore.situation_graph import ExploreFinding
 from rise_engine.author.explore.space import Space
-from rise_engine.author.explore.telling import tell_path
+from rise_engine.author.explore.usage_findings import NOT_RUNNING
 from rise_engine.base.exit_status import NOT_WRITTEN, OK, REFUSED
 from rise_engine.base.files import error_message
 from rise_engine.base.text import pluralize

@@ -16,7 +16,7 @@ from rise_engine.cli.terminal import refusing
 from rise_engine.ports.outlet import OutletPlan
 from rise_engine.run.client import EngineGone
 from rise_engine.run.protocol.registry import RegistryError, find_running, socket_path
-from rise_engine.run.recording.outlets import find_outlet
+from rise_engine.run.recording.companion_main import find_outlet
 
 OUTLET = "lsl"
 """The entry point in the group `rise.outlets`."""

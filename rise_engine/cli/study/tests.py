@@ -7,9 +7,9 @@ from typing import Any
 
 import click
 
-from rise_engine.author.trial.playing import StudyTestOutcome, play_test
 from rise_engine.author.trial.study_test import ENDING, read_study_test
 from rise_engine.author.trial.study_test import FOLDER as TESTS
+from rise_engine.author.trial.study_test_run import StudyTestOutcome, play_test
 from rise_engine.base.errors import FileError
 from rise_engine.base.exit_status import OK, REFUSED
 from rise_engine.base.text import pluralize

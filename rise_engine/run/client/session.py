@@ -253,7 +253,8 @@ class Session:
         """Let acts and rules start again after a stop.
 
         :return: the task's id.
-        :raises Rejected: only who holds control may, and programs that the scenario names in `[control] may_release`.
+        :raises Rejected: only the wizard who holds control may, and programs that `[control] may_release` of the
+            scenario names.
         """
         return await self.submit("releaseStop")
 
@@ -296,7 +297,7 @@ class Session:
 
         :param status: `complete`, `aborted` or `excluded`.
         :param reason: why, for the record.
-        :raises Rejected: only who holds control may, and programs; never an observer.
+        :raises Rejected: only the wizard who holds control may, and programs; never an observer.
         """
         await self._send(OutcomeReport(status=status, reason=reason))
 
@@ -342,7 +343,7 @@ class Session:
         """Stop the robot, end the session, and wait until it has ended.
 
         :param reason: why, for the record.
-        :raises Rejected: only who holds control may, and programs; never an observer.
+        :raises Rejected: only the wizard who holds control may, and programs; never an observer.
         """
         try:
             await self._client.close(end_session=True, reason=reason)

@@ -123,7 +123,7 @@ class CommandRunner:
         assert isinstance(robot, RobotWithOpenGoals)  # no other one reports any
         settle = robot.cancel_open_goals if isinstance(command, CancelOpenGoals) else robot.release_open_goals
         if failure := self._call_robot("settle open goals", lambda: settle(command.part)):
-            self._post(Note(text=f"nothing has come of it: {failure}"))
+            self._post(Note(text=f"that had no effect: {failure}"))
 
     def _with_id(self, goal: StartAction, parameters: dict[str, Any] | None = None) -> StartAction:
         uuid = uuid5(self._goal_namespace, goal.action)

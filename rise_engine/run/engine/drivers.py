@@ -74,7 +74,7 @@ def make_robot(
     name = driver_name_for(profile, mode)
     if name == ROS_BRIDGE and bridge is not None:
         if faults:
-            raise RobotOptionsError(f"only a simulated robot does wrong on request, and {profile.name} is real")
+            raise RobotOptionsError(f"only a simulated robot has faults on request, and {profile.name} is real")
         return bridge.robot(clock)
     try:
         driver = find_driver(name)
@@ -82,8 +82,8 @@ def make_robot(
         if find_plugin(BRIDGES, name) is None:
             raise
         raise AdapterError(
-            f"{profile.title} is reached over ROS 2, which this session does without; "
-            "it runs in real time and without `--ros off`, or is rehearsed with `--mode debug`"
+            f"{profile.title} is reached over ROS 2, which this session does not use; "
+            "run it in real time without `--ros off`, or rehearse with `--mode debug`"
         ) from None
     try:
         return driver(profile, clock, seed, faults)

@@ -388,7 +388,7 @@ class Engine:
                 try:
                     line = encode_input(self.inputs + 1, input)
                 except UnicodeEncodeError:
-                    answer(Reply(False, "it holds characters that are no text (half of a pair)"))
+                    answer(Reply(False, "it has characters that are not text (half of a pair)"))
                     return
             self._t = input.t
             self.inputs += 1

@@ -48,12 +48,14 @@ def runtime_folder() -> Path:
     except FileExistsError:
         pass
     except OSError as error:
-        raise RegistryError(f"the folder {folder} for sessions' sockets cannot be made: {error.strerror}") from None
+        raise RegistryError(
+            f"the folder {folder} for the sockets of sessions cannot be created: {error.strerror}"
+        ) from None
     found = os.lstat(folder)
     if stat.S_ISLNK(found.st_mode):
         raise RegistryError(f"{folder} is a link, so somebody else could have put it there; remove it")
     if not stat.S_ISDIR(found.st_mode):
-        raise RegistryError(f"{folder} is no folder; remove it")
+        raise RegistryError(f"{folder} is not a folder; remove it")
     if found.st_uid != os.getuid():
         raise RegistryError(f"{folder} belongs to another user; name a folder of your own in RISE_RUNTIME")
     if stat.S_IMODE(found.st_mode) & 0o077:

@@ -40,7 +40,7 @@ def start_remarks(scenario: Scenario, started: SessionStarted) -> list[str]:
     :param started: its first input.
     """
     missing = sorted(scenario.factors_read - started.factors.keys())
-    why = "the study has no such factor" if started.study else "this session is of no study"
+    why = "the study has no such factor" if started.study else "this session is not part of a study"
     return [
         f"the scenario reads `session.factors.{name}`, which has no value: "
         f"{why}{did_you_mean(name, started.factors) if started.study else ''}"
@@ -61,11 +61,11 @@ def set_conflicts(scenario: Scenario, started: SessionStarted, tasks: Iterable[S
     others = {_head(key): name for name, each in reversed(scenario.conditions.items()) for key in each.memory}
     problems = []
     for key in (key for task in tasks for key in _assigned_keys(task)):
-        problem = f"`{key}` cannot be set beside the condition `{started.condition}`"
+        problem = f"`{key}` cannot be set together with the condition `{started.condition}`"
         if _head(key) in own:
-            problems.append(f"{problem}, which says what it is")
+            problems.append(f"{problem}, which sets it")
         elif not started.study and _head(key) in others:
-            problems.append(f"{problem}: it is what makes the condition `{others[_head(key)]}`")
+            problems.append(f"{problem}: it defines the condition `{others[_head(key)]}`")
     return problems
 
 

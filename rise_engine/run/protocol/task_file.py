@@ -113,11 +113,11 @@ class TaskFileReader:
         content = value[setting]
         problems = []
         if len(value) > 1:
-            problems.append(f"`{setting}` stands alone in its line")
+            problems.append(f"`{setting}` must be alone in its line")
         if self._as_it_comes:
-            problems.append(f"`{setting}` is about the whole session, which runs already; it stands in a file")
+            problems.append(f"`{setting}` is about the whole session, which already runs; write it in a file")
         elif self._has_tasks:
-            problems.append(f"`{setting}` is about the whole session: it stands before the first task")
+            problems.append(f"`{setting}` is about the whole session: write it before the first task")
         if setting == "seed":
             if isinstance(content, bool) or not isinstance(content, int) or content < 0:
                 problems.append("`seed` must be a whole number, 0 or more")

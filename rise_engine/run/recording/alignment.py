@@ -144,8 +144,8 @@ def _of_pairs(marks: Sequence[SessionMark], heard: Sequence[HeardMark], pairs: S
         remarks.append(f"the file has {pluralize(len(others), 'mark')} of another session, at {_times(others)}")
     if abs(rate - 1) > USUAL_DRIFT:
         remarks.append(
-            f"its clock differs by {abs(rate - 1) * 1e6:,.0f} ppm, which is no clock's drift: see whether it was "
-            "converted to another frame rate"
+            f"its clock differs by {abs(rate - 1) * 1e6:,.0f} ppm, which is more than the drift of a clock: "
+            "check whether it was converted to another frame rate"
         )
     return Alignment(
         offset,
@@ -162,11 +162,13 @@ def _single(marks: Sequence[SessionMark], heard: Sequence[HeardMark]) -> Alignme
     if len(possible) == 1 and len(heard) == 1:
         [(mark, sound)] = possible
         remarks = [f"mark {each.number} was not found" for each in marks if each is not mark]
-        remarks.append("one mark gives the offset only; how fast its clock runs is not known")
+        remarks.append("one mark gives only the offset; the speed of its clock is unknown")
         found = FoundMark(mark.number, mark.at, round(sound.at, 6), round(sound.strength, 1))
         return Alignment(sound.at - mark.at, 1.0, (found,), mark.within, tuple(remarks))
     if not possible:
-        return Alignment(problem=f"what was found at {_times(heard)} sweeps as no mark of this session does")
+        return Alignment(
+            problem=f"what was found at {_times(heard)} does not match the sweep of any mark of this session"
+        )
     if len(heard) == 1:
         numbers = " or ".join(str(mark.number) for mark, _ in possible)
         return Alignment(problem=f"the mark at {_times(heard)} can be mark {numbers}: say --at FILE=markN")

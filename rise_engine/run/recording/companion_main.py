@@ -11,12 +11,28 @@ from contextlib import suppress
 
 import msgspec
 
-from rise_engine.base.errors import RiseError
-from rise_engine.ports.outlet import OutletPlan
+from rise_engine.base.errors import AdapterError, RiseError
+from rise_engine.base.plugins import find_plugin
+from rise_engine.ports.outlet import OutletPlan, OutletRunner
 from rise_engine.run.protocol.client import EngineGone
 from rise_engine.run.recording.companion import OUTLET_NAME, SIGN_SECONDS, CompanionRequest, decode_request
-from rise_engine.run.recording.outlets import find_outlet
 from rise_engine.run.recording.supervisor import supervise
+
+# --- outlets ----------------------------------------------------------------------------------------------------------
+
+OUTLETS = "rise.outlets"
+
+
+def find_outlet(name: str) -> OutletRunner:
+    """The outlet of that name. Raises AdapterError when it is not installed or cannot be loaded."""
+    entry = find_plugin(OUTLETS, name)
+    if entry is None:
+        raise AdapterError(f"there is no outlet {name!r}: no entry point of that name in the group {OUTLETS!r}")
+    try:
+        runner: OutletRunner = entry.load()
+    except Exception as error:  # code of others runs as it is imported
+        raise AdapterError(f"the outlet {name!r} ({entry.value}) cannot be loaded: {error}") from error
+    return runner
 
 
 def main() -> None:

@@ -224,7 +224,7 @@ class MarkerFeed:
             if self.sent and self._outlet.has_consumers():
                 await asyncio.sleep(LOOK_SECONDS)
         if unsent := len(self._waiting) + self._lost:
-            _LOG.warning(f"{pluralize(unsent, 'marker')} went to nobody: no program received the stream")
+            _LOG.warning(f"{pluralize(unsent, 'marker')} were sent, but no program received the stream")
         self._outlet.close()
         self._outlet = None
 
@@ -255,4 +255,4 @@ def _records_before(folder: Path | None) -> list[AnyRecord]:
     try:
         return list(read_journal(folder / JOURNAL).read_records())
     except SessionError as error:
-        raise AdapterError(f"nobody can say what is private in this session: {error}") from None
+        raise AdapterError(f"the private values of this session cannot be found: {error}") from None

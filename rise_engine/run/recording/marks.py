@@ -96,7 +96,7 @@ async def give_mark(
             await session.mark_sync(number, "flash")
             if session.view.control is None:
                 await session.add_note(
-                    f"mark {number} was to be seen on consoles, and none has control: perhaps none is there"
+                    f"mark {number} was to be seen on consoles, and no console has control: perhaps none is attached"
                 )
             return GivenMark(number)
         tried = [settings.play] if settings.play else [*(PLAYERS if players is None else players)]

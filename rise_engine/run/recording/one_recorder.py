@@ -6,10 +6,11 @@ import asyncio
 from collections.abc import Callable, Coroutine
 from contextlib import suppress
 from pathlib import Path
-from typing import Any
+from typing import Any, TypeVar
 
 from msgspec import Struct
 
+from rise_engine.base.text import clean
 from rise_engine.kernel.records import RecordingStatus
 from rise_engine.ports.recorder import (
     CALL_SECONDS,
@@ -19,10 +20,95 @@ from rise_engine.ports.recorder import (
     RecorderStatus,
     RecordingPlan,
 )
-from rise_engine.run.recording.calls import call_within
-from rise_engine.run.recording.watch import GrowthWatch
 from rise_engine.study.model import RecorderSettings
 from rise_engine.study.recording_table import open_recorder
+
+# --- watching a file --------------------------------------------------------------------------------------------------
+
+
+class GrowthWatch:
+    """Looks at one recording again and again.
+
+    >>> watch = GrowthWatch(3.0, now=0.0)
+    >>> watch.look(RecorderStatus(True, bytes=10), 1.0), watch.look(RecorderStatus(True, bytes=10), 3.9)
+    (True, True)
+    >>> watch.look(RecorderStatus(True, bytes=10), 4.0), watch.look(RecorderStatus(True, bytes=11), 4.5)
+    (False, True)
+    """
+
+    def __init__(self, stalled_after: float, now: float) -> None:
+        """
+        :param stalled_after: seconds without growth after which it has stalled.
+        :param now: a time in seconds, from which on it is expected to grow.
+        """
+        self.stalled_after = stalled_after
+        self.has_grown = False
+        """Whether it ever has."""
+        self._most = -1.0
+        self._grown_at = now
+
+    def look(self, status: RecorderStatus, now: float) -> bool:
+        """Whether it grows, or may still be believed to.
+
+        :param status: how it stands; of one about which nobody can know anything it is believed.
+        :param now: the time.
+        """
+        size = status.bytes if status.bytes is not None else status.seconds
+        if size is None:
+            self.has_grown = True
+            return True
+        if size > max(self._most, 0):
+            self.has_grown = True
+            self._grown_at = now
+        elif size < self._most:  # another file
+            self._grown_at = now
+        self._most = size
+        return now - self._grown_at < self.stalled_after
+
+    def still_for(self, now: float) -> float:
+        """Seconds since it last grew."""
+        return now - self._grown_at
+
+
+# --- calls of a recorder ----------------------------------------------------------------------------------------------
+
+Result = TypeVar("Result")
+
+
+async def call_within(
+    seconds: float, call: Coroutine[Any, Any, Result], what: str, unless: asyncio.Event | None = None
+) -> Result:
+    """What a call gives, within so many seconds; then it is cancelled, and nobody waits for that either.
+
+    :param seconds: how long it may take.
+    :param call: of the code of somebody.
+    :param what: was asked of it, for the sentence: `to start`.
+    :param unless: set when the answer is of no use any more.
+    :raises RecorderError: it gave no answer, or raised something; or `unless` was set before there was one.
+    """
+    task = asyncio.create_task(call)
+    waiting: set[asyncio.Task[Any]] = {task}
+    if unless is not None:
+        waiting.add(asyncio.create_task(unless.wait()))
+    try:
+        await asyncio.wait(waiting, timeout=seconds, return_when=asyncio.FIRST_COMPLETED)
+    finally:
+        for each in waiting:
+            each.cancel()
+    if not task.done():
+        task.add_done_callback(lambda ended: ended.cancelled() or ended.exception())
+        if unless is not None and unless.is_set():
+            raise RecorderError(f"{what} is not needed any more")
+        raise RecorderError(f"it was asked {what} and did not answer within {seconds:g} s")
+    try:
+        return task.result()
+    except RecorderError:
+        raise
+    except asyncio.CancelledError:
+        raise RecorderError(f"it was asked {what} and gave up") from None
+    except Exception as error:
+        raise RecorderError(f"it was asked {what} and failed: {type(error).__name__}: {clean(str(error))}") from error
+
 
 LOOK_SECONDS = 1.0
 """Between two looks at a recorder."""
@@ -132,7 +218,7 @@ class SupervisedRecorder:
         watch = GrowthWatch(stalled_after, loop.time())
         while not await _wait(finish, self.look_seconds):
             try:
-                status = await call_within(CALL_SECONDS, recorder.status(), "how it stands", finish)
+                status = await call_within(CALL_SECONDS, recorder.status(), "its state", finish)
             except RecorderError as error:
                 if finish.is_set():
                     break

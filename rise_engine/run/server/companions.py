@@ -162,8 +162,8 @@ class _Companion:
         try:
             await self._attend(process)
         except Exception as error:
-            _LOG.exception("a companion cannot be attended to")
-            self._fail(f"its process cannot be attended to: {error}")
+            _LOG.exception("a companion cannot be followed")
+            self._fail(f"its process cannot be followed: {error}")
         finally:
             await _end_group(process.pid)
             self._reading.cancel()

@@ -113,7 +113,7 @@ class SessionHub:
         before = [self.view.wizard] if self.view.wizard else []  # of a session that goes on
         problem = name_problem(name)
         if not problem and (other := find_lookalike(name, [*self._names_seen, *before])):
-            problem = f"{name!r} looks like {other!r}, who is in this session's record: take another name"
+            problem = f"{name!r} looks like {other!r}, a name in this session's record: use another name"
         if self.engine.ended:
             problem = "the session has ended"
         if problem:
@@ -191,9 +191,9 @@ class SessionHub:
         holder, requester = self._holder, self._requester
         match verb:
             case "take" | "ask" if holder is client:
-                answer(Reply(True, "you hold control already"))
+                answer(Reply(True, "you already hold control"))
             case "ask" if requester is client:
-                answer(Reply(True, "you have asked already"))
+                answer(Reply(True, "you have already asked"))
             case "ask" if holder is not None:
                 self._set_control("asked", client, holder, answer)
             case "take" | "ask":
@@ -201,7 +201,7 @@ class SessionHub:
             case "give" | "release" if holder is not client and not (verb == "release" and requester is client):
                 answer(Reply(False, f"you do not hold control: {self._holder_sentence()}"))
             case "give" if requester is None:
-                answer(Reply(False, "nobody has asked for control; release it, and anybody can take it"))
+                answer(Reply(False, "nobody has asked for control; release it, so that others can take it"))
             case "give":
                 self._set_control("given", client, requester, answer)
             case "release":  # also of one who asked and does not want it any more
@@ -223,7 +223,7 @@ class SessionHub:
         if self.ending or self.engine.ended:
             problem = "the session is ending"
         elif self.take_over is None:
-            problem = "this session is not kept in a folder, so it takes nothing over"
+            problem = "this session has no folder, so it cannot take over changed files"
         if problem or self.take_over is None:
             answer(Reply(False, problem))
         else:
@@ -254,7 +254,7 @@ class SessionHub:
         if client.role == "observer":
             return f"an observer cannot {what}"
         if client.role == "wizard" and self._holder not in (None, client):
-            return f"only who holds control can {what}: {self._holder_sentence()}"
+            return f"only the wizard who holds control can {what}: {self._holder_sentence()}"
         return ""
 
     def _why_not_release(self, client: AttachedClient) -> str:
@@ -265,11 +265,11 @@ class SessionHub:
         if program in named:
             return ""
         others = f"or {', '.join(named)}" if named else "or a program that scenario.toml names: [control] may_release"
-        return f"{program} may not release what is stopped: only who holds control may, {others}"
+        return f"{program} may not release a stop: only the wizard who holds control may, {others}"
 
     def _holder_sentence(self) -> str:
         holder = self._holder
-        return f"{holder.name} does; ask for it, or take it" if holder is not None else "nobody does; take it"
+        return f"{holder.name} does; ask for it, or take it" if holder is not None else "no wizard holds it; take it"
 
     # --- control ------------------------------------------------------------------------------------------------
 

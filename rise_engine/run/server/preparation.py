@@ -26,8 +26,8 @@ from rise_engine.run.protocol.session_options import SessionOptions
 from rise_engine.run.protocol.session_start import first_input, set_conflicts, start_problems
 from rise_engine.run.recording.companion import CompanionRequest, companions_for
 from rise_engine.run.server.hub import SessionHub
-from rise_engine.run.server.refusal import ServeRefused as ServeRefused
 from rise_engine.run.server.spawn import ReportStartup, StartupProgress
+from rise_engine.run.server.study_session import ServeRefused as ServeRefused
 from rise_engine.run.server.study_session import StudyPreparation
 from rise_engine.scenario.loader import load
 from rise_engine.scenario.model import Scenario

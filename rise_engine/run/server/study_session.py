@@ -9,17 +9,18 @@ journal, `session` (the folder says as much, and whoever opens the study next wr
 from __future__ import annotations
 
 import logging
+from collections.abc import Sequence
 from contextlib import ExitStack
 from pathlib import Path
 
 from rise_engine.base import exit_status
-from rise_engine.base.errors import FileError, SessionError
+from rise_engine.base.errors import FileError, RiseError, SessionError
 from rise_engine.kernel.inputs import CheckReport, SessionStarted
 from rise_engine.kernel.view import SessionView
 from rise_engine.run.protocol.session_options import SessionOptions
 from rise_engine.run.protocol.session_start import assigned_keys
-from rise_engine.run.server.refusal import ServeRefused
-from rise_engine.session.folder import SessionInfo, find_session, mark_abandoned
+from rise_engine.run.server.spawn import EngineRefused
+from rise_engine.session.folder import SessionInfo, describe_session, find_session, mark_abandoned
 from rise_engine.session.lock import read_holder
 from rise_engine.study.begin import (
     BeginRequest,
@@ -40,6 +41,28 @@ from rise_engine.study.sessions import (
 )
 from rise_engine.study.state import OpenStudy, StudyStatus
 from rise_engine.study.study_log import LockedLog, StudyLogError
+
+# --- refusals ---------------------------------------------------------------------------------------------------------
+
+
+class ServeRefused(RiseError):
+    """Nothing is served."""
+
+    def __init__(
+        self,
+        code: int,
+        *lines: str,
+        unfinished: Sequence[Path] = (),
+        others: Sequence[Path] = (),
+        socket: str = "",
+    ) -> None:
+        super().__init__(*lines)
+        self.report = EngineRefused(code, list(lines), _describe_all(unfinished), _describe_all(others), socket)
+
+
+def _describe_all(folders: Sequence[Path]) -> list[tuple[str, str]]:
+    return [(str(folder), describe_session(folder)) for folder in folders]
+
 
 _LOG = logging.getLogger(__name__)
 _CHECK_FIELDS = ("id", "text", "result", "value", "reason", "source")
@@ -164,7 +187,7 @@ class StudyPreparation:
             raise ServeRefused(exit_status.USAGE, str(error)) from None
         session = next((each for each in state.sessions if each.path.resolve() == path.resolve()), None)
         if session is None:
-            raise ServeRefused(exit_status.USAGE, f"{path.name} is no session of the study {state.study.id}")
+            raise ServeRefused(exit_status.USAGE, f"{path.name} is not a session of the study {state.study.id}")
         owner, named_participant = session.entry.participant, self.options.participant
         if named_participant not in ("", owner):
             raise ServeRefused(

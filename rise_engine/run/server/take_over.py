@@ -41,7 +41,7 @@ class ScenarioTakeover:
         :param answer: called once: that it is done, or why it is not.
         """
         if self._under_way is not None:
-            answer(Reply(False, "changed files are being taken over already"))
+            answer(Reply(False, "the session is already taking over changed files"))
             return
         self._under_way = asyncio.get_running_loop().create_task(self._take_over(source, answer))
 
@@ -75,7 +75,7 @@ class ScenarioTakeover:
         if scenario is None:
             answer(Reply(False, _errors_text(loaded)))
         elif scenario.hash == before.hash:
-            answer(Reply(False, "the files are those that the session runs: nothing has changed"))
+            answer(Reply(False, "the files have not changed since the session read them"))
         elif problems := engine.why_not_take_over(scenario):  # before anything is written
             answer(Reply(False, "; ".join(problems)))
         else:

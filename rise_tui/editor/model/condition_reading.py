@@ -7,7 +7,7 @@ from collections.abc import Mapping
 
 from rise_engine.expression import Environment, EvaluationError, Expression, ExpressionError, lookup
 from rise_engine.expression.errors import MISSING_PART
-from rise_engine.expression.signatures import SIGNATURES
+from rise_engine.expression.functions import SIGNATURES
 from rise_engine.scenario.model import SESSION, Json
 from rise_tui.editor.model.fields import FieldNote
 from rise_tui.editor.model.study_names import StudyNames, short_value

@@ -4,8 +4,9 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 
-from rise_engine.author.trial.happened import HappenedKind, HappenedLine
-from rise_engine.author.trial.standing import (
+from rise_engine.author.trial.trial import Trial, TrialStep
+from rise_engine.author.trial.trial_history import HappenedKind, HappenedLine
+from rise_engine.author.trial.trial_state import (
     ConditionReading,
     KeyChoice,
     RuleStanding,
@@ -16,7 +17,6 @@ from rise_engine.author.trial.standing import (
     running_acts,
     standing_rules,
 )
-from rise_engine.author.trial.trial import Trial, TrialStep
 from rise_engine.scenario.model import KeyBinding, Scenario
 from rise_tui.editor.model.study_names import short_value
 from rise_tui.rendering.text import (

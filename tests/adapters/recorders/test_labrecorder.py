@@ -107,7 +107,7 @@ async def test_one_that_is_silent_or_something_else_is_given_up(
         program.answer = b"HTTP/1.1 400"
         with pytest.raises(RecorderError, match="is not LabRecorder: 'HT'"):
             await LabRecorder("eeg", options).prepare(plan(tmp_path))
-    with pytest.raises(RecorderError, match=r"LabRecorder is not reached at 127.0.0.1:.*remote control on"):
+    with pytest.raises(RecorderError, match=r"LabRecorder cannot be reached at 127.0.0.1:.*remote control on"):
         await LabRecorder("eeg", options).prepare(plan(tmp_path))
 
 

@@ -44,7 +44,7 @@ async def test_the_password_is_asked_for_and_proved_and_never_sent(tmp_path: Pat
     async with obs_server("tell nobody") as server:
         for options, why in (
             ({}, "OBS asks for its password"),
-            ({"password_file": str(tmp_path / "wrong")}, "OBS did not take the password"),
+            ({"password_file": str(tmp_path / "wrong")}, "OBS did not accept the password"),
             ({"password_file": str(tmp_path / "none")}, "the file with the password of OBS cannot be read"),
         ):
             camera = recorder(server, **options)
@@ -59,7 +59,7 @@ async def test_what_somebody_else_records_is_neither_taken_nor_stopped() -> None
         server.recording = True
         camera = recorder(server)
         await camera.prepare(PLAN)
-        with pytest.raises(RecorderError, match="OBS records already: stop that first"):
+        with pytest.raises(RecorderError, match="OBS is already recording: stop that first"):
             await camera.start()
         assert await camera.stop() == "" and server.recording and "StopRecord" not in server.requests
         await camera.close()
@@ -121,7 +121,7 @@ async def test_one_that_is_not_there_and_one_that_is_something_else() -> None:
     async with obs_server() as server:
         gone = server.url
     camera = ObsRecorder("obs", {"url": gone})
-    with pytest.raises(RecorderError, match=r"OBS is not reached at ws://127.0.0.1.*is it running"):
+    with pytest.raises(RecorderError, match=r"OBS cannot be reached at ws://127.0.0.1.*is it running"):
         await camera.prepare(PLAN)
     await camera.close()
 

@@ -11,9 +11,9 @@ from click.testing import CliRunner
 from hypothesis import example, given
 from hypothesis import strategies as st
 
-from rise_engine.author.drawing.cells import cell_length, shorten_to
 from rise_engine.author.drawing.diagrams import mermaid_of_rules
 from rise_engine.author.drawing.pictures import picture_of_rule, text_of
+from rise_engine.author.drawing.state_graph import cell_length, shorten_to
 from rise_engine.author.drawing.svg import svg_text
 from rise_engine.cli import main
 from rise_engine.cli.scenario.graph import FORMATS, graph_text

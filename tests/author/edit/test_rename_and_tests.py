@@ -15,9 +15,8 @@ import pytest
 
 from rise_engine.author.edit.edits import NameKind, Rename, RenameSetting
 from rise_engine.author.edit.plan import EditRefused, Files
-from rise_engine.author.trial.keeping import text_of_test
-from rise_engine.author.trial.playing import play_test, refusal, said_texts, started_acts
 from rise_engine.author.trial.study_test import read_study_test
+from rise_engine.author.trial.study_test_run import play_test, refusal, said_texts, started_acts, text_of_test
 from rise_engine.author.trial.trial import Trial
 from rise_engine.expression import lookup
 from rise_engine.kernel.inputs import Submit

@@ -9,10 +9,10 @@ from threading import Event
 import pytest
 from msgspec.structs import replace
 
-from rise_engine.author.explore import parallel
+from rise_engine.author.explore import exploration
 from rise_engine.author.explore.bounds import Bounds
 from rise_engine.author.explore.exploration import Exploration, bounds_of, explore, main_rule, sessions_of
-from rise_engine.author.explore.explored import Explored
+from rise_engine.author.explore.situation_graph import Explored
 from rise_engine.author.explore.space import Space
 from rise_engine.author.explore.stepper import Stepper
 from tests.author.explore.exploring import STUDIES, loaded, of_kind, quickly_explored, shipped
@@ -36,7 +36,7 @@ def with_tables(study: str, tables: str, folder: Path, faults: int = 0) -> Explo
 
 def test_a_line_that_grows_is_found_and_is_gone() -> None:
     before = of_kind(quickly_explored(f"{FAULTY}/greeting", faults=0), "line-grows")
-    assert "R_Notice can stand in the line any number of times" in before[0].text
+    assert "R_Notice can wait in the queue any number of times" in before[0].text
     assert before[0].path is not None
     assert len(before[0].path.steps) <= 6
     now = of_kind(quickly_explored("scenarios/greeting", faults=0), "line-grows")
@@ -113,7 +113,7 @@ def test_in_shipped_studies_nothing_gets_stuck_and_the_end_can_be_reached(name: 
 def test_the_quiz() -> None:
     exploration = quickly_explored(f"{FAULTY}/quiz")
     texts = {finding.kind: finding.text for finding in exploration.findings}
-    assert texts["dead-end"].startswith("Praise can get stuck in Praise: no key, no event and no time")
+    assert texts["dead-end"].startswith("Praise can get stuck in Praise: no key, event or time")
     assert texts["idle-key"].startswith("the key h (one more hint) never does anything")
     assert "Quiz never comes to Hint" in texts["never-entered"]
     assert exploration.count("problem") == 1
@@ -157,12 +157,12 @@ def _never_done(portion: object) -> None:
 
 
 def test_whoever_has_had_enough_waits_for_no_core(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(parallel, "_follow", _never_done)
+    monkeypatch.setattr(exploration, "_follow", _never_done)
     scenario = shipped("greeting")
     space = Space(Stepper(scenario, Bounds(), sessions_of(scenario), main_rule(scenario)))
     space.begin()
     said = iter([True, True, False])
-    parallel.explore_on_cores(space, 2, lambda: next(said))
+    exploration.explore_on_cores(space, 2, lambda: next(said))
     assert not space.complete and list(space.pending) == space.beginnings, "nobody has looked at any"
 
 

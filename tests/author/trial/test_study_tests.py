@@ -8,9 +8,8 @@ from pathlib import Path
 import pytest
 from click.testing import CliRunner
 
-from rise_engine.author.trial.keeping import path_of_test, text_of_test
-from rise_engine.author.trial.playing import is_same_value, play_test
 from rise_engine.author.trial.study_test import read_study_test
+from rise_engine.author.trial.study_test_run import is_same_value, path_of_test, play_test, text_of_test
 from rise_engine.author.trial.trial import Trial
 from rise_engine.base.errors import FileError
 from rise_engine.cli import main
@@ -122,7 +121,7 @@ def test_everything_that_is_wrong_with_a_test_is_told_at_once(folder: Path) -> N
     lines = [int(line.split(":")[1]) for line in told]
     assert set(lines) == set(range(1, 17)) - {14} and lines == sorted(lines)
     for sentence in (
-        "2: error: an `expect` stands behind a line that does something",
+        "2: error: an `expect` follows a line that does something",
         "3: error: a line has one of",
         "did you mean `key`?",
         "4: error: the study has no key `q`; it has t, g, y",

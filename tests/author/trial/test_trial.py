@@ -9,15 +9,15 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from rise_engine.author.trial.happened import happened, happened_in
-from rise_engine.author.trial.standing import (
+from rise_engine.author.trial.trial import LONGEST, Trial
+from rise_engine.author.trial.trial_history import happened, happened_in
+from rise_engine.author.trial.trial_state import (
     events_to_raise,
     key_choices,
     memory_that_counts,
     running_acts,
     standing_rules,
 )
-from rise_engine.author.trial.trial import LONGEST, Trial
 from rise_engine.base.json_codec import decode
 from rise_engine.cli.session.headless_session import RunOptions, run_session
 from rise_engine.run.protocol.session_options import SessionOptions
@@ -250,7 +250,7 @@ def test_a_held_condition_and_an_event_without_a_key(guide: Scenario) -> None:
 def test_keys_say_what_they_would_do_and_the_awaited_come_first(guide: Scenario) -> None:
     trial = Trial(guide)
     told = {choice.key.label: (choice.does, choice.now) for choice in key_choices(trial)}
-    assert told == {"t": ("rule Guide", ""), "g": ("/go", "nobody waits for it now"), "y": ("ready = true", "")}
+    assert told == {"t": ("rule Guide", ""), "g": ("/go", "no rule waits for it now"), "y": ("ready = true", "")}
     trial.press(key(guide, "t"))
     trial.press(key(guide, "y"))
     choices = key_choices(trial)

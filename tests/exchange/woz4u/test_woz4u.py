@@ -99,7 +99,7 @@ def test_it_says_what_it_did_and_what_it_could_not(tmp_path: Path) -> None:
     page = (tmp_path / "study/README.md").read_text("utf-8")
     assert "9 acts, 9 keys" in output and "was ctrl+1" in output and "| `r` | Red | c+r |" in page
     for sentence in (
-        "line 13: “Lost” says the text file static/lost.txt, which is not there",
+        "line 13: “Lost” says the text file static/lost.txt, which does not exist",
         "“Web” is a page or a video",
         "files of WoZ4U's own server (static/): map.png",
         "`pepper_ips`",

@@ -45,7 +45,7 @@ def test_feedback_that_is_not_heard(pair: Pair) -> None:
         key=pair.name, topic=f"{pair.name}/_action/feedback", type=f"{FIBONACCI}_FeedbackMessage", reliable=False
     )
     (sentence,) = looked(pair.near, pair.name, "unheard")["sentences"]
-    assert sentence == f"/{pair.name} publishes its feedback as best effort, and here it is wanted reliably"
+    assert sentence == f"/{pair.name} publishes its feedback as best effort, and this program wants it reliably"
     assert pair.near.look(name=pair.name, type=FIBONACCI, feedback={"reliable": False})["unheard"] == []
     pair.far.close(key=pair.name)
 

@@ -107,7 +107,7 @@ async def test_a_program_drives_a_session(scratch: Path) -> None:
         await session.add_note("done")
         await session.stop_all()
         await session.wait_until(lambda view: view.stop.status == "latched", 10)
-        with pytest.raises(Rejected, match=r"test may not release what is stopped: only who holds .*may_release"):
+        with pytest.raises(Rejected, match=r"test may not release a stop: only the wizard who holds .*may_release"):
             await session.release_stop()
         assert session.view.stop.latched and session.now() > 0
 
@@ -161,7 +161,7 @@ async def test_a_stop_is_released_by_who_holds_control_and_by_programs_that_the_
         for who in (watchdog, anna):
             await other.stop_all()
             await other.wait_until(lambda view: view.stop.status == "latched", 10)
-            with pytest.raises(Rejected, match="only who holds control may, or watchdog, /lab/boss"):
+            with pytest.raises(Rejected, match="only the wizard who holds control may, or watchdog, /lab/boss"):
                 await other.release_stop()
             await who.release_stop()
             await other.wait_until(lambda view: not view.stop.latched, 10)

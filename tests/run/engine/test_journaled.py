@@ -242,6 +242,6 @@ async def test_the_end_is_recorded_before_the_session_is_over(tmp_path: Path) ->
 async def test_a_text_that_is_none_is_refused_before_anything_happens(tmp_path: Path) -> None:
     async with session(tmp_path, Disk()) as it:
         it.ask(Submit(function="raiseEventTopic", behavior="/caf\udce9", source="wizard:anna"))
-        assert it.replies == [Reply(False, "it holds characters that are no text (half of a pair)")]
+        assert it.replies == [Reply(False, "it has characters that are not text (half of a pair)")]
         it.ask(start("Greet"))
         await it.until(lambda: len(it.replies) == 2)

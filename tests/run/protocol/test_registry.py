@@ -62,7 +62,7 @@ def test_an_unsafe_folder_is_refused(scratch: Path) -> None:
         registry.runtime_folder()
     run.unlink()
     run.touch()
-    with pytest.raises(RegistryError, match="is no folder"):
+    with pytest.raises(RegistryError, match="is not a folder"):
         registry.runtime_folder()
     run.unlink()
     if os.getuid() == 0:
@@ -75,7 +75,7 @@ def test_an_unsafe_folder_is_refused(scratch: Path) -> None:
 def test_a_folder_that_cannot_be_made(scratch: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     (scratch / "file").touch()
     monkeypatch.setenv("RISE_RUNTIME", str(scratch / "file" / "run"))
-    with pytest.raises(RegistryError, match="cannot be made: Not a directory"):
+    with pytest.raises(RegistryError, match="cannot be created: Not a directory"):
         registry.runtime_folder()
 
 

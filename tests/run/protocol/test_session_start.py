@@ -56,10 +56,13 @@ def test_a_real_session_without_a_condition_cannot(scenario: Scenario) -> None:
 @pytest.mark.parametrize(
     ("behavior", "problem"),
     [
-        ('{"voice": "low"}', "`voice` cannot be set beside the condition `calm`, which says what it is"),
-        ('{"form.kind": "long"}', "`form.kind` cannot be set beside the condition `calm`, which says"),
+        ('{"voice": "low"}', "`voice` cannot be set together with the condition `calm`, which sets it"),
+        ('{"form.kind": "long"}', "`form.kind` cannot be set together with the condition `calm`, which sets"),
         ("form.kind = 3", "`form.kind` cannot be set"),
-        ("gaze = true", "`gaze` cannot be set beside the condition `calm`: it is what makes the condition `loud`"),
+        (
+            "gaze = true",
+            "`gaze` cannot be set together with the condition `calm`: it defines the condition `loud`",
+        ),
     ],
 )
 def test_what_makes_a_condition_cannot_be_set_beside_it(scenario: Scenario, behavior: str, problem: str) -> None:
@@ -91,7 +94,7 @@ def test_everything_else_can_be_set(scenario: Scenario, options: SessionOptions)
     [
         (
             SessionStarted(),
-            ["session.factors.gaze`", "session.factors.pace`, which has no value: this session is of no"],
+            ["session.factors.gaze`", "session.factors.pace`, which has no value: this session is not"],
         ),
         (
             SessionStarted(study="tea", factors={"pase": "slow", "gaze": "far"}),
@@ -111,5 +114,5 @@ def test_what_the_plan_of_a_study_sets_cannot_be_set_beside_it(scenario: Scenari
     """There the scenario's own conditions say nothing."""
     started = SessionStarted(study="tea", condition="slow+far", memory={"pace": 3})
     found = set_conflicts(scenario, started, assigning("pace = 4", "voice = 'high'").first_tasks)
-    assert found == ["`pace` cannot be set beside the condition `slow+far`, which says what it is"]
+    assert found == ["`pace` cannot be set together with the condition `slow+far`, which sets it"]
     assert set_conflicts(scenario, SessionStarted(study="tea"), assigning("pace = 4").first_tasks) == []

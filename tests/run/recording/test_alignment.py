@@ -65,10 +65,13 @@ def test_one_mark_gives_the_offset_only() -> None:
     assert (offset_of(found), found.rate, found.rate_within_ppm) == (-7.0, 1.0, None)
     assert found.remarks == (
         "mark 1 was not found",
-        "one mark gives the offset only; how fast its clock runs is not known",
+        "one mark gives only the offset; the speed of its clock is unknown",
     )
     other = align_by_marks(TWO[:1], heard((2, 5.0)))
-    assert other.offset is None and other.problem == "what was found at 5.0 s sweeps as no mark of this session does"
+    assert (
+        other.offset is None
+        and other.problem == "what was found at 5.0 s does not match the sweep of any mark of this session"
+    )
     either = align_by_marks([*TWO, SessionMark(3, 1900.0)], heard((1, 5.0)))
     assert either.problem == "the mark at 5.0 s can be mark 1 or 3: say --at FILE=markN"
     assert "no mark that could be heard" in align_by_marks([], heard((1, 5.0))).problem
@@ -95,7 +98,7 @@ def test_marks_on_both_sides_of_an_interruption_have_no_distance() -> None:
 def test_a_film_at_another_frame_rate_is_found_and_told() -> None:
     found = align_by_marks(TWO, heard((1, 10.0), (2, 10.0 + 1800 * 1.001)))
     assert found.rate == pytest.approx(1.001)
-    assert found.remarks[0].startswith("its clock differs by 1,000 ppm, which is no clock's drift: see whether")
+    assert found.remarks[0].startswith("its clock differs by 1,000 ppm, which is more than the drift of a clock: check")
 
 
 def test_moments_that_somebody_gives() -> None:

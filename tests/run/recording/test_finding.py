@@ -17,10 +17,9 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from rise_engine.base.errors import SessionError
-from rise_engine.run.recording import finding, media_files
+from rise_engine.run.recording import media_files
 from rise_engine.run.recording.alignment import SessionMark, align_by_marks
-from rise_engine.run.recording.finding import find_marks
-from rise_engine.run.recording.media_files import SOUND_RATE, Sound, look_at_media
+from rise_engine.run.recording.media_files import SOUND_RATE, Sound, find_marks, look_at_media
 from tests.chance import examples
 from tests.run.recording.sounds import make_video, record_marks, write_wav
 
@@ -165,7 +164,7 @@ def test_what_cannot_be_heard_is_said(tmp_path: Path, monkeypatch: pytest.Monkey
     def missing(name: str) -> Any:
         raise ImportError(name)
 
-    monkeypatch.setattr(finding, "import_module", missing)
+    monkeypatch.setattr(media_files, "import_module", missing)
     with pytest.raises(SessionError, match=r'pip install "rise-tui\[sync\]"'):
         Sound(text)
     assert importlib.import_module("numpy") is numpy

@@ -141,7 +141,7 @@ async def test_a_flash_is_its_record() -> None:
     assert not session.notes
     session.view.control = None
     assert not (await give_mark(session, 4, SyncSettings(medium="flash"))).problem
-    assert session.notes == ["mark 4 was to be seen on consoles, and none has control: perhaps none is there"]
+    assert session.notes == ["mark 4 was to be seen on consoles, and no console has control: perhaps none is attached"]
 
 
 @pytest.mark.parametrize("refusal", [Rejected("nothing can be recorded"), EngineGone("the session has ended")])

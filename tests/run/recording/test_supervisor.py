@@ -162,7 +162,7 @@ async def test_a_cut_connection_ends_no_recording(scratch: Path, does: dict[str,
     async with supervision(scratch, CAMERA) as it:
         await it.until("camera", "running")
         (attached,) = it.session.server._attached  # as who floods it is cut
-        attached.connection.abort()
+        attached.abort()
         async with asyncio.timeout(PATIENCE):
             while attached in it.session.server._attached or not it.session.server._attached:  # noqa: ASYNC110  # another process, or the session
                 await asyncio.sleep(0.01)

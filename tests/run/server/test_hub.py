@@ -111,7 +111,7 @@ RULES: list[tuple[str, str, str, list[tuple[str, str, str | None]]]] = [
     ("nor marks for them", "wa attaches, ob attaches, ob syncs", "an observer reports nothing", [TAKEN]),
     ("the holder judges", "wa attaches, wb attaches, wa judges", "", [TAKEN]),
     ("another does not judge", "wa attaches, wb attaches, wb judges",
-     "only who holds control can say how the session counts", [TAKEN]),
+     "only the wizard who holds control can say how the session counts", [TAKEN]),
     ("an observer does not", "wa attaches, ob attaches, ob judges", "an observer cannot say how the session counts",
      [TAKEN]),
     ("a program judges", "wa attaches, nb attaches, nb judges", "", [TAKEN]),
@@ -137,13 +137,13 @@ RULES: list[tuple[str, str, str, list[tuple[str, str, str | None]]]] = [
      [TAKEN, ("asked", C, A), ("asked", B, A), ("given", A, B)]),
     ("giving unasked", "wa attaches, wb attaches, wa gives", "nobody has asked", [TAKEN]),
     ("giving what one has not", "wa attaches, wb attaches, wb gives", "control: wizard:a does", [TAKEN]),
-    ("releasing", "wa attaches, wa releases, wa acts", "nobody does; take it", [TAKEN, ("released", A, None)]),
+    ("releasing", "wa attaches, wa releases, wa acts", "no wizard holds it; take it", [TAKEN, ("released", A, None)]),
     ("releasing what one has not", "wa attaches, wb attaches, wb releases", "you do not hold control", [TAKEN]),
     ("no longer asking", "wa attaches, wb attaches, wb asks, wb releases, wa gives", "nobody has asked",
      [TAKEN, ("asked", B, A), ("released", B, A)]),
     ("free for who comes", "wa attaches, wa releases, wb attaches, wb acts", "",
      [TAKEN, ("released", A, None), ("taken", B, B)]),
-    ("the holder leaves", "wa attaches, wb attaches, wa leaves, wb acts", "nobody does; take it",
+    ("the holder leaves", "wa attaches, wb attaches, wa leaves, wb acts", "no wizard holds it; take it",
      [TAKEN, ("released", A, None)]),
     ("the holder leaves one who asked", "wa attaches, wb attaches, wb asks, wa leaves, wb acts", "",
      [TAKEN, ("asked", B, A), ("given", A, B)]),
@@ -153,7 +153,7 @@ RULES: list[tuple[str, str, str, list[tuple[str, str, str | None]]]] = [
     ("the holder comes back", "wa attaches, wa leaves, wa attaches, wa acts", "",
      [TAKEN, ("released", A, None), TAKEN]),
     ("the holder ends", "wa attaches, wa ends", "", [TAKEN]),
-    ("another does not end", "wa attaches, wb attaches, wb ends", "only who holds control can end", [TAKEN]),
+    ("another does not end", "wa attaches, wb attaches, wb ends", "only the wizard who holds control can end", [TAKEN]),
     ("an observer does not end", "oa attaches, oa ends", "cannot end", []),
     ("a program ends", "wa attaches, na attaches, na ends", "", [TAKEN]),
     ("anybody ends what nobody holds", "wa attaches, wb attaches, wa releases, wb ends", "",
@@ -236,7 +236,7 @@ def test_nobody_comes_under_a_name_that_looks_like_another_one(there: str, comes
 def test_a_name_stays_taken_when_its_owner_has_gone_and_after_the_engine_has() -> None:
     it = HubSession()
     it.hub.detach(it.hub.attach("cope", "wizard"))
-    with pytest.raises(Rejected, match="who is in this session's record"):
+    with pytest.raises(Rejected, match="a name in this session's record"):
         it.hub.attach("\u0441\u043e\u0440\u0435", "wizard")
     again = SessionHub(it.engine, view=it.hub.view)
     with pytest.raises(Rejected, match="looks like 'cope'"):

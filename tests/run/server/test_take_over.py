@@ -121,7 +121,7 @@ async def test_what_cannot_be_taken_over_is_refused_and_nothing_is_kept(scratch:
         anna = await Follower(session.client()).attach()
         hash = session.engine.scenario.hash
         reply = await take_over(session)
-        assert reply.reason == "the files are those that the session runs: nothing has changed"
+        assert reply.reason == "the files have not changed since the session read them"
         change(study, "</Dialog>", "</Dialogue>")
         reply = await take_over(session)
         assert not reply.accepted and reply.reason.startswith("the changed files have errors: acts/greeting.xml:")

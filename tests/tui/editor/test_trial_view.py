@@ -12,8 +12,8 @@ import pytest
 from msgspec.structs import replace
 from textual.pilot import Pilot
 
-from rise_engine.author.trial.happened import happened
 from rise_engine.author.trial.trial import Trial
+from rise_engine.author.trial.trial_history import happened
 from rise_engine.scenario.loader import load
 from rise_engine.scenario.model import Scenario
 from rise_tui.editor.model.trial_rows import (

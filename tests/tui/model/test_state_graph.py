@@ -9,8 +9,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from rich.cells import cell_len
 
-from rise_engine.author.drawing.state_graph import GraphEdge, GraphLayout, lay_out_graph, most_lanes
-from rise_engine.author.drawing.state_order import find_state_order
+from rise_engine.author.drawing.state_graph import GraphEdge, GraphLayout, find_state_order, lay_out_graph, most_lanes
 from rise_engine.expression import Expression
 from rise_engine.scenario.loader import load
 from rise_engine.scenario.model import Delay, Rule, State, Transition

@@ -459,7 +459,7 @@ async def test_every_step_to_the_end_can_be_left_stopped_and_refused_and_needs_w
         await at.press("escape")
         await at.shows(ConsoleScreen)
         assert at.client.closed == [] and at.client.reports == [], "no key of any study ends its session"
-        at.client.reject = "only who holds control can choose the outcome"
+        at.client.reject = "only the wizard who holds control can say how it is to count"
         await at.ask_to_end()
         await at.answer_debrief()
         await at.press("right", "enter", "enter")

@@ -78,7 +78,7 @@ async def examine(
     """Everything, in the order in which it matters. `choice` and `arguments` as a session has them (`--ros`,
     `--ros-args`); with a profile, its robot is looked for for `seconds` at most. Never raises for what it finds."""
     if choice == "off":
-        return [DoctorFinding("note", "transport", "ROS is off", "leave `--ros off` away to have it looked at")]
+        return [DoctorFinding("note", "transport", "ROS is off", "omit `--ros off` to examine it")]
     kind, about_transport = check_transport(choice)
     found = [*check_installation(environment, wanted=kind == "rclpy" or choice == "rclpy")]
     found += check_middleware(environment, kind)

@@ -58,7 +58,7 @@ def check_interfaces(environment: Environment, kind: selection.TransportKind | N
     ours, theirs = own_hashes(environment), built_hashes(built[0])
     if not ours:
         yield DoctorFinding(
-            "note", "interfaces", f"{INTERFACES} is built; whether it is the right one cannot be told without rosbags"
+            "note", "interfaces", f"{INTERFACES} is built; without rosbags, its version cannot be checked"
         )
         return
     missing = sorted(set(ours) - set(theirs))
@@ -146,7 +146,7 @@ def check_installation(
             yield DoctorFinding(
                 "warning",
                 "ros",
-                f"AMENT_PREFIX_PATH names {prefix}, which is not there",
+                f"AMENT_PREFIX_PATH names {prefix}, which does not exist",
                 "open a new terminal and source again",
             )
     missing = selection.why_unavailable()["rclpy"]

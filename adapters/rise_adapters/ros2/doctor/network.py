@@ -31,7 +31,7 @@ def check_network(environment: Environment, kind: selection.TransportKind | None
         )
     elif reach == "OFF":
         yield DoctorFinding(
-            "problem", "network", "the discovery range is OFF: nobody is found, not even on this machine",
+            "problem", "network", "the discovery range is OFF: no node is found, not even on this machine",
             "unset ROS_AUTOMATIC_DISCOVERY_RANGE",
         )  # fmt: skip
     elif reach not in ("", "SUBNET", "SYSTEM_DEFAULT"):
@@ -52,7 +52,7 @@ def check_network(environment: Environment, kind: selection.TransportKind | None
             )
     for name in ("FASTRTPS_DEFAULT_PROFILES_FILE", "FASTDDS_DEFAULT_PROFILES_FILE"):
         if (file := environment.get(name, "")) and not Path(file).is_file():
-            yield DoctorFinding("warning", "network", f"{name} names {file}, which is not there")
+            yield DoctorFinding("warning", "network", f"{name} names {file}, which does not exist")
     if kind == "dds":
         if environment.get("ROS_DISCOVERY_SERVER"):
             yield DoctorFinding(
@@ -117,7 +117,7 @@ def _check_cyclone(uri: str, peers: bool) -> Iterator[DoctorFinding]:
         yield DoctorFinding(
             "problem",
             "network",
-            "CYCLONEDDS_URI switches multicast off and names no peers: nobody is found",
+            "CYCLONEDDS_URI switches multicast off and names no peers: no node is found",
             'add <Discovery><Peers><Peer address="localhost"/></Peers></Discovery>, with the robot\'s address too',
         )
     elif silent:

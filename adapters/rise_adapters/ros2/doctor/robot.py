@@ -146,13 +146,13 @@ async def check_robot(
 ) -> list[DoctorFinding]:
     """Whether each of the robot's actions is offered: once, and as what the profile says (`compatibility`)."""
     if profile is None:
-        return [DoctorFinding("note", "robot", "no robot was named, so none was looked for", "add --robot NAME")]
+        return [DoctorFinding("note", "robot", "no robot was named, so none was examined", "add --robot NAME")]
     if profile.driver != DRIVER:
         return [
             DoctorFinding(
                 "note",
                 "robot",
-                f"the robot {profile.name} was not looked for: its driver is {profile.driver!r}, which is not on ROS",
+                f"the robot {profile.name} was not examined: its driver is {profile.driver!r}, which is not on ROS",
             )
         ]
     said = mapping_findings(profile, transport.fields)
@@ -199,12 +199,12 @@ def _describe_estop(estop: EstopInput | None) -> Iterator[DoctorFinding]:
         trouble = estop.trouble or f"{what} has said nothing yet, so whether it is pressed is not known"
         yield DoctorFinding("problem", "robot", trouble, "start what publishes it; `options.estop` says what is meant")
     elif estop.pressed:
-        yield DoctorFinding("warning", "robot", f"{what} is pressed", "let it go: until then nothing starts")
+        yield DoctorFinding("warning", "robot", f"{what} is pressed", "release it: nothing starts before that")
     else:
         yield DoctorFinding("ok", "robot", f"{what} is heard, and is not pressed")
     if len(estop.publishers) > 1:
         who = ", ".join(estop.publishers)
-        yield DoctorFinding("warning", "robot", f"{what} has several publishers, of which the last word counts: {who}")
+        yield DoctorFinding("warning", "robot", f"{what} has several publishers; the last message counts: {who}")
 
 
 def _describe_clients(transport: Transport, expected: Sequence[_ExpectedEndpoint]) -> Iterator[DoctorFinding]:

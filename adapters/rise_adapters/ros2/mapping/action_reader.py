@@ -37,7 +37,7 @@ def parse_qos(table: Mapping[str, Any], kind: str, where: str, mistakes: Profile
     usual = {FEEDBACK: RELIABLE, STATUS_TOPIC: STATUS}
     for key in table:
         if key in _QUALITY_KEYS:
-            mistakes.add(f"{where}.{key}", f"stands in `qos.{FEEDBACK}` or `qos.{STATUS_TOPIC}`: goals have no other")
+            mistakes.add(f"{where}.{key}", f"belongs in `qos.{FEEDBACK}` or `qos.{STATUS_TOPIC}`: goals have no other")
         elif key not in usual:
             mistakes.add(f"{where}.{key}", f"does not exist{did_you_mean(key, usual)}")
     return {
@@ -93,7 +93,8 @@ def parse_result_rule(
     has_limits = any(key in table for key in _LIMITS)
     if has_limits and "ok" in table:
         mistakes.add(
-            f"{where}.ok", "stands beside a `minimum` or `maximum`; a rule has values that mean success, or limits"
+            f"{where}.ok",
+            "cannot be used with a `minimum` or `maximum`; a rule has values that mean success, or limits",
         )
     if code_type is not None and (code_type.is_list or code_type.kind == "message"):
         mistakes.add(f"{where}.code", f"is a number, a text, or true or false, and this field is `{code_type}`")
@@ -253,7 +254,7 @@ class ActionReader:
         if not isinstance(known, bool):
             self._add_mistake("unstoppable", "is true or false")
         elif known and mapping.stoppable:
-            self._add_mistake("unstoppable", "stands beside `reset`, which stops it")
+            self._add_mistake("unstoppable", "cannot be used with `reset`, which stops it")
         elif not known and not mapping.stoppable:
             acknowledge = "`unstoppable = true` where that is no danger"
             if mapping.kind == "topic":
@@ -287,7 +288,7 @@ class ActionReader:
             where = f"actions.{self._spec.name}.carrier"
             self._mistakes.add(where, "has neither `action`, `topic` nor `service`: the name on ROS")
         elif len(there) > 1:
-            self._add_mistake(there[1], f"stands beside `{there[0]}`; a carrier is one or the other")
+            self._add_mistake(there[1], f"cannot be used with `{there[0]}`; a carrier is one or the other")
         else:
             return there[0]
         return None

@@ -104,7 +104,7 @@ def _parse_slot(inside: str) -> Placeholder:
         (special_fallback(slot), _STANDING_IN),
     ):
         if special is not None and special not in known:
-            raise ValueError(f"has `@{special}`, which cannot stand there{did_you_mean(special, known)}")
+            raise ValueError(f"has `@{special}`, which is not allowed there{did_you_mean(special, known)}")
     if slot.special and (slot.unit is not None or slot.fallback is not None or slot.key):
         raise ValueError(f"has `{{{inside}}}`; `@{slot.name}` has a value always, and no unit")
     return slot

@@ -33,10 +33,9 @@ from rise_adapters.ros2.actions.client import (
 )
 from rise_adapters.ros2.mapping import ActionMapping
 from rise_adapters.ros2.robot import endings
-from rise_adapters.ros2.robot.endings import MAX_TRIES, Cancellation
+from rise_adapters.ros2.robot.endings import MAX_TRIES, Cancellation, ResultQuery
 from rise_adapters.ros2.robot.endpoints import ActionEndpoint
 from rise_adapters.ros2.robot.goal_host import TIMER_TOLERANCE, Ending, GoalHost, Phase
-from rise_adapters.ros2.robot.result_query import ResultQuery
 from rise_adapters.ros2.transport.port import Message, PortError
 from rise_engine.kernel.commands import StartAction
 
@@ -119,7 +118,10 @@ class ActionGoal:
             return
         cancellation.request(self._now(), self._limit_at)
         if self.phase == "waiting":
-            self._end("canceled", "its server had gone before taking it" if self._sends else "it had not been sent yet")
+            self._end(
+                "canceled",
+                "its server had gone before it accepted the goal" if self._sends else "it had not been sent yet",
+            )
         elif self.phase == "running":
             self._ask_cancel()
         self._host.on_goal_changed(self)
@@ -146,7 +148,7 @@ class ActionGoal:
             return "it has not answered and may still begin"
         if self.cancellation.refused_at is not None:
             return "it refused to stop"
-        return "it began late and is to stop" if self._began_late else "it has not ended yet"
+        return "it began late and should stop" if self._began_late else "it has not ended yet"
 
     def is_live(self) -> bool:
         return self.phase != "ended" or self.cancellation.next_try < inf
@@ -234,7 +236,7 @@ class ActionGoal:
             else:
                 self._end(*endings.of_missing_server(self.endpoint, self._sends))
         elif self.phase == "running":
-            self._end("lost", f"server-gone: what offered {name} has gone away in the middle of it")
+            self._end("lost", f"server-gone: what offered {name} went away during the action")
 
     def on_server_changed(self) -> None:
         """There are more servers than before, or fewer: was it restarted, and which of them has the goal?"""
@@ -308,13 +310,13 @@ class ActionGoal:
         name = self.endpoint.name
         self._answers += 1
         if self._answers > self._sends:
-            self._note_once("duplicate", f"{name} answered twice whether it takes {self.action}")
+            self._note_once("duplicate", f"{name} answered twice whether it accepts {self.action}")
         elif self._is_unanswered():
             if accepted:
                 self._accept()
             elif number > 1:
                 # The server that had gone away before may be the same one, which has the goal and refuses it twice.
-                self._end("failed", f"rejected: {name} refused it when it was sent once more")
+                self._end("failed", f"rejected: {name} refused it when it was sent again")
             else:
                 self._accepted = False
                 self._end("failed", f"rejected: {name} refused it", is_over=True)
@@ -371,9 +373,7 @@ class ActionGoal:
     def _take_result(self, servers: int, status: int, message: Message) -> None:
         """`servers`: those that there were when it was asked for (`ServerPresence.changes`)."""
         if self._result.receive():
-            self._note_once(
-                "duplicate", f"the result of {self.action} came twice; the second one counts for nothing", "result"
-            )
+            self._note_once("duplicate", f"the result of {self.action} came twice; the second one is ignored", "result")
         if self.phase == "ended":
             self._take_late_result(servers, status)
         elif status not in FINAL_STATUSES:  # UNKNOWN, or what no result can have: never a success by itself

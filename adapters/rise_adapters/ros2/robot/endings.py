@@ -11,13 +11,73 @@ from collections.abc import Callable
 from math import inf
 from typing import TypeAlias
 
-from rise_adapters.ros2.actions.client import ABORTED, CANCELED, SUCCEEDED
+from rise_adapters.ros2.actions.client import ABORTED, CANCELED, SUCCEEDED, UNKNOWN
 from rise_adapters.ros2.compatibility import MISFIT_KINDS, describe_several_servers
 from rise_adapters.ros2.mapping import ActionMapping
 from rise_adapters.ros2.robot.endpoints import ActionEndpoint, Endpoint, ServiceEndpoint
 from rise_adapters.ros2.robot.goal_host import Ending
 from rise_adapters.ros2.transport.port import Message
 from rise_engine.kernel.act_runner import CANCEL_LIMIT
+
+# --- asking for a result ----------------------------------------------------------------------------------------------
+
+REPEAT_SECONDS = 5.0
+"""After which a running goal's result is asked for once more: a server that was restarted unnoticed answers at once
+that it does not know the goal."""
+DOUBT_SECONDS = 1.0
+"""The same when there is a reason to doubt."""
+UNKNOWN_GRACE = 0.3
+"""Seconds that the status topic may need to say how a goal has ended whose result the server has thrown away."""
+
+
+class ResultQuery:
+    """Asking for one goal's result. All times are session times in seconds."""
+
+    def __init__(self) -> None:
+        self.requests = 0
+        """How often it was asked for ..."""
+        self.responses = 0
+        """... and how often an answer came."""
+        self.taken = False
+        """A result has been looked at; further ones say the same."""
+        self.finished_as = UNKNOWN
+        """How the goal is over, in the words of the status topic; UNKNOWN: it does not say so."""
+        self.missing_at = inf
+        """From when on the result of a goal that is over counts as missing."""
+        self.discarded_at = inf
+        """From when on a server that says that it does not know the goal has had the time to say how it ended."""
+        self._requested_at = 0.0
+
+    def request(self, now: float) -> None:
+        """A request is about to be sent."""
+        self.requests += 1
+        self._requested_at = now
+
+    def receive(self) -> bool:
+        """An answer has come. Whether it is one more than was asked for."""
+        self.responses += 1
+        return self.responses > self.requests
+
+    def finish(self, now: float, status: int) -> None:
+        """The status topic says that the goal is over."""
+        self.finished_as = status
+        self.missing_at = now + RESULT_GRACE
+
+    def disown(self, now: float) -> None:
+        """The server says that it does not know the goal; what that means is decided a moment later."""
+        self.discarded_at = now + UNKNOWN_GRACE
+
+    def is_due(self, now: float) -> bool:
+        return now >= self._requested_at + REPEAT_SECONDS
+
+    def may_doubt(self, now: float) -> bool:
+        """Whether the last request is so long ago that another one is worth it, where something seems to be wrong."""
+        return now >= self._requested_at + DOUBT_SECONDS
+
+    def next_deadline(self) -> float:
+        """When something is due: to ask again, or to ask no more."""
+        return min(self._requested_at + REPEAT_SECONDS, self.missing_at, self.discarded_at)
+
 
 # --- stopping a goal --------------------------------------------------------------------------------------------------
 
@@ -108,7 +168,7 @@ def of_result(status: int, result: Message, mapping: ActionMapping, name: str, *
     if wrong := _read(mapping.result_rule.failure, result, name):
         return "failed", f"robot-error: {wrong}"
     if cancel_wanted:
-        return "succeeded", "succeeded-during-cancel: the robot finished it although it was to stop"
+        return "succeeded", "succeeded-during-cancel: the robot finished it although it was asked to stop"
     return "succeeded", ""
 
 
@@ -131,9 +191,9 @@ def is_overdue(now: float, limit_at: float) -> bool:
 
 def of_missing_answer(name: str, seconds: float | None) -> Outcome:
     """The server did not say whether it takes it within `seconds`; None: it was to be stopped before that."""
-    what = f"it was to be stopped, and {name} has not even taken it"
+    what = f"it was asked to stop, and {name} had not accepted it yet"
     if seconds is not None:
-        what = f"{name} did not say within {seconds:g} s whether it takes it"
+        what = f"{name} did not say within {seconds:g} s whether it accepts it"
     return "timed-out", f"no-accept: {what}"
 
 
@@ -143,7 +203,7 @@ def of_silence(name: str, seconds: float) -> Outcome:
 
 def of_overdue_result(name: str, expected: float, grace: float) -> Outcome:
     """It takes longer than it may. `expected` and `grace` in seconds."""
-    what = f"it was to take {expected:.1f} s, and {name} had not ended it {grace:g} s later"
+    what = f"it should have taken {expected:.1f} s, and {name} had not ended it {grace:g} s later"
     return "timed-out", f"no-result: {what}"
 
 
@@ -166,7 +226,7 @@ def of_discarded_result(status: int, name: str, *, cancel_wanted: bool) -> Outco
     if status == CANCELED:
         return "canceled", "" if cancel_wanted else f"canceled: somebody else stopped it; {gone}"
     if status == ABORTED:
-        return "aborted", f"aborted: why is not known; {gone}"
+        return "aborted", f"aborted: the reason is unknown; {gone}"
     return of_restart(name)
 
 

@@ -27,9 +27,8 @@ from rise_adapters.ros2.robot.endpoints import (
 from rise_adapters.ros2.robot.estop_input import EstopInput
 from rise_adapters.ros2.robot.goal_host import TIMER_TOLERANCE, Ending, Goal
 from rise_adapters.ros2.robot.health import RobotHealth
-from rise_adapters.ros2.robot.service_goal import ServiceGoal
+from rise_adapters.ros2.robot.simple_goals import ServiceGoal, TopicGoal
 from rise_adapters.ros2.robot.stop_all import StopAll
-from rise_adapters.ros2.robot.topic_goal import TopicGoal
 from rise_adapters.ros2.transport.port import Message, PortError, Transport
 from rise_engine.kernel.commands import StartAction
 from rise_engine.kernel.inputs import ActionReport, Note, RobotChanged

@@ -326,10 +326,10 @@ def _update_goal(goal: ServerGoal, record: TaskRecord) -> None:
 
 def _why_not_released(node: str, allowed: tuple[str, ...]) -> str:
     """`node`: what the node says that it is; `allowed`: those that the scenario allows to."""
-    reason = "a stop is released by who holds control, "
+    reason = "a stop can be released by the wizard who holds control, "
     reason += f"or by {', '.join(allowed)}" if allowed else "or by a node that scenario.toml names"
     if not node:
-        return reason + "; a node says who it is: domain_task_behavior is its full name"
+        return reason + "; a node gives its full name in domain_task_behavior"
     if not allowed:
         return reason + f': [control] may_release = ["{node if node.startswith("/") else f"/{node}"}"]'
     return reason + f", and not by {node}"

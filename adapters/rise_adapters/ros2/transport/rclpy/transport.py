@@ -14,10 +14,9 @@ from typing import Any, Literal
 
 from rise_adapters.ros2.transport import vendors
 from rise_adapters.ros2.transport.port import RELIABLE, Message, PortError, QoS, RemoteEndpoint, SendReply
+from rise_adapters.ros2.transport.rclpy.entities import RclpyClient, RclpyPublisher, RclpyServer, RclpySubscription
 from rise_adapters.ros2.transport.rclpy.installation import first_line
 from rise_adapters.ros2.transport.rclpy.node import SpinningNode
-from rise_adapters.ros2.transport.rclpy.services import RclpyClient, RclpyServer
-from rise_adapters.ros2.transport.rclpy.topics import RclpyPublisher, RclpySubscription
 from rise_adapters.ros2.transport.rclpy.types import InstalledTypes
 
 # --- the graph --------------------------------------------------------------------------------------------------------

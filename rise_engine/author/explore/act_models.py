@@ -3,7 +3,7 @@
 Rules learn of an act only that it has ended, and how; the scheduler looks at the channels of the whole act. So an act
 need not be followed action by action: it runs, until it ends well, fails, or is cancelled, and between failing or being
 cancelled and its end the robot may still have to confirm. Where it depends on the moment within the act what comes
-next, each possibility is a decision (`rise_engine.author.explore.chance`), so that all of them are looked at.
+next, each possibility is a decision (`rise_engine.author.explore.act_models`), so that all of them are looked at.
 """
 
 from __future__ import annotations
@@ -12,11 +12,56 @@ from collections.abc import Callable
 from typing import Literal, TypeAlias, cast
 
 from rise_engine.author.explore.act_traits import ActTraits, begin
-from rise_engine.author.explore.chance import Decisions
 from rise_engine.kernel.act_runner import ActRun, ActRunner
 from rise_engine.kernel.core import Core, Task, TimerTarget, parse_task_id
 from rise_engine.kernel.records import ActionStatus, TaskStatus
+from rise_engine.kernel.rng import Rng
 from rise_engine.kernel.speech import find_act
+
+# --- chance -----------------------------------------------------------------------------------------------------------
+
+FRACTIONS = tuple(index / 12 for index in range(12))
+"""What stands for a number in [0, 1): twelve values, so that parts down to a twelfth are all met."""
+MAX_SCRIPTS = 64
+"""How many courses of one input are looked at; chance that has more is not looked at whole."""
+
+
+class Decisions(Rng):
+    """A source of chance that reads from a script and can be asked for the next script."""
+
+    def __init__(self) -> None:
+        super().__init__(0)
+        self.made: list[tuple[int, int]] = []
+        """Since `begin`: each decision, and out of how many."""
+        self._script: list[int] = []
+
+    def begin(self, script: list[int]) -> None:
+        """From here on, decide as the script says, and by 0 when it has ended."""
+        self._script = script
+        self.made.clear()
+
+    def choose(self, count: int) -> int:
+        """One of `count` possibilities."""
+        position = len(self.made)
+        choice = self._script[position] if position < len(self._script) else 0
+        self.made.append((choice, count))
+        return choice
+
+    def integer_below(self, count: int) -> int:
+        return self.choose(count)
+
+    def fraction(self) -> float:
+        return FRACTIONS[self.choose(len(FRACTIONS))]
+
+    def next_script(self) -> list[int] | None:
+        """The script of the next course: the last decision that has another possibility left; null: all were tried."""
+        made = self.made
+        while made:
+            choice, count = made.pop()
+            if choice + 1 < count:
+                return [*(before for before, _ in made), choice + 1]
+        return None
+
 
 Phase: TypeAlias = Literal["running", "doomed", "failing", "canceling", "failing and canceling"]
 """doomed: an action of it will fail when its turn comes, if nothing gives the memory the value that it needs."""

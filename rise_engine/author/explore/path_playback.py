@@ -17,12 +17,12 @@ from msgspec import Struct, field
 from msgspec.structs import replace
 
 from rise_engine.author.explore.bounds import Bounds
-from rise_engine.author.explore.cone import keys_that_matter
-from rise_engine.author.explore.following import Followed, follow_path
+from rise_engine.author.explore.influence import keys_that_matter
 from rise_engine.author.explore.moves import Move
+from rise_engine.author.explore.path_steps import Followed, follow_path
+from rise_engine.author.explore.path_words import move_text
 from rise_engine.author.explore.paths import Path
 from rise_engine.author.explore.situation import Situation
-from rise_engine.author.explore.telling import move_text
 from rise_engine.author.trial.study_test import written_line
 from rise_engine.kernel import Kernel
 from rise_engine.kernel.records import ActionRecord, AnyRecord, TimingRecord
@@ -68,7 +68,7 @@ def find_times(scenario: Scenario, path: Path, bounds: Bounds | None = None) -> 
 
     :param scenario: what was explored. :param path: a way through its situations.
     :param bounds: with which it was explored: what is tried, and how fast acts go.
-    :raises RiseError: the path is of another scenario (`rise_engine.author.explore.following`).
+    :raises RiseError: the path is of another scenario (`rise_engine.author.explore.path_steps`).
     """
     scenario = replace(scenario, mode="debug")
     followed, keys = follow_path(scenario, path, bounds or Bounds()), _compared_keys(scenario, path)

@@ -10,8 +10,8 @@ from msgspec.structs import replace
 
 from rise_engine.author.drawing.study_keys import key_title
 from rise_engine.author.explore.bounds import Bounds
-from rise_engine.author.explore.following import Followed, follow_path
 from rise_engine.author.explore.moves import Move
+from rise_engine.author.explore.path_steps import Followed, follow_path
 from rise_engine.author.explore.paths import Path
 from rise_engine.author.explore.situation import Countdown
 from rise_engine.base.typed_values import format_value
@@ -110,7 +110,7 @@ def _assignment(behavior: str) -> str:
 def _countdown_text(countdown: Countdown, before: Followed) -> str:
     seconds = f"{countdown.length / 1000:g} s"
     if countdown.purpose == "keep":
-        return f"nobody has waited for /{normal_topic(countdown.owner)} for {seconds}"
+        return f"no rule has waited for /{normal_topic(countdown.owner)} for {seconds}"
     if countdown.purpose == "repeat":
         return f"{seconds} pass after {countdown.owner} has failed"
     if countdown.purpose == "filler":

@@ -10,11 +10,17 @@ from msgspec import Struct
 
 from rise_engine.author.drawing.act_seconds import estimate_act_seconds
 from rise_engine.author.drawing.conditions import Joint, is_met, split_condition
-from rise_engine.author.drawing.labels import transition_label
-from rise_engine.author.drawing.rule_text import Truth, find_awaited_act, functions_in, truth_of, wait_text
+from rise_engine.author.drawing.rule_text import (
+    Truth,
+    find_awaited_act,
+    functions_in,
+    transition_label,
+    truth_of,
+    wait_text,
+)
 from rise_engine.author.drawing.study_keys import ACT, StudyKeys, key_title
-from rise_engine.author.trial.happened import said_words
 from rise_engine.author.trial.trial import Trial
+from rise_engine.author.trial.trial_history import said_words
 from rise_engine.expression import Expression, lookup
 from rise_engine.kernel.view import RuleView
 from rise_engine.scenario.model import (
@@ -282,7 +288,7 @@ def _taker_text(trial: Trial, topics: Iterable[str]) -> str:
             is_wanted = transition.event is not None and normal_topic(transition.event) in wanted
             if is_wanted and is_met(transition.condition, trial.memory):
                 return f"{name} takes it"
-    return "nobody waits for it now"
+    return "no rule waits for it now"
 
 
 def _state(scenario: Scenario, rule: str, state: str | None) -> State | None:

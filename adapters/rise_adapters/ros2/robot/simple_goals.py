@@ -2,6 +2,11 @@
 
 Nothing takes a call back. Who stops the action ends it for the engine; the robot may go on until it answers, and until
 then nothing else goes out on that service.
+
+An action that a topic carries: it is published, once or at a rate, takes its expected time, and is taken back by the
+profile's reset.
+
+Nobody answers on a topic. That something listens counts as acceptance, that the time is over as success.
 """
 
 from __future__ import annotations
@@ -11,10 +16,154 @@ from math import inf
 
 from rise_adapters.ros2.mapping import ActionMapping
 from rise_adapters.ros2.robot import endings
-from rise_adapters.ros2.robot.endpoints import ServiceEndpoint
+from rise_adapters.ros2.robot.endpoints import ServiceEndpoint, TopicEndpoint
 from rise_adapters.ros2.robot.goal_host import TIMER_TOLERANCE, Ending, GoalHost, Phase
 from rise_adapters.ros2.transport.port import Message, PortError
 from rise_engine.kernel.commands import StartAction
+from rise_engine.ports.robot import Timer
+
+# --- topics -----------------------------------------------------------------------------------------------------------
+
+
+class TopicGoal:
+    """One message of ours on one topic, until its time is over. Implements `Goal`."""
+
+    def __init__(
+        self,
+        host: GoalHost,
+        endpoint: TopicEndpoint,
+        goal: StartAction,
+        mapping: ActionMapping,
+        make_message: Callable[[], Message],
+        make_reset: Callable[[], Message | None],
+    ) -> None:
+        """`make_reset`: what is published at its end, if anything."""
+        self.action = goal.action
+        self.type = goal.type
+        self.phase: Phase = "waiting"
+        self.may_be_running = False
+        self.endpoint = endpoint
+        self._host = host
+        self._make_message = make_message
+        self._make_reset = make_reset
+        self._is_stoppable = mapping.stoppable
+        self._is_harmless = mapping.harmless
+        self._rate = mapping.rate
+        self._repeat: Timer | None = None
+        self._expected = goal.expected
+        self._deadline = host.clock.now() + mapping.deadlines.server
+
+    def adopt(self, *, accepted: bool) -> None:
+        """Take over one that an engine before this one has published; it ends when it is reset."""
+        self.phase = "ended"
+        self.may_be_running = True
+        if not self._is_stoppable:
+            self._leave_unstopped()
+        self._host.on_goal_changed(self)
+
+    def _leave_unstopped(self) -> None:
+        self.may_be_running = not self._is_harmless
+        if self._is_harmless:
+            return
+        self.endpoint.unstopped = self
+
+    def cancel(self) -> None:
+        if self.phase == "ended" and self.may_be_running and self._is_stoppable:
+            self._publish_reset()
+            self.release()
+        elif self.phase == "waiting":
+            self._end("canceled", "it had not been sent yet")
+        elif self.phase == "running":
+            self._end("canceled", "")
+
+    @property
+    def is_accepted(self) -> bool:
+        return True
+
+    @property
+    def holds_its_part(self) -> bool:
+        return self._is_stoppable
+
+    def release(self) -> None:
+        self.may_be_running = False
+        self._host.on_goal_changed(self)
+
+    def why_open(self) -> str:
+        return "an engine that has gone began it" if self._is_stoppable else "its topic cannot be stopped"
+
+    def is_live(self) -> bool:
+        return self.phase != "ended"
+
+    def next_deadline(self) -> float:
+        return self._deadline
+
+    def poll(self) -> None:
+        now = self._host.clock.now() + TIMER_TOLERANCE
+        if self.phase == "waiting":
+            self.endpoint.compare()
+            if self.endpoint.misfit:
+                self._end("failed", self.endpoint.misfit)
+            elif self.endpoint.is_ready:
+                self._publish()
+            elif now >= self._deadline:
+                self._end("failed", f"server-missing: {endings.describe_missing(self.endpoint)}")
+        elif self.phase == "running" and now >= self._deadline:
+            self._end("succeeded", "")
+
+    def on_server_gone(self) -> None:
+        if self.phase == "running":
+            self._end("lost", f"server-gone: what listened to {self.endpoint.name} went away during the action")
+
+    def on_server_changed(self) -> None:
+        """More or fewer listen: nothing to ask them."""
+
+    def on_robot_lost(self, reason: str) -> None:
+        if self.phase != "ended":
+            self._end(*endings.of_lost_robot(reason, was_sent=self.phase != "waiting"))
+
+    def _publish(self) -> None:
+        if not self._send():
+            return
+        self.endpoint.user = self
+        self.phase = "running"
+        self._deadline = self._host.clock.now() + self._expected
+        self._host.report_accepted(self.action)
+        self._host.on_goal_changed(self)
+
+    def _send(self) -> bool:
+        """Publish the message now, and at its rate again. False: that has ended it."""
+        try:
+            self.endpoint.publisher.publish(self._make_message())
+        except (PortError, ValueError) as error:
+            self._end("failed", f"not-sent: {error}")
+            return False
+        if self._rate:
+            clock = self._host.clock
+            self._repeat = clock.call_at(clock.now() + 1 / self._rate, self._send_again)
+        return True
+
+    def _send_again(self) -> None:
+        if self.phase == "running" and self.endpoint.user is self:
+            self._send()
+
+    def _end(self, status: Ending, reason: str) -> None:
+        assert self.phase != "ended"
+        self.phase = "ended"
+        if self._repeat is not None:
+            self._repeat.cancel()
+        if self.endpoint.user is self:  # a later one has the topic to itself
+            self.endpoint.user = None
+            if self._is_stoppable:
+                self._publish_reset()
+            else:
+                self._leave_unstopped()
+        self._host.on_goal_changed(self)
+        self._host.report_ended(self.action, status, reason)
+
+    def _publish_reset(self) -> None:
+        reset = self._make_reset()
+        if reset is not None:
+            self.endpoint.publish(reset)
 
 
 class ServiceGoal:
@@ -108,7 +257,7 @@ class ServiceGoal:
     def on_server_gone(self) -> None:
         self._mark_over()
         if self.phase == "running":
-            self._end("lost", f"server-gone: what offered {self.endpoint.name} has gone away in the middle of it")
+            self._end("lost", f"server-gone: what offered {self.endpoint.name} went away during the action")
 
     def on_server_changed(self) -> None:
         """Another one would not know the call: only the one that has it can answer."""

@@ -5,9 +5,8 @@ from __future__ import annotations
 from collections import Counter
 from collections.abc import Iterator
 
-from rise_engine.author.explore.explored import Explored, is_planned
-from rise_engine.author.explore.finding import ExploreFinding, some_states
 from rise_engine.author.explore.paths import Path
+from rise_engine.author.explore.situation_graph import Explored, ExploreFinding, is_planned, some_states
 from rise_engine.author.explore.space import Number
 
 
@@ -23,7 +22,7 @@ def find_dead_ends(explored: Explored) -> Iterator[ExploreFinding]:
             kind="dead-end",
             level="problem",
             text=f"{rule.name} can get stuck in {some_states(states)}{_after_mishaps(explored, stuck)}: no key, "
-            f"no event and no time takes it any further ({_share(explored, stuck)})",
+            f"event or time takes it any further ({_share(explored, stuck)})",
             location=rule.states[first].location,
             rule=rule.name,
             state=first,
@@ -88,7 +87,7 @@ def find_runaways(explored: Explored) -> Iterator[ExploreFinding]:
         yield ExploreFinding(
             kind="runaway",
             level="problem",
-            text=f"{rule.name} is stopped because it goes round without end: {fact[2]}",
+            text=f"{rule.name} is stopped because it runs in an endless loop: {fact[2]}",
             location=rule.location,
             rule=rule.name,
             path=explored.paths.to_fact(fact),
@@ -112,7 +111,7 @@ def find_rounds(explored: Explored) -> Iterator[ExploreFinding]:
         yield ExploreFinding(
             kind="round",
             level="remark",
-            text=f"{name} can go on for ever while nobody does anything; that may be meant so",
+            text=f"{name} can go on without end while nobody does anything; this may be intended",
             location=explored.scenario.rules[name].location,
             rule=name,
             path=explored.paths.to(first[name]),

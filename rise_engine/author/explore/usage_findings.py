@@ -5,12 +5,11 @@ from __future__ import annotations
 from collections import Counter
 from collections.abc import Iterator
 
-from rise_engine.author.drawing.labels import transition_label
+from rise_engine.author.drawing.rule_text import transition_label
 from rise_engine.author.explore.act_traits import keys_read
-from rise_engine.author.explore.cone import assignments_of
-from rise_engine.author.explore.explored import Explored
-from rise_engine.author.explore.finding import ExploreFinding, some_states
+from rise_engine.author.explore.influence import assignments_of
 from rise_engine.author.explore.moves import Move
+from rise_engine.author.explore.situation_graph import Explored, ExploreFinding, some_states
 from rise_engine.author.explore.space import Number
 from rise_engine.base.text import pluralize
 from rise_engine.expression import Assignment, ExpressionError
@@ -237,7 +236,7 @@ def find_missing_values(explored: Explored) -> Iterator[ExploreFinding]:
             yield ExploreFinding(
                 kind="condition-error",
                 level="warning",
-                text=f"when {rule} asks `{text}`, that cannot be worked out: {problem}; it counts as false",
+                text=f"when {rule} asks `{text}`, it has no value: {problem}; it counts as false",
                 location=_place_of(explored.scenario.rules[rule], text),
                 rule=rule,
                 path=explored.paths.to_fact(fact),
