@@ -12,7 +12,7 @@ import pytest
 
 import rise_engine.scenario
 from rise_engine.scenario.loader import load
-from tests.scenario.folders import SPEECH, act, found, in_state, loaded, rule
+from tests.scenario.folders import SPEECH, act, folder, found, in_state, loaded, rule
 
 DOCS = Path(__file__).parents[2] / "docs" / "reference" / "scenario.md"
 
@@ -664,3 +664,16 @@ def test_names_in_two_forms_of_unicode(tmp_path: Path, form: Literal["NFC", "NFD
     raised = in_state(f'<function raiseEventTopic="{here}"/>', f'<transition eventTopic="/{there}" target="S"/>')
     result = loaded(tmp_path / "events", {"rules/r.xml": raised})
     assert [(each.severity, each.code) for each in result.diagnostics] == [("warning", "unicode-form")] * 2
+
+
+def test_what_was_meant_and_a_related_place_are_beside_the_sentence(tmp_path: Path) -> None:
+    first = '<transition eventTopic="/go" target="S"/>'
+    files = {
+        "acts/a.xml": act(SPEECH),
+        "rules/r.xml": in_state("", f'{first}\n<transition eventTopic="/go" target="s2"/>'),
+    }
+    found = {each.code: each for each in load(folder(tmp_path, files)).diagnostics}
+    assert found["unreachable-transition"].related.line == found["unreachable-transition"].location.line - 1
+    files = {"scenario.toml": 'titel = "x"\n', "acts/a.xml": act(SPEECH)}
+    (unknown,) = [each for each in load(folder(tmp_path, files)).diagnostics if each.code == "unknown-key"]
+    assert (unknown.suggestion.written, unknown.suggestion.meant) == ("titel", "title")

@@ -12,7 +12,7 @@ from hypothesis import strategies as st
 from rise_engine.author.edit.plan import EditRefused
 from rise_engine.syntax.changes import changed_text, edits_between
 from rise_engine.syntax.toml import toml_value
-from rise_engine.syntax.toml_edits import remove_value, rename_key, set_value
+from rise_engine.syntax.toml_edits import remove_value, rename_key, rename_keys, set_value
 
 STUDY = """\
 # A study.
@@ -273,3 +273,11 @@ def test_any_new_entry(text: str, path: list[str], value: Any) -> None:
     inner[path[-1]] = value
     after = set_value(text, tuple(path), value)
     assert without_empty(tomllib.loads(after)) == without_empty(wanted)
+
+
+def test_names_can_be_swapped() -> None:
+    text = 'a = 1  # one\n[t."2/1"]\nx = 1\n[t."2/2"]\nx = 2\n'
+    swapped = rename_keys(text, {("t", "2/1"): "2/2", ("t", "2/2"): "2/1"})
+    assert swapped == 'a = 1  # one\n[t."2/2"]\nx = 1\n[t."2/1"]\nx = 2\n'
+    with pytest.raises(EditRefused, match="is there already"):
+        rename_keys(text, {("t", "2/1"): "2/2"})
