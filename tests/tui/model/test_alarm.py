@@ -138,7 +138,9 @@ def test_who_cannot_release_a_stop_is_told_why_and_then_that_it_can_be() -> None
     store = Store(client.attach_reply(), "anna", client.now)
     assert BY_ID["release"].obstacle(store) == "the emergency stop at /estop_pressed is still pressed"
     store.apply([StopRecord(99, 1.0, "", status="let-go", source=ESTOP)])
-    assert store.notice is not None and store.notice.text.startswith("the emergency stop at /estop_pressed is no longer")
+    assert store.notice is not None and store.notice.text.startswith(
+        "the emergency stop at /estop_pressed is no longer"
+    )
     assert BY_ID["release"].obstacle(store) is None and store.view.stop.confirmed == ("pepper/speech",)
 
 
