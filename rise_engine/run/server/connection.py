@@ -16,7 +16,7 @@ from collections.abc import Iterable, Iterator
 from contextlib import suppress
 from typing import Protocol, cast
 
-from rise_engine.run.protocol.messages import MAX_LINE_BYTES
+from rise_engine.run.protocol.messages import MAX_LINE_BYTES, RefusedMessage, encode_line
 from rise_engine.run.server.hub import AttachedClient
 
 _LOG = logging.getLogger(__name__)
@@ -31,6 +31,7 @@ ARRIVAL_BACKLOG = 8_388_608
 """The same until it has taken the state and what came meanwhile."""
 STALL_SECONDS = 10.0
 """A client that takes nothing for so long, while something waits for it, is cut."""
+_BEHIND = encode_line(RefusedMessage("this client fell too far behind the session: attach again"))
 LINGER_SECONDS = 2.0
 """A last line may wait so long to be read."""
 URGENT = b'"stopAll"'
@@ -179,7 +180,10 @@ class ClientConnection(asyncio.Protocol):
         if self.closing or self._transport.is_closing():
             return
         if self.waiting > self._backlog:
-            self.abort()
+            if self._state is None:
+                self.finish(_BEHIND)  # if it still reads, it knows at once that it has to attach anew
+            else:
+                self.abort()
             return
         for piece in pieces:
             self._write(piece)
