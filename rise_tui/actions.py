@@ -13,7 +13,7 @@ from textual.binding import Binding
 
 from rise_engine.kernel.records import stopper_words
 from rise_engine.kernel.speech import why_not_speak
-from rise_engine.scenario.act_settings import filler_acts
+from rise_engine.scenario.fillers import filler_acts
 from rise_tui.model.blocked import BlockedReason, Deed
 from rise_tui.model.store import Store
 

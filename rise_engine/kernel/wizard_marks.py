@@ -12,7 +12,7 @@ from msgspec import Struct, field
 from rise_engine.kernel.core import Core, Task, TimerTarget, parse_task_id
 from rise_engine.kernel.records import CueRecord, Mark, MistakeRecord, TaskRecord
 from rise_engine.kernel.speech import act_name
-from rise_engine.scenario.act_settings import next_filler
+from rise_engine.scenario.fillers import next_filler
 
 MARKS: tuple[Mark, ...] = get_args(Mark)
 REMEMBERED = 1000

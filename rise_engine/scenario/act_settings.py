@@ -1,4 +1,4 @@
-"""`[act.NAME]` and `[act."R_Task*"]` in scenario.toml (docs/reference/scenario.md), and fillers."""
+"""`[act.NAME]` and `[act."R_Task*"]` in scenario.toml (docs/reference/scenario.md)."""
 
 from __future__ import annotations
 
@@ -18,7 +18,6 @@ from rise_engine.scenario.model import (
     MAX_REPEATS,
     ActSettings,
     CallingType,
-    Scenario,
     SourceLocation,
     parse_failure_policy,
 )
@@ -152,19 +151,3 @@ def read_on_failure(table: TomlTable) -> str:
     message = f'`on_failure` is "go_on", "ask" or "repeat:2" (up to {MAX_REPEATS})'
     table.report_value("wrong-value", "on_failure", message, near)
     return "go_on"
-
-
-# --- fillers ----------------------------------------------------------------------------------------------------------
-
-
-def filler_acts(scenario: Scenario) -> tuple[str, ...]:
-    """The scenario's fillers, in the order of its acts."""
-    return tuple(name for name in scenario.acts if scenario.settings_of(name).filler)
-
-
-def next_filler(scenario: Scenario, last: str | None) -> str | None:
-    """The filler after the one that was used last, in turn; None when the scenario has none."""
-    found = filler_acts(scenario)
-    if not found:
-        return None
-    return found[(found.index(last) + 1) % len(found)] if last in found else found[0]

@@ -13,7 +13,7 @@ from rise_engine.author.drawing.conditions import is_met
 from rise_engine.author.drawing.rule_text import functions_in, wait_text
 from rise_engine.author.drawing.study_keys import ACT, transitions_of
 from rise_engine.kernel.task_view import TaskView
-from rise_engine.scenario.act_settings import next_filler
+from rise_engine.scenario.fillers import next_filler
 from rise_engine.scenario.model import KeyBinding, Transition
 from rise_tui.model.store import Store
 from rise_tui.model.task_messages import act_label

@@ -6,7 +6,7 @@ from collections.abc import Sequence
 
 from textual import events
 
-from rise_engine.scenario.act_settings import filler_acts, next_filler
+from rise_engine.scenario.fillers import filler_acts, next_filler
 from rise_tui.actions import BY_ID, ConsoleAction
 from rise_tui.key_labels import first_key_label, keys_of, why_unavailable
 from rise_tui.messages import RunAction
