@@ -128,7 +128,7 @@ def read_places(text: str) -> dict[KeyPath, tuple[int, int]]:
     """Where the key and the value of each entry of a valid TOML text begin, by its path.
 
     >>> read_places("[a]\\nb = [1, 2]")
-    {('a',): (1, 0), ('a', 'b'): (4, 8), ('a', 'b', '0'): (9, 9), ('a', 'b', '1'): (12, 12)}
+    {(): (0, 0), ('a',): (1, 0), ('a', 'b'): (4, 8), ('a', 'b', '0'): (9, 9), ('a', 'b', '1'): (12, 12)}
     """
     found: dict[KeyPath, tuple[int, int]] = {}
     for section in read_sections(text):

@@ -344,7 +344,7 @@ def test_another_computer_had_it_last(runtimes: Runtimes, monkeypatch: pytest.Mo
     record = killed(study)
     of_another_computer(record)
     monkeypatch.setattr(locks, "file_system", lambda path: "nfs4")
-    with pytest.raises(SessionError, match=r"of .* on the computer lab-2, since .*say --here too"):
+    with pytest.raises(SessionError, match=r"of .* on the computer lab-2, since .*add --here to continue"):
         JournalLock(record / JOURNAL)
     order = SessionOptions(str(study), unfinished=str(record))
     with pytest.raises(ServeRefused) as refused:
@@ -361,7 +361,7 @@ def test_another_computer_had_it_last(runtimes: Runtimes, monkeypatch: pytest.Mo
 def test_where_nothing_can_be_locked_it_is_asked_too(runtimes: Runtimes, monkeypatch: pytest.MonkeyPatch) -> None:
     record = killed(folder(runtimes.root / "study"))
     monkeypatch.setattr(locks, "file_system", lambda path: "cifs")
-    with pytest.raises(SessionError, match="say --here too"):
+    with pytest.raises(SessionError, match="add --here to continue"):
         JournalLock(record / JOURNAL)
     JournalLock(record / JOURNAL, here=True).release()
     JournalLock(record / JOURNAL).release()  # it was let go of in order
