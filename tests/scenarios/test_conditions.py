@@ -60,7 +60,7 @@ def test_the_conditions_differ_in_what_the_robot_does(play: Play, study: str) ->
         ),
         (
             ["lablinking", "--condition", "no hesitation", "--set", "hesitation=true"],
-            "`hesitation` cannot be set beside",
+            "`hesitation` cannot be set together with",
         ),
         (["greeting", "--condition", "calm"], "write under [conditions.calm] what it sets"),
     ],

@@ -62,7 +62,7 @@ def test_an_answer_can_be_changed_and_what_the_program_checks_has_none() -> None
 @pytest.mark.parametrize(
     ("id", "reason", "problem"),
     [
-        ("tracker", "", "who skips a check says why"),
+        ("tracker", "", "give a reason for skipping a check"),
         ("tracker", "it is broken", ""),
         ("consent", "a reason", "consent cannot be skipped"),
     ],

@@ -224,7 +224,7 @@ async def test_a_condition_is_chosen_among_those_that_there_are_and_the_memory_f
         for word, shown in (
             ("calm", f'for blue; {sets} voice = "low", pause = 2.'),
             ("loud", f'for loud; {sets} voice = "high".'),
-            ("light", f"for light; {sets} nothing: what it stands"),
+            ("light", f"for light; {sets} nothing: "),
         ):
             await it.press("right")
             await it.until(lambda shown=shown: shown in str(screen.changes.content))  # type: ignore[misc]
