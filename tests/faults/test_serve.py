@@ -255,7 +255,7 @@ def test_what_a_condition_sets_is_recorded_recovered_and_replayed(root: Path) ->
     for arguments, sentence in (
         (["--condition", "calmm"], "did you mean `calm`?"),
         (["--condition", "calm", "--set", 'name="Anna"'], "`name` cannot be set together with the condition `calm`"),
-        (["--condition", "calm", "--set", 'name="Anna"', "--new"], "which says what it is"),
+        (["--condition", "calm", "--set", 'name="Anna"', "--new"], "which sets it"),
     ):
         refused = engine("serve", study, *arguments)
         assert refused.returncode == 2 and sentence in refused.stderr
