@@ -163,6 +163,7 @@ WRONG = [
     (["--stratum", "name=a,b"], "--stratum name=a,b: `name` seems to hold a name"),
     (["--stratum", "language=de"], "--stratum language=de: write a word and its values"),
     (["--consent", "a b"], "--consent a b: words with commas between"),
+    (["--ask", ""], "error: --ask: write a word or more"),
     (["--auto", "disc"], "--auto disc: there is no automatic check `disc`; did you mean `disk`?"),
 ]
 

@@ -237,7 +237,7 @@ def meaning(option: str) -> Iterator[None]:
     try:
         yield
     except ValueError as error:
-        exit_with_usage(f"{option}: {error}")
+        exit_with_usage(f"{option.strip()}: {error}")
 
 
 # --- questions ------------------------------------------------------------------------------------------------------
