@@ -300,6 +300,10 @@ async def _run_connected(options: RunOptions, bridge: Bridge[SessionHub] | None)
         interrupts.append(number)
         loop.call_soon_threadsafe(session.interrupt)
 
+    for each in (signal.SIGINT, signal.SIGTERM):
+        # Python runs `on_signal` only once the loop does something. This lets each signal wake it, also one that comes
+        # in the moment before it begins to wait.
+        loop.add_signal_handler(each, lambda: None)
     with _signals_to(on_signal):
         try:
             with _tolerate_engine_failure(engine):
