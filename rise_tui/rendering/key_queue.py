@@ -76,7 +76,8 @@ class KeyQueue:
 
     async def _go_round(self) -> None:
         """Wait until everything from the focus up to the app has done what waits for it now."""
-        node: MessagePump | None = self._app.focused or self._app.screen
+        stack = self._app.screen_stack
+        node: MessagePump | None = (self._app.focused or stack[-1]) if stack else None
         while node is not None:
             done = asyncio.get_running_loop().create_future()
             if node.is_running and node.call_later(_set, done):
@@ -86,6 +87,8 @@ class KeyQueue:
     @property
     def _is_ready(self) -> bool:
         stack = self._app.screen_stack
+        if not stack:  # the key has left the program
+            return True
         if not stack[-1]._is_mounted or any(isinstance(each, WorkingScreen) and each.is_working for each in stack):
             return False
         return all(not node.message_queue_size for node in (self._app, *stack[-1].walk_children(with_self=True)))

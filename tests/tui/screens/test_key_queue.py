@@ -47,3 +47,25 @@ async def test_a_key_waits_for_what_the_one_before_began_however_busy_the_machin
         while not keys.is_empty:
             await pilot.pause(0.01)
         assert len(left) == 2 and (left[1] <= 0) is is_waited_for
+
+
+@pytest.mark.parametrize("at", ["at once", "while it is carried out"])
+async def test_a_key_that_leaves_the_program_is_done(at: str) -> None:
+    app = App[None]()
+    async with app.run_test() as pilot:
+        stacks = dict(app._screen_stacks)
+
+        async def pass_on(event: events.Key) -> None:
+            if at == "at once":
+                app._screen_stacks[app.current_mode] = []
+            else:
+                app.call_later(lambda: app._screen_stacks.__setitem__(app.current_mode, []))
+
+        keys = KeyQueue(app, pass_on)
+        keys.put(events.Key("q", "q"))
+        task = keys._task
+        assert task is not None
+        await task
+        assert keys.is_empty
+        app._screen_stacks.update(stacks)
+        await pilot.pause()
