@@ -132,9 +132,9 @@ def copy_sentence(name: str, source: str) -> str:
     """That a scenario of a study is a copy.
 
     >>> copy_sentence("scenario", "../greeting")
-    'scenario is a copy: later changes of ../greeting have no effect here'
+    'scenario is a copy: later changes to ../greeting have no effect here'
     """
-    return f"{name} is a copy: later changes of {source} have no effect here"
+    return f"{name} is a copy: later changes to {source} have no effect here"
 
 
 def _copy_lines(name: str, source: Path) -> Iterable[str]:

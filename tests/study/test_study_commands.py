@@ -447,7 +447,7 @@ def test_it_says_that_the_scenario_is_a_copy(tmp_path: Path) -> None:
     folder, source = tmp_path / "new", tmp_path / "mine" / "greeting"
     shutil.copytree(Path(__file__).parents[2] / "scenarios" / "greeting", source)
     result = study("new", str(folder), "--yes", "--scenario", str(source))
-    assert f"{folder / 'scenario'} is a copy: later changes of {source} have no effect here." in result.output
+    assert f"{folder / 'scenario'} is a copy: later changes to {source} have no effect here." in result.output
     text = (folder / "study.toml").read_text("utf-8")
-    assert "# scenario is a copy: later changes of greeting have no effect here. Change the copy." in text
+    assert "# scenario is a copy: later changes to greeting have no effect here. Change the copy." in text
     assert str(tmp_path) not in text, "a study is given to others"

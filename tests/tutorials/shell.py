@@ -52,7 +52,7 @@ class TwoScreens(pyte.Screen):
 def shell(folder: Path, size: tuple[int, int] = (80, 24)) -> Iterator[Terminal]:
     """A shell in an empty folder, with the commands of this checkout, and an `ssh` that leads to the same computer."""
     home, programs = folder / "home", folder / "bin"
-    for new in (home, programs, folder / "work"):
+    for new in (home, programs, folder / "lab"):
         new.mkdir()
     ssh = programs / "ssh"
     ssh.write_text(SSH, encoding="utf-8")
@@ -70,7 +70,7 @@ def shell(folder: Path, size: tuple[int, int] = (80, 24)) -> Iterator[Terminal]:
         home=str(home),
         size=size,
         program=SHELL,
-        folder=folder / "work",
+        folder=folder / "lab",
         environment=own,
         screen=TwoScreens,
     )

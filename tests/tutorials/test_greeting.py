@@ -38,7 +38,7 @@ def records(folder: Path) -> list[dict[str, Any]]:
 def test_the_greeting_from_nothing(tmp_path: Path) -> None:
     with shell(tmp_path, chance.one_of((80, 24), (120, 40))) as terminal:
         play(KEYS.read_text(), terminal, between=0)
-    built = tmp_path / "work" / "greeting"
+    built = tmp_path / "lab" / "greeting"
     found, shipped = records(built), records(SHIPPED)
     assert len(shipped) > 1000 and len(found) == len(shipped)
     different = [(one, other) for one, other in zip(found, shipped, strict=True) if one != other]

@@ -23,7 +23,7 @@ def test_the_study_is_made_run_and_read(tmp_path: Path) -> None:
     pytest.importorskip("pandas")
     with shell(tmp_path) as terminal:
         play(PAGE.read_text(encoding="utf-8"), terminal)
-    work = tmp_path / "work"
+    work = tmp_path / "lab"
     sessions = rows(work / "tables" / "sessions.csv")
     assert [(each["participant"], each["condition"], each["outcome"], each["purpose"]) for each in sessions] == [
         ("P01", "negation", "complete", "counted"),

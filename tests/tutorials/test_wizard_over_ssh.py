@@ -36,4 +36,4 @@ def test_the_session_goes_on_without_its_window(tmp_path: Path) -> None:
     assert [each["status"] for each in welcome] == ["PENDING", "ACTIVE", "SUCCEEDED"]  # once, and to its end
     assert [each["seq"] for each in records] == list(range(1, len(records) + 1))
     assert (records[-1]["kind"], records[-1]["status"]) == ("session", "ended")
-    assert (tmp_path / "work" / "P07.html").stat().st_size > 0
+    assert (tmp_path / "lab" / "P07.html").stat().st_size > 0

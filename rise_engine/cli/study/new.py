@@ -24,7 +24,7 @@ from rise_engine.cli.study.answers import USUAL_CHECKS
 from rise_engine.cli.study.planning import look_at_study, look_lines
 from rise_engine.cli.terminal import Refused, exit_with_usage, print_lines
 from rise_engine.scenario.model import Mode, Scenario
-from rise_engine.scenario.shipped_studies import shipped_studies
+from rise_engine.scenario.shipped_studies import shipped_name, shipped_studies
 from rise_engine.study.balance import with_blocks_that_fit
 from rise_engine.study.check_tables import AUTOMATIC
 from rise_engine.study.design import cells, runs
@@ -121,7 +121,10 @@ def new(folder: str, **given: Any) -> int:
     print_lines(
         "",
         f"{folder} is there{', with errors that you must fix in it' * bool(errors)}.",
-        *(f"{copy_sentence(str(path / name), str(source))}." for name, source in made.sources.items()),
+        *(
+            f"{copy_sentence(str(path / name), shipped_name(source) or str(source))}."
+            for name, source in made.sources.items()
+        ),
         "What is next:",
         "  1. Write a line for each participant into participants.csv; study.toml says",
         "     how, at its end. Change in study.toml what you like.",
