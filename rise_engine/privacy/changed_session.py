@@ -100,7 +100,7 @@ def why_not_replayed(folder: Path) -> str:
         comparison = compare_replay(folder)
     except SessionError as error:
         return str(error)
-    return "" if comparison.identical else f"the session does not replay unchanged ({comparison.difference})"
+    return "" if comparison.identical else f"the session does not replay unchanged ({comparison.why})"
 
 
 def _different_field(recorded: AnyRecord, made: AnyRecord, before: Mask, after: Mask) -> str:

@@ -15,6 +15,7 @@ from msgspec import Struct
 from msgspec.structs import replace
 
 from rise_engine.base.errors import SessionError
+from rise_engine.base.text import pluralize
 from rise_engine.kernel import Kernel
 from rise_engine.kernel.commands import CancelTimer, SetTimer
 from rise_engine.kernel.inputs import TimerElapsed
@@ -79,6 +80,15 @@ class ReplayComparison(Struct, frozen=True):
     @property
     def identical(self) -> bool:
         return self.difference is None and not self.damaged and not self.missing
+
+    @property
+    def why(self) -> str:
+        """What is different, in words; empty when nothing is."""
+        if self.difference is not None:
+            return str(self.difference)
+        found = [f"line {line} cannot be read ({reason})" for line, reason in self.damaged.items()]
+        found += [f"{pluralize(self.missing, 'record')} cannot be read"] if self.missing else []
+        return "; ".join(found)
 
 
 def compare_replay(folder: Path, scenario: Path | None = None) -> ReplayComparison:

@@ -10,6 +10,7 @@ import pytest
 from rise_engine.base.errors import SessionError
 from rise_engine.kernel.inputs import Note, SessionStarted
 from rise_engine.kernel.records import RuleRecord, TaskRecord
+from rise_engine.privacy.changed_session import why_not_replayed
 from rise_engine.privacy.levels import ExportLevel
 from rise_engine.privacy.sharing import share_session
 from rise_engine.results.analysis.model import SessionData
@@ -231,3 +232,12 @@ def test_sessions_that_cannot_be_shared(tmp_path: Path) -> None:
             shared(folder, tmp_path / "new")
         assert not (tmp_path / "new").exists()
     shared(whole, tmp_path / "new")
+
+
+def test_a_session_that_lacks_a_record_is_refused_with_the_reason(tmp_path: Path) -> None:
+    folder = play_session(tmp_path / "sessions", everything())
+    assert why_not_replayed(folder) == ""
+    lines = (folder / JOURNAL).read_bytes().splitlines(keepends=True)
+    del lines[next(number for number, line in enumerate(lines) if b'"kind":"act' in line)]
+    (folder / JOURNAL).write_bytes(b"".join(lines))
+    assert why_not_replayed(folder) == "the session does not replay unchanged (1 record cannot be read)"

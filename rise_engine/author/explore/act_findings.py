@@ -60,7 +60,7 @@ class PropertyChecker:
 
     def told(self) -> Iterator[str]:
         """A sentence for each that holds."""
-        within = ", as far as was looked" if self._explored.has_bounds else ""
+        within = ", as far as the study was explored" if self._explored.has_bounds else ""
         for each in self._explored.scenario.properties:
             if not self._broken(each):
                 yield f'"{each.name}" ([{each.kind}]) holds in all of them{within}.'

@@ -265,13 +265,13 @@ def _looked_at(explored: Explored) -> Sequence[str]:
     ]
     if not space.complete:
         told.append(
-            f"It was broken off: of {pluralize(len(space.pending), 'situation')} what follows was not looked at, so "
-            "nothing is known of what is not named here."
+            f"Exploring stopped early: what follows from {pluralize(len(space.pending), 'situation')} is unknown. "
+            "There may be problems that are not listed here."
         )
     for why, text in _BEYOND.items():
         number = sum(why in reasons for reasons in space.beyond.values())
         if number:
-            told.append(f"In {number:,} {text}: what follows was not looked at.")
+            told.append(f"In {pluralize(number, 'situation')} {text}. What follows from that was not explored.")
     if stepper.moves.alike:
         merged = {name: first for name, first in stepper.moves.alike.items() if name != first}
         if merged:

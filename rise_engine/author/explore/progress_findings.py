@@ -39,7 +39,7 @@ def find_lost_ends(explored: Explored) -> Iterator[ExploreFinding]:
         yield ExploreFinding(
             kind="no-end",
             level="remark",
-            text=f"{end.name} has no state that ends it, so nothing can be said about the study's end; `end` under "
+            text=f"{end.name} has no state that ends it, so the end of the study is unknown; `end` under "
             "[explore] in scenario.toml names the rule that ends the study",
             location=end.location,
             rule=end.name,
@@ -77,7 +77,7 @@ def tell_of_the_end(explored: Explored) -> str:
         return f"From every one of {count:,} situations the end ({explored.end} ends) can still be reached."
     unknown = len(explored.reaching(explored.ends | explored.unknown, is_planned)) - number
     text = f"From {number:,} of {count:,} situations the end ({explored.end} ends) can still be reached"
-    return text + (f"; of {unknown:,} it is not known, because what follows was not looked at." if unknown else ".")
+    return text + (f"; for {unknown:,} it is unknown, because what follows was not explored." if unknown else ".")
 
 
 def find_runaways(explored: Explored) -> Iterator[ExploreFinding]:
@@ -139,7 +139,7 @@ def tell_who_must_act(explored: Explored) -> list[str]:
             longest, where = seconds, _standing(explored, number)
     told = []
     if waiting:
-        told.append(f"Only a person or something from outside takes {end} on in {some_states(waiting)}.")
+        told.append(f"{end} moves on from {some_states(waiting)} only when a person or another program acts.")
     if longest:
         told.append(f"The longest silence that the robot ends by itself is {longest:g} s ({where}).")
     return told

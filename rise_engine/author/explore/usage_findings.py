@@ -284,7 +284,7 @@ def _within(explored: Explored) -> str:
     wrong = (
         "when nothing goes wrong" if not faults else f"when at most {pluralize(faults, 'thing')} {_goes(faults)} wrong"
     )
-    looked = "" if not explored.has_bounds else ", as far as was looked"
+    looked = "" if not explored.has_bounds else ", as far as the study was explored"
     return f" ({wrong}{looked})"
 
 

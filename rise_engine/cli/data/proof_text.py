@@ -18,11 +18,7 @@ def proof_lines(session: ProvedSession) -> list[str]:
     if found.identical:
         inputs, records = pluralize(found.inputs, "input"), pluralize(found.records, "record")
         return [f"{session.name}: identical ({inputs}, {records}, {found.seconds:.1f} s)", *others]
-    if found.difference is not None:
-        return [f"{session.name}: different: {found.difference}", *others]
-    why = [f"line {line} cannot be read ({reason})" for line, reason in found.damaged.items()]
-    why += [f"{pluralize(found.missing, 'record')} cannot be read"] if found.missing else []
-    return [f"{session.name}: different: {'; '.join(why)}", *others]
+    return [f"{session.name}: different: {found.why}", *others]
 
 
 def proof_row(session: ProvedSession) -> dict[str, Any]:

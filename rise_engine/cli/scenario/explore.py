@@ -154,7 +154,7 @@ def _study_report(
             yield from _way_lines(scenario, exploration, exploration.findings[at])
     yield ""
     counts = (pluralize(sum(each.finding.level == level for each in merged), level) for level in _MARKS)
-    yield f"{', '.join(counts)}{'; `--show N` shows the way to one of them' if merged and show is None else ''}"
+    yield f"{', '.join(counts)}{'; `--show N` shows the path to number N' if merged and show is None else ''}"
 
 
 def _bounds(scenario: Scenario, options: dict[str, Any]) -> Bounds:
@@ -246,7 +246,7 @@ def _report(scenario: Scenario, exploration: Exploration, show: str | None, *, s
     yield ""
     counts = (pluralize(exploration.count(level), level) for level in _MARKS)
     with_way = any(finding.path is not None for finding in exploration.findings)
-    yield f"{', '.join(counts)}{'; `--show N` shows the way to one of them' if with_way and show is None else ''}"
+    yield f"{', '.join(counts)}{'; `--show N` shows the path to number N' if with_way and show is None else ''}"
 
 
 def _finding_lines(scenario: Scenario, exploration: Exploration, number: int, *, shown: bool) -> Iterator[str]:
