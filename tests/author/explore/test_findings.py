@@ -142,7 +142,7 @@ def test_broken_off_it_says_so_and_calls_nothing_stuck() -> None:
     bounds = Bounds(stop=False, lost=False, situations=50)
     exploration = explore(shipped("greeting"), bounds)
     assert not exploration.is_complete
-    assert any(sentence.startswith("It was broken off") for sentence in exploration.looked_at)
+    assert any(sentence.startswith("Exploring stopped early") for sentence in exploration.looked_at)
     assert not exploration.count("problem")
 
 
