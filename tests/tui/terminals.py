@@ -18,7 +18,7 @@ from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager, suppress
 from pathlib import Path
 from shutil import rmtree
-from time import monotonic
+from time import monotonic, sleep
 from typing import Any
 
 import pyte
@@ -33,6 +33,9 @@ LOADED = ("tests.tui.loaded",)
 SEQUENCE = re.compile(rb"\x1b(\[[0-9;?<>=$]*[A-Za-z@`~p]|\][^\x07\x1b]*(\x07|\x1b\\)|[P_^][^\x1b]*\x1b\\|.)")
 STILL = 0.25
 """Seconds without a byte after which the screen counts as painted."""
+FINGERS = 0.03
+"""Seconds between what is seen and the next key. A test sees at once, and keys within 12 ms are a paste
+(`rise_tui.console.input.TOGETHER_SECONDS`), of which the console takes no letter."""
 ASKED = re.compile(rb"\x1b\[\?(2026|2048)\$p")
 """A program asks the terminal which modes it knows."""
 ANSWERS = {b"2026": b"\x1b[?2026;2$y", b"2048": b"\x1b[?2048;0$y"}
@@ -198,6 +201,8 @@ class Terminal:
         return text in SEQUENCE.sub(b"", self.shown).decode(errors="replace") or text in self.text
 
     def press(self, keys: bytes) -> None:
+        """As a person does, who is never quicker than a finger."""
+        sleep(FINGERS)
         self.shown = b""
         os.write(self.master, keys)
 
