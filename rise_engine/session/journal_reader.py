@@ -211,10 +211,10 @@ def _read_valid_lines(file: IO[bytes], end: int, contents: JournalContents) -> I
                 raise SessionError(f"{contents.path}:{number}: {error}: install that version") from None
             suspect[number] = str(error)
             continue
-        if isinstance(found, JournalHeader):
-            problem = "it is a second header" if number > 1 else ""
-        elif isinstance(found, InputLine):
+        if isinstance(found, InputLine):
             problem = _OUT_OF_PLACE if found.n <= contents.last_input else ""
+        elif isinstance(found, JournalHeader):
+            problem = "it is a second header" if number > 1 else ""
         else:
             problem = _OUT_OF_PLACE if found.seq <= contents.last_seq else ""
         if problem:
