@@ -102,7 +102,7 @@ class CommandGroup(LazyGroup):
     def help_sections(self) -> dict[str, list[tuple[str, str]]]:
         plugins = {name: _load_plugin(name) for name in sorted(installed_plugins(PLUGINS).names - self.places.keys())}
         lines = [(name, each.get_short_help_str(60)) for name, each in plugins.items() if each]
-        return {**super().help_sections(), "Exchange files": lines}
+        return {**super().help_sections(), **({"Exchange files": lines} if lines else {})}
 
     def main(self, args: Sequence[str] | None = None, *rest: Any, **more: Any) -> Any:
         own, ros_args = split_ros_args(sys.argv[1:] if args is None else args)

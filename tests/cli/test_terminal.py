@@ -7,11 +7,13 @@ import json
 import os
 import subprocess
 import sys
+from importlib.metadata import EntryPoints
 from pathlib import Path
 
 import msgspec
 import pytest
 from click import Context
+from click.testing import CliRunner
 from hypothesis import example, given
 from hypothesis import strategies as st
 from lxml import etree
@@ -256,3 +258,10 @@ def test_help_names_every_command_in_one_line_each_and_loads_none() -> None:
         check=True,
     )
     assert loaded.stdout.endswith("set()\n")
+
+
+def test_help_has_no_empty_section_where_no_package_adds_commands(monkeypatch: pytest.MonkeyPatch) -> None:
+    """As in a checkout whose environment was made for an earlier state of it."""
+    monkeypatch.setattr("rise_engine.cli.program.installed_plugins", lambda group: EntryPoints())
+    done = CliRunner().invoke(program.main, ["--help"])
+    assert done.exit_code == 0 and "Use results:" in done.output and "Exchange files" not in done.output
