@@ -210,8 +210,8 @@ def _cell_lines(study: Study, strata: Sequence[StratumBalance], slots: Sequence[
     if len(strata) > 1:
         most = sum(stratum.cells.largest_difference for stratum in strata)
         yield (
-            f"How many of each stratum come is not known: each is balanced for itself, and over all {len(strata)} the "
-            f"cells differ by at most {most}."
+            f"Each stratum is balanced on its own, however many participants it will have. Over all {len(strata)} "
+            f"strata the cells differ by at most {most}."
         )
 
 

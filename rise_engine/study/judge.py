@@ -81,7 +81,7 @@ def reassign_session(
         near = did_you_mean(session, [each.name for each in state.sessions])
         raise StudyError(f"the study has no session {session!r}{near}")
     entry = target.entry
-    slot = _row_that_goes(state, target, participant)
+    slot, why_not = _row_that_goes(state, target, participant)
     problems = [] if reason.strip() else ["say why it is another participant's: --reason"]
     if entry.participant == participant:
         problems.append(f"{session} is {participant}'s already")
@@ -92,10 +92,7 @@ def reassign_session(
     elif entry.outcome is None:
         problems.append(f"{session} is not judged yet: say first how it counts")
     elif entry.outcome == "complete" and slot is None:
-        problems.append(
-            f"{session} is complete, and its row of the plan cannot go to {participant}: they have a row or sessions "
-            f"of their own, {entry.participant} has other sessions, or the row is for another stratum"
-        )
+        problems.append(f"{session} is complete, and its row of the plan cannot go to {participant}: {why_not}")
     problems += [f"{name} has withdrawn" for name in (entry.participant, participant) if name in state.places.withdrawn]
     if problems:
         raise StudyError(*problems)
@@ -119,19 +116,24 @@ def reassign_session(
     return reassignments([written])[session]
 
 
-def _row_that_goes(state: StudyStatus, session: StudySession, participant: str) -> int | None:
-    """The row that a session takes along; None: it stays with whoever holds it."""
+def _row_that_goes(state: StudyStatus, session: StudySession, participant: str) -> tuple[int | None, str]:
+    """The row that a session takes along; None and the reason: it stays with whoever holds it."""
     entry = session.entry
     counted = [each.entry for each in state.sessions if each.entry.purpose == "counted"]
     others = [each for each in counted if each.participant == entry.participant and each.folder != entry.folder]
     theirs = [each for each in counted if each.participant == participant]
     row = next((each for each in state.plan if each.slot == entry.slot), None)
     listed = next((each for each in state.participants if each.participant == participant), None)
-    if row is None or listed is None or others or theirs or participant in state.places.slots:
-        return None
-    if state.places.slots.get(entry.participant) != row.slot or not in_stratum(row, listed.strata):
-        return None
-    return row.slot
+    if row is None or state.places.slots.get(entry.participant) != row.slot:
+        return None, f"{entry.participant} does not hold it any more"
+    if others:
+        return None, f"{entry.participant} has other sessions in it"
+    if theirs or participant in state.places.slots:
+        return None, f"{participant} has a row or sessions already"
+    if listed is None or not in_stratum(row, listed.strata):
+        stratum = ", ".join(f"{name} {value}" for name, value in row.strata.items())
+        return None, f"the row is for {stratum or 'participants who are listed'}"
+    return row.slot, ""
 
 
 def exclude_participant(open: OpenStudy, participant: str, reason: str, *, source: str = COMMAND_LINE) -> int | None:

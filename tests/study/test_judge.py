@@ -255,7 +255,13 @@ def test_an_excluding_outcome_goes_with_it(folder: Path) -> None:
         (ABORTED, True, "P01", "x", "is P01's already"),
         (None, True, "P02", "x", "is not judged yet: say first how it counts"),
         (None, False, "P02", "x", "has not ended: end it first, or give it up"),
-        (COMPLETE, True, "P03", "x", "is complete, and its row of the plan cannot go to P03"),
+        (
+            COMPLETE,
+            True,
+            "P03",
+            "x",
+            "is complete, and its row of the plan cannot go to P03: P03 has a row or sessions already",
+        ),
     ],
 )
 def test_what_cannot_be_reassigned(

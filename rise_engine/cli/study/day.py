@@ -136,7 +136,7 @@ def outcome(
 _STATES: dict[ParticipantState, str] = {
     "no-consent": "no consent",
     "to-judge": "to judge",
-    "to-go-on": "to go on",
+    "to-go-on": "in progress",
 }
 """Where the words differ from the state's name."""
 

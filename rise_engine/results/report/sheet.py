@@ -310,8 +310,14 @@ def _scenario(figures: StudyFigures) -> list[str]:
         return []
     return [
         f"{', '.join(titles)}; sessions lasted from {length_text(lengths[0])} to {length_text(lengths[-1])}. "
-        f"SHA-256 of the scenarios: {', '.join(each[:16] for each in figures.scenario_hashes())}."
+        f"SHA-256 of the scenarios: {_hashes_text(figures.scenario_hashes())}."
     ]
+
+
+def _hashes_text(hashes: Mapping[str, str]) -> str:
+    """The first 16 digits of each; a scenario in several languages has one for each."""
+    several = len(set(hashes.values())) > 1
+    return ", ".join(f"{each[:16]} ({language})" if several else each[:16] for each, language in hashes.items())
 
 
 def _steps(figures: StudyFigures, left_out: Mapping[str, int]) -> list[str]:

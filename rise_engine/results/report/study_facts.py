@@ -183,9 +183,9 @@ class StudyFigures(Struct, frozen=True):
         passed = sum(any(row.checks.get(name) == "passed" for name in ids) for row in rows)
         return Share(passed, len(rows)) if ids else None
 
-    def scenario_hashes(self) -> list[str]:
-        """Of the scenarios that complete sessions ran, in their order."""
-        return list(dict.fromkeys(row.facts.scenario_hash for row in self.complete))
+    def scenario_hashes(self) -> dict[str, str]:
+        """Of the scenarios that complete sessions ran, in their order, each with its language."""
+        return {row.facts.scenario_hash: row.facts.language for row in self.complete}
 
     def scenario_versions(self) -> int:
         """How many versions of the scenarios complete sessions ran; one in several languages counts once."""

@@ -251,7 +251,9 @@ def _cells(standing: StudyStanding) -> ReportTable:
             for cell in standing.cells
         ),
         numbers=frozenset(range(len(strata) + 1, len(strata) + 4)),
-        note="Planned: rows of the plan, if all participants came from that stratum; empty where cells are drawn.",
+        note="Planned: rows of the plan, if all participants came from that stratum; empty where cells are drawn."
+        if any(cell.planned for cell in standing.cells)
+        else "",
     )
 
 
