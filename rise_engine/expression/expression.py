@@ -71,7 +71,7 @@ class Expression:
 
     @cached_property
     def compiled_value(self) -> Callable[[Environment], Json]:
-        """The closure that returns its value in its own type. Its lists and objects are the memory's: never change them."""
+        """The closure that returns its value in its own type. The memory owns lists and objects: never change them."""
         return ExpressionCompiler(self.text).compile_value(self.root)
 
     @cached_property
