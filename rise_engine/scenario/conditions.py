@@ -33,7 +33,7 @@ def how_to_write(name: str) -> str:
 
 
 def read_study(table: TomlTable) -> dict[str, Any]:
-    """Read `[study]`: the number of participants, and the conditions."""
+    """Read `[study]`: the number of participants, and the conditions. Notes belong in comments or a README."""
     study: dict[str, Any] = {}
     participants = table.values.get("participants")
     if participants is not None:
