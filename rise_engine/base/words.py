@@ -98,11 +98,9 @@ class Words:
         return self._anywhere.search(text) is not None
 
     def mask(self, value: Any) -> Any:
-        """Prepare a JSON value for comparison with one in which the words were replaced.
-
-        The words are replaced wherever they occur, also within longer words. Objects become sorted pairs. Quotation
-        marks and backslashes are left out, because a program chooses them by the text between them.
-        """
+        """Prepare a JSON value for comparison with one in which the words were replaced. Replaces the words everywhere,
+        also within longer words, and makes objects sorted pairs. Leaves out quotation marks and backslashes, because a
+        program chooses them by the text between them."""
         if isinstance(value, str):
             return self._anywhere.sub(self._name_of, value).translate(_NO_QUOTES)
         if isinstance(value, list):

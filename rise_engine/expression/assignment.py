@@ -1,7 +1,4 @@
-"""`assignValue`: `key = expression`, `items[i].done = expression`, or a JSON object.
-
-Source: semantics.md 7; paper, section 4.2.2.
-"""
+"""`assignValue`: `key = expression`, `items[i].done = expression`, a JSON object (semantics.md 7; paper, 4.2.2)."""
 
 from __future__ import annotations
 
@@ -53,7 +50,6 @@ class Assignment:
     @classmethod
     def parse(cls, text: str) -> Assignment:
         """Read `key = expression`, `key = JSON` (both also with a part: `key[index].name = ...`), or `{"key": JSON}`.
-
         Raises ExpressionError.
 
         >>> assignment = Assignment.parse("task = task + 1")
@@ -88,10 +84,8 @@ class Assignment:
 
     @property
     def keys(self) -> frozenset[str]:
-        """The memory keys that the right side or an index on the left reads.
-
-        A bare word on the right is included: it may be a key.
-        """
+        """The memory keys that the right side or an index on the left reads. A bare word on the right is included,
+        because it may be a key."""
         keys = self.expression.keys if self.expression is not None else frozenset()
         return keys if self.target is None else keys | (self.target.keys - self.target.keys_of_parts_only)
 

@@ -56,10 +56,8 @@ class EvaluationError(LanguageError):
 
 
 class MissingPartError(EvaluationError):
-    """`items[i].text` names a part that is not there: no such key, entry or name.
-
-    The message begins with the word that records use for it (`MISSING_PART`).
-    """
+    """`items[i].text` names a part that is not there: no such key, entry or name. The message begins with the word that
+    records use for it (`MISSING_PART`)."""
 
 
 MISSING_PART = "missing-part"

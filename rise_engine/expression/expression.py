@@ -26,11 +26,8 @@ class Expression:
     keys: frozenset[str]
     """The memory keys that it reads, dotted ones whole. For `items[i].text` these are `items` and `i`."""
     constants: frozenset[str]
-    """The constants among pi, e, r2d and d2r that it uses.
-
-    They are not in `keys`, because nobody needs to set them. But a memory key of the same name hides them, so whoever
-    waits for changes of `keys` must wait for these too.
-    """
+    """The constants that it uses: pi, e, r2d, d2r. Nobody needs to set them, so they are not in `keys`. But a memory
+    key of the same name hides them, so whoever waits for changes of `keys` must wait for these too."""
     root: nodes.Node
     """The syntax tree."""
 
@@ -88,12 +85,12 @@ class Expression:
 
     @cached_property
     def keys_read(self) -> frozenset[str]:
-        """The keys of `keys` whose value it reads. For the others it only tests whether they are `defined`."""
+        """The members of `keys` whose value it reads. For the others it only tests whether they are `defined`."""
         return self.keys if "defined" not in self.text else nodes.read_keys(self.root)
 
     @cached_property
     def keys_of_parts_only(self) -> frozenset[str]:
-        """The keys of `keys` of which it reads only parts, such as `items` in `items[i].text`."""
+        """The members of `keys` that it only reads in parts, such as `items` in `items[i].text`."""
         if "[" not in self.text:
             return frozenset()
         every = [node for node, _ in nodes.walk(self.root)]

@@ -1,7 +1,5 @@
-"""The places of memory keys in conditions, assignments and texts with `{slots}`, and of names in properties.
-
-They serve lists of uses and renaming.
-"""
+"""Places of memory keys in conditions, assignments and texts with `{slots}`, and of names in properties: for renaming
+and for lists of uses."""
 
 from __future__ import annotations
 

@@ -49,9 +49,7 @@ class EventTopics(dict[str, EventTopic]):
 
 Cause: TypeAlias = "tuple[str | int, Cause] | None"
 """What led to something within one macrostep: the rule that took a step, and the cause of that step; null: an input.
-
-A number instead of a rule is a task that is the cause, whatever the input was.
-"""
+A number instead of a rule is a task that is the cause, whatever the input was."""
 
 QueuedEvent: TypeAlias = tuple[EventTopic, str, Cause]
 """An event that is not routed yet: the topic, its source, and its cause."""

@@ -36,7 +36,7 @@ def compute_delay(delay: Delay, env: Environment) -> tuple[float | None, str]:
 
 
 def begin_countdown(core: Core, run: RuleRun, transition: CompiledTransition) -> None:
-    """Start to count. A plain `after` leaves no record of its own."""
+    """Start counting. A plain `after` leaves no record of its own."""
     assert transition.after is not None
     seconds, problem = transition.after.seconds, ""
     if seconds is None:
@@ -52,7 +52,7 @@ def begin_countdown(core: Core, run: RuleRun, transition: CompiledTransition) ->
 
 
 def break_countdown(core: Core, run: RuleRun, transition: CompiledTransition) -> None:
-    """Stop to count, because the condition does not hold any more."""
+    """Stop counting, because the condition does not hold any more."""
     for timer in [timer for timer, timed in run.timers.items() if timed is transition]:
         del run.timers[timer]
         core.cancel_timer(timer)

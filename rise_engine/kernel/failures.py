@@ -97,7 +97,7 @@ class FailedActs:
 
     @property
     def pausing(self) -> list[Task]:
-        """Those whose pause has begun. They keep others from starting as if they ran."""
+        """The acts in `waiting` whose pause has begun. They keep others from starting as if they ran."""
         return [task for task in self.waiting if self.state.pauses[task.id] is not None]
 
     def stop(self, tasks: list[Task], source: str, reason: str = "") -> None:
@@ -137,10 +137,8 @@ class FailedActs:
         self.stop([self._found(behavior)], source)
 
     def drop(self, source: str, reason: str, started_after: int = 0) -> bool:
-        """Drop the questions about acts of `source` whose first task is after this id, without raising events.
-
-        An empty `source` means all. Returns whether there were any questions.
-        """
+        """Drop the questions about acts of `source` (empty: all) whose first task is after this id, without raising
+        events. Returns whether there were any."""
         asked = [
             task
             for task in self.state.asked.values()

@@ -154,7 +154,7 @@ class ControlChanged(Input, frozen=True, tag="control", kw_only=True, gc=False):
     """Who did it: `wizard:<name>`."""
     holder: str | None
     """Who holds control now; null: nobody."""
-    """Who holds control now; null: nobody."""
+
 
 class CheckReport(Input, frozen=True, tag="check", kw_only=True, gc=False):
     """The result of a check before or after the session. Fields as in `rise_engine.kernel.records.CheckRecord`."""

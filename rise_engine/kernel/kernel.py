@@ -117,10 +117,8 @@ class Kernel:
         return tuple(goal for goal in self.core.open_goals if goal.holds)
 
     def unfinished_goals(self) -> list[StartAction]:
-        """Everything that the robot may be doing now, for running and for ended actions.
-
-        It is for an engine that continues after another one has gone.
-        """
+        """Everything that the robot may be doing now, for running and for ended actions. It is for an engine that
+        continues after another one has gone."""
         running = self.scheduler.runner.running_goals()
         ended = [StartAction(goal.action, goal.type, {}, 0.0, accepted=goal.accepted) for goal in self.core.open_goals]
         return running + ended

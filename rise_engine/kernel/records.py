@@ -67,10 +67,8 @@ def describe_open_goals(goals: Iterable[OpenGoal]) -> str:
 
 
 class SessionIdentity(Struct, frozen=True, kw_only=True):
-    """The participant of a session, and its place in its study.
-
-    The session's first input, its first record and session.toml contain these fields.
-    """
+    """The participant of a session, and its place in its study. Its first input, its first record and session.toml
+    contain these fields."""
 
     participant: str = ""
     """The participant, as the wizard named them; empty: nobody was named."""
@@ -315,10 +313,8 @@ class TimingRecord(Record, tag="timing"):
 
 
 class CountdownRecord(Record, tag="countdown"):
-    """A rule has started or stopped to count a time that is not known from its state alone.
-
-    For a plain `after`, the rule's entry into the state is enough. The end of the time is a `RuleRecord`.
-    """
+    """A rule has started or stopped counting a time that its state alone does not tell. (For a plain `after`, the entry
+    into the state is enough.) The end of the time is a `RuleRecord`."""
 
     rule: str
     state: str
@@ -349,8 +345,7 @@ class KeptRecord(Record, tag="kept"):
 
 
 class CheckRecord(Record, tag="check"):
-    """The result of a check before or after the session, or the reason why it was skipped. The last one of an id
-    counts."""
+    """The result of a check before or after the session, or why it was skipped. The last one of an id counts."""
 
     id: str
     """As study.toml names it."""

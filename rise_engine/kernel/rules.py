@@ -65,10 +65,8 @@ class RuleMachine:
         """Rules whose eventless transitions must be evaluated, with the cause."""
         self.stack = RuleStack()
         self.step_counts: dict[str, tuple[int, int]] = {}
-        """For ended rules: the macrostep of their last step, and the number of their steps in it.
-
-        A rule that is stopped and started again within one macrostep continues to count.
-        """
+        """For ended rules: the macrostep of their last step, and the number of their steps in it. A rule that is
+        stopped and started again within one macrostep continues to count."""
         self.kept = KeptEvents(core)
         self.own_acts = OwnActs(core, self.stack, self.compiled)
         self._vain_searches = (-1, 0)
@@ -89,10 +87,8 @@ class RuleMachine:
         self._begin(run, "start", enter)
 
     def resume(self, stood: StoodRule, task: Task, enter: bool) -> None:
-        """Start a rule in the state in which everything was stopped, with its old priority, above its equals.
-
-        Without `enter`, it only waits there, and the conditions that it had already taken stay taken.
-        """
+        """Start a rule in the state in which everything was stopped, above all others of its old priority. Without
+        `enter`, it only waits there, and the conditions that it had already taken stay taken."""
         run = RuleRun(stood.name, self.compiled[stood.name].states[stood.state], task, stood.priority)
         run.remember(stood.steps[:-1])
         if not enter:
@@ -390,10 +386,8 @@ class RuleMachine:
             self._frames.append((run, state.entry, False, None, (run.name, core.cause)))
 
     def _push_functions(self, run: RuleRun, transition: CompiledTransition, steps: int) -> None:
-        """Schedule the functions of a transition that does not enter its target immediately.
-
-        These are onExit, the transition's own functions, and, with a target, the move itself and then onEntry.
-        """
+        """Schedule the functions of a transition that does not enter its target immediately: onExit, its own functions,
+        and, with a target, the move itself and then onEntry."""
         frames = self._frames
         before = self._core.cause
         cause = (run.name, before)
@@ -431,11 +425,8 @@ class RuleMachine:
     # --- runaways ---
 
     def _stop_runaway(self, run: RuleRun) -> bool:
-        """Handle a rule with more than STEP_LIMIT steps in one macrostep: stop the rule that keeps it going.
-
-        The chain of causes of the step shows which one that is (semantics.md 6.4). Returns whether the step is still
-        taken.
-        """
+        """Handle a rule with more than STEP_LIMIT steps in one macrostep: stop the rule that keeps it going, which the
+        chain of causes shows (semantics.md 6.4). Returns whether the step is still taken."""
         core = self._core
         resumed = core.continued_macrostep == core.macrostep  # the chain began in an earlier input
         culprit = find_culprit((run.name, core.cause), self.stack, (run.name, run.step_count - 1) if resumed else None)
@@ -448,11 +439,8 @@ class RuleMachine:
         return run.alive
 
     def _stop_multiplier(self) -> None:
-        """Stop the rule that has raised most of the waiting events, if that takes far too many steps.
-
-        Without any loop, a macrostep may still be practically endless: thirty rules that each answer an event with two
-        events for the next rule take a billion steps.
-        """
+        """Stop the rule that has raised most of the waiting events, if there is no loop but practically no end: thirty
+        rules that each answer an event with two events for the next rule take a billion steps."""
         core = self._core
         macrostep, times = self._vain_searches
         self._vain_searches = (core.macrostep, times + 1 if macrostep == core.macrostep else 1)
@@ -550,7 +538,7 @@ class RuleMachine:
             values[key] = tables[key].size_text
 
     def _on_left(self, run: RuleRun) -> None:
-        """Stop to watch keys and cancel timers, because the state is left or the rule ends."""
+        """Stop watching keys and cancel timers, because the state is left or the rule ends."""
         remove_from_lists(run, run.state.watch_lists)
         for timer in run.timers:
             self._core.cancel_timer(timer)
@@ -559,8 +547,6 @@ class RuleMachine:
 
 
 def _taken_conditions(run: RuleRun) -> list[int]:
-    """The transitions whose condition was taken and has held since.
-
-    Transitions that still count a time are left out: the time ends with the rule and starts anew.
-    """
+    """The transitions whose condition was taken and has held since. Transitions that still count a time are left out,
+    because the time ends with the rule and starts anew."""
     return sorted(run.latched - {timed.index for timed in run.timers.values()})

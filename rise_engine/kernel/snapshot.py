@@ -1,7 +1,5 @@
-"""The kernel's whole state as a value, taken between inputs (`Kernel.snapshot`) and restored (`Kernel.restore`).
-
-It is plain data, so it can be encoded as JSON and decoded again.
-"""
+"""The kernel's whole state as a value, taken between inputs (`Kernel.snapshot`) and restored (`Kernel.restore`). It is
+plain data, so it can be encoded as JSON and decoded again."""
 
 from __future__ import annotations
 

@@ -432,11 +432,8 @@ class SessionView(Struct):
             self.failed = [id for id in self.failed if id != record.task]
 
     def _note_raised(self, task: TaskView, *, is_new: bool) -> None:
-        """Note that a task's event is on its way to the rules.
-
-        Its record follows those of events that were raised before. For an event that was kept until now (not
-        `is_new`), the record is the very next one, or there is none.
-        """
+        """Note that a task's event is on its way to the rules. Its record follows those of events that were raised
+        before. If it was kept until now (not `is_new`), its record is the very next one, or there is none."""
         by_cue = task.function == "markCue"
         topic = CUE_TOPICS[0] if by_cue else normal_topic(describe_behavior(task.function, task.behavior))
         raised = RaisedView(topic, ENGINE if by_cue else task.source)

@@ -76,10 +76,8 @@ class ActTables(Struct):
                 diagnostics.error("unknown-act", table.location, message, suggest(table.name, names))
 
     def find_sources(self, act: str) -> dict[str, ActTable]:
-        """Return the table that decides each setting of an act.
-
-        The act's own table comes first, then the pattern with the most literal characters, then the later table.
-        """
+        """Return the table that decides each setting of an act: the act's own table, else the pattern with the most
+        literal characters, else the later table."""
         fitting = [table for table in self.patterns if fnmatchcase(act, table.name)]
         if (own := self.by_name.get(act)) is not None:
             fitting.append(own)
@@ -95,10 +93,8 @@ class ActTables(Struct):
         }
 
     def explain(self, act: str, on_failure: str) -> list[tuple[str, Any, ActTable | None]]:
-        """Return each setting of an act with its value and the table that gives it.
-
-        The table is None for a default; the default for failures is the scenario's `on_failure`.
-        """
+        """Return each setting of an act with its value and the table that gives it; None for a default. The default for
+        failures is the scenario's `on_failure`."""
         sources, usual = self.find_sources(act), {**asdict(ActSettings()), "on_failure": on_failure}
         return [(key, sources[key].given[key] if key in sources else usual[key], sources.get(key)) for key in SETTINGS]
 

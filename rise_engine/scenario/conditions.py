@@ -174,11 +174,8 @@ def read_private(table: TomlTable, draft: ScenarioDraft) -> frozenset[str]:
 
 
 def check_conditions(draft: ScenarioDraft, diagnostics: Diagnostics) -> None:
-    """Check the memory keys that conditions set, that `tries` names and that are private.
-
-    They must exist. What a condition sets must be read, and nothing else should change it. Only for a draft whose
-    files could all be read.
-    """
+    """Check that the memory keys of conditions, of `tries` and of `private` exist, and that the values that conditions
+    set are read and not changed. Only for a draft whose files could all be read."""
     if draft.condition_values or draft.private_keys or draft.tried_keys:
         _ConditionCheck(draft, diagnostics).check()
 
@@ -280,10 +277,8 @@ _LONGEST_VALUE = 40
 
 
 def study_conditions(scenario: Scenario) -> tuple[str, ...]:
-    """The names of the conditions in order; empty if there are none.
-
-    Includes bare names without a table, as scenarios of earlier versions list them.
-    """
+    """The names of the conditions in order; empty if there are none. Includes bare names without a table, as scenarios
+    of earlier versions list them."""
     if scenario.conditions:
         return tuple(scenario.conditions)
     found = scenario.study.get("conditions")

@@ -119,10 +119,8 @@ class _LexiconReader:
         return words
 
     def report_unused_languages(self, language: str, draft: ScenarioDraft) -> None:
-        """Warn if nothing is said in any of the languages, as far as that is known.
-
-        A file that several studies share may have further languages.
-        """
+        """Warn if nothing is said in any of the languages, as far as that is known. A file that several studies share
+        may have further languages."""
         if draft.has_languages_from_memory or "acts" in draft.unreadable_parts:
             return
         spoken = {language, *draft.spoken_languages} - {""}
@@ -199,10 +197,8 @@ class Pronunciation:
 
 
 def words_for(lexicon: tuple[LexiconTable, ...], language: str, robot: str) -> dict[str, str]:
-    """The words for a text in a language and a robot.
-
-    Words for this robot override words for all robots. Otherwise, words for the more exact language win.
-    """
+    """The words for a text in a language and a robot. Words for this robot override words for all robots; otherwise the
+    more exact language wins."""
     tables = [table for table in lexicon if table.robot in ("", robot) and language_fits(table.language, language)]
     words: dict[str, str] = {}
     for table in sorted(tables, key=lambda table: (table.robot != "", len(table.language))):

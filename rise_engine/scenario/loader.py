@@ -69,9 +69,7 @@ class LoadResult(Struct, frozen=True):
     """Errors and warnings, in reading order."""
     files: dict[str, bytes] = {}
     """The files that were read, by their path in a usual folder (`acts/greet.xml`, `memory.json`, `robots/nao.toml`).
-
-    Written to these paths (`DEFAULT_PATHS`), they make the same scenario, wherever the files were.
-    """
+    Written to these paths (`DEFAULT_PATHS`), they make the same scenario."""
     suppressed: list[SuppressedWarning] = []
     """Warnings that are silenced on purpose, in reading order. They are not in `diagnostics`."""
     act_tables: ActTables = field(default_factory=ActTables)

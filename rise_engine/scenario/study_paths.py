@@ -1,7 +1,7 @@
 """Checks names from outside: which files a study may write, and which may be read as part of it.
 
 Edits, imports, bundles and the note of a save name files; scenarios and studies name folders. Each name is checked here
-before anything is written or read. A valid name is in the study's folder, also after following links, and is not one
+before anything is written or read. A valid name stays in the study's folder, also after following links, and is not one
 from which another program takes orders (`.git/config`, `.vscode/tasks.json`, `.envrc`).
 """
 

@@ -45,10 +45,8 @@ def changed_text(text: str, edits: Iterable[TextEdit | Splice]) -> str:
 
 
 def edits_between(before: str, after: str) -> list[TextEdit]:
-    """The edits that turn one text into another: one for each range of lines that differ.
-
-    Each edit runs from the first character that differs to the last.
-    """
+    """The edits that turn one text into another: one for each range of lines that differ, from the first character that
+    differs to the last."""
     old, new = before.splitlines(keepends=True), after.splitlines(keepends=True)
     first = _count_common(old, new)
     last = _count_common(old[first:][::-1], new[first:][::-1])

@@ -129,7 +129,7 @@ class Element(list["Element"]):
             yield element
             rest += element[::-1]
 
-    # --- what is written in it ----------------------------------------------------------------------------------------
+    # --- its written content ------------------------------------------------------------------------------------------
 
     def written_attributes(self) -> dict[str, WrittenAttribute]:
         """The places of its attributes, by name, in file order."""
@@ -172,7 +172,7 @@ class Element(list["Element"]):
             return "an XML instruction is in it"
         return "text and CDATA are side by side in it" if "CDATA" in marks and not self.is_cdata else ""
 
-    # --- where the characters of what is read stand -------------------------------------------------------------------
+    # --- places of characters -----------------------------------------------------------------------------------------
 
     def attribute_at(self, offset: int) -> WrittenAttribute | None:
         """The attribute whose value, or end of value, contains an offset."""

@@ -138,7 +138,7 @@ def lead_start(element: Element) -> int:
     return start
 
 
-# --- something new ------------------------------------------------------------------------------------------------
+# --- inserting ----------------------------------------------------------------------------------------------------
 
 
 def _gap(near: Element, start: int, end: int, before: str, after: str, indent: str, *, own_line: bool) -> WritingGap:
@@ -240,7 +240,7 @@ def wrap(root: Element, wrapper: str, written: str | NewElement) -> list[Splice]
     ]
 
 
-# --- something that goes ------------------------------------------------------------------------------------------
+# --- removing -----------------------------------------------------------------------------------------------------
 
 
 def removal(first: Element, last: Element | None = None) -> Splice:
@@ -301,7 +301,7 @@ def removal_or_collapse(element: Element, last: Element | None = None) -> Splice
     return emptied or removal(element, last)
 
 
-# --- something that moves -----------------------------------------------------------------------------------------
+# --- moving -------------------------------------------------------------------------------------------------------
 
 
 def _block(first: Element, last: Element) -> tuple[int, int]:
@@ -312,10 +312,8 @@ def _block(first: Element, last: Element) -> tuple[int, int]:
 def move_siblings(
     first: Element, last: Element, to_first: Element, to_last: Element, *, behind: bool
 ) -> tuple[Splice, Splice]:
-    """Move the siblings `first` to `last` before or behind the siblings `to_first` to `to_last`.
-
-    Their lines, and the comments that belong to them, move too.
-    """
+    """Move the siblings `first` to `last` before or behind the siblings `to_first` to `to_last`, with their lines and
+    the comments that belong to them."""
     text, file = first.tree.text, first.tree.name
     if all(has_own_lines(each) for each in (first, last, to_first, to_last)):
         start, end = _block(first, last)
