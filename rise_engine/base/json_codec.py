@@ -1,8 +1,7 @@
 """Strict JSON in one place: RFC 8259 and nothing more, and only values that the memory can hold.
 
 The standard library silently keeps the last of two equal keys, accepts NaN and Infinity, and gives no locations.
-`decode` returns the value of a text. `read_json` also records where everything in it is. `encode` writes JSON that
-every output can hold.
+`decode` returns the value of a text, `read_json` also the places in it. `encode` writes JSON that all outputs can hold.
 """
 
 from __future__ import annotations

@@ -1,7 +1,6 @@
 """Characters that word processors and chat programs substitute: curly quotation marks, and blanks of other widths.
 
-A file format that needs the plain ones reports only "Invalid value". These sentences name the character and say what
-to write instead.
+Parsers of formats that need the plain ones only say "Invalid value". These sentences name the character and the remedy.
 """
 
 from __future__ import annotations

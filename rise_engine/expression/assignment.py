@@ -110,8 +110,7 @@ class Assignment:
             memory: the memory that gets the value, if it is not the memory of `env`. It is not changed here.
             limited: always limit the size of the value, not only with an index or a list function.
 
-        Raises EvaluationError, as `evaluate` and `assigned_entry` do, and MissingPartError if an index on the left
-        names a missing part.
+        Raises EvaluationError, as `evaluate` and `assigned_entry` do; MissingPartError for a missing part on the left.
         """
         value = self.evaluate(env, known_keys)
         memory = env.memory if memory is None else memory

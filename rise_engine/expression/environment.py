@@ -54,8 +54,7 @@ class Environment:
     below: Callable[[int], int] | None = None
     """Returns the next whole number from 0 up to its argument, exclusive. Without it, `shuffle` is an error."""
     parts: dict[str, Json] | None = None
-    """Collects the parts that an evaluation reads (`items[i].text`) with their values, null for a missing part. None:
-    they are not collected."""
+    """Collects parts that are read (`items[i].text`) with their values, null if missing; None: not collected."""
     situation: AskedSituation | None = None
     """Answers `in`, `rule`, `runs` and `waits`. None, as while a session runs: they are an evaluation error."""
 

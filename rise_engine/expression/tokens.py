@@ -87,8 +87,7 @@ _CLOSING = re.compile(rf"[{TYPOGRAPHIC_QUOTES}](?!\w)")
 
 
 class Token(NamedTuple):
-    """A token. `kind` is word, names (`.text` after a `]`), number, text, end, or the operator or reserved word itself
-    in its unified spelling."""
+    """`kind` is word, names (`.text` after a `]`), number, text, end, or the unified operator or reserved word."""
 
     kind: str
     value: Any

@@ -59,8 +59,7 @@ def read_rule_start(behavior: str) -> RuleStart:
 
 
 def read_resumptions(behavior: str) -> dict[str, Resumption]:
-    """Read the behaviour of releaseStop: what happens to each rule, by its name; empty: all stay stopped. Raises
-    BehaviorError."""
+    """Read the behaviour of releaseStop: the resumption of each rule; empty: all stay stopped. Raises BehaviorError."""
     try:
         return msgspec.json.decode(behavior, type=dict[str, Resumption]) if behavior else {}
     except (msgspec.DecodeError, RecursionError, UnicodeError) as error:

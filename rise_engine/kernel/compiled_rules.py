@@ -71,9 +71,8 @@ _compile_condition = lru_cache(maxsize=1024)(CompiledCondition)
 class Op:
     """One step of a block, and the next step: null at the end of the block.
 
-    A block is a chain. The arms of an `if` and of a `oneOf` continue with what follows it. So running a block needs
-    neither recursion nor jumps, and an error that skips the rest of a block just ends the chain. `kind` decides which
-    fields are set.
+    A block is a chain. The arms of an `if` and of a `oneOf` continue with what follows it. So running a block needs no
+    recursion and no jumps, and an error that skips the rest just ends the chain. `kind` decides which fields are set.
     """
 
     kind: int

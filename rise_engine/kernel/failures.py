@@ -1,5 +1,4 @@
-"""What happens after an act has failed: the study continues, the wizard is asked, or the act is repeated after a pause
-(semantics.md 12.2)."""
+"""What happens after a failed act: the study goes on, the wizard is asked, or it is repeated (semantics.md 12.2)."""
 
 from __future__ import annotations
 
@@ -24,8 +23,7 @@ class FailuresState(Struct):
     asked: dict[int, Task] = field(default_factory=dict)
     """Failed acts whose events are held until somebody answers or they are repeated, by task, oldest first."""
     pauses: dict[int, int | None] = field(default_factory=dict)
-    """The acts in `asked` that are repeated automatically: the timer of the pause, by task; null: the pause begins when
-    the robot is back."""
+    """Acts in `asked` that are repeated automatically: the pause's timer; null: it begins when the robot is back."""
 
 
 class FailedActs:

@@ -106,8 +106,7 @@ class Kernel:
 
     @property
     def is_busy(self) -> bool:
-        """True while an act runs, waits or is about to be repeated, or a stop is not confirmed. Waiting rules do not
-        count."""
+        """True while an act runs, waits or is about to be repeated, or a stop is unconfirmed. Rules do not count."""
         acts = self.scheduler.runner.runs or self.scheduler.waiting or self.failures.pausing
         return bool(acts) or self.stop.status == "requested"
 

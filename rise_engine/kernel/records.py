@@ -67,8 +67,7 @@ def describe_open_goals(goals: Iterable[OpenGoal]) -> str:
 
 
 class SessionIdentity(Struct, frozen=True, kw_only=True):
-    """The participant of a session, and its place in its study. Its first input, its first record and session.toml
-    contain these fields."""
+    """A session's participant and place in its study, as in its first input, its first record and session.toml."""
 
     participant: str = ""
     """The participant, as the wizard named them; empty: nobody was named."""
@@ -118,8 +117,7 @@ class SessionRecord(Record, tag="session", kw_only=True):
     language: str = ""
     """The language in which the robot speaks, as a BCP 47 tag; empty: the scenario does not name it."""
     downtime: float | None = None
-    """recovered: seconds without an engine, by the wall clock, since the last sign of life of the earlier one; null:
-    unknown."""
+    """recovered: seconds by the wall clock since the last sign of life of the earlier engine; null: unknown."""
     open: tuple[OpenGoal, ...] = ()
     """ended: what the robot may still be doing."""
     driver: str = ""
@@ -281,8 +279,7 @@ class FailureRecord(Record, tag="failure"):
     by: int | None = None
     """repeated: the task that replaces it."""
     reason: str = ""
-    """asked, waiting: why the act failed. gone-on: how often, if repeating did not help. dropped: what ended the
-    question."""
+    """asked, waiting: why the act failed. gone-on: how often, if it was repeated. dropped: what ended the question."""
     seconds: float | None = None
     """waiting: how long the pause is; null: it begins when the robot is back."""
 

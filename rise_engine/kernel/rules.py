@@ -112,8 +112,7 @@ class RuleMachine:
         return log.changed_since(before[1], self._core.memory) if before is not None else {}
 
     def step_back(self, run: RuleRun, enter: bool) -> None:
-        """Return a rule to its previous state, which must be known, without running onExit. Without `enter`, the rule
-        only waits there."""
+        """Return a rule to its known previous state without onExit. Without `enter`, the rule only waits there."""
         core, previous = self._core, run.state
         run.entries.pop()
         id = run.entries.pop().state or ""

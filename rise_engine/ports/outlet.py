@@ -1,5 +1,4 @@
-"""The port for an outlet: a program that passes on the events of a running session as markers for other recorders (Lab
-Streaming Layer).
+"""The port for an outlet, which passes on a running session's events as markers for recorders (Lab Streaming Layer).
 
 The engine finds an outlet by an entry point of the group `rise.outlets`. It runs in its own process and attaches to the
 session like any client (`rise_engine.run.client.connect`), so that it can never block a session.

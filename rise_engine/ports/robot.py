@@ -4,8 +4,7 @@ An adapter implements `Robot`. The engine finds its class by the entry-point gro
 its own loop. An adapter with threads of its own passes its reports through the loop. Nothing here may block: each call
 starts something and returns, and its result arrives through `report`.
 
-docs/how-to/add-a-robot.md, section 5, has a whole driver as a tested example. `rise_adapters.simulated` comes with the
-program.
+docs/how-to/add-a-robot.md, section 5, has a whole, tested driver. `rise_adapters.simulated` comes with the program.
 """
 
 from __future__ import annotations
@@ -19,8 +18,8 @@ from rise_engine.scenario.model import RobotProfile
 
 RobotReport: TypeAlias = ActionReport | RobotChanged | StopReport | EstopReport | Note
 """A robot's report. An `EstopReport` is about an emergency stop that the robot's profile names: pressing it stops
-everything, and nobody can release that before it is let go. A note is for the record only: something came too late to
-count, or twice."""
+everything, and nobody can release that before it is let go. A note is for the record: something came too late or twice.
+"""
 ReportCallback: TypeAlias = Callable[[RobotReport], None]
 """Takes one report. It belongs to the thread of the engine's loop; other threads call it with
 `loop.call_soon_threadsafe(report, ...)`. It may be called within `connect`, `start`, `cancel` and `stop_all`."""

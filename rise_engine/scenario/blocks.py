@@ -71,9 +71,8 @@ class BlockReader(ElementReader):
     def read_statements(self, parent: Element, depth: int, *, chain: bool) -> tuple[Block, list[Branch]]:
         """The statements inside an element, in document order.
 
-        With `chain`, the element is an `if` or `elseif`: any `else` and `elseif` inside it are further branches of the
-        same `if` (as in the paper's listing 2) and are returned separately. Otherwise they continue the `if` directly
-        before them.
+        With `chain`, the element is an `if` or `elseif`: any `else` and `elseif` in it are further branches of the same
+        `if` (as in the paper's listing 2) and are returned separately. Otherwise they continue the `if` before them.
         """
         self.check_no_text(parent)
         statements: list[Statement] = []

@@ -1,7 +1,6 @@
 """Reads files of comma-separated values, as spreadsheets write them, into rows with places.
 
-Python's csv module reads the values. It does not tell their places, so this module finds them when it has to report
-one.
+Python's csv module reads the values. It does not give their places, so this module finds those that it must report.
 """
 
 from __future__ import annotations

@@ -3,8 +3,7 @@
     <Template name="Say"><parameter name="text"/><Speech>...<message>${text}</message></Speech></Template>
     <use template="Say" text="Hello"/>
 
-Mistakes in a template or a `<use>` are reported here, once and where they are written. `expansion.py` replaces each
-`<use>` by the elements.
+This module reports mistakes in templates and uses, once and where they are. `expansion.py` then replaces each `<use>`.
 """
 
 from __future__ import annotations

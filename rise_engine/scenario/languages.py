@@ -1,7 +1,6 @@
 """Language tags by BCP 47: `en`, `de-AT`, `zh-Hant-TW` (https://www.rfc-editor.org/info/bcp47).
 
-A first part of two letters must be a language of ISO 639-1. For three letters, regions, scripts and variants, only the
-form is checked.
+A first part of two letters must be in ISO 639-1. Of three letters, regions, scripts and variants, only the form counts.
 """
 
 from __future__ import annotations

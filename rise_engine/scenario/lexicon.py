@@ -1,7 +1,6 @@
 """How words are pronounced: lexicon.toml, and the text that a robot is given to say (semantics.md 2.5, 2.6).
 
-The engine applies it before it sends a goal to any driver, so that all drivers get the same. Consoles use it to show
-the words.
+The engine applies it before it sends a goal, so that all drivers get the same. Consoles use it to show the words.
 """
 
 from __future__ import annotations
@@ -119,8 +118,7 @@ class _LexiconReader:
         return words
 
     def report_unused_languages(self, language: str, draft: ScenarioDraft) -> None:
-        """Warn if nothing is said in any of the languages, as far as that is known. A file that several studies share
-        may have further languages."""
+        """Warn if nothing is known to be said in any of the languages. (A shared file may have further languages.)"""
         if draft.has_languages_from_memory or "acts" in draft.unreadable_parts:
             return
         spoken = {language, *draft.spoken_languages} - {""}
@@ -197,8 +195,7 @@ class Pronunciation:
 
 
 def words_for(lexicon: tuple[LexiconTable, ...], language: str, robot: str) -> dict[str, str]:
-    """The words for a text in a language and a robot. Words for this robot override words for all robots; otherwise the
-    more exact language wins."""
+    """The words for a language and a robot. The robot's own override those for all; then the more exact language."""
     tables = [table for table in lexicon if table.robot in ("", robot) and language_fits(table.language, language)]
     words: dict[str, str] = {}
     for table in sorted(tables, key=lambda table: (table.robot != "", len(table.language))):

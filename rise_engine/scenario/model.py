@@ -215,8 +215,7 @@ class Delay(Struct, frozen=True):
 
 
 class Transition(Struct, frozen=True):
-    """A transition from a state. At most one of `event`, `ended` and `after` is set; with none of them, the condition
-    alone triggers it."""
+    """A transition. At most one of `event`, `ended` and `after` is set; if none is, the condition alone triggers it."""
 
     event: str | None = None
     """The topic without its leading slash."""
@@ -438,8 +437,7 @@ class Scenario(Struct, frozen=True):
     private: frozenset[str] = frozenset()
     """Whole memory keys with personal values, which are left out of data for others."""
     language: str = ""
-    """The language of its texts as a BCP 47 tag: that of the acts, or of the chosen translation; empty: scenario.toml
-    does not name it."""
+    """The language of its texts (BCP 47): that of the acts or of the chosen translation; empty: none is named."""
     lexicon: tuple[LexiconTable, ...] = ()
     may_release: tuple[str, ...] = ()
     """Programs that may release a stop without control: full names of ROS nodes, names of programs on the link."""

@@ -177,8 +177,7 @@ class FileReader:
     def read(
         self, path: Path, most: int = MAX_BYTES, encoding: str = "utf-8", remedy: str = ENCODING_REMEDY
     ) -> SourceFile | None:
-        """Read a file of at most `most` bytes; None after a diagnostic. `remedy` ends the message about a file that is
-        not in this encoding."""
+        """Read a file of at most `most` bytes; None after a diagnostic. `remedy` ends the one about the encoding."""
         name = self.display_name(path)
         location = SourceLocation(name)
         try:

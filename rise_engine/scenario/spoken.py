@@ -19,8 +19,7 @@ def says_message(spec: ActionSpec) -> bool:
 
 
 def spoken_parameters(spec: ActionSpec) -> tuple[str, ...]:
-    """The parameters whose texts are translated: those declared `spoken`, and the `message` of an action that says it
-    aloud."""
+    """The parameters with texts to translate: those declared `spoken`, and the `message` if it is said aloud."""
     return tuple(
         name
         for name, parameter in spec.parameters.items()

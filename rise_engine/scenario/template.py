@@ -1,7 +1,6 @@
 """Parameter texts with memory values in them: `Hello {person_name|there}!` (semantics.md 2.3).
 
-`Thank you{", "person_name}!` has a separator, which is only said together with a value. A slot can name a part of a
-value: `{items[i].text}`.
+`Thank you{", "person_name}!` has a separator, which is only said with a value. `{items[i].text}` names a part of one.
 """
 
 from __future__ import annotations

@@ -53,8 +53,7 @@ class TomlFile:
         return self.source.location(self._offsets(path)[1])
 
     def find_path(self, dotted: str) -> KeyPath:
-        """The path of a key with dots, such as `actions.Wave.carrier.goal`, as far as it exists. A quoted part may
-        contain dots itself."""
+        """The path of `actions.Wave.carrier.goal` as far as it exists. (A quoted part may contain dots itself.)"""
         path: KeyPath = ()
         inside: Any = self.values
         while dotted and isinstance(inside, dict | list):
