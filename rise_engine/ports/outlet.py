@@ -14,7 +14,7 @@ from msgspec import Struct
 
 
 class OutletPlan(Struct, frozen=True):
-    """The task of an outlet."""
+    """What an outlet passes on."""
 
     socket: str
     """The session's: a path, or its name, as `rise_engine.run.client.connect` takes it."""

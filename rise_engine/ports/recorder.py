@@ -31,7 +31,7 @@ class RecorderError(AdapterError):
 
 
 class RecordingPlan(Struct, frozen=True):
-    """The plan of a recording."""
+    """What to record, and where."""
 
     session: str
     """The name of the session's folder, with which a file's name begins."""

@@ -307,7 +307,7 @@ def condition_problem(scenario: Scenario, condition: str) -> str:
 
 
 def condition_memory(scenario: Scenario, condition: str) -> dict[str, Json]:
-    """The memory values that a condition sets on top of the start values; empty for an unknown name."""
+    """The memory values that a condition sets, which replace start values; empty for an unknown name."""
     found = scenario.conditions.get(condition)
     return {} if found is None else dict(found.memory)
 

@@ -195,7 +195,7 @@ class Pronunciation:
 
 
 def words_for(lexicon: tuple[LexiconTable, ...], language: str, robot: str) -> dict[str, str]:
-    """The words for a language and a robot. The robot's own override those for all; then the more exact language."""
+    """The words for a language and a robot. The robot's own override those for all; else a more exact language wins."""
     tables = [table for table in lexicon if table.robot in ("", robot) and language_fits(table.language, language)]
     words: dict[str, str] = {}
     for table in sorted(tables, key=lambda table: (table.robot != "", len(table.language))):

@@ -60,7 +60,7 @@ class MemorySlot(Struct, frozen=True):
     after: str = ""
     """The separators, which are only said together with a value that is not empty."""
     part: Expression | None = None
-    """The expression to read, if the key has an index."""
+    """The expression of a key with an index."""
 
     def read(self, memory: Mapping[str, Any]) -> Any:
         """Return the memory's current value; None if there is no value but a fallback.
