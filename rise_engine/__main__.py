@@ -1,4 +1,4 @@
-"""`python -m rise_engine` is `rise-engine`."""
+"""Runs `rise-engine` as `python -m rise_engine`."""
 
 from rise_engine.cli import main
 

@@ -1,1 +1,1 @@
-"""What all packages stand on: texts, errors, JSON, names and how a process ends."""
+"""The base of all packages: texts, errors, JSON, names and exit statuses."""

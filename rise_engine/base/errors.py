@@ -40,21 +40,21 @@
       WordError                   A word cannot be replaced like this
       XmlSyntaxError              A text that is no XML
 
-What is wrong with the files of a scenario is no error but a list of findings
-(`rise_engine.scenario.loader.load`). Some are a ValueError, too, for callers who catch that.
+Mistakes in the files of a scenario are not errors but a list of diagnostics
+(`rise_engine.scenario.loader.load`). Some errors are also a ValueError, for callers who catch that.
 """
 
 
 class RiseError(Exception):
-    """What went wrong, in sentences for the people who run a study; every error of these packages is one of these.
+    """What went wrong, in sentences for the people who run a study; the base of all errors of these packages.
 
-    ``except RiseError`` therefore catches what a caller can tell its users about, and leaves mistakes of the program
-    alone. Each argument is a sentence, and a line for those who read it.
+    ``except RiseError`` catches what a caller can tell its users about. It does not catch mistakes of the program.
+    Each argument is one sentence, which is shown as one line.
     """
 
     @property
     def lines(self) -> tuple[str, ...]:
-        """The sentences."""
+        """The sentences, one a line."""
         return tuple(map(str, self.args))
 
     def __str__(self) -> str:

@@ -1,7 +1,7 @@
 """Files that are written whole or not at all, and locks on them.
 
-A lock is the operating system's (flock): it goes with the process that holds it, however that ends. `Disk` is what
-journals, logs and plans ask of the operating system, so that tests can let any of it fail.
+A lock is the operating system's (flock): it ends with the process that holds it, however that process ends. Journals,
+logs and plans reach the disk through `Disk`, so that tests can make any operation fail.
 """
 
 from __future__ import annotations
@@ -18,7 +18,7 @@ from pathlib import Path
 from typing import BinaryIO
 
 BLOCK = 1_000_000
-"""Bytes that are written, or copied, at once."""
+"""Bytes that are written or copied at once."""
 _HELD = frozenset({errno.EAGAIN, errno.EACCES})
 _NO_LOCKS = frozenset({errno.ENOLCK, errno.EOPNOTSUPP, errno.ENOSYS, errno.EINVAL, errno.EBADF})
 
@@ -26,10 +26,10 @@ _NO_LOCKS = frozenset({errno.ENOLCK, errno.EOPNOTSUPP, errno.ENOSYS, errno.EINVA
 
 
 def take_lock(descriptor: int, *, shared: bool = False, wait: bool = False) -> bool:
-    """Lock an open file or folder; False: another process has it.
+    """Lock an open file or folder. Returns False if another process has locked it.
 
-    :param shared: together with others that ask for a shared lock.
-    :param wait: until the other process lets go of it.
+    :param shared: share the lock with others that ask for a shared lock.
+    :param wait: wait until the other process releases it.
     :raises OSError: it cannot be locked, perhaps because the file system has no locks (`has_no_locks`).
     """
     try:
@@ -42,12 +42,12 @@ def take_lock(descriptor: int, *, shared: bool = False, wait: bool = False) -> b
 
 
 def has_no_locks(error: OSError) -> bool:
-    """Whether a lock failed because the file system has none."""
+    """Whether a lock failed because the file system does not support locks."""
     return error.errno in _NO_LOCKS
 
 
 def is_locked(path: Path) -> bool:
-    """Whether a process has locked a file, as far as this computer can see. Does not wait."""
+    """Whether a process has locked a file, as far as this computer can tell. Does not wait."""
     try:
         descriptor = os.open(path, os.O_RDONLY | os.O_CLOEXEC)
     except OSError:
@@ -61,7 +61,7 @@ def is_locked(path: Path) -> bool:
 
 
 def wait_until(done: Callable[[], bool], seconds: float, every: float = 0.01) -> bool:
-    """Ask again and again, for as many seconds at most; whether it is done."""
+    """Call `done` again and again until it is true, for at most this many seconds. Returns whether it became true."""
     end = time.monotonic() + seconds
     while not done():
         if time.monotonic() > end:
@@ -74,14 +74,14 @@ def wait_until(done: Callable[[], bool], seconds: float, every: float = 0.01) ->
 
 
 class Disk:
-    """The real one."""
+    """The real disk."""
 
     def open(self, path: Path, *, create: bool) -> int:
         flags = os.O_RDWR | os.O_CLOEXEC | (os.O_CREAT | os.O_EXCL if create else 0)
         return os.open(path, flags, 0o600)
 
     def write(self, descriptor: int, data: bytes, offset: int) -> None:
-        """All of `data` at `offset`."""
+        """Write all of `data` at `offset`."""
         view = memoryview(data)
         while view:
             written = os.pwrite(descriptor, view, offset)
@@ -90,7 +90,7 @@ class Disk:
             view, offset = view[written:], offset + written
 
     def sync(self, descriptor: int) -> None:
-        """Returns when what was written survives a power cut, as far as the system knows."""
+        """Return when the written data survives a power cut, as far as the system knows."""
         if sys.platform == "darwin":
             fcntl.fcntl(descriptor, fcntl.F_FULLFSYNC)
         else:
@@ -100,13 +100,13 @@ class Disk:
         os.close(descriptor)
 
     def sync_folder(self, path: Path) -> None:
-        """So that the names in a folder survive too."""
+        """Make the names in a folder survive a power cut too."""
         sync(path)
 
     def write_new(self, path: Path, data: bytes | Iterable[bytes]) -> int:
-        """Write a new file, durably, and return its size; one that a killed program has left there goes.
+        """Write a new file durably and return its size in bytes. Replaces a file that a killed program left there.
 
-        :raises OSError: and then there is no such file.
+        :raises OSError: it was not written, and no file is left behind.
         """
         path.unlink(missing_ok=True)
         descriptor = self.open(path, create=True)
@@ -121,7 +121,7 @@ class Disk:
             self.write(descriptor, bytes(block), size)
             self.sync(descriptor)
         except OSError:
-            path.unlink(missing_ok=True)  # half of it would only confuse
+            path.unlink(missing_ok=True)  # half a file would only confuse
             raise
         finally:
             self.close(descriptor)
@@ -136,7 +136,7 @@ class Disk:
 
 
 def sync(path: Path) -> None:
-    """Returns when a file, or the names in a folder, survive a power cut. Raises OSError."""
+    """Return when a file, or the names in a folder, survive a power cut. Raises OSError."""
     descriptor = os.open(path, os.O_RDONLY | os.O_CLOEXEC)
     try:
         os.fsync(descriptor)
@@ -146,10 +146,10 @@ def sync(path: Path) -> None:
 
 @contextmanager
 def durable_file(path: Path, *, new: bool = False, mode: int = 0o666) -> Iterator[BinaryIO]:
-    """A file for a `with` statement, at whose end it survives a power cut. Raises OSError.
+    """A file for a `with` statement that survives a power cut once the statement ends. Raises OSError.
 
-    :param new: nothing may be there yet.
-    :param mode: its permissions, as far as the umask leaves them.
+    :param new: the file must not exist yet.
+    :param mode: its permissions, before the umask.
     """
     flags = os.O_WRONLY | os.O_CREAT | os.O_CLOEXEC | (os.O_EXCL if new else os.O_TRUNC)
     with os.fdopen(os.open(path, flags, mode), "wb") as file:
@@ -159,17 +159,17 @@ def durable_file(path: Path, *, new: bool = False, mode: int = 0o666) -> Iterato
 
 
 def write_private_file(path: Path, data: bytes) -> None:
-    """Write a file that only its owner can read, durably, whatever the umask says. Raises OSError."""
+    """Write a file durably that only its owner can read, whatever the umask. Raises OSError."""
     with durable_file(path, mode=0o600) as file:
-        os.fchmod(file.fileno(), 0o600)  # one that was there keeps its mode otherwise
+        os.fchmod(file.fileno(), 0o600)  # an existing file would keep its mode
         file.write(data)
 
 
 def write_whole(path: Path, data: bytes, *, beside: Path | None = None, private: bool = True) -> None:
     """Replace a file, whole or not at all. Raises OSError.
 
-    :param beside: where the new file lies at first: one for each process, if several may write it at once.
-    :param private: only its owner can read it; else the umask says who can.
+    :param beside: where the new file is written first. Give each process its own if several may write at once.
+    :param private: only its owner can read it; otherwise the umask decides.
     """
     new = beside or path.with_name(f"{path.name}.new")
     try:
@@ -186,7 +186,7 @@ def write_whole(path: Path, data: bytes, *, beside: Path | None = None, private:
 
 
 def make_private_folder(path: Path) -> None:
-    """Make a folder, and those that it lies in, for their owner alone. Raises OSError."""
+    """Make a folder, and its parent folders, for their owner alone. Raises OSError."""
     if not path.is_dir():
         make_private_folder(path.parent)
         path.mkdir(0o700, exist_ok=True)
@@ -203,7 +203,7 @@ _MESSAGES = {
 
 
 def error_message(error: OSError) -> str:
-    """What went wrong, for a person."""
+    """Say in words what went wrong."""
     return _MESSAGES.get(error.errno or 0, f"the disk does not take it ({error.strerror or error})")
 
 
@@ -214,7 +214,7 @@ def file_hash(path: Path) -> str:
 
 
 def tree_hash(path: Path) -> str:
-    """One hash of a file, or of a folder with all names, contents and places of links in it. Raises OSError."""
+    """One hash of a file, or of a folder with the names, contents and link targets in it. Raises OSError."""
     if path.is_symlink():
         return hashlib.sha256(f"link to {path.readlink()}".encode()).hexdigest()
     if not path.is_dir():
@@ -226,12 +226,12 @@ def tree_hash(path: Path) -> str:
 
 
 _SMALL = 5_000_000
-"""Bytes: of larger files that are no text, only the name is searched."""
+"""Bytes. In larger files without text (films), `lines_with` finds nothing."""
 _TEXTS = (".jsonl", ".csv", ".json", ".toml", ".txt", ".md")
 
 
 def lines_with(path: Path, is_found: Callable[[str], object]) -> list[int]:
-    """The lines of a file, from 1, in which something is found. A film is not searched: it is as large as no text is.
+    """The numbers, from 1, of the lines in which something is found. Large files that are not text are not searched.
 
     :raises OSError: the file cannot be read.
     """

@@ -1,8 +1,7 @@
-"""JSON, strict and in one place: what is read here is RFC 8259 and nothing more, and fits into the memory.
+"""Strict JSON in one place: RFC 8259 and nothing more, and only values that the memory can hold.
 
 The standard library silently keeps the last of two equal keys, accepts NaN and Infinity, and gives no locations.
-`decode` gives the value of a text, `read_json` also where everything in it stands; `encode` writes what every output
-can hold.
+`decode` returns the value of a text, `read_json` also the places in it. `encode` writes JSON that all outputs can hold.
 """
 
 from __future__ import annotations
@@ -20,7 +19,7 @@ from rise_engine.base.text import escape_all_surrogates, match_end
 from rise_engine.base.typography import find_typographic_closing, typography_problem
 
 MAX_LEVELS = 64
-"""Lists and objects within each other, wherever a value of the memory comes from (docs/reference/scenario.md)."""
+"""How deep lists and objects can be nested in any memory value (docs/reference/scenario.md)."""
 
 _SPACE = re.compile(r"[ \t\n\r]*")
 _STRING = re.compile(r'"([^"\\\x00-\x1f]*)"')
@@ -34,7 +33,7 @@ _HALF = re.compile("[\ud800-\udfff]")
 
 
 def is_64_bit(value: int) -> bool:
-    """Whether a whole number fits into a signed integer of 64 bits; the memory holds no other."""
+    """Whether a whole number fits into a signed integer of 64 bits. The memory holds no other whole numbers."""
     return -(2**63) <= value < 2**63
 
 
@@ -50,9 +49,9 @@ class JsonError(RiseError, ValueError):
 
 
 Duplicate: TypeAlias = Callable[[str, int, int], None]
-"""Called with a key that an object has twice, its offset and that of the first."""
+"""Is called with a key that an object has twice, its offset and the offset of the first one."""
 NoNumber: TypeAlias = Callable[[str, int], None]
-"""Called with a sentence and an offset for NaN, an infinity or a number that is too large."""
+"""Is called with a sentence and an offset for NaN, an infinity or a number that is too large."""
 
 
 class JsonMember(Struct, frozen=True):
@@ -65,24 +64,24 @@ class JsonMember(Struct, frozen=True):
 
 
 class JsonObject(dict[str, Any]):
-    """An object that remembers where its members stand."""
+    """An object that knows the offsets of its members."""
 
     members: tuple[JsonMember, ...] = ()
     at: int = 0
 
 
 class JsonArray(list[Any]):
-    """An array that remembers where its items stand."""
+    """An array that knows the offsets of its items."""
 
     items_at: tuple[int, ...] = ()
     at: int = 0
 
 
 def decode(text: str) -> Any:
-    """The value of a JSON text, in ordinary dicts and lists.
+    """Read a JSON text into ordinary dicts and lists.
 
-    Raises JsonError for what is not JSON, for a key that an object has twice, for NaN, infinities and whole numbers of
-    more than 64 bits, and for lists and objects more than MAX_LEVELS within each other.
+    Raises JsonError for invalid JSON, a key that an object has twice, NaN, infinities, whole numbers of more than
+    64 bits, and lists and objects that are nested more than MAX_LEVELS deep.
 
     >>> decode('{"task": 2, "names": ["Ada"]}')
     {'task': 2, 'names': ['Ada']}
@@ -95,9 +94,9 @@ def decode(text: str) -> Any:
 
 
 def encode(value: Any) -> bytes:
-    """A JSON-like value or a Struct as JSON in UTF-8.
+    """Write a JSON-like value or a Struct as JSON in UTF-8.
 
-    A byte of a file name that is no text (half a character, which UTF-8 cannot hold) becomes `\\udcff`, as a text.
+    UTF-8 cannot hold half a character (an undecodable byte of a file name). It becomes the text `\\udcff`.
 
     >>> encode({"task": 2})
     b'{"task":2}'
@@ -109,10 +108,10 @@ def encode(value: Any) -> bytes:
 
 
 def read_json(text: str, duplicate: Duplicate, no_number: NoNumber | None = None) -> Any:
-    """The value of a JSON text. Objects and arrays know where their items stand; `to_plain` makes ordinary ones.
+    """Read a JSON text into objects and arrays that know the offsets of their items; `to_plain` makes ordinary ones.
 
-    Keys given twice are reported to `duplicate`, and reading goes on with the first value. Raises JsonError for what is
-    not JSON; NaN and infinities are only reported, and read as null, when there is a `no_number`.
+    Reports keys that are given twice to `duplicate` and keeps the first value. Raises JsonError for invalid JSON. With
+    `no_number`, NaN, infinities and numbers that are too large are only reported, and read as null.
     """
     half = _HALF.search(text)
     if half is not None:
@@ -145,7 +144,7 @@ def to_plain(value: Any) -> Any:
 
 
 def json_equal(one: Any, other: Any, *, in_order: bool = False) -> bool:
-    """Whether two values are the same in JSON: 2 and 2.0 are not, nor are 1 and true. `in_order`: and read the same."""
+    """Whether two values are the same in JSON: 2 and 2.0 differ, and so do 1 and true. `in_order`: in key order too."""
     return json.dumps(one, sort_keys=not in_order) == json.dumps(other, sort_keys=not in_order)
 
 
@@ -304,7 +303,7 @@ class _JsonReader:
                 return result, at
 
     def read_separator(self, at: int, closing: str, kind: str, start: int) -> tuple[int, bool]:
-        """Behind a value: the offset after the comma, or after the closing bracket with True."""
+        """Read what follows a value. Returns the offset after the comma, or after the closing bracket with True."""
         behind = at
         at = self.skip_blanks(at)
         if self.text.startswith(closing, at):

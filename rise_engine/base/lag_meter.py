@@ -1,4 +1,4 @@
-"""How late an asyncio loop is: the measure of whether anything holds it up."""
+"""How late an asyncio loop is, which shows whether anything blocks it."""
 
 from __future__ import annotations
 
@@ -12,19 +12,19 @@ class LagMeter:
     TICK = 0.05
     """Seconds between two measurements."""
     KEPT = 100
-    """Measurements that `recent` goes back: five seconds."""
+    """The number of measurements in `recent`: five seconds."""
 
     def __init__(self, loop: asyncio.AbstractEventLoop) -> None:
         self._loop = loop
         self._latest: deque[float] = deque(maxlen=self.KEPT)
         self.max = 0.0
-        """Seconds by which it was late at most, since the beginning."""
+        """The longest delay since the start, in seconds."""
         self._due = loop.time() + self.TICK
         self._timer = loop.call_at(self._due, self._tick)
 
     @property
     def recent(self) -> float:
-        """Seconds by which it was late at most, in the latest five seconds."""
+        """The longest delay within the last five seconds, in seconds."""
         return max(self._latest, default=0.0)
 
     def _tick(self) -> None:

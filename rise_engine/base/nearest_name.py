@@ -1,6 +1,6 @@
-"""The known name that somebody meant who wrote another one: "did you mean ...?", for every part that reads names.
+"""The known name that somebody probably meant: "did you mean ...?", for every part that reads names.
 
-`suggest` gives the name and the end of a sentence, `did_you_mean` the end alone, `nearest_name` the name alone.
+`suggest` returns the name and the end of a sentence, `did_you_mean` the end alone, `nearest_name` the name alone.
 """
 
 from __future__ import annotations
@@ -18,26 +18,26 @@ from msgspec import Struct
 from rise_engine.base.text import UNSEEN, character_name
 
 _COMPARISONS = 20_000
-"""How many names are compared with misspelt ones while one scenario is read: that is slow, and nobody reads more."""
+"""How many names are compared with misspelt ones while one scenario is read, because comparing is slow."""
 _LONGEST = 80
-"""Characters of a name that somebody may have misspelt."""
+"""The longest name that is compared, in characters."""
 _budget: ContextVar[list[int]] = ContextVar("comparisons that are left")
 
 
 class Correction(Struct, frozen=True):
-    """What the author of a study most likely meant with something that is wrong."""
+    """What the author of a study most likely meant by a wrong name."""
 
     written: str
-    """What is wrong, as it is read, without escapes."""
+    """The wrong name, without escapes."""
     meant: str
-    """What to write instead; empty: nothing is near."""
+    """What to write instead; empty if no name is near."""
     words: str = ""
     """The end of a sentence: "; did you mean `R_Yes`?"."""
 
 
 @contextmanager
 def limited_comparisons() -> Iterator[None]:
-    """Within it, `nearest_name` compares `_COMPARISONS` names at most: nothing but mistakes is read as fast."""
+    """Limit `nearest_name` to `_COMPARISONS` names within it, so that a file full of mistakes is read as fast."""
     token = _budget.set([_COMPARISONS])
     try:
         yield
@@ -46,7 +46,7 @@ def limited_comparisons() -> Iterator[None]:
 
 
 def nearest_name(word: str, known: Iterable[str]) -> str | None:
-    """The known name that somebody who wrote `word` most likely meant, or None when nothing is near."""
+    """The known name that somebody who wrote `word` most likely meant, or None if none is near."""
     budget = _budget.get([_COMPARISONS])
     if budget[0] <= 0 or len(word) > _LONGEST:
         return None
@@ -60,14 +60,14 @@ def nearest_name(word: str, known: Iterable[str]) -> str | None:
 
 
 def _in_order(names: Iterable[str]) -> Collection[str]:
-    """Sets have no order of their own, and would name another one of two alike in each run."""
+    """Names in a fixed order. A set has none and would suggest a different one of two equally near names each run."""
     if isinstance(names, set | frozenset):
         return sorted(names)
     return names if isinstance(names, Collection) else list(names)
 
 
 def suggest(word: str, known: Iterable[str], *, limit: int = 12, otherwise: str = "") -> Correction:
-    """What to say about an unknown name: the nearest right one, or all of them when they are few, or `otherwise`."""
+    """Suggest the nearest known name, or list all names if there are few, or use `otherwise`."""
     names = _in_order(known)
     near = nearest_name(word, names)
     if near is not None:
@@ -77,15 +77,15 @@ def suggest(word: str, known: Iterable[str], *, limit: int = 12, otherwise: str 
 
 
 def did_you_mean(word: str, known: Iterable[str], *, limit: int = 12) -> str:
-    """The end of a message about an unknown name: the nearest right one, or all of them when they are few."""
+    """The end of a message about an unknown name: the nearest known name, or all of them if there are few."""
     return suggest(word, known, limit=limit).words
 
 
 def lookalike_note(word: str, known: str) -> str:
-    """What makes two names different that look the same: a sentence for the end of a message, or empty.
+    """Explain how two names that look alike differ: a sentence for the end of a message, or empty.
 
-    Names are compared as they are written, and a letter with an accent can be written as one character or as two (file
-    names on macOS and texts out of PDF files have two).
+    A letter with an accent can be one character or two (file names on macOS and texts from PDF files have two), and
+    names are compared as they are written.
     """
     if word.isascii() and known.isascii():
         return ""
@@ -107,21 +107,21 @@ def lookalike_note(word: str, known: str) -> str:
 
 
 def is_in_other_form(word: str, known: Collection[str]) -> bool:
-    """Whether a name is known in the other of Unicode's forms: with letters and accents as one character, or as two."""
+    """Whether a name is known in Unicode's other form: with letters and accents as one character, or as two."""
     return not word.isascii() and any(
         form != word and form in known for form in (normalize("NFC", word), normalize("NFD", word))
     )
 
 
 def _fold(name: str) -> str:
-    """A name without what readers overlook."""
+    """A name without the differences that readers overlook."""
     if name.isascii():
         return name.casefold()
     return normalize("NFC", name).casefold()
 
 
 def _visible_part(name: str) -> str:
-    """What of a name can be seen."""
+    """The part of a name that readers can see."""
     return " ".join(UNSEEN.sub("", name).split())
 
 

@@ -1,4 +1,4 @@
-"""What installed packages bring as entry points: drivers, bridges, profiles, recorders, outlets, export formats."""
+"""The entry points of installed packages: drivers, bridges, profiles, recorders, outlets, export formats."""
 
 from __future__ import annotations
 
@@ -8,12 +8,12 @@ from importlib.metadata import EntryPoint, EntryPoints, entry_points
 
 
 def installed_plugins(group: str) -> EntryPoints:
-    """The entry points of a group. All packages are looked through once for each path, because that takes a while."""
+    """The entry points of a group. Searches all packages only once for each `sys.path`, because that is slow."""
     return _installed_on(tuple(sys.path), group)
 
 
 def find_plugin(group: str, name: str) -> EntryPoint | None:
-    """The entry point of that name; of two, the one that Python finds first."""
+    """The entry point of that name. If there are two, the one that Python finds first."""
     return next(iter(installed_plugins(group).select(name=name)), None)
 
 

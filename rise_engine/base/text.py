@@ -1,7 +1,7 @@
-"""Text that others wrote, made safe to show: one definition for the command line and for the console.
+"""Text from others, made safe to show on the command line and in the console.
 
-What is read from files, sessions and robots can hold characters that move a terminal's cursor, set its title, turn the
-direction of writing, or are simply not seen. Whoever writes to a screen passes its text through `clean` first.
+Text from files, sessions and robots can hold characters that move a terminal's cursor, set its title, turn the
+writing direction, or are invisible. Pass such text through `clean` before you write it to a screen.
 """
 
 from __future__ import annotations
@@ -17,27 +17,27 @@ _UNSEEN = (
     "\u115f\u1160\u17b4\u17b5\u3164\uffa0"  # fillers: letters without a shape
     "\u180b-\u180f"  # Mongolian selectors
     "\u200b-\u200f\u2028-\u202e\u2060-\u206f"  # without width, line and paragraph ends, directions
-    "\ud800-\udfff"  # halves of characters: bytes of a file name that is no text
+    "\ud800-\udfff"  # surrogates: undecodable bytes of a file name
     "\ufe00-\ufe0d"  # variation selectors (not the two that go with emoji)
     "\ufeff\ufff0-\ufffb"  # byte order mark, annotations
     "\U0001bca0-\U0001bca3\U0001d173-\U0001d17a"  # of shorthand and of music
     "\U000e0000-\U000e0fff"  # tags
 )
 UNSEEN = re.compile(f"[{_UNSEEN}]")
-"""One character that moves the cursor, changes what stands around it, or is not seen at all."""
+"""One character that moves the cursor, changes the characters around it, or is invisible."""
 
 BLANKS = " \t\r\n"
-"""What XML and JSON take as a blank, and nothing else."""
+"""The only characters that XML and JSON take as blanks."""
 GAP = rf"[{_UNSEEN}\s]"
-"""A pattern for one character that leaves a gap: a blank of any kind, or one that is not seen."""
+"""A pattern for one character that leaves a gap: a blank of any kind, or an invisible one."""
 _GAP = re.compile(GAP)
 _NAMES = {"\x85": "NEXT LINE", "\x1b": "ESCAPE", "\x00": "NULL"}
 
 
 def clean(text: str, *, keep: str = "") -> str:
-    """The text with a mark for each character of UNSEEN: `⏎` for a line end, a blank for a tab, `·` for the others.
+    """Replace each character of UNSEEN with a mark: `⏎` for a line end, a blank for a tab, `·` for the others.
 
-    Those in `keep` stay: `"\\n"` for a text of several lines. Bytes of a file name that is no text become `\\udce4`.
+    Characters in `keep` stay: `"\\n"` for a text of several lines. Undecodable bytes of file names become `\\udce4`.
     """
     if (text.isascii() and text.isprintable()) or UNSEEN.search(text) is None:  # the first is quicker
         return text
@@ -63,10 +63,10 @@ def name_some(values: Sequence[object], most: int = 5) -> str:
 
 
 def escape_unseen_json(text: str) -> str:
-    """JSON with the same values, in which every character of UNSEEN is an escape (line ends between values stay)."""
+    """Escape every character of UNSEEN in a JSON text, with the same values. Line ends between values stay."""
 
     def escape(found: re.Match[str]) -> str:
-        if found[0] in "\r\n\t":  # between values: within a text they are escapes already
+        if found[0] in "\r\n\t":  # between values: within a text they are already escaped
             return found[0]
         units = found[0].encode("utf-16-be", "surrogatepass")
         return "".join(f"\\u{units[at : at + 2].hex()}" for at in range(0, len(units), 2))
@@ -75,7 +75,7 @@ def escape_unseen_json(text: str) -> str:
 
 
 def find_unseen(text: str, start: int = 0, end: int | None = None) -> int:
-    """Where the first blank stands that XML and JSON do not know, or the first unseen character; -1: nowhere."""
+    """The offset of the first blank that XML and JSON do not know, or of the first invisible character; -1: none."""
     for found in _GAP.finditer(text, start, len(text) if end is None else end):
         if found[0] not in BLANKS:
             return found.start()
@@ -83,13 +83,13 @@ def find_unseen(text: str, start: int = 0, end: int | None = None) -> int:
 
 
 def match_end(pattern: re.Pattern[str], text: str, start: int) -> int:
-    """Where what a pattern matches from `start` on ends; `start` itself when it does not match there."""
+    """The offset at which a match that begins at `start` ends; `start` itself if the pattern does not match there."""
     found = pattern.match(text, start)
     return found.end() if found is not None else start
 
 
 def character_name(character: str) -> str:
-    """A character for a message to somebody who cannot see it: `U+00A0 (NO-BREAK SPACE)`."""
+    """Describe a character to somebody who cannot see it: `U+00A0 (NO-BREAK SPACE)`."""
     known = name(character, _NAMES.get(character, ""))
     return f"U+{ord(character):04X} ({known})" if known else f"U+{ord(character):04X}"
 
@@ -98,25 +98,22 @@ _HALF = re.compile(r"\\u(d[c-f][0-9a-f]{2})")
 
 
 def escape_surrogates(path: str) -> str:
-    """A path as a text that every file and message can hold: a byte that is no UTF-8 becomes `\\udce4`."""
+    """A path as text that every file and message can hold: a byte that is not UTF-8 becomes `\\udce4`."""
     return path.encode("utf-8", "backslashreplace").decode()
 
 
 def restore_surrogates(text: str) -> str:
-    """The path of which `escape_surrogates` made a text.
-
-    A name that itself has these six characters is taken for one.
-    """
+    """Undo `escape_surrogates`. A file name that really contains such an escape is changed as well."""
     return _HALF.sub(lambda found: chr(int(found[1], 16)), text) if "\\ud" in text else text
 
 
 def escape_all_surrogates(value: Any) -> Any:
-    """`escape_surrogates` for every text in a JSON-like value."""
+    """Apply `escape_surrogates` to every text in a JSON-like value."""
     return _map_texts(escape_surrogates, value)
 
 
 def restore_all_surrogates(value: Any) -> Any:
-    """`restore_surrogates` for every text in a JSON-like value."""
+    """Apply `restore_surrogates` to every text in a JSON-like value."""
     return _map_texts(restore_surrogates, value)
 
 

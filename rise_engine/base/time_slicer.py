@@ -1,4 +1,4 @@
-"""Long work on an asyncio loop, a slice at a time, so that whatever else the loop has to do goes on in between."""
+"""Long work on an asyncio loop in short slices, so that the loop's other work continues in between."""
 
 from __future__ import annotations
 
@@ -11,13 +11,13 @@ _LOG = logging.getLogger(__name__)
 
 
 class TimeSlicer:
-    """Repeats one small step, for a few milliseconds in each turn of the loop, until there is nothing left to do."""
+    """Repeats a small step for a few milliseconds in each turn of the loop, until there is nothing left to do."""
 
     def __init__(self, step: Callable[[], int], seconds: float, *, most: float = float("inf")) -> None:
-        """`step` does one small piece of work and gives how much that was, in whatever unit `most` counts; 0 (or False)
-        when there was nothing to do. A slice ends after `seconds`, or once it has done more than `most`.
+        """`step` does one small piece of work and returns its amount, in the unit of `most`, or 0 (False) when there
+        was nothing to do. A slice ends after `seconds`, or once it has done more than `most`.
 
-        A step that raises is logged and counts as done: it keeps nothing else from being done.
+        A step that raises is logged and counts as done, so that the remaining work continues.
         """
         self._step = step
         self._seconds = seconds
@@ -30,7 +30,7 @@ class TimeSlicer:
         return self._scheduled is not None
 
     def wake(self) -> None:
-        """There is work: do it from the loop's next turn on. Call it on the loop's thread."""
+        """Start working in the loop's next turn. Call it on the loop's thread."""
         if self._scheduled is None:
             self._scheduled = asyncio.get_running_loop().call_soon(self._run_scheduled)
 
@@ -41,13 +41,13 @@ class TimeSlicer:
             self._scheduled = None
 
     def run_slice(self, seconds: float | None = None) -> bool:
-        """Do one slice here and now, of another length if `seconds` says so; gives whether there may be more."""
+        """Do one slice now, of another length if `seconds` is given. Returns whether there may be more work."""
         end = perf_counter() + (self._seconds if seconds is None else seconds)
         done = 0.0
         while True:
             try:
                 amount = self._step()
-            except Exception:  # of whoever gave the step: it keeps nothing else from being done
+            except Exception:  # from the caller's step; the remaining work continues
                 _LOG.exception("a piece of work failed")
                 amount = 1
             if not amount:
@@ -57,7 +57,7 @@ class TimeSlicer:
                 return True
 
     def _run_scheduled(self) -> None:
-        # Still scheduled while it runs: work that comes up meanwhile is done in this slice or in the next.
+        # Still scheduled while it runs: work that arrives meanwhile is done in this slice or in the next.
         if self.run_slice():
             self._scheduled = asyncio.get_running_loop().call_soon(self._run_scheduled)
         else:

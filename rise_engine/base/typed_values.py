@@ -1,4 +1,4 @@
-"""Memory values as people read and type them: JSON, and bare words where that is unambiguous."""
+"""Memory values as people read and type them: JSON, with bare words where they are unambiguous."""
 
 from __future__ import annotations
 
@@ -11,13 +11,13 @@ JSON_TYPES = (
     *((type(None), "null"), (bool, "boolean"), (int, "integer"), (float, "number")),
     *((str, "string"), (list, "array"), (tuple, "array")),
 )
-"""From the narrowest: a boolean is an integer, too."""
+"""Narrowest type first, because a boolean is also an integer in Python."""
 
 
 def format_value(value: Any) -> str:
-    """A memory value as it can be typed: JSON, but strings bare where that is unambiguous.
+    """A memory value as it can be typed: JSON, but strings without quotation marks where that is unambiguous.
 
-    Whatever could move the cursor or hide itself is escaped, which makes a string JSON.
+    Invisible characters and those that could move the cursor are escaped; such a string is written as JSON.
     """
     bare = isinstance(value, str) and value == value.strip() and value and not UNSEEN.search(value)
     if bare and parse_typed_value(value)[1] == "string":
@@ -26,14 +26,14 @@ def format_value(value: Any) -> str:
 
 
 def json_type_name(value: Any) -> str:
-    """The JSON type of a value, in the words that the console uses."""
+    """The JSON type of a value, in the console's words."""
     return next((name for kind, name in JSON_TYPES if isinstance(value, kind)), "object")
 
 
 def parse_typed_value(text: str) -> tuple[Any, str, str]:
-    """What a typed text means: value, type, and a remark when it looks like JSON but is none.
+    """Read a typed text. Returns value, type, and a remark if it looks like JSON but is invalid.
 
-    A JSON literal has its own type; anything else is a string as typed.
+    A JSON literal has its own type. Anything else is a string, exactly as typed.
     """
     bare = text.strip()
     try:

@@ -1,7 +1,6 @@
-"""What word processors and chat programs make of plain characters: curly quotation marks, and blanks of other widths.
+"""Characters that word processors and chat programs substitute: curly quotation marks, and blanks of other widths.
 
-Where a file's format wants the plain ones, its own messages say nothing ("Invalid value"). These sentences say which
-character stands there and what to write instead.
+Parsers of formats that need the plain ones only say "Invalid value". These sentences name the character and the remedy.
 """
 
 from __future__ import annotations
@@ -16,14 +15,14 @@ _QUOTE = re.compile(f"[{DOUBLE}{SINGLE}]")
 
 
 def straight_quote(character: str) -> str:
-    """The straight quotation mark that is meant by a typographic one; empty for every other character."""
+    """The straight form of a typographic quotation mark; empty for every other character."""
     return '"' if character and character in DOUBLE else "'" if character and character in SINGLE else ""
 
 
 def typography_problem(text: str, at: int, *, quote: str = "") -> str:
-    """What is wrong with the character at an offset of a file's text, if it is one of these; otherwise empty.
+    """Say what is wrong with the character at an offset if it is one of these; otherwise empty.
 
-    `quote`: the only quotation mark that the format has.
+    :param quote: the only quotation mark that the format has.
     """
     character = text[at : at + 1]
     straight = straight_quote(character)
@@ -37,7 +36,7 @@ def typography_problem(text: str, at: int, *, quote: str = "") -> str:
 
 
 def find_typographic_closing(text: str, opening: int) -> int:
-    """Where, in its line, a typographic mark was meant to close the text opened at `opening`; -1: nowhere."""
+    """The offset of the typographic mark that was meant to close the text opened at `opening`, in its line; or -1."""
     end = text.find("\n", opening)
     for found in _QUOTE.finditer(text, opening + 1, end if end >= 0 else len(text)):
         following = text[found.end() : found.end() + 1]

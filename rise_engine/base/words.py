@@ -1,7 +1,7 @@
-"""Words that are to go, and what stands instead of them: found however a program has written them.
+"""Words to be removed and their replacements, found however a program has written them.
 
-A word is found in upper and lower case, in both of Unicode's ways to write `ü`, behind the escapes of JSON (`\\u00fc`,
-also when JSON stands in a text of JSON) and of XML (`&#252;`), and with any blanks between its parts.
+A word is found in upper and lower case, in both of Unicode's forms of `ü`, behind the escapes of JSON (`\\u00fc`, also
+in JSON within a JSON text) and of XML (`&#252;`), and with any blanks between its parts.
 """
 
 from __future__ import annotations
@@ -19,9 +19,9 @@ from rise_engine.base.errors import RiseError
 LEAST_CHARACTERS = 2
 _REPLACEMENT = re.compile(r"[A-Za-z0-9_]{1,40}")
 _MARKS = "\u0300-\u036f"
-"""Combining marks: what makes a `ü` of a `u` in Unicode's decomposed form."""
+"""Combining marks, which turn a `u` into `ü` in Unicode's decomposed form."""
 _BEFORE = r"(?:(?<![\w])|(?<=\\[nrt]))"
-"""Where a word can begin: not within another one; the `n` of an escaped line end is none of its letters."""
+"""Where a word can begin: not within another word. The `n` of an escaped line end is not a letter of it."""
 _NO_QUOTES = str.maketrans("", "", "'\"\\")
 _AFTER = rf"(?![\w{_MARKS}])"
 
@@ -31,14 +31,14 @@ class WordError(RiseError):
 
 
 class Replacement(Struct, frozen=True):
-    """A word, and what is to stand in its place."""
+    """A word, and the name that replaces it."""
 
     word: str
     name: str
 
 
 def parse_replacement(text: str) -> Replacement:
-    """`Maria=NAME1`; what is behind the last `=` is the new name. Raises WordError."""
+    """Read `Maria=NAME1`. The new name is what follows the last `=`. Raises WordError."""
     word, mark, name = text.rpartition("=")
     word, name = unicodedata.normalize("NFC", " ".join(word.split())), name.strip()
     if not mark:
@@ -61,9 +61,9 @@ class Words:
     def __init__(
         self, replacements: Iterable[Replacement], *, whole_words: bool = False, match_case: bool = False
     ) -> None:
-        """`whole_words`: leave them where they are within longer ones. `match_case`: only as they are written.
+        """`whole_words`: do not replace them within longer words. `match_case`: only in the same case.
 
-        Raises WordError when they contradict one another.
+        Raises WordError if replacements contradict one another.
         """
         self.replacements = tuple(dict.fromkeys(replacements))
         if not self.replacements:
@@ -90,17 +90,17 @@ class Words:
                 )
 
     def find(self, text: str) -> bool:
-        """Whether one of them stands in a text."""
+        """Whether a text contains one of the words."""
         return self._pattern.search(text) is not None
 
     def may_find(self, text: str) -> bool:
-        """As `find`, also within longer words: quick, for lines of JSON that need not be read otherwise."""
+        """Like `find`, also within longer words. Fast enough to decide which lines of JSON need to be parsed."""
         return self._anywhere.search(text) is not None
 
     def mask(self, value: Any) -> Any:
-        """A JSON value as it is compared with one in which the words were replaced: without them wherever they stand,
-        as parts of longer words too; objects as sorted pairs. Quotation marks are left out: which are written depends
-        on what stands in them."""
+        """Prepare a JSON value for comparison with one in which the words were replaced. Replaces the words everywhere,
+        also within longer words, and makes objects sorted pairs. Leaves out quotation marks and backslashes, because a
+        program chooses them by the text between them."""
         if isinstance(value, str):
             return self._anywhere.sub(self._name_of, value).translate(_NO_QUOTES)
         if isinstance(value, list):
@@ -113,12 +113,12 @@ class Words:
         return self._names[(found.lastindex or 1) - 1]
 
     def longer_words(self, text: str) -> list[str]:
-        """Words of a text that hold one of them and more than that."""
+        """The longer words of a text that contain one of the words."""
         pattern = self._pattern
         return [found for found in self._longer.findall(text) if pattern.fullmatch(found) is None]
 
     def replace(self, text: str) -> str:
-        """The text without them. Raises WordError when what was left over makes up one of them."""
+        """Replace the words in a text. Raises WordError if the result contains one of them again."""
         if self._pattern.search(text) is None:
             return text
         replaced = self._pattern.sub(self._name_of, text)
@@ -127,7 +127,7 @@ class Words:
         return replaced
 
     def replace_in(self, value: Any) -> Any:
-        """A JSON value without them, keys included. Raises WordError when two keys would become the same."""
+        """Replace the words in a JSON value, keys included. Raises WordError if two keys would become the same."""
         if isinstance(value, str):
             return self.replace(value)
         if isinstance(value, list):
@@ -141,7 +141,7 @@ class Words:
 
 
 def word_pattern(word: str, *, match_case: bool = False) -> str:
-    """A regular expression for a word, however it is written."""
+    """A regular expression that matches a word however it is written."""
     parts = []
     for part in word.split():
         parts.append("".join(_character_pattern(character, match_case=match_case) for character in part))
@@ -149,7 +149,7 @@ def word_pattern(word: str, *, match_case: bool = False) -> str:
 
 
 def _character_pattern(character: str, *, match_case: bool) -> str:
-    """A character in every way in which it can be written."""
+    """A pattern for a character in every form in which it can be written."""
     cases = {character}
     if not match_case:
         cases |= {character.lower(), character.upper(), character.title(), character.casefold()}
@@ -161,7 +161,7 @@ def _character_pattern(character: str, *, match_case: bool) -> str:
 
 
 def _escaped_pattern(character: str) -> str:
-    """One code point: as it is, or escaped as JSON or XML has it."""
+    """A pattern for one code point: plain, or escaped as in JSON or XML."""
     code = ord(character)
     units = character.encode("utf-16-be", "surrogatepass")
     escaped = "".join(rf"\\+u(?i:{units[at : at + 2].hex()})" for at in range(0, len(units), 2))

@@ -1,5 +1,4 @@
-"""`assignValue`: `key = expression`, `items[i].done = expression`, or a JSON object (semantics.md 7; paper, section
-4.2.2)."""
+"""`assignValue`: `key = expression`, `items[i].done = expression`, a JSON object (semantics.md 7; paper, 4.2.2)."""
 
 from __future__ import annotations
 
@@ -18,14 +17,14 @@ from rise_engine.expression.values import describe, nesting_levels
 
 _BLANKS = re.compile(r"\s*")
 MAX_BYTES = 100_000
-"""Of a list or an object that an assignment makes by parts or with a list function, as JSON."""
+"""The largest list or object that an assignment to a part, or with a part or a list function, makes, as JSON."""
 _COMPOUND = re.compile(r"\s*([+\-*/^])\s*=")
 
 
 class Assignment:
-    """One value for one key, or for a part of its value. Immutable; equal when text and key are.
+    """One value for one key, or for a part of its value. Immutable; equal when text and key are equal.
 
-    The right side is an `expression`, or, when that is null, the JSON value `literal`.
+    The right side is an `expression` or, if that is None, the JSON value `literal`.
     """
 
     __slots__ = ("expression", "key", "literal", "target", "text")
@@ -33,9 +32,9 @@ class Assignment:
     text: str
     """As written; several assignments can come from one text (`parse_all`)."""
     key: str
-    """The key that is set, dots included; see `store` for what a dotted key means."""
+    """The key that is set, dots included; `assigned_entry` says what a dotted key means."""
     target: Expression | None
-    """The left side when it has an index: the part of the value of `key` that is set, `items[i].done`."""
+    """The left side if it has an index, such as `items[i].done`: the part of the value of `key` that is set."""
     expression: Expression | None
     literal: Json
 
@@ -50,7 +49,7 @@ class Assignment:
 
     @classmethod
     def parse(cls, text: str) -> Assignment:
-        """Read `key = expression`, `key = JSON` (both also of a part: `key[index].name = ...`), or `{"key": JSON}`.
+        """Read `key = expression`, `key = JSON` (both also with a part: `key[index].name = ...`), or `{"key": JSON}`.
         Raises ExpressionError.
 
         >>> assignment = Assignment.parse("task = task + 1")
@@ -66,7 +65,7 @@ class Assignment:
 
     @classmethod
     def parse_all(cls, text: str) -> tuple[Assignment, ...]:
-        """As `parse`, but a JSON object may hold several keys (at least one), assigned in its order."""
+        """Like `parse`, but a JSON object may hold several keys (at least one), which are assigned in its order."""
         if len(text) > MAX_LENGTH:
             raise ExpressionError(f"the assignment is longer than {MAX_LENGTH:,} characters", text[:200], 1)
         start = match_end(_BLANKS, text, 0)
@@ -85,14 +84,14 @@ class Assignment:
 
     @property
     def keys(self) -> frozenset[str]:
-        """The memory keys that the right side reads (a bare word among them: it may be a key), and those that an index
-        on the left does."""
+        """The memory keys that the right side or an index on the left reads. A bare word on the right is included,
+        because it may be a key."""
         keys = self.expression.keys if self.expression is not None else frozenset()
         return keys if self.target is None else keys | (self.target.keys - self.target.keys_of_parts_only)
 
     @property
     def bare_word(self) -> str | None:
-        """The right side when it is one single word: a key, or else a text that its author did not quote."""
+        """The right side if it is one single word: a key, or a text that its author did not quote."""
         return self.expression.bare_key if self.expression is not None else None
 
     def entry(
@@ -103,16 +102,15 @@ class Assignment:
         *,
         limited: bool = False,
     ) -> tuple[str, Json]:
-        """Which key of the memory gets which new value.
+        """Return the key of the memory that changes, and its new value.
 
         Arguments:
-            env: what the right side and then the indexes of the left side are read from.
+            env: the source of the values for the right side, then for the indexes on the left.
             known_keys: as for `evaluate`.
-            memory: what the value is put into, if that is not the memory of `env`; it is not changed.
-            limited: the size of the value is limited in any case, and not only with an index or a list function.
+            memory: the memory that gets the value, if it is not the memory of `env`. It is not changed here.
+            limited: always limit the size of the value, not only with an index or a list function.
 
-        Raises EvaluationError, as `evaluate` and `assigned_entry` do; MissingPartError when what an index on the left
-        names is not there.
+        Raises EvaluationError, as `evaluate` and `assigned_entry` do; MissingPartError for a missing part on the left.
         """
         value = self.evaluate(env, known_keys)
         memory = env.memory if memory is None else memory
@@ -132,10 +130,10 @@ class Assignment:
             raise EvaluationError(message, self.text)
 
     def evaluate(self, env: Environment, known_keys: Collection[str] = frozenset()) -> Json:
-        """The value to store. Raises EvaluationError, also for NaN and infinity, which a memory cannot hold.
+        """Return the value to store. Raises EvaluationError, also for NaN and infinity, which a memory cannot hold.
 
-        A bare word that is neither in the memory nor among `known_keys` (the keys that anything in the scenario sets)
-        is a text. A known key without a value gives null and is reported as missing.
+        A bare word that is neither in the memory nor in `known_keys` (the keys that anything in the scenario sets) is
+        a text. A known key without a value gives null and is reported as missing.
         """
         if self.expression is None:
             return self.literal
@@ -164,12 +162,12 @@ class Assignment:
 
 
 def assigned_entry(memory: Mapping[str, Json], key: str, value: Json) -> tuple[str, Json]:
-    """Which top-level key gets which new value when `key` is set. The memory itself is not changed.
+    """Return the top-level key that changes when `key` is set, and its new value. The memory itself is not changed.
 
-    A dotted key sets the flat key of that name, unless there is none and its first part is an object (or a list): then
-    it reaches in, as reading does, and gives a copy with the new value inside; objects on the way are made when they do
-    not exist. Raises EvaluationError when the way leads through another value, or beyond the end of a list, or when
-    lists and objects would be more than MAX_LEVELS within each other.
+    A dotted key sets the flat key of that name, unless that does not exist and its first part is an object or a list.
+    Then it reaches in, as reading does: the new value of the first part is a copy with `value` inside. Missing objects
+    on the path are made. Raises EvaluationError if the path leads through another value or beyond the end of a list,
+    or if lists and objects would be nested more than MAX_LEVELS deep.
     """
     head, *rest = key.split(".")
     if key in memory or not rest or not isinstance(memory.get(head), (dict, list)):
@@ -207,7 +205,7 @@ def _index_or_name(container: Json, part: str, path: str, key: str) -> str | int
 
 
 def _read_left_side(text: str, start: int) -> tuple[str, Expression | None, int]:
-    """The key on the left, the part of its value if there is an index, and the place behind the `=`."""
+    """Read the left side: the key, the part of its value if there is an index, and the offset after the `=`."""
     match = KEY.match(text, start)
     if match is None:
         if start == len(text):
@@ -247,7 +245,7 @@ def _read_left_side(text: str, start: int) -> tuple[str, Expression | None, int]
 
 
 def _read_target(text: str, start: int, key_end: int) -> tuple[Expression, int]:
-    """The part that is set, which begins with its key at `start`, and where it ends."""
+    """Read the part that is set, from its key at `start`. Returns it and the offset of its end."""
     end = path_end(text, match_end(_BLANKS, text, key_end))
     if end < 0:
         at = text.index("[", key_end)
@@ -276,7 +274,7 @@ def _read_right_side(text: str, start: int) -> tuple[Expression | None, Json]:
 
 
 def _read_json(text: str, start: int) -> Json:
-    """The JSON value that begins at `start` and fills the rest of the text."""
+    """Read the JSON value that begins at `start` and fills the rest of the text."""
     try:
         return decode(text[start:])
     except JsonError as error:

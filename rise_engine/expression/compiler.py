@@ -1,7 +1,7 @@
-"""Turns a tree into closures of one argument, the environment: once at load, then evaluation is plain calls.
+"""Compiles a tree once at load into closures of one argument, the environment, so that evaluation is plain calls.
 
-An expression can be wanted as a condition, as a number or as a value. Each node is compiled for the way its parent
-reads it, so that no type is looked at twice.
+An expression can be needed as a condition, as a number or as a value. Each node is compiled for the form that its
+parent reads, so that no type is checked twice.
 """
 
 from __future__ import annotations
@@ -53,11 +53,11 @@ _QUESTIONS: dict[str, Callable[..., bool]] = {
     "runs": lambda situation, act: situation.act_runs(act),
     "waits": lambda situation, act: situation.act_waits(act),
 }
-"""Of each function of a property: what it asks an `AskedSituation`."""
+"""The query of an `AskedSituation` for each function of a property."""
 
 
 class ExpressionCompiler:
-    """Compiles the nodes of one expression, whose text goes into its errors."""
+    """Compiles the nodes of one expression. Its text is quoted in errors."""
 
     __slots__ = ("text",)
 
@@ -65,13 +65,13 @@ class ExpressionCompiler:
         self.text = text
 
     def compile_condition(self, node: Node) -> Condition:
-        """The truth of a node."""
+        """Compile a node for its truth."""
         match node:
             case Logic(operator, operands):
                 return compile_logic(operator, [self.compile_condition(operand) for operand in operands])
             case Key(name):
 
-                def is_key_true(env: Environment) -> bool:  # its own closure: benchmarks/kernel_events shows 4 %
+                def is_key_true(env: Environment) -> bool:  # a closure of its own saves 4 % in benchmarks/kernel_events
                     try:
                         value = env.memory[name]
                     except KeyError:
@@ -106,7 +106,7 @@ class ExpressionCompiler:
                 return lambda env: is_true(read(env))
 
     def compile_number(self, node: Node) -> Number:
-        """The value of a node as a double: booleans are 1 and 0, a key that does not exist is 0."""
+        """Compile a node as a double: booleans are 1 and 0, a missing key is 0."""
         match node:
             case Literal(value) if isinstance(value, (int, float)):
                 fixed = float(value)
@@ -132,7 +132,7 @@ class ExpressionCompiler:
                 return self.compile_function(to_double, node, (int, float), 0.0, "is not a number")
 
     def compile_operand(self, node: Node) -> Operand:
-        """The value of a node in its own type; MISSING for a key that does not exist; computed numbers as doubles."""
+        """Compile a node for its value in its own type: MISSING for a missing key, doubles for computed numbers."""
         match node:
             case Key(name):
 
@@ -149,7 +149,7 @@ class ExpressionCompiler:
                 constant = CONSTANTS[name]
                 return lambda env: env.memory.get(name, constant)
             case Negative(Literal(value)) if value.__class__ is int:
-                opposite = -value  # exact, which a double need not be
+                opposite = -value  # exact, unlike a double
                 return lambda env: opposite
             case Logic() | Not() | Compare() | Defined() | SituationTest():
                 return self.compile_condition(node)
@@ -165,7 +165,7 @@ class ExpressionCompiler:
                 return self.compile_number(node)
 
     def compile_value(self, node: Node) -> Operand:
-        """The value of a whole expression, as the memory would keep it."""
+        """Compile a whole expression for its value as the memory keeps it."""
         operand = self.compile_operand(node)
         if isinstance(node, Key):
 
@@ -184,7 +184,7 @@ class ExpressionCompiler:
         return operand
 
     def compile_sum(self, nodes: list[Node]) -> Operand:
-        """Texts joined, or numbers added; which of it, their values say."""
+        """Compile a sum that joins texts or adds numbers, depending on the values."""
         operands = [self.compile_operand(node) for node in nodes]
 
         def run(env: Environment) -> Json:
@@ -215,7 +215,7 @@ class ExpressionCompiler:
         return EvaluationError(f"`{with_all_brackets(node)}` is {describe(value)}, which {problem}", self.text)
 
     def compile_part(self, part: Part, *, asked: bool = False) -> PartReader:
-        """Reads a part, and can set it. `asked`: it is only asked whether it is there, so its key is not reported."""
+        """Compile the reader of a part. `asked`: only its existence matters, so a missing key is not reported."""
         base = self.compile_operand(part.base)
         if asked and isinstance(part.base, Key):
             name = part.base.name
@@ -229,7 +229,7 @@ class ExpressionCompiler:
         return PartReader(part, base, steps, self.text)
 
     def compile_list_call(self, function: str, arguments: tuple[Node, ...]) -> ListCall:
-        """A function that gives a list."""
+        """Compile a function that returns a list."""
         takes_list = function != "range"
         entries = self.compile_operand(arguments[0]) if takes_list else None
         return ListCall(function, entries, [self.compile_number(each) for each in arguments[takes_list:]], self.text)
@@ -237,7 +237,7 @@ class ExpressionCompiler:
     def compile_function(
         self, compute: Compute, node: Node, types: type | tuple[type, ...], absent: Json, problem: str
     ) -> Operand:
-        """What `compute` makes of the value of a node, if it is of these types, and `absent` for a missing key."""
+        """Compile `compute` of a node's value, which must have one of these types; `absent` for a missing key."""
         operand = self.compile_operand(node)
 
         def run(env: Environment) -> Json:
@@ -251,7 +251,7 @@ class ExpressionCompiler:
         return run
 
     def compile_rand(self, bounds: list[Number]) -> Number:
-        """`rand(max)` or `rand(min, max)`: draws exactly one number from the session's source."""
+        """Compile `rand(max)` or `rand(min, max)`, which draws exactly one number from the session's source."""
 
         def run(env: Environment) -> float:
             values = [bound(env) for bound in bounds]
@@ -263,7 +263,7 @@ class ExpressionCompiler:
         return run
 
     def compile_situation_test(self, node: SituationTest) -> Condition:
-        """What a property of a study asks for."""
+        """Compile a test of the situation in a property of a study."""
         ask = _QUESTIONS[node.function]
         names = node.names
 
@@ -276,7 +276,7 @@ class ExpressionCompiler:
         return run
 
     def comparison_error(self, node: Compare) -> Refuse:
-        """Makes the error for a comparison whose sides do not fit."""
+        """Return the maker of the error for two sides that cannot be compared."""
 
         def error(left: Json, right: Json) -> EvaluationError:
             action = "order" if node.operator in ("<", "<=", ">", ">=") else f"use `{node.operator}` on"

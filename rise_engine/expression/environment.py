@@ -1,4 +1,4 @@
-"""What an evaluation sees: the memory, a source of chance, and a place to report keys that do not exist."""
+"""The input of an evaluation: the memory, sources of random numbers, and places to report missing keys."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ Json: TypeAlias = Any
 
 
 class Missing:
-    """The type of MISSING, the value of a key that does not exist: false, 0 or "" by context."""
+    """The type of MISSING, the value of a key that does not exist: false, 0 or "" depending on context."""
 
     __slots__ = ()
 
@@ -26,7 +26,7 @@ MISSING: Final = Missing()
 
 
 class AskedSituation(Protocol):
-    """What a property of a study asks about how a session stands: `in('Main', 'Start')`, `runs('R_Yes')`, ..."""
+    """The situation of a session that a study's property can test: `in('Main', 'Start')`, `runs('R_Yes')`, ..."""
 
     def in_state(self, rule: str, state: str) -> bool:
         """Whether a rule runs and is in this state."""
@@ -43,24 +43,23 @@ class AskedSituation(Protocol):
 
 @dataclass(slots=True, eq=False)
 class Environment:
-    """The argument of a compiled expression. Build one, keep it, and change the memory behind it."""
+    """The argument of a compiled expression. Build it once, keep it, and change the memory behind it."""
 
     memory: Mapping[str, Json]
     """A plain dict in the engine."""
     rand: Callable[[], float] | None = None
-    """Gives the next number in [0, 1); null: `rand()` is an evaluation error."""
+    """Returns the next number in [0, 1). Without it, `rand()` is an evaluation error."""
     missing: MutableSet[str] | None = None
-    """Collects the keys that an evaluation wanted and that do not exist; null: not collected."""
+    """Collects missing keys that an evaluation reads; None: they are not collected."""
     below: Callable[[int], int] | None = None
-    """Gives the next whole number from 0 up to, but without, its argument; null: `shuffle` is an evaluation error."""
+    """Returns the next whole number from 0 up to its argument, exclusive. Without it, `shuffle` is an error."""
     parts: dict[str, Json] | None = None
-    """Collects the parts that an evaluation read (`items[i].text`) with their values, null for what was not there;
-    null: not collected."""
+    """Collects parts that are read (`items[i].text`) with their values, null if missing; None: not collected."""
     situation: AskedSituation | None = None
-    """What `in`, `rule`, `runs` and `waits` ask; null, as while a session runs: they are an evaluation error."""
+    """Answers `in`, `rule`, `runs` and `waits`. None, as while a session runs: they are an evaluation error."""
 
     def value_of_absent_key(self, key: str, default: Json) -> Json:
-        """The value of a key that is no flat key: from within an object, or else `default`, and it is reported."""
+        """Return the value of a key that is not a flat key: from within an object, or else `default` after a report."""
         if "." in key:
             found, value = lookup(self.memory, key)
             if found:
@@ -71,9 +70,9 @@ class Environment:
 
 
 def lookup(memory: Mapping[str, Json], key: str) -> tuple[bool, Json]:
-    """Whether a key exists, and its value (else null).
+    """Return whether a key exists, and its value (else None).
 
-    A flat key comes first: `person.name` may be one key. Otherwise the first part is a key and each further part
+    A flat key comes first: `person.name` may be one key. Otherwise the first part is a key, and each further part
     reaches into its value: a name into an object, a whole number (`list.0`) into a list.
     """
     if key in memory:
@@ -90,7 +89,7 @@ def lookup(memory: Mapping[str, Json], key: str) -> tuple[bool, Json]:
 
 
 def reach_into(value: Json, part: str) -> tuple[bool, Json]:
-    """Whether a part of a key is there in an object or a list, and its value (else null)."""
+    """Return whether an object or a list has this part, and its value (else None)."""
     if isinstance(value, dict) and part in value:
         return True, value[part]
     if isinstance(value, list) and (index := list_index(value, part)) is not None:
@@ -99,7 +98,7 @@ def reach_into(value: Json, part: str) -> tuple[bool, Json]:
 
 
 def list_index(items: list[Json], part: str) -> int | None:
-    """The index that a part of a key means within a list, if there is such an entry."""
+    """The index in a list that a part of a key means, or None if there is no such entry."""
     if not (part.isascii() and part.isdigit() and len(part) < 10):
         return None
     index = int(part)

@@ -1,4 +1,4 @@
-"""What can go wrong with an expression: it cannot be read (at load), or it cannot be evaluated (at run time)."""
+"""The errors of expressions: they cannot be read (at load), or they cannot be evaluated (at run time)."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ class ExpressionError(LanguageError):
     """A text that is no expression (or no assignment). Raised when it is parsed, never later.
 
     `column` counts from 1 within `text`; one past the end means that something is missing there. `hint` is a remedy
-    for the author, or empty. `suggestion` is what to write instead of what stands there, if that is the remedy.
+    for the author, or empty. `suggestion` is the replacement for a wrong word, if that is the remedy.
     """
 
     def __init__(
@@ -50,24 +50,24 @@ class EvaluationError(LanguageError):
     """A value of this moment does not fit the expression: a text is added, a number has no beginning, ..."""
 
     def __str__(self) -> str:
-        if _normalize(f"`{self.text}`") in _normalize(self.message):  # it has been said already
+        if _normalize(f"`{self.text}`") in _normalize(self.message):  # the message already quotes it
             return self.message
         return f"{self.message} (in `{shorten(self.text)}`)"
 
 
 class MissingPartError(EvaluationError):
-    """`items[i].text` names a part that is not there: no such key, entry or name. The message begins with the word by
-    which records tell it (`MISSING_PART`)."""
+    """`items[i].text` names a part that is not there: no such key, entry or name. The message begins with the word that
+    records use for it (`MISSING_PART`)."""
 
 
 MISSING_PART = "missing-part"
 
 
 def _normalize(text: str) -> str:
-    """A text without what differs between how an expression is written and how a message shows it."""
+    """A text without the differences between an expression in a file and in a message."""
     return "".join(text.split()).replace("==", "=").replace("'", '"')
 
 
 def shorten(text: str, limit: int = 80) -> str:
-    """A text for a message: cut when it is long."""
+    """Shorten a text for a message if it is longer than `limit` characters."""
     return text if len(text) <= limit else text[: limit - 1] + "…"

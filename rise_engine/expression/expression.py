@@ -15,20 +15,19 @@ from rise_engine.expression.parts import PartReader
 
 
 class Expression:
-    """A condition or formula over the memory (paper, section 4.2.2). Immutable; equal when its text is.
+    """A condition or formula over the memory (paper, section 4.2.2). Immutable; equal when its text is equal.
 
-    `compiled_condition` and `compiled_value` are the compiled closures (built at first use): whoever evaluates often
-    keeps an `Environment` and calls them directly. They raise EvaluationError when a value does not fit, and nothing
-    else.
+    `compiled_condition` and `compiled_value` are closures that are built at first use. To evaluate often, keep an
+    `Environment` and call them directly. They raise only EvaluationError, when a value does not fit.
     """
 
     text: str
     """As written."""
     keys: frozenset[str]
-    """The memory keys that it reads, dotted ones whole; of `items[i].text`, `items` and `i`."""
+    """The memory keys that it reads, dotted ones whole. For `items[i].text` these are `items` and `i`."""
     constants: frozenset[str]
-    """Those of pi, e, r2d and d2r that it uses. A memory key of the same name would hide them, so whoever waits for
-    changes of `keys` waits for these as well; nobody needs to set them, so they are not among `keys`."""
+    """The constants that it uses: pi, e, r2d, d2r. Nobody needs to set them, so they are not in `keys`. But a memory
+    key of the same name hides them, so whoever waits for changes of `keys` must wait for these too."""
     root: nodes.Node
     """The syntax tree."""
 
@@ -54,7 +53,7 @@ class Expression:
 
     @classmethod
     def parse_property(cls, text: str) -> Expression:
-        """As `parse`, of what a property of a study says: it can ask `in`, `rule`, `runs` and `waits`, too.
+        """Like `parse`, for a property of a study: it can also use `in`, `rule`, `runs` and `waits`.
 
         >>> Expression.parse_property("greeted and not in('Greeting', 'Nobody')").keys
         frozenset({'greeted'})
@@ -64,35 +63,34 @@ class Expression:
 
     @cached_property
     def compiled_condition(self) -> Callable[[Environment], bool]:
-        """Compiled: whether it holds."""
+        """The closure that returns whether it holds."""
         return ExpressionCompiler(self.text).compile_condition(self.root)
 
     @cached_property
     def compiled_value(self) -> Callable[[Environment], Json]:
-        """Compiled: its value in its own type. Lists and objects are the memory's own, never to be changed in place."""
+        """The closure that returns its value in its own type. The memory owns lists and objects: never change them."""
         return ExpressionCompiler(self.text).compile_value(self.root)
 
     @cached_property
     def compiled_part(self) -> PartReader | None:
-        """Compiled, when the whole expression is a part of a key's value, `items[i].text`: it can be set, too."""
+        """The reader of a part if the whole expression is one (`items[i].text`); it can also set the part."""
         if isinstance(self.root, nodes.Part) and isinstance(self.root.base, nodes.Key):
             return ExpressionCompiler(self.text).compile_part(self.root)
         return None
 
     @cached_property
     def with_all_brackets(self) -> str:
-        """The same expression with all brackets written out."""
+        """The same expression with all brackets."""
         return nodes.with_all_brackets(self.root)
 
     @cached_property
     def keys_read(self) -> frozenset[str]:
-        """Those of `keys` whose value is read; of the others it is only asked whether they are `defined`."""
+        """The members of `keys` whose value it reads. For the others it only tests whether they are `defined`."""
         return self.keys if "defined" not in self.text else nodes.read_keys(self.root)
 
     @cached_property
     def keys_of_parts_only(self) -> frozenset[str]:
-        """Those of `keys` that stand nowhere but before an index: of them only parts are read, as of `items` in
-        `items[i].text`."""
+        """The members of `keys` that it only reads in parts, such as `items` in `items[i].text`."""
         if "[" not in self.text:
             return frozenset()
         every = [node for node, _ in nodes.walk(self.root)]
@@ -114,7 +112,7 @@ class Expression:
 
     @cached_property
     def gives_parts(self) -> bool:
-        """Whether it has a part or a list function in it: the size of what it gives is limited (semantics.md 8.7)."""
+        """Whether it contains a part or a list function, which limits the size of its result (semantics.md 8.7)."""
         return any(
             isinstance(node, nodes.Part) or (isinstance(node, nodes.FunctionCall) and node.function in LIST_FUNCTIONS)
             for node, _ in nodes.walk(self.root)
@@ -122,7 +120,7 @@ class Expression:
 
     @cached_property
     def draws(self) -> bool:
-        """Whether chance has a part in it."""
+        """Whether it draws random numbers."""
         return any(
             isinstance(node, nodes.FunctionCall) and node.function in CHANCE_FUNCTIONS
             for node, _ in nodes.walk(self.root)
@@ -130,7 +128,7 @@ class Expression:
 
     @property
     def bare_key(self) -> str | None:
-        """The key, when the expression is nothing but one (also in brackets)."""
+        """The key, if the expression is nothing but a key (also in brackets)."""
         return self.root.name if isinstance(self.root, nodes.Key) else None
 
     def as_condition(
@@ -140,10 +138,10 @@ class Expression:
         missing: MutableSet[str] | None = None,
         below: Callable[[int], int] | None = None,
     ) -> bool:
-        """Whether it holds, with these memory values by key. Raises EvaluationError when a value does not fit.
+        """Return whether it holds with these memory values. Raises EvaluationError when a value does not fit.
 
-        `rand` gives numbers in [0, 1), `below` whole numbers below its argument (without them, `rand(...)` and
-        `shuffle(...)` are an EvaluationError); keys that do not exist are added to `missing`.
+        `rand` returns numbers in [0, 1), `below` whole numbers below its argument. Without them, `rand(...)` and
+        `shuffle(...)` raise EvaluationError. Missing keys are added to `missing`.
         """
         return self.compiled_condition(Environment(memory, rand, missing, below))
 
@@ -154,7 +152,7 @@ class Expression:
         missing: MutableSet[str] | None = None,
         below: Callable[[int], int] | None = None,
     ) -> Json:
-        """Its value in its own type, as `as_condition` gets it. A bare key that does not exist gives null.
+        """Return its value in its own type; arguments as for `as_condition`. A bare missing key gives None.
 
         >>> Expression.parse("n / 2 + 1").value({"n": 3})
         2.5

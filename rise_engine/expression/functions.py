@@ -1,12 +1,11 @@
 """The functions of the language: those of RISE's parser, with the results of IEEE arithmetic instead of exceptions.
 
-All take and give doubles. A domain error gives NaN, an overflow infinity, as in the C library. `rand`, `length`,
-`lower` and `defined` need more than numbers; their arity is here, their meaning in the compiler, and that of the
-functions which give lists in `lists`.
+All take and return doubles. A domain error gives NaN and an overflow gives infinity, as in the C library. `rand`,
+`length`, `lower`, `defined` and the functions that return lists need more than numbers: their arity is here, and
+their code is in the modules `compiler` and `operators`.
 
-What each function of the language takes and gives, in words.
-
-For `rise-engine eval --functions`, for messages, and for docs/reference/conditions.md, which a test compares with this.
+The signatures describe every function for `rise-engine eval --functions`, for messages, and for
+docs/reference/conditions.md, which a test compares with them.
 """
 
 from __future__ import annotations
@@ -20,7 +19,7 @@ from typing import NamedTuple
 
 
 class Signature(NamedTuple):
-    """One function as a person writes it."""
+    """A function as a person writes it."""
 
     name: str
     written: tuple[str, ...]
@@ -29,7 +28,7 @@ class Signature(NamedTuple):
     """Its result and its arguments, with their units."""
     example: str
     result: str
-    """What the example gives, as `rise-engine eval` shows it; of `rand`, a range."""
+    """The result of the example as `rise-engine eval` shows it; a range for `rand`."""
 
     @property
     def usage(self) -> str:
@@ -38,7 +37,7 @@ class Signature(NamedTuple):
 
 
 def _declare(calls: str, meaning: str, example: str, result: str) -> Signature:
-    """A function from the ways to call it, with `or` between them."""
+    """Build a signature from the ways to call a function, separated by `or`."""
     return Signature(calls.partition("(")[0], tuple(calls.split(" or ")), meaning, example, result)
 
 
@@ -101,7 +100,7 @@ SIGNATURES: tuple[Signature, ...] = (
     _declare("atan(x)", "the angle in radians, -pi/2 to pi/2, whose tangent is x", "atan(0)", "0"),
     _declare("atan2(y, x)", "the angle in radians, -pi to pi, of the direction (x, y)", "atan2(1, 0) * r2d", "90"),
 )
-"""Those that studies use most come first."""
+"""The most common functions come first."""
 
 
 SITUATION_SIGNATURES: tuple[Signature, ...] = (
@@ -117,23 +116,23 @@ SITUATION_SIGNATURES: tuple[Signature, ...] = (
     ),
     _declare("waits('Act')", "whether this act waits to be run, at least once", "waits('R_Greeting')", "true or false"),
 )
-"""Those that only a property of a study can call (docs/reference/scenario.md): no session is asked for them."""
+"""Functions that only a property of a study can call (docs/reference/scenario.md)."""
 
 
 def find_signature(name: str) -> Signature | None:
-    """The function of that name."""
+    """The function of that name, or None."""
     return next((each for each in (*SIGNATURES, *SITUATION_SIGNATURES) if each.name == name), None)
 
 
 CONSTANTS = {"pi": math.pi, "e": math.e, "r2d": 180 / math.pi, "d2r": math.pi / 180}
-"""`r2d` turns radians into degrees when multiplied, `d2r` the reverse. A memory key of the same name hides them."""
+"""Multiply by `r2d` to turn radians into degrees, by `d2r` for the reverse. A memory key of that name hides them."""
 
 ANY_NUMBER_OF_ARGUMENTS = 1000
 """Upper bound for functions that take any number of arguments."""
 
 
 def divide(a: float, b: float) -> float:
-    """IEEE division: by zero gives infinity with the proper sign, 0/0 gives NaN."""
+    """Divide as IEEE does: x/0 gives infinity with the proper sign, 0/0 gives NaN."""
     try:
         return a / b
     except ZeroDivisionError:
@@ -141,7 +140,7 @@ def divide(a: float, b: float) -> float:
 
 
 def power(a: float, b: float) -> float:
-    """IEEE power: never an exception, and never a number longer than a double."""
+    """Raise to a power as IEEE does: without exceptions, and always as a double."""
     try:
         return math.pow(a, b)
     except OverflowError:
@@ -231,7 +230,7 @@ ARITY: dict[str, tuple[int, int]] = {
     "lower": (1, 1),
     "defined": (1, 1),
 }
-"""Every function that an expression can call, with its least and largest number of arguments."""
+"""The least and largest number of arguments of every function that an expression can call."""
 
 SITUATION_ARITY = {"in": 2, "rule": 1, "runs": 1, "waits": 1}
-"""The functions that only a property of a study can call, with their number of names: they ask how a session stands."""
+"""The functions that only a property of a study can call, with their number of names."""

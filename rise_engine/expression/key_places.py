@@ -1,5 +1,5 @@
-"""Where memory keys stand in conditions, assignments and texts with `{slots}`, and the names that properties ask for:
-for lists of uses and for renaming."""
+"""Places of memory keys in conditions, assignments and texts with `{slots}`, and of names in properties: for renaming
+and for lists of uses."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ class KeyPlace(NamedTuple):
     """A memory key in a text."""
 
     key: str
-    """As it is written, dots included; of `items[i].text`, `items` and `i` each have their own place."""
+    """As written, dots included. In `items[i].text`, `items` and `i` each have their own place."""
     start: int
     is_set: bool = False
     """It gets a value there."""
@@ -33,20 +33,20 @@ class KeyPlace(NamedTuple):
 
 
 class AskedName(NamedTuple):
-    """The name of a rule, a state or an act in what a property asks for."""
+    """The name of a rule, a state or an act in a property."""
 
     kind: Literal["rule", "state", "act"]
     name: str
     start: int
-    """Where it stands in the text, behind its quotation mark."""
+    """Its offset in the text, after the quotation mark."""
     length: int
-    """Characters that it takes there."""
+    """Its length there, in characters."""
     rule: str = ""
-    """Of a state, its rule."""
+    """The rule of a state."""
 
 
 def names_in_property(text: str) -> Iterator[AskedName]:
-    """The names that a property asks for, each where it stands; nothing of one that cannot be read.
+    """Yield the names in a property with their places; nothing if it cannot be read.
 
     >>> [(each.kind, each.name, each.start) for each in names_in_property("runs('R_Yes') and in('Main', 'Start')")]
     [('act', 'R_Yes', 6), ('rule', 'Main', 22), ('state', 'Start', 30)]
@@ -72,9 +72,9 @@ def names_in_property(text: str) -> Iterator[AskedName]:
 
 
 def keys_in_expression(text: str, start: int = 0) -> Iterator[KeyPlace]:
-    """The keys of an expression, also of a property, each where it stands; nothing of one that cannot be read.
+    """Yield the keys of an expression or a property with their places; nothing if it cannot be read.
 
-    `start` is where the expression begins in what the places are counted in.
+    :param start: the offset of the expression, which is added to the places.
 
     >>> [(each.key, each.start) for each in keys_in_expression("a > 2 and defined(b.c) or max(a, 1) > 0")]
     [('a', 0), ('b.c', 18), ('a', 30)]
@@ -89,7 +89,7 @@ def keys_in_expression(text: str, start: int = 0) -> Iterator[KeyPlace]:
 
 
 def keys_in_assignment(text: str) -> Iterator[KeyPlace]:
-    """The keys of an assignment, in either form: those that it sets, and those that it reads.
+    """Yield the keys that an assignment of either form sets or reads, with their places.
 
     >>> [(each.key, each.start, each.is_set) for each in keys_in_assignment("items[i].n = n + 1")]
     [('items', 0, True), ('i', 6, False), ('n', 13, False)]
@@ -107,7 +107,7 @@ def keys_in_assignment(text: str) -> Iterator[KeyPlace]:
     behind = match_end(KEY, text, start)
     if assignment.target is not None:
         behind = start + len(assignment.target.text)
-        # The first is the key that is set.
+        # The first key is the one that is set.
         yield from list(keys_in_expression(assignment.target.text, start))[1:]
     at = text.index("=", behind) + 1
     if assignment.expression is not None:
@@ -125,7 +125,7 @@ def _keys_of_object(text: str, start: int) -> Iterator[KeyPlace]:
 
 
 def keys_in_slots(text: str) -> Iterator[KeyPlace]:
-    """The keys in the braces of a text, whatever else is wrong with it.
+    """Yield the keys in the braces of a text, even if the text has mistakes.
 
     >>> [(each.key, each.start) for each in keys_in_slots('{{no}} {", "who} {items[n + 1].text|x}')]
     [('who', 12), ('items', 18), ('n', 24)]

@@ -18,29 +18,29 @@ class Key(NamedTuple):
 
 
 class NamedConstant(NamedTuple):
-    """`pi`, `e`, `r2d` or `d2r`: a memory key of the same name hides it."""
+    """`pi`, `e`, `r2d` or `d2r`. A memory key of the same name hides it."""
 
     name: str
 
 
 class Part(NamedTuple):
-    """`items[i].text`: what lies within the value of a key, or of a call."""
+    """`items[i].text`: a part of the value of a key or a call."""
 
     base: Node
     """A Key or a FunctionCall."""
     steps: tuple[str | Node, ...]
-    """The first is an index; then indexes, and names behind a dot."""
+    """An index first; then indexes and names after a dot."""
     written: str
-    """As it stands in the expression: its name in records."""
+    """As written in the expression. Records use it as the name of the part."""
 
     @property
     def indexes(self) -> Iterator[Node]:
-        """What stands in its brackets."""
+        """The nodes in its brackets."""
         return (step for step in self.steps if not isinstance(step, str))
 
 
 class Defined(NamedTuple):
-    """`defined(key)`: true when the key exists, whatever its value. With `part`, when that is there."""
+    """`defined(key)`: true if the key exists, whatever its value. With `part`: true if that part exists."""
 
     name: str
     part: Part | None = None
@@ -129,12 +129,12 @@ def children(node: Node) -> Iterator[Node]:
         case Part(base):
             yield base
             yield from node.indexes
-        case Defined(_, Part() as part):  # its key is not read: it is only asked whether it is there
+        case Defined(_, Part() as part):  # only the existence of its key is tested
             yield from part.indexes
 
 
 def walk(node: Node) -> Iterator[tuple[Node, int]]:
-    """Every node of a tree with its level, from 1 on. Does not recurse, so any tree can be walked."""
+    """Yield every node of a tree with its level, from 1. Does not recurse, so any tree can be walked."""
     waiting = [(node, 1)]
     while waiting:
         node, level = waiting.pop()
@@ -153,7 +153,7 @@ def read_keys(node: Node) -> frozenset[str]:
 
 
 def may_join(node: Node) -> bool:
-    """Whether a node can be texts that `+` joins: a sum of nothing that is a number for certain."""
+    """Whether a node may be texts that `+` joins: a sum without a part that is certainly a number."""
     return (
         isinstance(node, Chain)
         and all(sign == "+" for sign, _ in node.rest)
@@ -174,7 +174,7 @@ def _may_be_text(node: Node) -> bool:
 
 
 def with_all_brackets(node: Node) -> str:
-    """The expression with brackets around every part, keywords spelt as words and equality as `==`."""
+    """The expression with brackets around every part, operators as words, and equality as `==`."""
     match node:
         case Key(name) | NamedConstant(name):
             return name
@@ -215,7 +215,7 @@ def literal_text(value: bool | int | float | str | None) -> str:
 
 
 def number_text(value: int | float) -> str:
-    """A number with a point and, where it can be avoided, without exponent sign (which RISE's parser cannot read)."""
+    """A number with a point and, if possible, without an exponent sign, which RISE's parser cannot read."""
     text = repr(value)
     if "e-" in text:
         plain = f"{value:.30f}".rstrip("0")

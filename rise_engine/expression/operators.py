@@ -1,9 +1,9 @@
 """Compiled operators: truth, comparisons and arithmetic. Operands are closures of one argument, the environment.
 
-The functions that give lists: `range`, `shuffle`, `sample`, `latin` (semantics.md 8.6).
+Also the functions that return lists: `range`, `shuffle`, `sample`, `latin` (semantics.md 8.6).
 
-Chance comes as `below(n)`, a whole number from 0 up to, but without, n. How often and in which order it is asked is
-part of what a session is, because it must be the same again.
+`below(n)` returns a random whole number from 0 up to n, exclusive. How often and in which order it is called must stay
+the same, so that sessions can be replayed.
 """
 
 from __future__ import annotations
@@ -20,9 +20,9 @@ from rise_engine.expression.values import contains, describe, equal
 # --- lists ------------------------------------------------------------------------------------------------------------
 
 MAX_ENTRIES = 10_000
-"""Of a list that one of these functions takes or gives."""
+"""The longest list that one of these functions takes or returns."""
 _LARGEST = 2**53
-"""Up to here doubles are exact."""
+"""The largest whole number up to which all doubles are exact."""
 LIST_FUNCTIONS = frozenset({"range", "shuffle", "sample", "latin"})
 CHANCE_FUNCTIONS = frozenset({"rand", "shuffle", "sample"})
 
@@ -30,7 +30,7 @@ Below = Callable[[int], int]
 
 
 def shuffle(entries: list[Any], below: Below) -> list[Any]:
-    """All entries in an order by chance: Fisher and Yates, from the end; draws one number less than there are."""
+    """All entries in random order: Fisher and Yates, from the end. Draws one number less than there are entries."""
     result = entries.copy()
     for last in range(len(result) - 1, 0, -1):
         picked = below(last + 1)
@@ -39,13 +39,13 @@ def shuffle(entries: list[Any], below: Below) -> list[Any]:
 
 
 def sample(entries: list[Any], count: int, below: Below) -> list[Any]:
-    """`count` different entries, in the order in which they were drawn; draws one number for each."""
+    """`count` different entries in the order in which they were drawn. Draws one number for each."""
     rest = entries.copy()
     result = []
     for _ in range(count):
         picked = below(len(rest))
         result.append(rest[picked])
-        rest[picked] = rest[-1]  # the last of the rest takes the free place
+        rest[picked] = rest[-1]  # the last entry fills the gap
         rest.pop()
     return result
 
@@ -53,8 +53,8 @@ def sample(entries: list[Any], count: int, below: Below) -> list[Any]:
 def latin_row(entries: list[Any], row: int) -> list[Any]:
     """A row of the balanced Latin square of the entries (Williams 1949).
 
-    With an even number of entries the square has as many rows; with an odd number twice as many, of which the second
-    half are those of the first, backwards. Row numbers go round.
+    The square has as many rows as entries if their number is even. If it is odd, it has twice as many, and the second
+    half is the first half backwards. Row numbers wrap around.
     """
     size = len(entries)
     if size == 0:
@@ -66,12 +66,12 @@ def latin_row(entries: list[Any], row: int) -> list[Any]:
 
 
 class ListCall:
-    """One call of such a function; its own compiled operand."""
+    """The compiled operand of a call of such a function."""
 
     __slots__ = ("_list", "_name", "_numbers", "_text")
 
     def __init__(self, name: str, entries: Operand | None, numbers: list[Number], text: str) -> None:
-        """`entries`: the list, which `range` does not take; `numbers`: the other arguments."""
+        """`entries`: the list, None for `range`; `numbers`: the other arguments."""
         self._name = name
         self._list = entries
         self._numbers = numbers
@@ -98,7 +98,7 @@ class ListCall:
         return sample(entries, numbers[0], env.below)
 
     def _entries(self, env: Environment) -> list[Json]:
-        """The list; a key that does not exist is an empty one."""
+        """The list; empty if its key does not exist."""
         value = self._list(env) if self._list is not None else MISSING
         if value is MISSING:
             return []
@@ -126,10 +126,10 @@ class ListCall:
 
 Condition: TypeAlias = Callable[[Environment], bool]
 Number: TypeAlias = Callable[[Environment], float]
-"""Gives an IEEE double. What is computed of such operands alone cannot raise."""
+"""Returns an IEEE double. Operations on such operands alone cannot raise."""
 Operand: TypeAlias = Callable[[Environment], Json]
 Refuse: TypeAlias = Callable[[Json, Json], Exception]
-"""Makes the error for two operands that do not fit."""
+"""Makes the error for two operands that do not fit each other."""
 
 _ORDERINGS: dict[str, Callable[[Any, Any], bool]] = {
     "<": operator.lt,
@@ -147,7 +147,7 @@ _STEPS: dict[str, Callable[[float, float], float]] = {
 
 
 def compile_logic(symbol: str, operands: list[Condition]) -> Condition:
-    """`or`, `xor` or `and` of two or more conditions; `and` and `or` stop as soon as the result is known."""
+    """Compile `or`, `xor` or `and` of two or more conditions. `and` and `or` stop once the result is known."""
 
     def every(env: Environment) -> bool:
         for operand in operands:  # noqa: SIM110  # `all()` with a generator takes three times as long
@@ -168,7 +168,7 @@ def compile_logic(symbol: str, operands: list[Condition]) -> Condition:
 
 
 def compile_comparison(symbol: str, left: Operand, right: Operand, refuse: Refuse) -> Condition:
-    """Any of the comparisons; of values that do not fit it raises what `refuse` makes."""
+    """Compile any comparison. For values that do not fit, it raises the error that `refuse` makes."""
     if symbol == "==":
         return lambda env: equal(left(env), right(env))
     if symbol == "!=":
@@ -181,7 +181,7 @@ def compile_comparison(symbol: str, left: Operand, right: Operand, refuse: Refus
 
 
 def _compile_ordering(compare: Callable[[Any, Any], bool], left: Operand, right: Operand, refuse: Refuse) -> Condition:
-    """`<`, `<=`, `>`, `>=` of numbers (booleans count as 1 and 0) or of texts (by code point)."""
+    """Compile `<`, `<=`, `>`, `>=` of numbers (booleans count as 1 and 0) or of texts (by code point)."""
 
     def is_ordered(env: Environment) -> bool:
         a, b = left(env), right(env)
@@ -189,7 +189,7 @@ def _compile_ordering(compare: Callable[[Any, Any], bool], left: Operand, right:
             a = "" if isinstance(b, str) else 0
         if b is MISSING:
             b = "" if isinstance(a, str) else 0
-        if isinstance(a, list):  # two lists are the one pair that Python would order
+        if isinstance(a, list):  # Python would order two lists
             raise refuse(a, b)
         try:
             return compare(a, b)
@@ -200,7 +200,7 @@ def _compile_ordering(compare: Callable[[Any, Any], bool], left: Operand, right:
 
 
 def _compile_affix(has_affix: Callable[[str, str], bool], left: Operand, right: Operand, refuse: Refuse) -> Condition:
-    """`starts with` and `ends with` of texts."""
+    """Compile `starts with` and `ends with` of texts."""
 
     def has_it(env: Environment) -> bool:
         a, b = left(env), right(env)
@@ -214,7 +214,7 @@ def _compile_affix(has_affix: Callable[[str, str], bool], left: Operand, right: 
 
 
 def _compile_contains(left: Operand, right: Operand, refuse: Refuse) -> Condition:
-    """`contains`: part of a text, entry of a list, key of an object."""
+    """Compile `contains`: part of a text, entry of a list, key of an object."""
 
     def is_contained(env: Environment) -> bool:
         a, b = left(env), right(env)
@@ -227,7 +227,7 @@ def _compile_contains(left: Operand, right: Operand, refuse: Refuse) -> Conditio
 
 
 def compile_chain(first: Number, rest: list[tuple[str, Number]]) -> Number:
-    """A sum or a product, from left to right."""
+    """Compile a sum or a product, from left to right."""
     steps = [(_STEPS[sign], operand) for sign, operand in rest]
 
     def run(env: Environment) -> float:
@@ -240,5 +240,5 @@ def compile_chain(first: Number, rest: list[tuple[str, Number]]) -> Number:
 
 
 def compile_call(function: Callable[..., float], arguments: list[Number]) -> Number:
-    """A function of numbers."""
+    """Compile a function of numbers."""
     return lambda env: function(*[argument(env) for argument in arguments])

@@ -1,4 +1,4 @@
-"""The messages of the parser: what an author probably meant. Nothing here runs for an expression without mistakes."""
+"""The parser's messages about probable mistakes. None of this runs for a correct expression."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ _OTHER_WORDS = {"is": "=", "equals": "=", "eq": "=", "ne": "!=", "mod": "floor",
 
 
 def is_reserved_in_wrong_case(word: str) -> bool:
-    """Whether a word is a reserved one in the wrong case."""
+    """Whether a word is a reserved word in the wrong case."""
     return word not in RESERVED and word.lower() in RESERVED
 
 
@@ -39,7 +39,7 @@ def wrong_case_error(text: str, token: Token) -> ExpressionError:
 
 
 def too_deep_error(text: str, start: int) -> ExpressionError:
-    """Too many brackets or operators within each other."""
+    """Brackets or operators are nested too deeply."""
     return ExpressionError(
         "the expression is nested too deeply", text, start + 1, "split it: assign parts of it to keys of their own"
     )
@@ -88,7 +88,7 @@ def missing_operand_error(text: str, tokens: Sequence[Token], at: int) -> Expres
 
 
 def unclosed_bracket_error(text: str, tokens: Sequence[Token], at: int, opening: Token) -> ExpressionError:
-    """A bracket is not closed at this token: it is missing, or something stands in its place."""
+    """A bracket is not closed at this token: it is missing, or another token is in its place."""
     if tokens[at].kind == "end" or tokens[at].kind in (")", "]"):
         closing = {"(": ")", "[": "]"}[opening.kind]
         return ExpressionError("this bracket is not closed", text, opening.start + 1, f"add `{closing}`")
@@ -96,7 +96,7 @@ def unclosed_bracket_error(text: str, tokens: Sequence[Token], at: int, opening:
 
 
 def stray_token_error(text: str, tokens: Sequence[Token], at: int) -> ExpressionError:
-    """A complete expression goes on with something that is no operator."""
+    """A complete expression is followed by something that is not an operator."""
     token = tokens[at]
     column = token.start + 1
     before = tokens[at - 1]
@@ -139,7 +139,7 @@ def _wrong_operator(text: str, start: int, written: str, meant: str) -> Expressi
 
 
 def unknown_function_error(text: str, token: Token, *, of_property: bool = False) -> ExpressionError:
-    """A name before a bracket that is no function (RISE's parser would drop the name)."""
+    """A name before a bracket is not a function (RISE's parser would drop the name)."""
     name: str = token.value
     suggestion = None
     if is_reserved_in_wrong_case(name):
@@ -157,13 +157,13 @@ def unknown_function_error(text: str, token: Token, *, of_property: bool = False
 
 
 def situation_unknown_error(text: str, token: Token) -> ExpressionError:
-    """`in('Main', 'Start')` somewhere else than in a property of a study."""
+    """`in('Main', 'Start')` outside a property of a study."""
     hint = "only what [always], [reachable] and [eventually] in scenario.toml say can ask for the situation"
     return ExpressionError(f"`{token.value}` cannot be asked here", text, token.start + 1, hint)
 
 
 def situation_names_error(text: str, token: Token, wrong: Token) -> ExpressionError:
-    """`in(Main, Start)`, `runs()`: a name is missing, or is not written out, or there is one too many."""
+    """`in(Main, Start)`, `runs()`: a name is missing, is not in quotation marks, or is one too many."""
     known = find_signature(token.value)
     usage = known.usage if known is not None else ""
     if wrong.kind == "word":

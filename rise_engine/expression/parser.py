@@ -1,8 +1,8 @@
 """Reads tokens into a tree: a Pratt parser with the precedences of semantics.md 8.1, loosest to tightest:
 or; xor; and; not; equality; ordering and text comparisons; sums; products; unary minus; power; calls, brackets, parts.
 
-Comparisons of one level do not chain. Anything that RISE's own parser would silently drop (text beside a bracket, an
-unknown function, an operator without operand) is refused here.
+Comparisons of one level do not chain. The parser refuses anything that RISE's own parser would silently drop: text
+beside a bracket, an unknown function, an operator without an operand.
 """
 
 from __future__ import annotations
@@ -33,9 +33,9 @@ from rise_engine.expression.nodes import (
 from rise_engine.expression.tokens import Token, tokenize
 
 MAX_NESTING = 250
-"""Brackets and operators within each other, as written."""
+"""How deep brackets and operators can be nested, as written."""
 MAX_DEPTH = 100
-"""Levels of the tree that comes out of it: redundant brackets add none. Keeps far from Python's own limit."""
+"""Levels of the resulting tree, to which redundant brackets add none. Far below Python's own limit."""
 
 _OR, _XOR, _AND, _EQUALITY, _ORDERING, _SUM, _PRODUCT, _POWER = 1, 2, 3, 5, 6, 7, 8, 10
 _LEVEL = {
@@ -54,7 +54,7 @@ _VALUES = {"true": Literal(True), "false": Literal(False), "null": Literal(None)
 
 
 class Parsed(NamedTuple):
-    """What parsing finds out: the tree, the keys that it reads, and the constants (which a key may hide)."""
+    """The result of parsing: the tree, the keys that it reads, and the constants (which a key may hide)."""
 
     root: Node
     keys: frozenset[str]
@@ -62,16 +62,16 @@ class Parsed(NamedTuple):
 
 
 def parse(text: str, *, of_property: bool = False) -> Parsed:
-    """Read an expression. Raises ExpressionError, whatever the text is.
+    """Read an expression. Raises ExpressionError for any other text.
 
-    `of_property`: it belongs to a property of a study, which can ask for the situation.
+    :param of_property: it belongs to a property of a study, which can test the situation.
     """
     parser = _Parser(text, of_property)
     try:
         root = parser.parse_text()
     except RecursionError:  # the caller's own stack was nearly full
         raise parse_errors.too_deep_error(text, 0) from None
-    # Too shallow to be too deep: a level of the tree needs at least one token.
+    # With few tokens the tree cannot be too deep: each level needs at least one token.
     if len(parser.tokens) > MAX_DEPTH and depth(root) > MAX_DEPTH:
         raise parse_errors.too_deep_error(text, 0)
     return Parsed(root, frozenset(parser.keys), frozenset(parser.constants))
@@ -90,14 +90,14 @@ class _Parser:
         self.constants: set[str] = set()
 
     def parse_text(self) -> Node:
-        """The whole text, with nothing behind the expression."""
+        """Read the whole text. Nothing may follow the expression."""
         root = self.parse_expression(_OR)
         if self.tokens[self.at].kind != "end":
             raise parse_errors.stray_token_error(self.text, self.tokens, self.at)
         return root
 
     def parse_expression(self, loosest: int) -> Node:
-        """An expression of operators that bind at least as tightly as `loosest`."""
+        """Read an expression whose operators bind at least as tightly as `loosest`."""
         self.nesting += 1
         if self.nesting > MAX_NESTING:
             raise parse_errors.too_deep_error(self.text, self.tokens[self.at].start)
@@ -142,7 +142,7 @@ class _Parser:
         return result
 
     def read_word_operator(self) -> str:
-        """`starts with`, `ends with` or `contains`: operators only where an operator can stand, else plain keys."""
+        """Read `starts with`, `ends with` or `contains`: operators after a value, plain keys elsewhere."""
         word = self.tokens[self.at]
         self.at += 1
         if word.value == "contains":
@@ -174,7 +174,7 @@ class _Parser:
             self.at += 1
             return inner
         if kind == "not":
-            # `not` takes its whole comparison, unless it stands inside one: `a == not b`.
+            # `not` applies to the whole comparison, unless it is inside one: `a == not b`.
             return Not(self.parse_expression(max(_EQUALITY, loosest)))
         if kind == "-":
             return Negative(self.parse_expression(_POWER))
@@ -194,7 +194,7 @@ class _Parser:
         return Key(name)
 
     def parse_parts(self, base: Node, first: Token) -> Part:
-        """What stands behind a key or a call: `[i].text`, as often as it goes on."""
+        """Read what follows a key or a call, any number of times: `[i].text`."""
         if isinstance(base, Key) and base.name.endswith("."):
             dot = first.end - 1
             raise ExpressionError("there is no dot before `[`", self.text, dot + 1, f"write `{base.name[:-1]}[`")
@@ -255,7 +255,7 @@ class _Parser:
         return Defined(key.value, part)
 
     def parse_situation_test(self, token: Token) -> SituationTest:
-        """`in('Main', 'Start')` and its like: their names are written out, so that they can be checked and renamed."""
+        """Read `in('Main', 'Start')` or a similar test. Names are literal, so that they can be checked and renamed."""
         name: str = token.value
         if not self.of_property:
             raise parse_errors.situation_unknown_error(self.text, token)

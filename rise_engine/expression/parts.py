@@ -1,6 +1,6 @@
-"""Parts of values, by index: `items[i].text` is read, and `items[i].done = true` is set (semantics.md 8.4, 8.5).
+"""Parts of values by index: `items[i].text` is read, `items[i].done = true` is set (semantics.md 8.4, 8.5).
 
-What is not there has one ending, MissingPartError, wherever it is asked for.
+A missing part always raises MissingPartError.
 """
 
 from __future__ import annotations
@@ -16,7 +16,7 @@ from rise_engine.expression.values import describe, nesting_levels
 
 
 class PartReader:
-    """Reads one part; its own compiled operand."""
+    """The compiled operand that reads one part."""
 
     __slots__ = ("_base", "_part", "_steps", "_text")
 
@@ -27,7 +27,7 @@ class PartReader:
         self._text = text
 
     def __call__(self, env: Environment) -> Json:
-        """The value of the part, noted in `env.parts`. Raises MissingPartError when it is not there."""
+        """Return the value of the part and note it in `env.parts`. Raises MissingPartError if it does not exist."""
         if env.parts is not None:
             env.parts[self._part.written] = None
         value = self._base(env)
@@ -44,7 +44,7 @@ class PartReader:
         return value
 
     def is_there(self, env: Environment) -> bool:
-        """Whether the part can be read; for `defined`."""
+        """Whether the part exists; for `defined`."""
         try:
             self(env)
         except MissingPartError:
@@ -52,11 +52,11 @@ class PartReader:
         return True
 
     def assign(self, memory: Mapping[str, Json], value: Json, env: Environment) -> tuple[str, Json]:
-        """Which key of the memory gets which new value when this part is set to `value`.
+        """Return the key of the memory that changes when this part is set to `value`, and its new value.
 
-        `env` is what the indexes are read from. Copies what lies on the way; the memory itself is not changed. The last
-        step may be a new name in an object; all before must be there, and entries of lists too. Raises MissingPartError
-        when they are not, and EvaluationError when the value would be nested too deeply.
+        The indexes are read from `env`. Copies the values on the path; the memory itself is not changed. The last step
+        may be a new name in an object. Raises MissingPartError if an earlier step or a list entry does not exist, and
+        EvaluationError if the value would be nested too deeply.
         """
         name = with_all_brackets(self._part.base)
         head, *names = (name,) if name in memory else name.split(".")
@@ -87,7 +87,7 @@ class PartReader:
         return MissingPartError(f"{MISSING_PART}: {what}", self._text)
 
     def _why_missing(self, holder: Json, index: Json, count: int) -> str:
-        """Why there is no such part; `count`: how many of the steps lead to the holder."""
+        """Say why the part does not exist. `count`: how many of the steps lead to the holder."""
         name = with_all_brackets(self._part._replace(steps=self._part.steps[:count]))
         if isinstance(holder, list):
             whole = _whole_number(index)
@@ -103,9 +103,9 @@ class PartReader:
 
 
 def find_part(holder: Json, index: Json, *, by_dot: bool) -> int | str | None:
-    """Where in a list or an object the part lies; null when it is not there.
+    """The place of a part in a list or an object; None if it does not exist.
 
-    `by_dot`: the part is named behind a dot, where the digits of a text are the entry of a list.
+    :param by_dot: the part is named after a dot, where a text of digits is the index of a list entry.
     """
     if isinstance(holder, list):
         if by_dot:
@@ -119,14 +119,14 @@ def find_part(holder: Json, index: Json, *, by_dot: bool) -> int | str | None:
 
 
 def _whole_number(index: Json) -> int | None:
-    """The entry of a list that a value means."""
+    """The list index that a value means, or None."""
     if isinstance(index, float) and index.is_integer():
         return int(index)
     return index if isinstance(index, int) and not isinstance(index, bool) else None
 
 
 def _name_of(index: Json) -> str | None:
-    """The part of an object that a value means: a text names it, and a whole number does with its digits."""
+    """The name in an object that a value means: a text, or the digits of a whole number."""
     if isinstance(index, str):
         return index
     whole = _whole_number(index)

@@ -1,6 +1,6 @@
 """Splits an expression into tokens: words, numbers, texts and operators, each with its place.
 
-Synonyms meet here (`&&` is `and`, `=` is `==`), so the parser knows one spelling of each operator.
+Synonyms are unified here (`&&` is `and`, `=` is `==`), so the parser knows one spelling of each operator.
 """
 
 from __future__ import annotations
@@ -17,7 +17,7 @@ from rise_engine.expression.errors import ExpressionError
 from rise_engine.expression.values import native_number
 
 MAX_LENGTH = 100_000
-"""Characters. Longer texts are refused: no author writes them."""
+"""The longest expression or assignment, in characters."""
 
 RESERVED = frozenset({"or", "xor", "and", "not", "true", "false", "null"})
 """Words that cannot be keys."""
@@ -87,8 +87,7 @@ _CLOSING = re.compile(rf"[{TYPOGRAPHIC_QUOTES}](?!\w)")
 
 
 class Token(NamedTuple):
-    """`kind` is word, names (`.text` behind a `]`), number, text or end, or else the operator or reserved word itself,
-    in its one spelling."""
+    """`kind` is word, names (`.text` after a `]`), number, text, end, or the unified operator or reserved word."""
 
     kind: str
     value: Any
@@ -97,7 +96,7 @@ class Token(NamedTuple):
 
 
 def tokenize(text: str) -> list[Token]:
-    """The tokens of a text, closed by one of kind `end`. Raises ExpressionError."""
+    """Split a text into tokens; the last one has the kind `end`. Raises ExpressionError."""
     if len(text) > MAX_LENGTH:
         raise ExpressionError(f"the expression is longer than {MAX_LENGTH:,} characters", text[:200], 1)
     tokens: list[Token] = []
@@ -127,11 +126,11 @@ def tokenize(text: str) -> list[Token]:
 
 
 def path_end(text: str, start: int) -> int:
-    """Where a path ends whose first `[` stands at `start`, as `[i].text[0]` does; -1 when a bracket is not closed."""
+    """The end of a path such as `[i].text[0]` whose first `[` is at `start`; -1 if a bracket is not closed."""
     at, level = start, 0
     while True:
         piece = _PATH_PIECE.search(text, at)
-        if piece is None or piece[0] in ('"', "'"):  # a text without its end
+        if piece is None or piece[0] in ('"', "'"):  # an unclosed text
             return -1
         at = piece.end()
         level += {"[": 1, "]": -1}.get(piece[0], 0)
@@ -144,7 +143,7 @@ def path_end(text: str, start: int) -> int:
 
 
 def unquote(text: str, quoted: str, start: int) -> str:
-    """The value of a quoted text, with the escapes of JSON (and `\\'`). `start` is its place within `text`."""
+    """The value of a quoted text, with the escapes of JSON (and `\\'`). `start` is its offset in `text`."""
     if "\\" not in quoted:
         return quoted[1:-1]
 
@@ -160,14 +159,14 @@ def unquote(text: str, quoted: str, start: int) -> str:
 
     value = _ESCAPE.sub(replace, quoted)[1:-1]
     try:
-        # Two \u escapes may form one character; half of such a pair is no character at all.
+        # Two \u escapes may form one character; half of such a pair is not a character.
         return value.encode("utf-16", "surrogatepass").decode("utf-16")
     except UnicodeDecodeError:
         raise ExpressionError("a `\\u` escape here is half a character", text, start + 1) from None
 
 
 def escape_text(value: str, quote: str) -> str:
-    """A text as it stands between these quotation marks; empty: as it is.
+    """Escape a text for use between these quotation marks; without a mark it stays unchanged.
 
     >>> print(escape_text("It's", "'"))
     It\\'s
@@ -190,7 +189,7 @@ def _number(text: str, digits: str, start: int, end: int) -> int | float:
 
 
 def number_of(digits: str) -> int | float:
-    """The number that is written so: an integer when it is whole and 64 bits hold it."""
+    """The number that is written so: an integer if it is whole and fits into 64 bits."""
     if len(digits) < 20 and digits.isdigit() and (whole := int(digits)) < 2**63:
         return whole
     return native_number(float(digits))
@@ -202,9 +201,9 @@ def _word_at(text: str, start: int) -> str:
 
 
 def check_key(text: str, word: str, start: int) -> None:
-    """Refuses what `KEY` takes and no key can be. Raises ExpressionError.
+    """Refuse a word that matches `KEY` but cannot be a key. Raises ExpressionError.
 
-    Superscripts and the like count as word characters for `re`, but a person does not mean them as letters.
+    For `re`, superscripts and similar characters are word characters, but people do not mean them as letters.
     """
     if word.count(".") >= MAX_LEVELS:
         raise ExpressionError(

@@ -1,4 +1,4 @@
-"""What values mean to operators: truth, numbers, equality, and how a value is named in a message."""
+"""The meaning of values for operators: truth, numbers, equality, and names of values in messages."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from rise_engine.expression.environment import MISSING, Json
 
 
 def is_true(value: Json) -> bool:
-    """A number is true when it is above 0; a string, list or object when it is not empty; null never."""
+    """Whether a number is above 0, or a string, list or object is not empty; null never is."""
     if value.__class__ is bool:
         return bool(value)
     if isinstance(value, (int, float)):
@@ -19,7 +19,7 @@ def is_true(value: Json) -> bool:
 
 
 def nesting_levels(value: Json) -> int:
-    """How many lists and objects are within each other; counting ends just beyond MAX_LEVELS."""
+    """How deep lists and objects are nested. Stops counting just beyond MAX_LEVELS."""
     layer = [value]
     for level in range(MAX_LEVELS + 1):
         layer = [
@@ -34,7 +34,7 @@ def nesting_levels(value: Json) -> int:
 
 
 def to_double(value: int | float) -> float:
-    """A number as an IEEE double, however long it is."""
+    """A number as an IEEE double. Too large ones become infinity."""
     try:
         return float(value)
     except OverflowError:
@@ -42,16 +42,17 @@ def to_double(value: int | float) -> float:
 
 
 def native_number(value: float) -> int | float:
-    """A result as the memory keeps it: a whole number is an integer as long as 64 bits hold it."""
+    """A result as the memory keeps it: whole numbers are integers as long as they fit into 64 bits."""
     if -9223372036854775808.0 <= value < 9223372036854775808.0 and value == (whole := int(value)):
         return whole
     return value
 
 
 def equal(left: Json, right: Json) -> bool:
-    """Equality never crosses types, but a boolean equals 1 or 0. Lists and objects compare by value.
+    """Whether two values are equal: never across types, except that a boolean equals 1 or 0.
 
-    A key that does not exist takes the type of the other side, and equals null. Whole numbers compare exactly.
+    Lists and objects compare by value, whole numbers exactly. A missing key takes the type of the other side, and it
+    equals null.
     """
     if left is MISSING:
         return absent_equals(right)
@@ -64,14 +65,14 @@ def equal(left: Json, right: Json) -> bool:
 
 
 def absent_equals(other: Json) -> bool:
-    """Whether a key that does not exist equals a value: it is false, 0, "" or null, but no list and no object."""
+    """Whether a missing key equals a value: false, 0, "" or null, but not a list or an object."""
     if other is None or other is MISSING:
         return True
     return isinstance(other, (str, int, float)) and not other
 
 
 def contains(whole: Json, part: Json) -> bool:
-    """A string contains a string, a list an entry, an object a key. Raises TypeError for anything else."""
+    """Whether a string contains a string, a list an entry, an object a key. Raises TypeError for anything else."""
     if whole is MISSING:
         return isinstance(part, str) and not part if part is not MISSING else True
     if part is MISSING:
@@ -84,7 +85,7 @@ def contains(whole: Json, part: Json) -> bool:
 
 
 def describe(value: Json) -> str:
-    """A value in a message."""
+    """Describe a value for a message."""
     if value is MISSING:
         return "a key that does not exist"
     if isinstance(value, bool) or value is None:

@@ -1,4 +1,4 @@
-"""Running CRAs: the action graph of one act, from its first action to its one ending (semantics.md 2)."""
+"""Runs CRAs: the action graph of one act, from its first action to its single end (semantics.md 2)."""
 
 from __future__ import annotations
 
@@ -18,60 +18,60 @@ from rise_engine.scenario.template import MissingValueError
 
 SPEECH_CHANNEL = "speech"
 CANCEL_LIMIT = 5.0
-"""Seconds that the robot has to confirm a cancel; after that the action counts as lost."""
+"""Seconds that the robot has to confirm a cancel. After that the action counts as lost."""
 
 
 class ActionRun(Struct):
     """One action of a running act."""
 
     index: int
-    """In the act's file order."""
+    """Its index in the act's file order."""
     state: str = "waiting"
     """waiting, running, canceling or ended."""
     type: str = ""
     parameters: dict[str, Any] = {}
     sent_as: str | None = None
     accepted: bool = False
-    """The robot has taken it."""
+    """Whether the robot has accepted it."""
     timer: int | None = None
-    """Of the wait, of the time limit, or of the cancel."""
+    """The timer of the wait, of the time limit, or of the cancel."""
 
 
 class ActRun(Struct):
-    """A CRA that is running."""
+    """A running CRA."""
 
     task: Task
     actions: dict[str, ActionRun]
     cancel_reason: str | None = None
-    """Why it is being stopped, when it is."""
+    """Why it is being stopped, if it is."""
     failure: str | None = None
-    """Why it failed, when it did; what still runs is being cancelled."""
+    """Why it failed, if it did. Its running actions are then being cancelled."""
     interfered: bool = False
-    """Whether an action of it was ended by the robot itself, or by somebody else."""
+    """Whether the robot itself, or somebody else, ended one of its actions."""
     starting: bool = False
     ready: list[str] = field(default_factory=list)
     """Actions that can start now."""
 
 
 class ActRunner:
-    """All running acts."""
+    """Runs all acts."""
 
     def __init__(self, core: Core, on_ended: Callable[[ActRun, TaskStatus, str], None]) -> None:
         self._core = core
         self._on_ended = on_ended
-        """Called with the act, its task's final status and the reason, once, when its last action has ended."""
+        """Called once when an act's last action has ended, with the act, its task's final status and the reason."""
         self.last_pick: dict[str, int] = {}
-        """The variant taken last, by `<act>/<actionID>`."""
+        """The variant that was picked last, by `<act>/<actionID>`."""
         self.robot_lost: str | None = None
-        """Why goals cannot be sent, while the robot is away."""
+        """Why goals cannot be sent, while the robot is not connected."""
         self.restarted = False
-        """True while what an engine that has gone was doing is given up."""
+        """True while the goals of an earlier engine are given up."""
         self.runs: dict[int, ActRun] = {}
         """By task id, oldest first."""
 
     @property
     def is_speaking(self) -> bool:
-        """Whether the robot is doing something that takes its voice."""
+        """Whether the robot is executing an action that uses its voice."""
         specs = self._core.scenario.robot.actions
         under_way = (
             specs[action.sent_as or action.type]
@@ -96,7 +96,7 @@ class ActRunner:
     # --- start ---
 
     def start(self, task: Task) -> None:
-        """Run an act for its task, which has just become ACTIVE."""
+        """Run the act of a task that has just become ACTIVE."""
         act = find_act(self._core.scenario, task)
         run = ActRun(
             task,
@@ -107,7 +107,7 @@ class ActRunner:
         self._advance(run)
 
     def _advance(self, run: ActRun) -> None:
-        """Start what can start, in file order; one that ends at once makes others ready. Then see if all is over."""
+        """Start all ready actions in file order (one that ends at once makes others ready), then check for the end."""
         if run.starting:
             return
         run.starting = True
@@ -149,7 +149,7 @@ class ActRunner:
         if spec.substitute is not None:
             state.sent_as = spec.substitute
             spec = core.scenario.robot.actions[spec.substitute]
-            # The robot does something else instead, which need not know every parameter (a gaze has no hand).
+            # The substitute need not know every parameter (a gaze has no hand).
             parameters = {name: value for name, value in parameters.items() if name in spec.parameters}
         state.state = "running"
         self._record(run, id, "started")
@@ -159,7 +159,7 @@ class ActRunner:
         state.timer = core.set_timer(limit_seconds(spec, parameters), TimerTarget("limit", str(run.task.id), id))
 
     def _pick_variant(self, run: ActRun, action: Action) -> ActionCall:
-        """The action's call; of several variants one at random, never the same one twice running."""
+        """Return the action's call; of several variants a random one, never the same one twice in a row."""
         calls = action.calls
         if len(calls) == 1:
             return calls[0]
@@ -173,17 +173,17 @@ class ActRunner:
         self.last_pick[name] = pick
         return calls[pick]
 
-    # --- what the robot and the clock say ---
+    # --- reports of the robot and the clock ---
 
     def report(self, goal: str, status: ActionStatus, reason: str, *, aborted: bool = False) -> None:
-        """The robot's word about a goal; late and unknown ones change nothing. `aborted` as in `ActionReport`."""
+        """Handle the robot's report about a goal; late and unknown ones are ignored. `aborted`: see `ActionReport`."""
         task, _, id = goal.partition("/")
         run = self.runs.get(parse_task_id(task))
         state = run.actions.get(id) if run is not None else None
         if run is None or state is None or state.state not in ("running", "canceling"):
             return
         if self._core.scenario.robot.actions[state.type].engine:
-            return  # a wait was never given to the robot
+            return  # the robot never got a wait
         if status in ("accepted", "succeeded") and run.task.voice_at is None:
             self._note_confirmation(run.task, state)
         if status == "accepted":
@@ -195,15 +195,14 @@ class ActRunner:
             self._advance(run)
 
     def _note_confirmation(self, task: Task, state: ActionRun) -> None:
-        """The robot has begun with an action, at the latest now: perhaps the first of the act, or the first that is
-        to be heard."""
+        """Note that the robot has begun an action by now, perhaps the act's first one or its first audible one."""
         if task.robot_at is None:
             task.robot_at = self._core.t
         if SPEECH_CHANNEL in self._core.scenario.robot.actions[state.sent_as or state.type].channels:
             task.voice_at = self._core.t
 
     def timer_elapsed(self, target: TimerTarget) -> None:
-        """A wait is over, or an action or its cancel took too long."""
+        """Handle the end of a wait, or the time limit of an action or its cancel."""
         run = self.runs[int(target.owner)]
         run.actions[target.item].timer = None
         if target.purpose == "wait":
@@ -218,12 +217,12 @@ class ActRunner:
         self._advance(run)
 
     def lose_robot(self, reason: str) -> None:
-        """The link is gone: what the robot was doing is unknown from here on, and nothing can be sent."""
+        """Handle a lost link: the state of the robot's actions is unknown, and nothing can be sent."""
         self.robot_lost = reason
         self.lose_running(reason)
 
     def lose_running(self, reason: str) -> None:
-        """What the robot was doing is unknown; those acts end, and whatever waits for that goes on."""
+        """End the actions on the robot as lost. Whatever waits for these acts continues."""
         for run in list(self.runs.values()):
             for id, state in run.actions.items():
                 if state.state in ("running", "canceling") and not self._core.scenario.robot.actions[state.type].engine:
@@ -233,7 +232,7 @@ class ActRunner:
     # --- cancel and end ---
 
     def cancel(self, run: ActRun, reason: str) -> None:
-        """Stop an act: cancel what runs, skip what has not started. It ends when the robot has confirmed."""
+        """Stop an act: cancel running actions, skip the others. It ends when the robot has confirmed."""
         if run.cancel_reason is not None:
             return
         run.cancel_reason = reason
@@ -283,7 +282,7 @@ class ActRunner:
         else:
             self._on_ended(run, "SUCCEEDED", "")
 
-    # --- small things ---
+    # --- helpers ---
 
     def _act_of(self, run: ActRun) -> Act:
         return find_act(self._core.scenario, run.task)

@@ -1,6 +1,6 @@
-"""Behaviours of tasks that are JSON: what a task is about when a name alone does not say it (semantics.md 1.1).
+"""Behaviours of tasks that are JSON, because a name alone is not enough (semantics.md 1.1).
 
-Whoever submits a task may write such a behaviour, so each reader refuses what it does not understand, in a sentence.
+Anybody who submits a task can write such a behaviour. So each reader refuses invalid ones with a sentence.
 """
 
 from __future__ import annotations
@@ -17,7 +17,7 @@ from rise_engine.scenario.durations import MAX_SECONDS, parse_time
 
 Content = TypeVar("Content", bound=Struct)
 Resumption: TypeAlias = Literal["enter", "wait", "leave"]
-"""What becomes of a rule that a stop ended: it enters its state again, waits there without onEntry, or is left."""
+"""What happens to a rule that a stop ended: it enters its state again, waits there without onEntry, or is left."""
 
 
 class BehaviorError(RiseError, ValueError):
@@ -25,7 +25,7 @@ class BehaviorError(RiseError, ValueError):
 
 
 class RuleStart(Struct, frozen=True, forbid_unknown_fields=True):
-    """The behaviour of startInteractionRule: which rule, and where it begins (`rule_start_behavior` writes it)."""
+    """The behaviour of startInteractionRule: a rule, and where it begins (`rule_start_behavior` writes it)."""
 
     rule: str
     state: str | None = None
@@ -35,15 +35,15 @@ class RuleStart(Struct, frozen=True, forbid_unknown_fields=True):
 
 
 class StepBack(Struct, frozen=True, forbid_unknown_fields=True):
-    """The behaviour of stepBack: which rule, and what goes back with it."""
+    """The behaviour of stepBack: a rule, and what goes back with it."""
 
     rule: str
     take_back: tuple[str, ...] = ()
-    """Memory keys that get what they had when the state before was entered."""
+    """Memory keys that get their values from when the previous state was entered."""
     enter: bool = True
     """False: the rule waits there without running `onEntry`."""
     stop_acts: bool = False
-    """Whether the acts are stopped that the rule has started."""
+    """Whether to stop the acts that the rule has started."""
 
 
 _STEP_BACK = '{"rule": "Table setting", "take_back": ["task"], "enter": true, "stop_acts": false}'
@@ -52,15 +52,14 @@ _RULE_START = '{"rule": "Table setting", "state": "After the welcome", "enter": 
 
 
 def read_rule_start(behavior: str) -> RuleStart:
-    """The rule's name, or JSON with `rule`, `state` and `enter`. Raises BehaviorError."""
+    """Read a rule's name, or JSON with `rule`, `state` and `enter`. Raises BehaviorError."""
     if not is_object(behavior):
         return RuleStart(behavior)
     return read_object(behavior, RuleStart, f"a rule's name, or JSON such as {_RULE_START}")
 
 
 def read_resumptions(behavior: str) -> dict[str, Resumption]:
-    """The behaviour of releaseStop: for each rule, by its name, what becomes of it; empty: all are left stopped. Raises
-    BehaviorError."""
+    """Read the behaviour of releaseStop: the resumption of each rule; empty: all stay stopped. Raises BehaviorError."""
     try:
         return msgspec.json.decode(behavior, type=dict[str, Resumption]) if behavior else {}
     except (msgspec.DecodeError, RecursionError, UnicodeError) as error:
@@ -68,14 +67,14 @@ def read_resumptions(behavior: str) -> dict[str, Resumption]:
 
 
 def read_step_back(behavior: str) -> StepBack:
-    """The rule's name, or JSON that says more. Raises BehaviorError."""
+    """Read a rule's name, or JSON with the fields of `StepBack`. Raises BehaviorError."""
     if not is_object(behavior):
         return StepBack(behavior)
     return read_object(behavior, StepBack, f"a rule's name, or JSON such as {_STEP_BACK}")
 
 
 def started_rule(behavior: str) -> str:
-    """The name of the rule that a startInteractionRule is about; what cannot be read counts as a name."""
+    """The name of the rule that a startInteractionRule starts; an unreadable behaviour counts as a name."""
     try:
         return read_rule_start(behavior).rule
     except BehaviorError:
@@ -83,15 +82,15 @@ def started_rule(behavior: str) -> str:
 
 
 class EventRaise(Struct, frozen=True, forbid_unknown_fields=True):
-    """The behaviour of raiseEventTopic: which event, and how long it is kept (`event_behavior` writes it)."""
+    """The behaviour of raiseEventTopic: an event, and how long it is kept (`event_behavior` writes it)."""
 
     event: str
     keep: str | None = None
-    """As it is written: `2s`; null: it is not kept."""
+    """As written: `2s`; null: it is not kept."""
 
     @property
     def seconds(self) -> float | None:
-        """For how long it is kept; null: not at all. Raises BehaviorError."""
+        """Seconds for which it is kept; None: it is not. Raises BehaviorError."""
         seconds = parse_time(self.keep) if self.keep is not None else None
         if self.keep is not None and (seconds is None or not 0.001 <= seconds <= MAX_SECONDS):
             raise BehaviorError(f'`keep` is a time from 1ms to 24 hours, such as "2s", not "{self.keep}"')
@@ -99,14 +98,14 @@ class EventRaise(Struct, frozen=True, forbid_unknown_fields=True):
 
 
 def read_event_raise(behavior: str) -> EventRaise:
-    """The event, or JSON with `event` and `keep`. Raises BehaviorError."""
+    """Read the event, or JSON with `event` and `keep`. Raises BehaviorError."""
     if not is_object(behavior):
         return EventRaise(behavior)
     return read_object(behavior, EventRaise, 'an event, or JSON such as {"event": "/x", "keep": "2s"}')
 
 
 def describe_behavior(function: str, behavior: str) -> str:
-    """A behaviour for people: what is JSON in words, anything else as it is written."""
+    """Describe a behaviour for people: JSON in words, anything else as written."""
     describe = _DESCRIPTIONS.get(function)
     if describe is None or not is_object(behavior):
         return behavior
@@ -146,7 +145,7 @@ def is_object(behavior: str) -> bool:
 
 
 def read_object(behavior: str, kind: type[Content], form: str) -> Content:
-    """A behaviour as a value of `kind`. `form` ends the sentence about one that is none. Raises BehaviorError."""
+    """Read a behaviour as a value of `kind`. `form` ends the sentence about an invalid one. Raises BehaviorError."""
     try:
         fields: dict[str, Any] = msgspec.json.decode(behavior, type=dict[str, Any])
         for name in fields:

@@ -1,4 +1,4 @@
-"""What the kernel asks of the world. The engine carries commands out, in order, after the records of the same step."""
+"""The kernel's commands. The engine executes them in order, after the records of the same step."""
 
 from __future__ import annotations
 
@@ -15,13 +15,13 @@ class StartAction(Struct, frozen=True, tag_field="command", tag="start_action"):
     type: str
     """What the robot does: the authored action, or its substitute."""
     parameters: dict[str, Any]
-    """As authored, memory filled in, typed; parameters left out are absent."""
+    """As authored, with memory filled in and typed; omitted parameters are absent."""
     expected: float
     """Seconds that it will probably take."""
     goal: str = ""
-    """The goal's UUID, 32 hexadecimal digits: the engine's, which knows the session. Empty within the kernel."""
+    """The goal's UUID, 32 hexadecimal digits. The engine sets it, because it knows the session; empty in the kernel."""
     accepted: bool = False
-    """Of a goal that an engine before this one has sent: the robot has taken it."""
+    """For a goal that an earlier engine has sent: the robot has accepted it."""
 
 
 class CancelAction(Struct, frozen=True, tag_field="command", tag="cancel_action"):
@@ -31,18 +31,18 @@ class CancelAction(Struct, frozen=True, tag_field="command", tag="cancel_action"
 
 
 class StopRobot(Struct, frozen=True, tag_field="command", tag="stop_robot"):
-    """Ask everything that the robot has to stop everything, also goals of others; answer with `StopReport`."""
+    """Ask everything in the robot to stop everything, also goals of others; answer with `StopReport`."""
 
 
 class CancelOpenGoals(Struct, frozen=True, tag_field="command", tag="cancel_open_goals"):
-    """Ask the robot once more to stop what it may still be doing of actions that have ended."""
+    """Ask the robot again to stop what it may still be doing for actions that have ended."""
 
     part: str
     """Empty: all parts."""
 
 
 class ReleaseOpenGoals(Struct, frozen=True, tag_field="command", tag="release_open_goals"):
-    """A person has looked: what a part may still be doing holds it no more."""
+    """Release a part that a person has checked, although it may still be executing a goal."""
 
     part: str
     """Empty: all parts."""

@@ -1,7 +1,7 @@
-"""Rules made ready to run: indexed by topic, conditions compiled, blocks as chains of steps. Done once, at load.
+"""Rules compiled at load: indexed by topic, with compiled conditions, and with blocks as chains of steps.
 
-The classes have slots, and rules that ask the same share a condition, because there may be thousands of them: without,
-events for a thousand rules in turn take one and a half times as long (benchmarks/many_rules).
+The classes have slots, and equal conditions are shared, because there may be thousands of rules. Without this, events
+for a thousand rules in turn take one and a half times as long (benchmarks/many_rules).
 """
 
 from __future__ import annotations
@@ -34,11 +34,11 @@ from rise_engine.scenario.model import (
 
 OUTCOMES: tuple[ActOutcome, ...] = get_args(ActOutcome)
 RAISE, ASSIGN, CALL, TEST, PICK = range(5)
-"""What an Op does."""
+"""The kinds of an Op."""
 
 
 class CompiledCondition:
-    """A condition and the keys whose values belong into its record."""
+    """A condition, and the keys whose values belong in its record."""
 
     __slots__ = ("evaluate", "keys", "only_key", "text", "watched_keys")
 
@@ -47,13 +47,13 @@ class CompiledCondition:
         self.evaluate = _collecting_parts(expression) if expression.parts else expression.compiled_condition
         self.keys = tuple(sorted(expression.keys - expression.keys_of_parts_only))
         self.only_key = self.keys[0] if len(self.keys) == 1 and not expression.parts else ""
-        """The key, when its value is all that the record needs."""
+        """The key, if the record needs only its value."""
         self.watched_keys = expression.keys | expression.constants
-        """A key called `e` would hide the constant, so a change of it matters too."""
+        """Includes constants, because a memory key called `e` would hide the constant."""
 
 
 def _collecting_parts(expression: Expression) -> Callable[[Environment], bool]:
-    """A condition that leaves in `env.parts` what it has read by index, for its record."""
+    """A condition that stores the parts that it reads in `env.parts`, for its record."""
     holds = expression.compiled_condition
 
     def evaluate(env: Environment) -> bool:
@@ -64,23 +64,22 @@ def _collecting_parts(expression: Expression) -> Callable[[Environment], bool]:
 
 
 _compile_condition = lru_cache(maxsize=1024)(CompiledCondition)
-"""Rules that ask the same share the answer's code: with a thousand rules, memory that is not touched is time."""
+"""Shared by equal conditions: with a thousand rules, touching less memory saves time."""
 
 
 @dataclass(slots=True, eq=False)
 class Op:
-    """One step of a block, and the step after it: null at the end of the block.
+    """One step of a block, and the next step: null at the end of the block.
 
-    A block is a chain. The arms of an `if` and of a `oneOf` go on with what follows it, so that running a block needs
-    neither recursion nor jumps, and an error that skips the rest of a block just ends the chain.
-    Which fields are set depends on `kind`.
+    A block is a chain. The arms of an `if` and of a `oneOf` continue with what follows it. So running a block needs no
+    recursion and no jumps, and an error that skips the rest just ends the chain. `kind` decides which fields are set.
     """
 
     kind: int
     source: str
-    """Whose step it is, for records."""
+    """The source in its records."""
     next: Op | None
-    """TEST: where to go on when the condition is true."""
+    """TEST: the next step if the condition is true."""
     function: str = field(init=False)
     argument: str = field(init=False)
     topic: EventTopic = field(init=False)
@@ -88,9 +87,9 @@ class Op:
     assignments: tuple[Assignment, ...] = field(init=False)
     condition: CompiledCondition = field(init=False)
     otherwise: Op | None = field(init=False)
-    """TEST: where to go on when the condition is false."""
+    """TEST: the next step if the condition is false."""
     choices: tuple[Op | None, ...] = field(init=False)
-    """PICK: where each choice begins."""
+    """PICK: the first step of each choice."""
 
 
 class CompiledTransition:
@@ -128,11 +127,11 @@ class CompiledTransition:
         self.after = transition.after
         self.block = blocks.compile(transition.block)
         self.next: CompiledTransition | None = None
-        """The next one of the state that the same event could trigger."""
+        """The next transition of the state that the same event could trigger."""
         self.entered_at_once: CompiledState | None = None
-        """The state that is entered at once; null when functions come first, or when the state is not left."""
+        """The state that is entered immediately; null if functions come first, or if the state is not left."""
         self.entry_after_actions: CompiledTransition | None = None
-        """When functions come first: the same transition without them, which enters its target after they have run."""
+        """If functions come first: the same transition without them, which enters its target after they have run."""
         if transition.ended is not None:
             self.trigger = " ".join(("ended", transition.ended, *transition.outcomes))
         elif transition.event is not None:
@@ -148,12 +147,12 @@ class CompiledTransition:
 
 def _own_end_topic(act: str, outcome: ActOutcome) -> EventTopic:
     topic = EventTopic(f"ended {act} {outcome}")
-    topic.with_slash = topic.name  # nobody else can raise it
+    topic.with_slash = topic.name  # private to one rule, so records show no slash
     return topic
 
 
 class CompiledState:
-    """A state: what it does and what it waits for."""
+    """A state: its functions and its transitions."""
 
     __slots__ = (
         "by_topic",
@@ -185,23 +184,23 @@ class CompiledState:
         """The first transition for each event; the others follow as its `next`."""
         self.delayed = tuple(t for t in transitions if t.after is not None and t.held is None)
         self.eventless = tuple(t for t in transitions if not t.topics and (t.after is None or t.held is not None))
-        """Those whose condition alone triggers them, at once or when it has held for a time."""
+        """Transitions that a condition alone triggers, immediately or after it has held for a time."""
         watched = (t.held or t.condition for t in self.eventless)
         keys = {key for condition in watched if condition for key in condition.watched_keys}
-        # `a.b.c` is touched by changes of `a`, `a.b` and `a.b.c`: a dotted key reaches into objects.
+        # `a.b.c` depends on changes of `a`, `a.b` and `a.b.c`, because a dotted key reaches into objects.
         written = {name for key in keys for name in accumulate(key.split("."), "{}.{}".format)}
-        if SESSION in keys:  # of that, each part tells its own changes
+        if SESSION in keys:  # each of its parts reports its own changes
             written.update(f"{SESSION}.{name}" for name in SESSION_STATES)
         self.watch_lists = tuple(watchers.setdefault(name, {}) for name in sorted(written))
-        """Where it stands for the keys that it watches."""
+        """The lists of the keys that it watches."""
         self.final = not transitions
         self.trivial = not (self.delayed or self.final or self.eventless)
-        """Entering it needs no more than waiting for events."""
+        """Whether entering it needs nothing but waiting for events."""
         self.wait_lists: tuple[RuleList, ...] = ()
-        """Where a rule in this state waits for its events while it is not on top of the stack."""
+        """The lists in which a rule in this state waits for its events while it is not on top of the stack."""
 
     def index_topics(self) -> None:
-        """Find transitions by their events, now that they are complete."""
+        """Index the transitions by their events, once they are complete."""
         for transition in reversed(self.transitions):
             for topic in transition.topics:
                 entry = copy(transition) if len(transition.topics) > 1 else transition  # each chain has its own `next`
@@ -216,7 +215,7 @@ class CompiledRule:
     def __init__(self, rule: Rule, topics: EventTopics, watchers: dict[str, RuleList]) -> None:
         self.name = rule.name
         self.own_ends: dict[tuple[str, ActOutcome], EventTopic] = {}
-        """For each act and end that the rule waits for with `ended`, the event that is for this rule alone."""
+        """For each act and outcome that the rule waits for with `ended`: the event that only this rule gets."""
         self.source = f"rule:{rule.name}"
         self.priority = float(rule.priority)
         blocks = BlockCompiler(self.source, topics)
@@ -243,7 +242,7 @@ class CompiledRule:
         for compiled_state in self.states.values():
             compiled_state.index_topics()
         self.results = {state: topic for state, topic in result_topics(rule) if not _raises(rule.states[state], topic)}
-        """For each state that ends the rule, the event that tells it, unless the state raises that event itself."""
+        """For each state that ends the rule: the event that reports it, unless the state raises that event itself."""
         self.acts_of_own_ends = frozenset(act for act, _ in self.own_ends)
         self.initial = self.states[rule.initial]
 
@@ -263,7 +262,7 @@ class BlockCompiler:
         self._topics = topics
 
     def compile(self, block: Block, then: Op | None = None) -> Op | None:
-        """The first step of a block that goes on with `then`. From its end, so that each step knows the next."""
+        """Compile a block that continues with `then`, from its end. Returns its first step."""
         for statement in reversed(block):
             then = self._statement(statement, then)
         return then

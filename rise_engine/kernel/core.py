@@ -1,4 +1,4 @@
-"""What all parts of the kernel share while they work on one input: time, numbering, outputs, memory, tasks."""
+"""The state that all parts of the kernel share: time, numbering, outputs, memory, tasks."""
 
 from __future__ import annotations
 
@@ -25,34 +25,34 @@ RuleList: TypeAlias = dict[Any, None]
 
 
 class EventTopic:
-    """An event topic: one object for all who raise it or wait for it."""
+    """An event topic: one object for everything that raises it or waits for it."""
 
     __slots__ = ("name", "wait_list", "with_slash")
 
     def __init__(self, name: str) -> None:
         self.name = name
         self.with_slash = "/" + name
-        """As records show it."""
+        """As shown in records."""
         self.wait_list: RuleList = {}
-        """Who waits for it, besides the rule on top of the stack: a list in stack order, the highest last."""
+        """The rules that wait for it, except the rule on top of the stack, in stack order with the highest last."""
 
 
 class EventTopics(dict[str, EventTopic]):
-    """The topics that the scenario names, each under both ways to write it: with and without slash."""
+    """The topics of the scenario, each under both spellings: with and without slash."""
 
     def get_or_add(self, name: str) -> EventTopic:
-        """The one object for a topic (without slash), made if there is none yet."""
+        """The one object for a topic (without slash), which is made if it does not exist yet."""
         if name not in self:
             self[name] = self["/" + name] = EventTopic(name)
         return self[name]
 
 
 Cause: TypeAlias = "tuple[str | int, Cause] | None"
-"""What led to something within one macrostep: the rule whose step it was, and what had led to that step; null: an
-input did. A number in the place of a rule: this task did, whatever the input was."""
+"""What led to something within one macrostep: the rule that took a step, and the cause of that step; null: an input.
+A number instead of a rule is a task that is the cause, whatever the input was."""
 
 QueuedEvent: TypeAlias = tuple[EventTopic, str, Cause]
-"""Raised and not yet routed: the topic, its source, and what it comes of."""
+"""An event that is not routed yet: the topic, its source, and its cause."""
 
 
 class Task(Struct):
@@ -66,7 +66,7 @@ class Task(Struct):
     ref: str | None = None
     status: TaskStatus = "PENDING"
     cue_at: float | None = None
-    """As the fields of `TimingRecord`, from here on; of acts only."""
+    """This field and those below are as in `TimingRecord`; for acts only."""
     key_at: float | None = None
     accepted_at: float = 0.0
     started_at: float | None = None
@@ -74,21 +74,21 @@ class Task(Struct):
     voice_at: float | None = None
     filler: bool = False
     attempt: int = 1
-    """Of an act that was repeated after a failure: the how-manieth time it is, counted anew when the robot is back."""
+    """For an act that was repeated after a failure: the number of the attempt, reset when the robot is back."""
     first: int = 0
-    """The task that it repeats, the first of them; 0: it repeats none."""
+    """The first task that it repeats; 0: it repeats none."""
     cause: int | None = None
-    """As the fields of `TaskRecord`, from here on."""
+    """This field and the next are as in `TaskRecord`."""
     via: tuple[str, ...] = ()
 
 
 def parse_task_id(number: str) -> int:
-    """A task's id as it is written; 0, which no task has, when it is none."""
+    """Read a task's id; 0, which no task has, for anything else."""
     return int(number) if number.isascii() and number.isdigit() and len(number) < 19 else 0
 
 
 class TimerTarget(Struct, frozen=True):
-    """What a timer is for. `purpose`: after, keep, wait, limit, cancel, stop, repeat or filler."""
+    """The purpose of a timer. `purpose`: after, keep, wait, limit, cancel, stop, repeat or filler."""
 
     purpose: str
     owner: str = ""
@@ -98,22 +98,22 @@ class TimerTarget(Struct, frozen=True):
 
 
 class Core:
-    """Time, numbering and outputs of the current step, and the state that belongs to no part alone."""
+    """Time, numbering and outputs of the current step, and the state that several parts share."""
 
     def __init__(self, scenario: Scenario, seed: int) -> None:
         self.scenario = scenario
         self.rng = Rng(seed)
         self.t = 0.0
         self.numbers = count(1)
-        """What numbers records: each draws its own when it is put out, by `emit` or by the few that go without."""
+        """The numbers of records. A record draws its number when it is emitted."""
         self.macrostep = 0
-        """Counts what is done in one go (SCXML's word): all that one input sets off, or all timers of one moment."""
+        """Counts macrosteps (SCXML's word): everything that one input causes, or all timers of one moment."""
         self.continued_macrostep = -1
-        """The last macrostep that took in more than one input."""
+        """The last macrostep that included more than one input."""
         self.cause: Cause = None
-        """What the things that happen now come of."""
+        """The cause of what happens now."""
         self.origin: int | None = None
-        """The task that the input at hand belongs to; null: none, as with a rule's timer."""
+        """The task of the current input; null: none, as for a rule's timer."""
         self.records: list[AnyRecord] = []
         self.commands: list[Command] = []
         self.topics = EventTopics()
@@ -124,21 +124,21 @@ class Core:
         self.next_timer = 1
         self.timers: dict[int, TimerTarget] = {}
         self.reported_missing: set[str] = set()
-        """Keys whose absence has been recorded; it is said once."""
+        """Missing keys that have been recorded, which happens only once."""
         self.open_cue_at: float | None = None
-        """The participant's cue that has not been answered yet."""
+        """The time of the participant's cue that has not been answered yet."""
         self.key_at: float | None = None
-        """When the key was pressed that this step came of."""
+        """When the key was pressed that led to this step."""
         self.open_goals: tuple[OpenGoal, ...] = ()
-        """What the robot may still be doing of actions that have ended."""
+        """What the robot may still be doing for actions that have ended."""
         self.memory: dict[str, Any] = {}
         self.tables = frozenset(scenario.tables)
-        """Keys of the memory that nothing can change. They are there from the beginning, and in no snapshot."""
+        """Keys of the memory that nothing can change. They exist from the start, and are in no snapshot."""
         self.memory.update(scenario.table_memory)
         self.memory_log = MemoryLog()
-        """What the memory was at the steps of rules."""
+        """The changes of the memory since earlier steps of rules."""
         self.env = Environment(self.memory, self.rng.fraction, set(), self.rng.integer_below)
-        """What expressions see: the memory, and where they report keys that do not exist."""
+        """The environment of expressions: the memory, and where they report missing keys."""
 
     # --- outputs ---
 
@@ -148,22 +148,22 @@ class Core:
         *fields: RecordFields.args,
         **named: RecordFields.kwargs,
     ) -> None:
-        """Put out a record of `kind` with these fields, numbered; the engine fills in `wall`.
+        """Emit a record of `kind` with these fields and the next number; the engine fills in `wall`.
 
-        What rules do all the time (an event is raised, or taken; a condition; a state that is entered) goes into
-        `records` without this call, which would cost more than the record itself (benchmarks/kernel_events).
+        The most frequent records of rules (an event is raised or taken; a condition; a state is entered) are appended
+        to `records` directly, because this call would cost more than the record (benchmarks/kernel_events).
         """
         self.records.append(kind(next(self.numbers), self.t, "", *fields, **named))
 
     def new_task(self, submit: Submit, calling_type: str) -> Task:
-        """Number what was asked for; `calling_type` is the one that counts."""
+        """Number a submitted task; `calling_type` is the effective one."""
         task = Task(self.next_task, submit.function, submit.behavior, calling_type, submit.source, submit.ref)
         self.next_task += 1
         task.cause, task.via = self._find_cause(submit.source)
         return task
 
     def _find_cause(self, source: str) -> tuple[int | None, tuple[str, ...]]:
-        """Of what a rule asks for: the task that its step comes of, and the rules on the way before that rule."""
+        """Return the task that caused a rule's step, and the rules between that task and this rule."""
         if not source.startswith("rule:"):
             return None, ()
         rules: list[str] = []
@@ -177,7 +177,7 @@ class Core:
         return origin, tuple(each for each in dict.fromkeys(reversed(rules)) if each != rules[0])
 
     def record_task(self, task: Task, reason: str = "", position: int | None = None) -> None:
-        """Record what has become of a task that lasts."""
+        """Record the status of a task that lasts."""
         self.emit(
             TaskRecord,
             task.id,
@@ -203,7 +203,7 @@ class Core:
         calling_type: str = "None",
         ref: str | None = None,
     ) -> None:
-        """The one record of a task that ends at once: everything but starts."""
+        """Write the single record of a task that ends immediately, which is any task but a start."""
         id = self.next_task
         self.next_task = id + 1
         cause, via = self._find_cause(source) if status == "REJECTED" else (None, ())
@@ -212,10 +212,10 @@ class Core:
     def record_note(self, text: str, source: str = "engine") -> None:
         self.emit(NoteRecord, text, source)
 
-    # --- events that the engine itself raises ---
+    # --- events of the engine itself ---
 
     def raise_event_if_named(self, topic: str) -> None:
-        """An event of the engine that no rule of the scenario names leaves no record (semantics.md 6.1)."""
+        """Raise an event of the engine. It leaves no record if no rule names it (semantics.md 6.1)."""
         if topic in self.scenario.topics:
             self.events.append((self.topics[topic], "engine", self.cause))
 
@@ -235,7 +235,7 @@ class Core:
     # --- memory, read ---
 
     def read_values(self, keys: tuple[str, ...]) -> dict[str, Any]:
-        """The values of these keys, and of the parts that the condition has read that was evaluated last."""
+        """The values of these keys, and of the parts that the last evaluated condition has read."""
         memory, parts = self.memory, self.env.parts
         if parts is None:
             return {key: memory[key] if key in memory else lookup(memory, key)[1] for key in keys}
@@ -243,7 +243,7 @@ class Core:
         return dict(sorted({**{key: lookup(memory, key)[1] for key in keys}, **parts}.items()))
 
     def newly_missing(self) -> tuple[str, ...]:
-        """Keys that the last evaluation missed and that have not been reported yet."""
+        """The missing keys of the last evaluation that have not been reported yet."""
         missing = self.env.missing
         if not missing:
             return ()

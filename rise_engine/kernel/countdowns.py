@@ -1,4 +1,4 @@
-"""The times that rules count in their states: `after`, `while`, and what an expression gives (semantics.md 5.5)."""
+"""The times that rules count in their states: `after`, `while`, and computed times (semantics.md 5.5)."""
 
 from __future__ import annotations
 
@@ -14,14 +14,13 @@ from rise_engine.scenario.durations import MAX_SECONDS, seconds_from
 from rise_engine.scenario.model import Delay
 
 MIN_SECONDS = 0.001
-"""What is less counts as this."""
+"""Shorter times are rounded up to this."""
 
 
 def compute_delay(delay: Delay, env: Environment) -> tuple[float | None, str]:
-    """The seconds that a delay means now; or None, and why it means none.
+    """The current seconds of a delay with an expression; or None, and the reason.
 
-    `delay` has an expression; a number that it gives is in the delay's unit, or in seconds without one, where a text
-    such as `2s` is a time as well.
+    A number is in the delay's unit. Without a unit it is in seconds, and a text such as `2s` is a time too.
     """
     assert delay.expression is not None
     try:
@@ -37,7 +36,7 @@ def compute_delay(delay: Delay, env: Environment) -> tuple[float | None, str]:
 
 
 def begin_countdown(core: Core, run: RuleRun, transition: CompiledTransition) -> None:
-    """Count from now on; a plain `after` leaves no record of its own."""
+    """Start counting. A plain `after` leaves no record of its own."""
     assert transition.after is not None
     seconds, problem = transition.after.seconds, ""
     if seconds is None:
@@ -53,7 +52,7 @@ def begin_countdown(core: Core, run: RuleRun, transition: CompiledTransition) ->
 
 
 def break_countdown(core: Core, run: RuleRun, transition: CompiledTransition) -> None:
-    """What had to hold does not hold any more."""
+    """Stop counting, because the condition does not hold any more."""
     for timer in [timer for timer, timed in run.timers.items() if timed is transition]:
         del run.timers[timer]
         core.cancel_timer(timer)

@@ -1,5 +1,4 @@
-"""What becomes of an act that has failed: the study goes on, the wizard is asked, or the act is repeated after a pause
-(semantics.md 12.2)."""
+"""What happens after a failed act: the study goes on, the wizard is asked, or it is repeated (semantics.md 12.2)."""
 
 from __future__ import annotations
 
@@ -14,44 +13,42 @@ from rise_engine.kernel.speech import SAY
 REPEATING = "repeats task {}"
 """The reason of a task that is a repetition."""
 FIRST_PAUSE, LONGEST_PAUSE = 2.0, 10.0
-"""Seconds before an act is repeated by itself for the first time; each further pause is twice as long as the last, up
-to the longest."""
+"""Seconds before an act is repeated automatically for the first time, and the longest pause. Each pause is twice as
+long as the one before, up to the longest."""
 
 
 class FailuresState(Struct):
-    """What has to be known across inputs."""
+    """The state that is kept across inputs."""
 
     asked: dict[int, Task] = field(default_factory=dict)
-    """Failed acts whose events are held, by task, the oldest first: until somebody answers, or they are repeated."""
+    """Failed acts whose events are held until somebody answers or they are repeated, by task, oldest first."""
     pauses: dict[int, int | None] = field(default_factory=dict)
-    """Those of them that are repeated by themselves: by task, the timer of the pause; null: it begins when the robot is
-    back."""
+    """Acts in `asked` that are repeated automatically: the pause's timer; null: it begins when the robot is back."""
 
 
 class FailedActs:
-    """Decides what a failure brings about, and takes the answers."""
+    """Decides what happens after a failure, and handles the answers."""
 
     def __init__(self, core: Core) -> None:
         self._core = core
         self.state = FailuresState()
         self.add: Callable[[Task, str], None] = lambda task, reason: None
-        """Schedules a task before all that wait; the reason stands in its record."""
+        """Schedules a task before all waiting ones; the reason is in its record."""
         self.finish: Callable[[Task], None] = lambda task: None
         """Raises the events of an act's end."""
         self.advance: Callable[[], None] = lambda: None
         """Called when others may start, because a pause has ended."""
         self.note_repeated: Callable[[Task, Task], None] = lambda before, now: None
-        """Called when a second task takes the place of a first."""
+        """Called when a second task replaces a first."""
 
     def holds(self, task: Task, reason: str, may_repeat: bool, robot_lost: bool) -> bool:
-        """Whether the events of a failure are not to be raised now, because the act waits for its repetition, or for
-        an answer.
+        """Whether to hold the events of a failure, because the act waits for its repetition or for an answer.
 
         Arguments:
-            task: its task, which was ABORTED for this reason.
-            reason: why.
-            may_repeat: whether it may be repeated without anybody asking for it. An act that the robot or somebody else
-                has ended may not, nor one that an engine was doing that has gone.
+            task: its task, which was ABORTED.
+            reason: why it was.
+            may_repeat: whether it may be repeated automatically. Not if the robot or somebody else ended the act, or if
+                an earlier engine started it.
             robot_lost: whether a repetition has to wait until the robot is back.
         """
         if task.function == SAY:
@@ -72,10 +69,10 @@ class FailedActs:
             self._pause(task, reason)
         return True
 
-    # --- repeating by itself ---
+    # --- automatic repetition ---
 
     def pause_elapsed(self, id: int, robot_lost: str | None) -> None:
-        """The pause of a failed act is over. `robot_lost`: why it has to wait nevertheless, or null."""
+        """Handle the end of a failed act's pause. `robot_lost`: why it still has to wait, or None."""
         task = self.state.asked[id]
         self.state.pauses[id] = None
         if robot_lost is None:
@@ -85,7 +82,7 @@ class FailedActs:
             self.advance()
 
     def robot_back(self) -> None:
-        """What has waited for the robot is repeated after a pause, and counted anew."""
+        """Repeat what has waited for the robot, after a pause and with a new count of attempts."""
         for id in [id for id, timer in self.state.pauses.items() if timer is None]:
             task = self.state.asked[id]
             task.attempt = 1
@@ -93,16 +90,16 @@ class FailedActs:
 
     @property
     def waiting(self) -> list[Task]:
-        """The failed acts that are repeated by themselves."""
+        """The failed acts that are repeated automatically."""
         return [task for id, task in self.state.asked.items() if id in self.state.pauses]
 
     @property
     def pausing(self) -> list[Task]:
-        """Those of them whose pause has begun: they keep others from starting as if they ran."""
+        """The acts in `waiting` whose pause has begun. They keep others from starting as if they ran."""
         return [task for task in self.waiting if self.state.pauses[task.id] is not None]
 
     def stop(self, tasks: list[Task], source: str, reason: str = "") -> None:
-        """These acts are not repeated by themselves, and their events are raised."""
+        """Do not repeat these acts automatically, but raise their events."""
         for task in tasks:
             self._record(self._take(task), "gone-on", source, reason=reason)
             self.finish(task)
@@ -120,17 +117,17 @@ class FailedActs:
     # --- answers ---
 
     def find(self, behavior: str) -> Task | None:
-        """The failed act that an answer is about: its task's id, or its name, of several of one name the oldest."""
+        """The failed act that an answer names: by its task's id, or by its name (the oldest of several)."""
         asked = self.state.asked
         found = asked.get(parse_task_id(behavior))
         return found or next((task for task in asked.values() if task.behavior == behavior), None)
 
     def why_not_answer(self, behavior: str) -> str:
-        """Why nobody can say what is to become of this act, or empty."""
+        """Why nobody can decide about this act; empty if somebody can."""
         return "" if self.find(behavior) is not None else f"no failed act {behavior} waits for an answer"
 
     def repeat(self, behavior: str, source: str) -> None:
-        """Start the act again; its end will be the end that is waited for."""
+        """Start the act again. Its end replaces the end that is waited for."""
         self._repeat(self._take(self._found(behavior)), source)
 
     def go_on(self, behavior: str, source: str) -> None:
@@ -138,8 +135,8 @@ class FailedActs:
         self.stop([self._found(behavior)], source)
 
     def drop(self, source: str, reason: str, started_after: int = 0) -> bool:
-        """Forget the questions about what `source` has started by tasks after this id; nothing is raised. Whether there
-        were any."""
+        """Drop the questions about acts of `source` (empty: all) whose first task is after this id, without raising
+        events. Returns whether there were any."""
         asked = [
             task
             for task in self.state.asked.values()
@@ -155,7 +152,7 @@ class FailedActs:
         return task
 
     def _take(self, task: Task) -> Task:
-        """It no longer waits for anything."""
+        """Remove an act that no longer waits for anything."""
         del self.state.asked[task.id]
         if (timer := self.state.pauses.pop(task.id, None)) is not None:
             self._core.cancel_timer(timer)
@@ -183,5 +180,5 @@ class FailedActs:
 
 
 def first_task(task: Task) -> int:
-    """The id of the task that a task repeats, if need be over others; its own if it repeats none."""
+    """The id of the first task that a task repeats; its own if it repeats none."""
     return task.first or task.id

@@ -1,5 +1,4 @@
-"""What is needed to go a step back: the states that a rule came through, and what the memory was then (semantics.md
-12.4)."""
+"""The data for a step back: the earlier states of a rule, and the memory at that time (semantics.md 12.4)."""
 
 from __future__ import annotations
 
@@ -10,35 +9,35 @@ from typing import Any, TypeAlias
 from msgspec import Struct, field
 
 MAX_STEPS = 50
-"""States that are remembered of a rule, the present one included."""
+"""How many states of a rule are remembered, including the present one."""
 LEAST_CHANGES = 256
-"""So many changes of the memory are kept before any are left out."""
+"""How many changes of the memory are collected before unneeded ones are removed."""
 
 Steps: TypeAlias = list[tuple[str, int]]
-"""The states of a rule, the present one last, each with the number of the record that says that it was entered."""
+"""The states of a rule, the present one last, each with the number of the record of its entry."""
 
 
 class ValueBefore(Struct, frozen=True):
-    """What a key had before it was changed."""
+    """The value of a key before a change."""
 
     existed: bool
     value: Any = None
 
 
 class MemoryLog(Struct):
-    """What keys had before they were changed.
+    """The values of keys before they were changed.
 
-    Of several changes of a key that no step lies between, the first is enough; so its size follows keys and steps, and
-    not how often something is changed. It costs something when the memory is changed, and nothing otherwise.
+    If a key changes several times without a step in between, only the first change is kept. So the size depends on keys
+    and steps, not on the number of changes. Only changes of the memory cost time.
     """
 
     changes: list[tuple[int, str, ValueBefore]] = field(default_factory=list)
-    """The number of the record of each, the key, and what it had."""
+    """The number of each change's record, the key, and its value before."""
     limit: int = LEAST_CHANGES
-    """How many there may be before those are left out that no step needs."""
+    """How many changes there may be before unneeded ones are removed."""
 
     def note(self, number: int, key: str, existed: bool, value: Any) -> None:
-        """A key was changed, as the record with this number says, from this value."""
+        """Note that a key was changed from this value, in the record with this number."""
         self.changes.append((number, key, ValueBefore(existed, value)))
 
     @property
@@ -47,7 +46,7 @@ class MemoryLog(Struct):
         return len(self.changes) > self.limit
 
     def trim(self, steps: Iterable[Iterable[tuple[str, int]]], least: int = LEAST_CHANGES) -> None:
-        """Leave out what no step of any rule needs; from now on there may be `least` changes at any rate."""
+        """Remove the changes that no step of any rule needs. The next trim is due after at least `least`."""
         marks = sorted({number for each in steps for _, number in each})
         needed: dict[tuple[int, str], tuple[int, str, ValueBefore]] = {}
         for change in self.changes:
@@ -57,7 +56,7 @@ class MemoryLog(Struct):
         self.limit = max(least, LEAST_CHANGES, 2 * len(self.changes))
 
     def changed_since(self, number: int, memory: dict[str, Any]) -> dict[str, ValueBefore]:
-        """What keys had at a record that have something else now, the key that was changed first first."""
+        """The values that keys had at a record, if they differ now; keys that changed first come first."""
         before: dict[str, ValueBefore] = {}
         for at, key, value in self.changes:
             if at > number:
@@ -70,5 +69,5 @@ class MemoryLog(Struct):
 
 
 def step_before(steps: Steps) -> tuple[str, int] | None:
-    """The state before the present one, and the record of its entering; null when none is known."""
+    """The state before the present one, and the record of its entry; null if it is unknown."""
     return steps[-2] if len(steps) > 1 else None

@@ -1,4 +1,4 @@
-"""Events that nobody waited for and that are kept for a while (semantics.md 6.6)."""
+"""Events that no rule waited for and that are kept for a while (semantics.md 6.6)."""
 
 from __future__ import annotations
 
@@ -10,36 +10,36 @@ from rise_engine.kernel.core import Cause, Core, EventTopic, Task, TimerTarget
 from rise_engine.kernel.records import EventRecord, KeptRecord, KeptStatus, TaskStatus
 
 OFFER = EventTopic("kept")
-"""Stands in the queue for a kept event that is to be offered to the rules; beside it stands its task's number."""
+"""Represents a kept event in the queue when it is offered to the rules, together with its task's number."""
 
 
 class KeptEvent(Struct):
-    """An event and until when it is kept."""
+    """An event, and how long it is kept."""
 
     task: Task
     topic: str
     """Without its slash."""
     timer: int
-    """When it expires."""
+    """The timer of its end."""
     until: float
-    """Session time at which it does."""
+    """Session time at which it expires."""
     is_offered: bool = True
-    """It stands in the queue, to be offered to the rules."""
+    """It is in the queue, to be offered to the rules."""
     is_recorded: bool = False
-    """It has been kept already, and the record says so."""
+    """A record says that it has been kept."""
 
 
 class KeptEvents(dict[int, KeptEvent]):
-    """The kept events by task, the oldest first. Each ends once: taken, expired or taken back."""
+    """The kept events by task, oldest first. Each ends once: taken, expired or taken back."""
 
     def __init__(self, core: Core) -> None:
         super().__init__()
         self._core = core
 
     def keep(self, task: Task, topic: str, seconds: float) -> None:
-        """Raise an event (without slash) that is kept when no rule waits for it. An older one of its name gives way."""
+        """Raise an event (without slash), and keep it if no rule waits for it. It replaces an older one of its name."""
         core = self._core
-        core.record_task(task)  # first: whoever has asked for it finds the answer in the first record
+        core.record_task(task)  # first, because the submitter finds the answer in the first record
         for other in [kept for kept in self.values() if kept.topic == topic]:
             self.take_back(other, "raised again")
         timer = core.set_timer(seconds, TimerTarget("keep", str(task.id)))
@@ -47,7 +47,7 @@ class KeptEvents(dict[int, KeptEvent]):
         core.events.append((OFFER, str(task.id), core.cause))
 
     def offer(self, topics: Container[EventTopic | None], cause: Cause) -> None:
-        """A rule waits for these topics now: what is kept of them is raised anew, behind what is queued already."""
+        """Raise again the kept events that a rule now waits for, after the events in the queue."""
         core = self._core
         for kept in self.values():
             if not kept.is_offered and core.topics.get(kept.topic) in topics:
@@ -55,7 +55,7 @@ class KeptEvents(dict[int, KeptEvent]):
                 core.events.append((OFFER, str(kept.task.id), cause))
 
     def stay(self, kept: KeptEvent) -> None:
-        """No rule waits for it now."""
+        """Keep an event, because no rule waits for it now."""
         kept.is_offered = False
         if not kept.is_recorded:
             kept.is_recorded = True
@@ -63,17 +63,17 @@ class KeptEvents(dict[int, KeptEvent]):
             core.emit(KeptRecord, kept.task.id, "/" + kept.topic, "kept", round(kept.until - core.t, 6))
 
     def take(self, kept: KeptEvent, rule: str) -> None:
-        """A rule takes it."""
+        """Give an event to a rule."""
         self._finish(kept, "taken", "SUCCEEDED", f"taken by {rule}" if kept.is_recorded else "", rule)
         self._core.emit(EventRecord, "/" + kept.topic, kept.task.source, rule)
 
     def expire(self, kept: KeptEvent, reason: str) -> None:
-        """No rule has waited for it, and none will."""
+        """End an event that no rule has taken."""
         self._finish(kept, "expired", "CANCELED", reason)
         self._core.emit(EventRecord, "/" + kept.topic, kept.task.source, None)
 
     def take_back(self, kept: KeptEvent, reason: str) -> None:
-        """It counts no more."""
+        """Take back an event, so that it no longer counts."""
         self._finish(kept, "taken-back", "CANCELED", reason)
 
     def take_all_back(self, reason: str) -> None:

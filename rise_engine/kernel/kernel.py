@@ -2,8 +2,8 @@
 
     records, commands = kernel.handle(input)
 
-Everything that a session is changes here and nowhere else. Same scenario, same seed, same inputs: the same outputs,
-byte for byte. The first task record that a `Submit` causes is that of its own task.
+The state of a session changes here and nowhere else. The same scenario, seed and inputs give the same outputs, byte for
+byte. The first task record of a `Submit` is that of its own task.
 """
 
 from __future__ import annotations
@@ -58,7 +58,7 @@ from rise_engine.scenario.model import Scenario
 class Kernel:
     """A session's state and its only way to change. Pure: it knows no clock, disk, robot, thread or screen.
 
-    What a session looks like from outside is a `rise_engine.kernel.view.SessionView`, which is made of the records:
+    From outside, a session is a `rise_engine.kernel.view.SessionView`, which is made of the records:
 
         >>> from rise_engine.kernel.inputs import SessionStarted, Submit
         >>> from rise_engine.kernel.view import SessionView
@@ -75,15 +75,14 @@ class Kernel:
     """
 
     act_runner: ClassVar[type[ActRunner]] = ActRunner
-    """What runs acts. Exploring, for which an act is one thing, has its own (`author.explore.whole_acts`)."""
+    """The class that runs acts. Exploring replaces it by one for whole acts (`author.explore.whole_acts`)."""
 
     def __init__(self, scenario: Scenario, seed: int) -> None:
-        """A session that has not begun; it raises nothing.
+        """A session that has not begun; raises nothing.
 
         Arguments:
-            scenario: checked, as `rise_engine.scenario.loader.load` gives it.
-            seed: any whole number. Everything that the session does by chance comes from it: the same seed and the
-                same inputs give the same records.
+            scenario: checked, as returned by `rise_engine.scenario.loader.load`.
+            seed: any whole number. All randomness comes from it: the same seed and inputs give the same records.
         """
         self.scenario = scenario
         self.seed = seed
@@ -92,7 +91,7 @@ class Kernel:
         self.offered: Scenario | None = None
         """The changed scenario that a `ScenarioChanged` with its hash takes over."""
         self.begun = SessionStarted()
-        """The first input, once it has come: who takes part, and in what."""
+        """The first input, once it has arrived: participant, condition and so on."""
         self._make_parts(scenario, seed)
 
     def _make_parts(self, scenario: Scenario, seed: int) -> None:
@@ -107,35 +106,33 @@ class Kernel:
 
     @property
     def is_busy(self) -> bool:
-        """True while an act runs, waits or is about to be repeated, or a stop is not yet confirmed. Rules that wait do
-        not count."""
+        """True while an act runs, waits or is about to be repeated, or a stop is unconfirmed. Rules do not count."""
         acts = self.scheduler.runner.runs or self.scheduler.waiting or self.failures.pausing
         return bool(acts) or self.stop.status == "requested"
 
     @property
     def holding_goals(self) -> tuple[OpenGoal, ...]:
-        """What the robot may still be doing of actions that have ended, and can be asked to stop."""
+        """The ended actions that the robot may still be executing, and that it can be asked to stop."""
         return tuple(goal for goal in self.core.open_goals if goal.holds)
 
     def unfinished_goals(self) -> list[StartAction]:
-        """What the robot may be doing now: of actions that run, and of those that have ended. For an engine that goes
-        on where another one has gone."""
+        """Everything that the robot may be doing now, for running and for ended actions. It is for an engine that
+        continues after another one has gone."""
         running = self.scheduler.runner.running_goals()
         ended = [StartAction(goal.action, goal.type, {}, 0.0, accepted=goal.accepted) for goal in self.core.open_goals]
         return running + ended
 
     def handle(self, input: AnyInput) -> tuple[list[AnyRecord], list[Command]]:
-        """Take one input, run everything that it sets off to completion (SCXML's macrostep), and say what came of it.
+        """Handle one input and everything that it causes, to completion (SCXML's macrostep).
 
         Arguments:
-            input: one of `rise_engine.kernel.inputs`, with `t` in seconds of session time; one that lies before the
-                kernel's own time counts as now. The first input of a session is a `SessionStarted`.
+            input: one of `rise_engine.kernel.inputs`, with `t` in seconds of session time. An input before the kernel's
+                own time counts as now. The first input of a session is a `SessionStarted`.
 
-        Returns the records, numbered without gaps in the order in which things happened (`wall` is empty: the kernel
-        knows no clock), and the commands (`rise_engine.kernel.commands`), to be carried out in their order, after the
-        records. The first `TaskRecord` of a `Submit` is that of its own task; a task that cannot be done is REJECTED
-        there, with the reason, so nothing is raised for what people ask. An exception is a mistake in this program, and
-        the kernel is of no use after it.
+        Returns the records, numbered without gaps in the order of events (`wall` is empty, because the kernel knows no
+        clock), and the commands (`rise_engine.kernel.commands`), to be executed in order after the records. The first
+        `TaskRecord` of a `Submit` is that of its own task. An impossible task is REJECTED there with the reason, so
+        requests raise nothing. An exception is a mistake in this program; do not use the kernel after it.
 
             >>> from rise_engine.kernel import Kernel
             >>> from rise_engine.kernel.inputs import SessionStarted, Submit
@@ -151,7 +148,7 @@ class Kernel:
         if input.t > core.t:
             core.t = input.t
             core.macrostep += 1
-        elif type(input) is TimerElapsed:  # timers of one moment share one: a loop of empty waits is a runaway too
+        elif type(input) is TimerElapsed:  # timers of one moment share one, to detect loops of empty waits
             core.continued_macrostep = core.macrostep
         else:
             core.macrostep += 1
@@ -160,7 +157,7 @@ class Kernel:
         commands = core.commands = []
         if type(input) is Submit:
             pressed = input.pressed
-            core.key_at = None if pressed is None else round(min(pressed, core.t), 6)  # two clocks never agree quite
+            core.key_at = None if pressed is None else round(min(pressed, core.t), 6)  # two clocks never agree exactly
             core.origin = core.next_task
             handlers = self._handlers
             (handlers.by_name.get(input.function) or handlers.reject_unknown)(input)
@@ -179,10 +176,10 @@ class Kernel:
     # --- snapshot ---
 
     def snapshot(self) -> Snapshot:
-        """Everything that the kernel needs to go on, as a value that can be sent and shares nothing with the kernel.
+        """The kernel's whole state as a value that can be sent and shares nothing with the kernel.
 
-        Only between inputs; it raises nothing. A kernel that is restored from it gives, for the same inputs, the same
-        records and commands as this one from here on.
+        Only between inputs; raises nothing. A kernel that is restored from it returns the same records and commands for
+        the same inputs as this one.
 
             >>> from rise_engine.kernel.inputs import SessionStarted, Submit
             >>> from rise_engine.scenario.loader import load
@@ -225,11 +222,11 @@ class Kernel:
 
     @classmethod
     def restore(cls, scenario: Scenario, snapshot: Snapshot) -> Kernel:
-        """A kernel that goes on exactly where the snapshot was taken.
+        """Return a kernel that continues exactly where the snapshot was taken.
 
         Arguments:
-            scenario: the one that the snapshot was taken with, read from the same files.
-            snapshot: as `snapshot` gave it; it is copied.
+            scenario: the scenario of the snapshot, read from the same files.
+            snapshot: a value of `snapshot`; it is copied.
 
         Raises RiseError for another scenario.
         """
@@ -238,7 +235,7 @@ class Kernel:
         kernel = cls(scenario, snapshot.seed)
         try:
             kernel._restore(snapshot.copy())
-        except LookupError as error:  # a scenario without files has no hash to tell it apart
+        except LookupError as error:  # a scenario without files has no hash that identifies it
             raise RiseError(f"the snapshot was taken of another scenario: it has no {error}") from error
         return kernel
 
@@ -268,11 +265,11 @@ class Kernel:
     # --- a changed scenario ---
 
     def why_not_take_over(self, scenario: Scenario) -> list[str]:
-        """Why the session cannot go on with this scenario now: sentences, none if it can. Only between inputs."""
+        """Why the session cannot continue with this scenario now: sentences; empty if it can. Only between inputs."""
         return why_not_take_over(self.scenario, scenario, self.snapshot(), is_busy=self.is_busy)
 
     def _take_over(self, input: ScenarioChanged) -> None:
-        """Go on with the scenario that was offered: memory, chance, numbers and rules stay as they are."""
+        """Continue with the offered scenario. Memory, randomness, numbers and rules stay as they are."""
         after, before, core = self.offered, self.scenario, self.core
         if after is None or after.hash != input.hash or before.hash != input.was:
             raise RiseError(f"the scenario {input.hash[:12]} is not the one that was offered")
@@ -346,14 +343,14 @@ class Kernel:
             runner.timer_elapsed(target)
 
     def _start_due_filler(self) -> None:
-        """The scenario wants a filler when nothing has answered the cue for so long; not over anything that runs."""
+        """Start a filler that is due, because nothing has answered the cue, unless something else is running."""
         self.wizard_marks.state.filler_timer = None
         name = self.wizard_marks.next_filler()
         if name is not None and not self.is_busy and not self.stop.latched:
             self._handlers.start_filler(name, "engine")
 
     def _begin_session(self, input: SessionStarted) -> None:
-        """The memory is as the condition has it before anything else can happen."""
+        """Set the memory of the condition before anything else can happen."""
         self.begun = input
         self._record_session("started", input.versions)
         memory = self.rules.memory
@@ -367,14 +364,14 @@ class Kernel:
         self._handlers.session_keys.begin(input.participant, input.condition, input.factors)
 
     def _resume_session(self, input: SessionRecovered) -> None:
-        """Rules and timers go on, the latch holds; nothing that the robot was doing is done again by itself."""
+        """Continue rules and timers, and keep the latch. Nothing that the robot was doing is repeated automatically."""
         self._record_session("recovered", input.versions, input.reason, input.downtime)
         runner = self.scheduler.runner
         runner.restarted = True
         runner.lose_running("the engine was restarted while it ran")
         runner.restarted = False
         self.wizard_marks.cancel_filler()
-        if self.stop.status == "requested":  # its answer went to the engine that has gone
+        if self.stop.status == "requested":  # the earlier engine got the answer
             self.stop.ask_robot()
 
     def _record_session(

@@ -1,4 +1,4 @@
-"""The working memory: JSON values by key, every change recorded (semantics.md 7)."""
+"""The working memory: JSON values by key, with a record of every change (semantics.md 7)."""
 
 from __future__ import annotations
 
@@ -13,21 +13,21 @@ from rise_engine.scenario.model import SESSION
 
 
 class WorkingMemory:
-    """Writes to the memory. Reading is `core.env`, which conditions are evaluated against."""
+    """Writes to the memory. Conditions read it through `core.env`."""
 
     def __init__(self, core: Core, on_change: Callable[[str], None]) -> None:
         self._core = core
         self._on_change = on_change
-        """Called with each key that was written: rules may be watching it."""
+        """Called with each key that was written, because rules may watch it."""
         self._known_keys = core.scenario.known_keys
 
     def load_start_values(self) -> None:
-        """Take in the scenario's start values, recorded with the source `file`."""
+        """Write the scenario's start values, with `file` as their source in the record."""
         for key, value in self._core.scenario.memory.items():
             self.write(key, value, "file")
 
     def why_not_write(self, key: str) -> str:
-        """Why nobody may set or delete a key, or empty."""
+        """Why nobody may set or delete a key; empty if somebody may."""
         head = key.partition(".")[0]
         if self._core.scenario.reads_session and head == SESSION:
             return f"`{SESSION}` says how the session stands; it is the engine's, and cannot be set"
@@ -40,13 +40,13 @@ class WorkingMemory:
         )
 
     def compute(self, assignments: tuple[Assignment, ...]) -> list[tuple[str, Any]]:
-        """What assignments would write, key by key. Raises EvaluationError and writes nothing: it is all or nothing."""
+        """Return what assignments would write, by key. Raises EvaluationError; nothing is written in either case."""
         core = self._core
         for assignment in assignments:
             if problem := self.why_not_write(assignment.key):
                 raise EvaluationError(problem, assignment.text)
         so_far = ChainMap[str, Any]({}, core.memory)
-        """The memory with what the assignments before would write."""
+        """The memory with the values of the assignments before."""
         written = []
         try:
             for assignment in assignments:
@@ -54,7 +54,7 @@ class WorkingMemory:
                 key, value = assignment.entry(core.env, self._known_keys, so_far, limited=limited)
                 so_far[key] = value
                 written.append((key, value))
-        finally:  # also of one that fails: else whatever is looked at next would be said to read those keys
+        finally:  # also after a failure, or a later evaluation would be recorded as reading those keys
             self._note_missing_keys(assignments)
         return written
 
@@ -67,14 +67,14 @@ class WorkingMemory:
             self.write(key, value, source)
 
     def write(self, key: str, value: Any, source: str, *, part: str = "") -> None:
-        """Set a key. `part`: which part of its value is another one than before, if no other is."""
+        """Set a key. `part`: the only part of its value that differs, if there is just one."""
         core = self._core
         memory = core.memory
         created = key not in memory
         old = memory.get(key)
         memory[key] = value
         core.emit(MemoryRecord, key, value, old, source, created=created)
-        if source != ENGINE:  # what it keeps under `session` is not taken back
+        if source != ENGINE:  # a step back does not restore the engine's values under `session`
             core.memory_log.note(core.records[-1].seq, key, not created, old)
         self._on_change(part or key)
 

@@ -1,4 +1,4 @@
-"""Which acts the rules have started themselves: their ends are waited for with `ended` (semantics.md 5.4)."""
+"""The acts that rules have started themselves, whose ends they can wait for with `ended` (semantics.md 5.4)."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from rise_engine.scenario.model import ActOutcome
 
 
 class OwnActs:
-    """Follows the acts that running rules have asked for; which they are stands in each `RuleRun`."""
+    """Tracks the acts that running rules have started. Each `RuleRun` has its own."""
 
     def __init__(self, core: Core, stack: RuleStack, compiled: Mapping[str, CompiledRule]) -> None:
         self._core = core
@@ -21,13 +21,13 @@ class OwnActs:
         self._compiled = compiled
 
     def note_started(self, task: Task) -> None:
-        """An act is about to be scheduled: if a rule asked for it, its end may be waited for."""
+        """Note that an act is about to be scheduled. If a rule asked for it, the rule may wait for its end."""
         run = self._starter_of(task)
         if run is not None and task.behavior in self._compiled[run.name].acts_of_own_ends:
             run.own_acts[task.behavior] = task.id
 
     def note_ended(self, task: Task, outcome: ActOutcome) -> None:
-        """Let the rule that started an act last under this name take its end, before anybody else."""
+        """Offer the end of the latest act of this name to the rule that started it, before all other rules."""
         run = self._starter_of(task)
         if run is not None and run.own_acts.get(task.behavior) == task.id:
             del run.own_acts[task.behavior]
@@ -35,13 +35,13 @@ class OwnActs:
                 self._core.events.append((topic, ENGINE, self._core.cause))
 
     def note_repeated(self, before: Task, now: Task) -> None:
-        """A failed act is repeated: for the rule that waits for its end it still is the one that was started last."""
+        """Note that a failed act is repeated. It stays the latest act of its name for the rule that waits for it."""
         run = self._starter_of(before)
         if run is not None and run.own_acts.get(before.behavior) == before.id:
             run.own_acts[now.behavior] = now.id
 
     def find_rule(self, task: Task) -> RuleRun | None:
-        """The running rule that has started an act, or what the act repeats; null when that rule has ended."""
+        """The running rule that started an act, or the first act that it repeats; None if that rule has ended."""
         run = self._starter_of(task)
         return run if run is not None and run.task.id < first_task(task) else None
 

@@ -1,6 +1,6 @@
-"""A record in words, once: transcripts, trials, explored paths, the console's notices and the log of ROS all say these.
+"""Records in words, for transcripts, trials, explored paths, the console's notices and the log of ROS.
 
-What is theirs is where a word stands, how wide a column is, and what they leave out.
+Each of these only decides on the layout, the width of columns, and what to leave out.
 """
 
 from __future__ import annotations
@@ -75,24 +75,24 @@ _TASK_STATES = {
 }
 _MARKS = {"none": "no mistake after all"}
 _OUTCOMES = ("succeeded", "failed", "stopped")
-"""How an act ends that a rule waits for, as the trigger of a `RuleRecord` names it."""
+"""The outcomes of an act that a rule waits for, as in the trigger of a `RuleRecord`."""
 
 
 class RecordWords(NamedTuple):
-    """What a record says."""
+    """The words of a record."""
 
     kind: str
     """What it is about: `rule`, `act`, `robot`."""
     subject: str
-    """Which one, or how it stands now."""
+    """Which one, or its present state."""
     text: str
-    """What is said of it."""
+    """The statement about it."""
     link: str = " "
-    """What stands between these two in a sentence."""
+    """The text between subject and statement in a sentence."""
 
     @property
     def sentence(self) -> str:
-        """Without its kind, and without a full stop."""
+        """Without its kind and without a full stop."""
         return f"{self.subject}{self.link}{self.text}" if self.subject and self.text else self.subject or self.text
 
     @property
@@ -102,12 +102,12 @@ class RecordWords(NamedTuple):
 
 
 def words_of(record: AnyRecord, *, took: float | None = None, sources: bool = False) -> RecordWords:
-    """A record in words.
+    """Put a record into words.
 
     Arguments:
         record: any.
-        took: seconds that the task or action took which ends with it; None: this is not told.
-        sources: whether it is told who asked for it, who said it, and who takes part.
+        took: seconds that the task or action took that ends with it; None leaves this out.
+        sources: whether to name who asked for it, who reported it, and who takes part.
 
     >>> words_of(KeptRecord(1, 0.5, "", 7, "/yes", "kept", 2.0)).sentence
     '/yes is kept for 2 s: no rule waits for it yet'
@@ -163,7 +163,7 @@ def words_of(record: AnyRecord, *, took: float | None = None, sources: bool = Fa
         case ScenarioRecord():
             return RecordWords("files", "the session goes on with changed files", ", ".join(record.changes), ": ")
         case TimingRecord():
-            return RecordWords("timing", record.act, "")  # its times are those of other records
+            return RecordWords("timing", record.act, "")  # other records have the same times
         case CheckRecord() | OutcomeRecord() | RecordingRecord() | SyncRecord():
             return _report_words(record, sources)
 
@@ -184,7 +184,7 @@ def _task_text(record: TaskRecord, took: float | None, sources: bool) -> str:
 
 
 def parameters_text(parameters: dict[str, Any]) -> str:
-    """An action's parameters in short: a text or name by itself, a point as coordinates, the rest by name."""
+    """An action's parameters in short: a text or name by itself, a point as coordinates, the others by name."""
     rest = dict(parameters)
     parts = []
     if "message" in rest:
@@ -221,7 +221,7 @@ def _rule_words(record: RuleRecord) -> RecordWords:
 
 
 def trigger_text(trigger: str | None) -> str:
-    """What led a rule into a state, as it ends a sentence.
+    """What led a rule into a state, as the end of a sentence.
 
     >>> trigger_text("/tea"), trigger_text("ended Greet failed"), trigger_text("while calm after 2s")
     (' on /tea', ' when Greet failed', ' after 2s of calm')

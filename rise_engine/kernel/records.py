@@ -1,7 +1,7 @@
-"""The record: one vocabulary for the journal, `run --json`, the socket and ROS (semantics.md 11).
+"""The records: one vocabulary for the journal, `run --json`, the socket and ROS (semantics.md 11).
 
-A record says what changed. The stream of records alone rebuilds every view (see `rise_engine.kernel.view`). The kernel
-numbers them and gives them session time; `wall` is put on by the engine, because the kernel knows no clock.
+A record says what changed, and the stream of records alone rebuilds every view (see `rise_engine.kernel.view`). The
+kernel sets their numbers and session time. The engine adds `wall`, because the kernel knows no clock.
 """
 
 from __future__ import annotations
@@ -16,17 +16,17 @@ ActionStatus: TypeAlias = Literal[
     "started", "accepted", "succeeded", "failed", "canceled", "timed-out", "lost", "skipped"
 ]
 Mark: TypeAlias = Literal["wrong", "late", "early", "double", "none"]
-"""What was wrong about something that a wizard did; `none`: nothing after all."""
+"""What was wrong with something that a wizard did; `none`: nothing after all."""
 FailureStatus: TypeAlias = Literal["asked", "waiting", "repeated", "gone-on", "dropped"]
 CheckResult: TypeAlias = Literal["passed", "failed", "skipped"]
 OutcomeStatus: TypeAlias = Literal["complete", "aborted", "excluded"]
 """complete: the run counts. aborted: it was broken off, and the participant may run it again. excluded: the participant
-does not count, and their slot is given to the next of the same stratum."""
+does not count, and their slot goes to the next participant of the same stratum."""
 Purpose: TypeAlias = Literal["counted", "pilot", "training", "debug"]
-"""Why a session of a study is run. Only `counted` takes a slot and counts; `debug` is every session in debug mode."""
+"""The purpose of a study's session. Only `counted` takes a slot and counts. Every session in debug mode is `debug`."""
 RecordingStatus: TypeAlias = Literal["started", "running", "stalled", "stopped", "failed"]
 ENGINE = "engine"
-"""The `source` of what the engine does by itself."""
+"""The `source` of everything that the engine does by itself."""
 ENDINGS: frozenset[str] = frozenset({"succeeded", "failed", "canceled", "timed-out", "lost", "skipped"})
 """Every action has exactly one record with one of these."""
 FINAL: frozenset[str] = frozenset({"SUCCEEDED", "ABORTED", "CANCELED", "REJECTED"})
@@ -34,56 +34,56 @@ FINAL: frozenset[str] = frozenset({"SUCCEEDED", "ABORTED", "CANCELED", "REJECTED
 
 
 class Record(Struct, tag_field="kind", gc=False):
-    """What every record has."""
+    """The fields of every record."""
 
     seq: int
     """1, 2, 3, ... without gaps within a session."""
     t: float
     """Seconds on the session's monotonic clock."""
     wall: str
-    """ISO 8601 with offset: a label, never used for reckoning."""
+    """ISO 8601 with offset, for display only. Do not compute with it."""
 
 
 class OpenGoal(Struct, frozen=True, gc=False):
     """Something that the robot may still be doing, although its action has ended for the session."""
 
     part: str
-    """Of the robot, for a person: `pepper/speech`."""
+    """The part of the robot, for people: `pepper/speech`."""
     action: str
     """The goal id of the action: `<task>/<actionID>`."""
     type: str
     """What the robot does: `Speech`."""
     reason: str
-    """Why it is open, for a person: `it refused to stop`."""
+    """Why it is open, for people: `it refused to stop`."""
     holds: bool = True
-    """The part gets nothing else until this has ended or somebody releases it. False: the part takes no stop."""
+    """The part gets nothing else until this has ended or somebody releases it. False: the part cannot be stopped."""
     accepted: bool = True
-    """The robot has taken it; false: it has not answered, and may still begin."""
+    """The robot has accepted it; false: it has not answered, and may still begin."""
 
 
 def describe_open_goals(goals: Iterable[OpenGoal]) -> str:
-    """One text for a person about what the robot may still be doing; empty when it is doing nothing."""
+    """A text for people about what the robot may still be doing; empty if it is doing nothing."""
     return "; ".join(f"{goal.part} may still be doing {goal.type} ({goal.reason})" for goal in goals)
 
 
 class SessionIdentity(Struct, frozen=True, kw_only=True):
-    """Whose session it is, and which of its study. Its first input, its first record and session.toml say it, too."""
+    """A session's participant and place in its study, as in its first input, its first record and session.toml."""
 
     participant: str = ""
-    """Who takes part, as the wizard named them; empty: nobody was named."""
+    """The participant, as the wizard named them; empty: nobody was named."""
     condition: str = ""
     factors: dict[str, Any] = {}
-    """What the condition is made of: the level of each factor."""
+    """The level of each factor, which together make the condition."""
     study: str = ""
-    """The study's id; empty: the session is of no study, and what follows is empty."""
+    """The study's id; empty: the session belongs to no study, and the fields below are empty."""
     study_hash: str = ""
     """SHA-256 of its study.toml."""
     slot: int | None = None
     """The row of its plan; null: the session takes none."""
     run: int = 0
-    """Which of the participant's runs it is, from 1 on."""
+    """The number of this run among the participant's runs, from 1."""
     attempt: int = 0
-    """The number of this session among those of the same run, from 1 on."""
+    """The number of this session among the sessions of the same run, from 1."""
     purpose: Purpose | Literal[""] = ""
 
 
@@ -91,7 +91,7 @@ IDENTITY = SessionIdentity.__struct_fields__
 
 
 def identity_of(session: Any) -> dict[str, Any]:
-    """The fields of `SessionIdentity`, by their names, of anything that has them."""
+    """The fields of `SessionIdentity`, by name, from any object that has them."""
     return {name: getattr(session, name) for name in IDENTITY}
 
 
@@ -113,18 +113,17 @@ class SessionRecord(Record, tag="session", kw_only=True):
     attempt: int = 0
     purpose: Purpose | Literal[""] = ""
     factors: dict[str, Any] = field(default_factory=dict)
-    """These nine are as in `SessionIdentity`."""
+    """The nine fields from `participant` on are as in `SessionIdentity`."""
     language: str = ""
-    """The language in which everything is said, by BCP 47; empty: the scenario does not say."""
+    """The language in which the robot speaks, as a BCP 47 tag; empty: the scenario does not name it."""
     downtime: float | None = None
-    """recovered: seconds without an engine, by the wall clock, from the last sign of life of the one before; null: not
-    known."""
+    """recovered: seconds by the wall clock since the last sign of life of the earlier engine; null: unknown."""
     open: tuple[OpenGoal, ...] = ()
     """ended: what the robot may still be doing."""
     driver: str = ""
-    """What reached the robot: `simulated` moves none, whatever the mode. Empty: not known."""
+    """The driver of the robot: `simulated` moves none, whatever the mode. Empty: unknown."""
     injected_faults: tuple[str, ...] = ()
-    """What the simulated robot was told to do wrong, as its driver documents it."""
+    """The faults that the simulated robot was told to make, as its driver documents them."""
 
 
 class TaskRecord(Record, tag="task"):
@@ -138,39 +137,39 @@ class TaskRecord(Record, tag="task"):
     position: int | None = None
     """For a PENDING task: its position among the waiting ones, 0 first."""
     ref: str | None = None
-    """What the submitter called it (a ROS goal id, a console's own number)."""
+    """The submitter's name for it (a ROS goal id, a console's own number)."""
     cause: int | None = None
-    """What a rule asks for: the task that led to it (semantics.md 4.5); null: a timer or the robot's link did."""
+    """For a task of a rule: the task that led to it (semantics.md 4.5); null: a timer or the robot's link did."""
     via: tuple[str, ...] = ()
-    """The rules that the way from there led through before the one in `source`."""
+    """The rules that led from that task to the rule in `source`, without the latter."""
 
 
 class ActionRecord(Record, tag="action"):
     task: int
     act: str
     action: str
-    """Its actionID within the act."""
+    """Its actionID in the act."""
     type: str
     parameters: dict[str, Any]
     status: ActionStatus
     reason: str = ""
     sent_as: str | None = None
-    """The action that the robot does instead, when it substitutes one."""
+    """The action that the robot performs instead, if it substitutes one."""
 
 
 class RuleRecord(Record, tag="rule"):
     name: str
     status: Literal["started", "entered", "stayed", "ended", "stopped", "faulted"]
-    """stayed: took a transition without target, which does not leave the state."""
+    """stayed: it took a transition without target, which does not leave the state."""
     state: str | None
     previous: str | None = None
     trigger: str | None = None
-    """What led here: an event topic, `after 2s`, a condition, `start`, `resumed` after a stop, or `stepped back`;
-    the last three perhaps with `, without onEntry`."""
+    """What led here: an event topic, `after 2s`, a condition, `start`, `resumed` after a stop, or `stepped back`. The
+    last three may end with `, without onEntry`."""
     transition: int | None = None
-    """Index of the transition taken, among those of `previous` in document order."""
+    """The index of the transition among those of `previous`, in document order."""
     priority: float = 0
-    """On the stack, at this moment (taking a transition raises it)."""
+    """Its present priority on the stack (taking a transition raises it)."""
     reason: str = ""
 
 
@@ -185,11 +184,11 @@ class ConditionRecord(Record, tag="condition"):
     state: str
     expression: str
     values: dict[str, Any]
-    """The keys that it read, with their values; a key that does not exist is null and listed in `missing`."""
+    """The keys that it read, with their values. A missing key is null and is listed in `missing`."""
     result: bool
     error: str = ""
     missing: tuple[str, ...] = ()
-    """Keys that do not exist, the first time that this is noticed."""
+    """Missing keys, the first time that each is noticed."""
 
 
 class MemoryRecord(Record, tag="memory"):
@@ -215,20 +214,20 @@ class StopRecord(Record, tag="stop"):
     source: str = ""
     unstoppable: tuple[str, ...] = ()
     held_by: tuple[str, ...] = ()
-    """The emergency stops that are pressed: it is not released before they are let go."""
+    """The emergency stops that are pressed. The stop cannot be released before they are let go."""
 
 
 def stopper_words(source: str) -> str:
-    """Who stopped everything, for a person: an emergency stop by where it is, anybody else by the source."""
+    """Who stopped everything, for people: an emergency stop by its place, anybody else by the source."""
     name = source.removeprefix("estop:")
     return source if name == source else f"the emergency stop at {name}"
 
 
 class ControlRecord(Record, tag="control"):
-    """Who of several consoles may act."""
+    """Control among several consoles."""
 
     status: Literal["taken", "asked", "given", "released"]
-    """asked: somebody without control would like to have it; nothing has changed."""
+    """asked: somebody without control asks for it; nothing has changed."""
     by: str
     """Who did it."""
     holder: str | None
@@ -241,15 +240,15 @@ class NoteRecord(Record, tag="note"):
 
 
 class CueRecord(Record, tag="cue"):
-    """The participant's turn has ended; from here the time until the robot answers is counted."""
+    """The participant's turn has ended. The time until the robot answers counts from here."""
 
     status: Literal["marked", "filled", "answered", "undone"]
-    """filled: a filler has started; answered: the first other act has, and the cue is over; undone: it was taken
-    back."""
+    """filled: a filler has started; answered: the first other act has started, and the cue is over; undone: the cue was
+    taken back."""
     source: str
     """Who marked it or took it back; for the other two: who asked for the act."""
     text: str = ""
-    """What the one who marked it says about it."""
+    """The remark of the person who marked it."""
     task: int | None = None
     """The act that started."""
     since: float | None = None
@@ -257,48 +256,47 @@ class CueRecord(Record, tag="cue"):
 
 
 class MistakeRecord(Record, tag="mistake"):
-    """A wizard says that something was a mistake. The last one about a task counts; `none` takes it back."""
+    """A wizard marks something as a mistake. The last mark of a task counts; `none` takes it back."""
 
     task: int
     act: str
-    """The act that the task started, `say` for free speech; empty when the task did something else."""
+    """The act that the task started, `say` for free speech; empty if the task did something else."""
     mark: Mark
     source: str
 
 
 class FailureRecord(Record, tag="failure"):
-    """What becomes of an act that failed, where the scenario says that it does not simply go on (`on_failure`)."""
+    """What happens after an act has failed, unless the scenario simply goes on (`on_failure`)."""
 
     task: int
     act: str
     status: FailureStatus
-    """asked: the events of its end are held until somebody answers; waiting: they are held, too, and it is repeated
-    after a pause unless somebody answers before; gone-on: they are raised; repeated: another task takes its place;
-    dropped: a stop has made the question void, and they are not raised."""
+    """asked: the events of its end are held until somebody answers. waiting: they are held, and the act is repeated
+    after a pause unless somebody answers before. gone-on: they are raised. repeated: another task replaces it. dropped:
+    a stop ended the question, and they are not raised."""
     source: str
-    """Who decided it: `engine`, when nobody had to."""
+    """Who decided it; `engine` if nobody had to."""
     by: int | None = None
-    """repeated: the task that takes its place."""
+    """repeated: the task that replaces it."""
     reason: str = ""
-    """asked, waiting: why the act failed; gone-on: how often, when it was repeated in vain; dropped: what made it
-    void."""
+    """asked, waiting: why the act failed. gone-on: how often, if it was repeated. dropped: what ended the question."""
     seconds: float | None = None
     """waiting: how long the pause is; null: it begins when the robot is back."""
 
 
 class TimingRecord(Record, tag="timing"):
-    """When everything about one act happened, in session seconds; null: it did not happen. Follows the act's end."""
+    """The times of one act in session seconds; null: it did not happen. Follows the act's end."""
 
     task: int
     act: str
     """`say` for free speech."""
     status: TaskStatus
     cue_at: float | None
-    """The participant's cue that it answers: the last one that no other act but fillers had answered."""
+    """The participant's cue that it answers: the last one that only fillers had answered before."""
     key_at: float | None
-    """A key was pressed that led to it, on the console's clock."""
+    """The key that led to it was pressed, by the console's clock."""
     accepted_at: float
-    """The engine took the task."""
+    """The engine accepted the task."""
     started_at: float | None
     robot_at: float | None
     """The robot confirmed its first action."""
@@ -306,21 +304,21 @@ class TimingRecord(Record, tag="timing"):
     source: str = ""
     """Who asked for it."""
     filler: bool = False
-    """It bridged the time of a cue: a `CueRecord` says `filled` of this task."""
+    """It was a filler after a cue: the `CueRecord` of this task has the status `filled`."""
     voice_at: float | None = None
-    """The robot first confirmed an action of it that takes the voice. The first sound comes later."""
+    """The robot first confirmed one of its actions that uses the voice. The first sound comes later."""
 
 
 class CountdownRecord(Record, tag="countdown"):
-    """A rule has begun to count for a transition whose time only this moment gives, or has broken off. (What a plain
-    `after` counts, the rule's entry into the state tells.) That it came to its end is a `RuleRecord`."""
+    """A rule has started or stopped counting a time that its state alone does not tell. (For a plain `after`, the entry
+    into the state is enough.) The end of the time is a `RuleRecord`."""
 
     rule: str
     state: str
     transition: int
     """Its index in the state, in document order."""
     status: Literal["began", "broken", "failed"]
-    """broken: what must hold does not hold any more. failed: its time could not be computed; it is never taken here."""
+    """broken: the condition does not hold any more. failed: the time could not be computed; it is never taken here."""
     seconds: float | None = None
     """How long it counts."""
     reason: str = ""
@@ -330,7 +328,7 @@ KeptStatus: TypeAlias = Literal["kept", "taken", "expired", "taken-back"]
 
 
 class KeptRecord(Record, tag="kept"):
-    """An event that no rule waited for is kept; and then what became of it, once."""
+    """An event that no rule waited for is kept. One further record says how it ended."""
 
     task: int
     """The task that raised it."""
@@ -338,18 +336,18 @@ class KeptRecord(Record, tag="kept"):
     """With its slash."""
     status: KeptStatus
     seconds: float | None = None
-    """How much longer it will be kept; only of `kept`."""
+    """How much longer it is kept; only for `kept`."""
     rule: str | None = None
-    """Which rule has taken it."""
+    """The rule that has taken it."""
 
 
 class CheckRecord(Record, tag="check"):
-    """Something was looked at before or after the session, or not, with the reason. The last one of an id counts."""
+    """The result of a check before or after the session, or why it was skipped. The last one of an id counts."""
 
     id: str
     """As study.toml names it."""
     text: str
-    """What was looked at: the sentence that somebody confirmed, or what the program says that it does."""
+    """What was checked: the sentence that somebody confirmed, or the program's description."""
     result: CheckResult
     value: str
     """What was found: `34.1 GB free`."""
@@ -359,7 +357,7 @@ class CheckRecord(Record, tag="check"):
 
 
 class OutcomeRecord(Record, tag="outcome"):
-    """How the session is to count. The last one counts."""
+    """How the session counts. The last record is valid."""
 
     status: OutcomeStatus
     reason: str
@@ -367,42 +365,42 @@ class OutcomeRecord(Record, tag="outcome"):
 
 
 class RecordingRecord(Record, tag="recording"):
-    """How something stands that records the session: a camera, a microphone, a bag."""
+    """The state of a recording of the session: a camera, a microphone, a bag."""
 
     name: str
     status: RecordingStatus
-    """stalled: it says that it records, and its file does not grow."""
+    """stalled: the recorder reports that it records, but its file does not grow."""
     path: str
-    """Of its file, as whoever records it knows it; empty: not known."""
+    """The path of its file, as the recorder knows it; empty: unknown."""
     bytes: int | None
-    """How large it is; null: not known."""
+    """The size of its file; null: unknown."""
     reason: str
     source: str
 
 
 class SyncRecord(Record, tag="sync"):
-    """A mark that recordings show at this moment: a sound, a flash."""
+    """A mark that recordings contain at this moment: a sound, a flash."""
 
     number: int
     medium: str
-    """By what it is seen or heard: `sound`, `flash`."""
+    """How it can be perceived: `sound`, `flash`."""
     text: str
     source: str
     at: float | None = None
-    """Session time in seconds at which it began; null: at `t`, as far as anybody knows."""
+    """Session time in seconds at which it began; null: at `t`, as far as is known."""
     within: float | None = None
-    """Seconds by which `at` is wrong at most; null: not known."""
+    """The largest error of `at` in seconds; null: unknown."""
 
 
 class ScenarioRecord(Record, tag="scenario"):
-    """The session goes on with changed files of its scenario."""
+    """The session continues with changed files of its scenario."""
 
     hash: str
-    """SHA-256 of the scenario from here on, as `scenario_hash` of the session's record is of that at its beginning."""
+    """SHA-256 of the new scenario, comparable to `scenario_hash` of the session's first record."""
     was: str
-    """Of the one until here."""
+    """SHA-256 of the scenario before."""
     changes: tuple[str, ...]
-    """What is otherwise, in words: `act R_Yes changed`."""
+    """The changes in words: `act R_Yes changed`."""
     source: str
 
 

@@ -1,6 +1,6 @@
-"""What people and programs report about a session: checks, its outcome, recordings, marks in them (semantics.md 11).
+"""Reports of people and programs about a session: checks, its outcome, recordings, marks in them (semantics.md 11).
 
-A report leaves its one record and changes nothing else.
+A report leaves one record and changes nothing else.
 """
 
 from __future__ import annotations
@@ -20,11 +20,11 @@ REPORT_KINDS: dict[type, str] = {
     RecordingRecord: "recording",
     SyncRecord: "sync",
 }
-"""By the record's class, as records name them."""
+"""The kind in records, by the record's class."""
 
 
 def record_report(core: Core, report: Report) -> None:
-    """Put it on record as it was given."""
+    """Record a report unchanged."""
     match report:
         case CheckReport(id=id, text=text, result=result, value=value):
             core.emit(CheckRecord, id, text, result, value, report.reason, report.source)

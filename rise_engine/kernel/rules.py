@@ -1,12 +1,11 @@
 """The rules: run to completion, one taker per event (semantics.md 5, semantics.md 6).
 
-In SCXML's words (https://www.w3.org/TR/scxml/, appendix D): what one input sets off is a macrostep; each
-transition that a rule takes in it is a microstep, here a *step*; the functions in `onEntry` and `onExit` are executable
-content, here *blocks* of ops; a transition without event or time is eventless. Unlike there, several machines (the
-rules) share one queue of events, and one of them at most takes an event.
+In SCXML's words (https://www.w3.org/TR/scxml/, appendix D): everything that one input causes is a macrostep. Each
+transition that a rule takes in it is a microstep, here a *step*. The functions in `onEntry` and `onExit` are executable
+content, here *blocks* of ops. A transition without event or time is eventless. Unlike in SCXML, several machines (the
+rules) share one queue of events, and at most one of them takes an event.
 
-Functions run on an explicit list of frames, not on Python's stack: a rule that starts a rule that starts a rule, ten
-thousand deep, is no deeper than the first.
+Functions run on an explicit list of frames, not on Python's stack. So rules can start rules ten thousand deep.
 """
 
 from __future__ import annotations
@@ -38,48 +37,49 @@ from rise_engine.kernel.snapshot import RuleSnapshot, RulesSnapshot
 from rise_engine.kernel.stop import StoodRule
 
 Frame: TypeAlias = tuple[RuleRun, Op | None, bool, CompiledTransition | None, Cause]
-"""What is left of a block: the rule, the next step, whether a state has been entered when the block has ended, the
-transition that then enters its target, and what all that comes of."""
+"""The rest of a block: the rule, the next step, whether a state has been entered when the block ends, the transition
+that then enters its target, and the cause."""
 
 WITHOUT_ENTRY = ", without onEntry"
-"""Ends the trigger of a rule that begins or goes on in a state whose onEntry is left out."""
+"""The end of the trigger of a rule that begins or continues in a state without running its onEntry."""
 
 
 class RuleMachine:
-    """All running rules and the routing of events to them."""
+    """All running rules, and the routing of events to them."""
 
     def __init__(self, core: Core, submit: Callable[[str, str, str], None]) -> None:
         self._core = core
         self._submit = submit
-        """(function, behavior, source): the path of every other DomainTask."""
+        """(function, behavior, source): the path of all other DomainTasks."""
         self.memory = WorkingMemory(core, self._reevaluate_watchers)
         self._watchers: dict[str, RuleList] = {}
         self.compiled = {
             name: CompiledRule(rule, core.topics, self._watchers) for name, rule in core.scenario.rules.items()
         }
-        """All rules of the scenario, made ready to run."""
+        """All rules of the scenario, compiled."""
         self.on_stopped: Callable[[RuleRun], None] = lambda run: None
-        """Called with each rule that is stopped, by somebody or by a fault."""
+        """Called with each rule that somebody, or a fault, stops."""
         self._has_tables = bool(core.tables)
         self._frames: list[Frame] = []
         self._to_reevaluate: dict[RuleRun, Cause] = {}
-        """Rules whose conditions without event have to be looked at, and what that comes of."""
+        """Rules whose eventless transitions must be evaluated, with the cause."""
         self.stack = RuleStack()
         self.step_counts: dict[str, tuple[int, int]] = {}
-        """Of rules that have ended: the macrostep in which they last took a step, and how many they took in it. A rule
-        that is stopped and started again within one macrostep goes on counting."""
+        """For ended rules: the macrostep of their last step, and the number of their steps in it. A rule that is
+        stopped and started again within one macrostep continues to count."""
         self.kept = KeptEvents(core)
         self.own_acts = OwnActs(core, self.stack, self.compiled)
         self._vain_searches = (-1, 0)
-        """The macrostep in which a rule took more than STEP_LIMIT steps and no culprit was found, and how often."""
+        """The last macrostep in which a rule took more than STEP_LIMIT steps without a culprit, and how often."""
 
     # --- start and end ---
 
     def start(self, name: str, task: Task, on_top: bool, state: str | None = None, enter: bool = True) -> None:
         """Start a rule that is not running.
 
-        `on_top`: a rule started by a rule goes above all others. `state`: where it begins, in its initial state if that
-        is null. Without `enter`, it waits there, and its `onEntry` is left out.
+        :param on_top: put it above all others, because a rule started it.
+        :param state: the state in which it begins; None: its initial state.
+        :param enter: run `onEntry` there; otherwise the rule only waits.
         """
         rule = self.compiled[name]
         run = RuleRun(name, rule.initial if state is None else rule.states[state], task, rule.priority)
@@ -87,8 +87,8 @@ class RuleMachine:
         self._begin(run, "start", enter)
 
     def resume(self, stood: StoodRule, task: Task, enter: bool) -> None:
-        """Start a rule where it stood when everything was stopped, with the priority that it had, above all others of
-        it; without `enter`, it waits there, and what it had taken of its conditions stays taken."""
+        """Start a rule in the state in which everything was stopped, above all others of its old priority. Without
+        `enter`, it only waits there, and the conditions that it had already taken stay taken."""
         run = RuleRun(stood.name, self.compiled[stood.name].states[stood.state], task, stood.priority)
         run.remember(stood.steps[:-1])
         if not enter:
@@ -97,7 +97,7 @@ class RuleMachine:
         self._begin(run, "resumed", enter)
 
     def standing(self) -> list[StoodRule]:
-        """Where the rules stand, the bottom of the stack first."""
+        """The states of the rules, the bottom of the stack first."""
         return [
             StoodRule(run.name, run.state.id, run.priority, _taken_conditions(run), run.steps)
             for run in self.stack.values()
@@ -106,14 +106,13 @@ class RuleMachine:
     # --- a step back ---
 
     def changed_since_step(self, run: RuleRun) -> dict[str, ValueBefore]:
-        """The keys that have changed since the state before was entered, with what they had then."""
+        """The keys that have changed since the previous state was entered, with their values from then."""
         before = step_before(run.steps)
         log = self._core.memory_log
         return log.changed_since(before[1], self._core.memory) if before is not None else {}
 
     def step_back(self, run: RuleRun, enter: bool) -> None:
-        """Let a rule that knows a state before its present one go back to it; without `enter`, it waits there. No
-        onExit runs."""
+        """Return a rule to its known previous state without onExit. Without `enter`, the rule only waits there."""
         core, previous = self._core, run.state
         run.entries.pop()
         id = run.entries.pop().state or ""
@@ -131,17 +130,17 @@ class RuleMachine:
         self._on_entered(run, (run.name, core.cause), enter)
 
     def _note_step(self, run: RuleRun) -> None:
-        """The last record says that a rule has entered its state."""
+        """Note that a rule has entered its state, as the last record says."""
         record = self._core.records[-1]
         assert isinstance(record, RuleRecord)
         run.entries.append(record)
 
     def _trim_log(self) -> None:
-        """Keep what the memory was only for steps that a rule can still go back."""
+        """Keep earlier values of the memory only for steps that a rule can still go back."""
         self._core.memory_log.trim((run.steps for run in self.stack.values()), 4 * len(self.stack))
 
     def _begin(self, run: RuleRun, trigger: str, enter: bool) -> None:
-        """Let a rule that has just come onto the stack enter the state in which it begins."""
+        """Let a rule that was just put on the stack enter its first state."""
         name = run.name
         trigger += "" if enter else WITHOUT_ENTRY
         append_to_lists(run, run.state.watch_lists)
@@ -157,11 +156,11 @@ class RuleMachine:
             self._on_entered(run, (name, self._core.cause), enter)
 
     def stop(self, name: str, reason: str) -> None:
-        """Stop a running rule where it is; no functions run."""
+        """Stop a running rule in its state, without running functions."""
         self._end(self.stack[name], "stopped", "CANCELED", reason)
 
     def stop_all(self, reason: str) -> None:
-        """End every rule, the top one first, and forget what they had raised."""
+        """End every rule, the top one first, and drop the events that they have raised."""
         for name in list(reversed(self.stack)):
             self.stop(name, reason)
         self.kept.take_all_back(reason)
@@ -190,7 +189,7 @@ class RuleMachine:
     # --- snapshot ---
 
     def snapshot(self) -> RulesSnapshot:
-        """Everything about the rules, between inputs; it shares its parts with them."""
+        """The state of the rules between inputs. It shares its parts with them."""
         step = self._core.macrostep
         running = [
             RuleSnapshot(
@@ -211,7 +210,7 @@ class RuleMachine:
         return RulesSnapshot(running, ended, self.stack.recency, list(self.kept.values()))
 
     def restore(self, snapshot: RulesSnapshot) -> None:
-        """Put the rules back; nothing runs. Raises LookupError for a rule or a state that the scenario has not."""
+        """Restore the rules; nothing runs. Raises LookupError for a rule or a state that the scenario does not have."""
         step = self._core.macrostep
         for rule in snapshot.running:
             compiled = self.compiled[rule.name]
@@ -232,9 +231,9 @@ class RuleMachine:
     # --- run to completion ---
 
     def run_to_completion(self) -> None:
-        """Handle everything that the current input has set off, until all rules wait again: the rest of the macrostep.
+        """Run everything that the current input causes, until all rules wait again: the rest of the macrostep.
 
-        Each time round: functions that are under way first, then eventless transitions, then the next event.
+        Each round runs pending functions first, then eventless transitions, then the next event.
         """
         core = self._core
         events = core.events
@@ -251,7 +250,7 @@ class RuleMachine:
                 topic, source, core.cause = events.popleft()
                 run = stack.top
                 transition = run.state.by_topic.get(topic) if run is not None else None
-                # Mostly the top rule takes it, and mostly without a condition: then there is nothing to search.
+                # Mostly the top rule takes it without a condition: then there is nothing to search.
                 if transition is None or transition.condition is not None:
                     run, transition = self._find_taker(topic)
                 if run is not None and transition is not None:
@@ -265,7 +264,7 @@ class RuleMachine:
                 return
 
     def _find_taker(self, topic: EventTopic) -> tuple[RuleRun, CompiledTransition] | tuple[None, None]:
-        """The highest rule that would take an event, and the transition."""
+        """The highest rule that takes an event, and its transition."""
         top = self.stack.top
         if top is not None and (transition := self._find_transition(top, topic)) is not None:
             return top, transition
@@ -275,7 +274,7 @@ class RuleMachine:
         return None, None
 
     def _find_transition(self, run: RuleRun, topic: EventTopic) -> CompiledTransition | None:
-        """The first transition of a rule, in document order, that would take an event."""
+        """The first transition of a rule, in document order, that takes an event."""
         transition = run.state.by_topic.get(topic)
         while transition is not None and transition.condition is not None:
             if self._evaluate(run, transition.condition):
@@ -284,7 +283,7 @@ class RuleMachine:
         return transition
 
     def _route_kept(self, task: int) -> None:
-        """Give a kept event to the rule that takes it, if one does now; otherwise it stays."""
+        """Give a kept event to a rule that takes it now; otherwise keep it."""
         kept = self.kept.get(task)
         if kept is None:
             return
@@ -301,7 +300,7 @@ class RuleMachine:
             self._take_transition(run, transition)
 
     def _take_eventless(self) -> None:
-        """Let the highest of the rules that have something to look at take an eventless transition."""
+        """Let the highest of the rules that must be evaluated take an eventless transition."""
         run = max(self._to_reevaluate, key=rank) if len(self._to_reevaluate) > 1 else next(iter(self._to_reevaluate))
         self._core.cause = self._to_reevaluate.pop(run)
         for transition in run.state.eventless:
@@ -312,7 +311,7 @@ class RuleMachine:
                     run.latched.add(transition.index)
                     begin_countdown(self._core, run, transition)
                     continue
-                # It is taken when it *becomes* true: if the rule stays in the state, it must turn false in between.
+                # It is taken when it *becomes* true. If the rule stays in the state, it must become false in between.
                 if not held and transition.index not in run.latched:
                     run.latched.add(transition.index)
                     self._take_transition(run, transition)
@@ -323,15 +322,15 @@ class RuleMachine:
                     break_countdown(self._core, run, transition)
 
     def timer_elapsed(self, timer: int, target: TimerTarget) -> None:
-        """`after` has passed in a rule's state."""
+        """Handle the end of an `after` in a rule's state."""
         run = self.stack[target.owner]
         transition = run.timers.pop(timer)
         if transition.condition is None or self._evaluate(run, transition.condition):
             self._take_transition(run, transition)
 
     def _reevaluate_watchers(self, key: str) -> None:
-        """Let the rules that watch a key look at their eventless transitions."""
-        if self._core.memory_log.is_full and self.stack:  # those that a stop has ended may go on
+        """Mark the rules that watch a key, so that their eventless transitions are evaluated."""
+        if self._core.memory_log.is_full and self.stack:  # stopped rules may still be resumed
             self._trim_log()
         if runs := self._watchers.get(key):
             self._to_reevaluate.update(dict.fromkeys(runs, self._core.cause))
@@ -339,8 +338,8 @@ class RuleMachine:
     # --- transitions ---
 
     def _take_transition(self, run: RuleRun, transition: CompiledTransition) -> None:
-        """Take a transition (a microstep): at once when no functions stand in between. The inner part of what an event
-        costs, and therefore written out."""
+        """Take a transition (a microstep), immediately if no functions come first. Written inline, because it is the
+        inner part of the cost of an event."""
         core = self._core
         step = core.macrostep
         steps = run.step_count + 1 if run.macrostep == step else 1
@@ -350,7 +349,7 @@ class RuleMachine:
             if not self._stop_runaway(run):
                 return
             steps = run.step_count
-            run.step_count = 0  # the step at hand is the first that counts again, whenever its move comes
+            run.step_count = 0  # the present step will be the first that counts again
         state = transition.entered_at_once
         if state is None:
             self._push_functions(run, transition, steps)
@@ -386,13 +385,13 @@ class RuleMachine:
             self._frames.append((run, state.entry, False, None, (run.name, core.cause)))
 
     def _push_functions(self, run: RuleRun, transition: CompiledTransition, steps: int) -> None:
-        """Set going the functions of a transition that does not enter its target at once: onExit, its own, and for one
-        with a target the move itself, after which onEntry follows."""
+        """Schedule the functions of a transition that does not enter its target immediately: onExit, its own functions,
+        and, with a target, the move itself and then onEntry."""
         frames = self._frames
         before = self._core.cause
         cause = (run.name, before)
         if transition.entry_after_actions is not None:
-            # Innermost last: onExit, the transition's own, then the move to its target, which counts as the step.
+            # Innermost last: onExit, the transition's own functions, then the move to its target, which is the step.
             frames.append((run, None, False, transition.entry_after_actions, before))
             frames.append((run, transition.block, False, None, cause))
             frames.append((run, run.state.exit, False, None, cause))
@@ -405,8 +404,7 @@ class RuleMachine:
             frames.append((run, transition.block, True, None, cause))
 
     def _on_entered(self, run: RuleRun, cause: Cause, enter: bool = True) -> None:
-        """What entering a state sets going besides waiting for its events: its timers, and, with `enter`, its
-        onEntry."""
+        """Start the timers of a state that was entered, and, with `enter`, its onEntry."""
         state = run.state
         for timed in state.delayed:
             begin_countdown(self._core, run, timed)
@@ -416,7 +414,7 @@ class RuleMachine:
             self._after_onentry(run, cause)
 
     def _after_onentry(self, run: RuleRun, cause: Cause) -> None:
-        """A state's onEntry is over: a final state ends the rule, any other looks at its eventless transitions."""
+        """Handle the end of a state's onEntry: a final state ends the rule, any other one is evaluated."""
         if run.state.final:
             self._core.cause = cause
             self._end(run, "ended", "SUCCEEDED")
@@ -426,8 +424,8 @@ class RuleMachine:
     # --- runaways ---
 
     def _stop_runaway(self, run: RuleRun) -> bool:
-        """A rule is about to take more than STEP_LIMIT steps in one macrostep: stop who keeps it going, as the chain
-        of causes that leads to the step tells (semantics.md 6.4). Returns whether the step is taken all the same."""
+        """Handle a rule with more than STEP_LIMIT steps in one macrostep: stop the rule that keeps it going, which the
+        chain of causes shows (semantics.md 6.4). Returns whether the step is still taken."""
         core = self._core
         resumed = core.continued_macrostep == core.macrostep  # the chain began in an earlier input
         culprit = find_culprit((run.name, core.cause), self.stack, (run.name, run.step_count - 1) if resumed else None)
@@ -440,9 +438,8 @@ class RuleMachine:
         return run.alive
 
     def _stop_multiplier(self) -> None:
-        """Nothing goes round, and still the macrostep may have no end that anybody lives to see: thirty rules, each of
-        which answers an event with two for the next one, take a billion steps. Stop who has raised most of what
-        waits."""
+        """Stop the rule that has raised most of the waiting events, if there is no loop but practically no end: thirty
+        rules that each answer an event with two events for the next rule take a billion steps."""
         core = self._core
         macrostep, times = self._vain_searches
         self._vain_searches = (core.macrostep, times + 1 if macrostep == core.macrostep else 1)
@@ -489,7 +486,7 @@ class RuleMachine:
                 elif kind == CALL:
                     frames.append((run, op.next, entered, entering, cause))
                     self._submit(op.function, op.argument, op.source)
-                    break  # what it started comes first, and it may have stopped this rule
+                    break  # the started functions run first, and may have stopped this rule
                 else:
                     op = op.choices[core.rng.integer_below(len(op.choices))]
             else:
@@ -499,7 +496,7 @@ class RuleMachine:
                     self._take_transition(run, entering)
 
     def _assign(self, run: RuleRun, op: Op) -> bool:
-        """False when the value could not be computed."""
+        """Assign values. Returns False if they could not be computed."""
         core = self._core
         source = op.source
         try:
@@ -512,7 +509,7 @@ class RuleMachine:
         return True
 
     def _evaluate(self, run: RuleRun, condition: CompiledCondition) -> bool:
-        """Evaluate a condition and record how it came out. An error makes it false (semantics.md 8.2)."""
+        """Evaluate a condition and record the result. An error makes it false (semantics.md 8.2)."""
         core = self._core
         env = core.env
         error = ""
@@ -534,13 +531,13 @@ class RuleMachine:
         return result
 
     def _abridge_tables(self, values: dict[str, Any]) -> None:
-        """A table that a condition has read whole is recorded by its size."""
+        """Record only the size of a table that a condition has read as a whole."""
         tables = self._core.scenario.tables
         for key in tables.keys() & values:
             values[key] = tables[key].size_text
 
     def _on_left(self, run: RuleRun) -> None:
-        """A state is left, or the rule ends: it watches no key any more, and its timers are no longer wanted."""
+        """Stop watching keys and cancel timers, because the state is left or the rule ends."""
         remove_from_lists(run, run.state.watch_lists)
         for timer in run.timers:
             self._core.cancel_timer(timer)
@@ -549,6 +546,6 @@ class RuleMachine:
 
 
 def _taken_conditions(run: RuleRun) -> list[int]:
-    """The transitions whose condition has been taken and has held since; not those for which a time still counts: that
-    is over when the rule ends, and begins anew."""
+    """The transitions whose condition was taken and has held since. Transitions that still count a time are left out,
+    because the time ends with the rule and starts anew."""
     return sorted(run.latched - {timed.index for timed in run.timers.values()})

@@ -1,6 +1,6 @@
-"""Who goes round in circles: which rule is stopped when what one input sets off does not end (semantics.md 6.4).
+"""Finds the rule to stop when the consequences of one input do not end (semantics.md 6.4).
 
-Pure functions: `RuleMachine` asks, and does what comes of it.
+These are pure functions that `RuleMachine` uses.
 """
 
 from __future__ import annotations
@@ -13,9 +13,9 @@ from msgspec import Struct
 from rise_engine.kernel.core import Cause, QueuedEvent
 
 STEP_LIMIT = 1_000
-"""Steps (starts and transitions) that one rule may take in one macrostep before it is looked for who keeps it going."""
+"""Steps (starts and transitions) of one rule in one macrostep before the rule that keeps it going is searched for."""
 MAX_VAIN_SEARCHES = 100
-"""How often that is looked for in one macrostep, in vain, before it counts as one without an end."""
+"""How often that search may fail in one macrostep before the macrostep counts as endless."""
 
 MULTIPLIED = (
     f"what one input set off took more than {STEP_LIMIT * MAX_VAIN_SEARCHES:,} steps, and this rule went on adding to "
@@ -30,10 +30,10 @@ class Culprit(Struct, frozen=True):
     steps: int
     """How many steps of the chain are its own."""
     others: tuple[str, ...]
-    """The other rules that stand in the chain more than once."""
+    """The other rules that occur in the chain more than once."""
 
     def reason(self, steps: int) -> str:
-        """Why it was stopped, after it had taken so many steps; a sentence for a person."""
+        """Why it was stopped after this many steps; a sentence for people."""
         if not self.others:
             probably = "probably two of its states lead to each other by events that they raise themselves"
         else:
@@ -43,17 +43,16 @@ class Culprit(Struct, frozen=True):
 
 
 def find_culprit(chain: Cause, running: Container[str], fallback: tuple[str, int] | None) -> Culprit | None:
-    """The running rule that has the most steps in a chain of causes, and at least two; of equals the one whose first
-    step is the earliest.
+    """The running rule with the most steps in a chain of causes, at least two; of equals, the one that stepped first.
 
-    When there is no such rule, nothing goes round as far as is known: None, or `fallback` (a rule and its steps).
+    Without such a rule, there is no known loop: None, or `fallback` (a rule and its steps).
     """
     steps: dict[str, int] = {}
     while chain is not None:
         name, chain = chain
         if isinstance(name, int):
             continue
-        steps[name] = steps.pop(name, 0) + 1  # in the end, the first of the chain is the last here
+        steps[name] = steps.pop(name, 0) + 1  # at the end, the first rule of the chain is the last here
     repeated = [name for name, number in steps.items() if number > 1]
     most = max((steps[name] for name in repeated if name in running), default=0)
     if most:
@@ -64,7 +63,7 @@ def find_culprit(chain: Cause, running: Container[str], fallback: tuple[str, int
 
 
 def find_multiplier(events: Iterable[QueuedEvent], running: Container[str]) -> str | None:
-    """The running rule that has raised most of the events that wait, if any of them comes of a running rule."""
+    """The running rule that has raised most of the waiting events, if a running rule has raised any."""
     raised = Counter(cause[0] for _, _, cause in events if cause is not None and cause[0] in running)
     most = raised.most_common(1)
     return str(most[0][0]) if most else None

@@ -1,7 +1,7 @@
-"""Taking over a changed scenario in a session that runs (semantics.md 12.5): when it can be, and what is carried over.
+"""Takes over a changed scenario in a running session (semantics.md 12.5): when that is possible, and what is kept.
 
-Rules stay in their states, and what they count goes on: by what a way out of a state *is*, not by its number, because
-others may stand before it now. What a snapshot holds by number is brought to the numbers of the new scenario here.
+Rules stay in their states and continue to count. Transitions are matched by their content, not by their number, because
+the order may have changed. This module translates the numbers in a snapshot to those of the new scenario.
 """
 
 from __future__ import annotations
@@ -18,15 +18,15 @@ from rise_engine.kernel.snapshot import RuleSnapshot, Snapshot
 from rise_engine.scenario.model import Act, Rule, Scenario, SourceLocation, State, Transition
 
 _Identity = tuple[bytes, int]
-"""What a transition is, and the how-manieth of those that are the same in its state."""
+"""The content of a transition, and its number among equal ones in its state."""
 
 
 def why_not_take_over(before: Scenario, after: Scenario, snapshot: Snapshot, *, is_busy: bool) -> list[str]:
-    """Why a session cannot go on with `after` now: sentences, none if it can.
+    """Why a session cannot continue with `after` now: sentences; empty if it can.
 
-    :param before: what the session runs.
-    :param after: checked, read for the same robot and mode.
-    :param snapshot: how the session stands.
+    :param before: the session's scenario.
+    :param after: checked, and read for the same robot and mode.
+    :param snapshot: the state of the session.
     :param is_busy: an act runs or waits, or a stop is not confirmed yet.
     """
     problems = []
@@ -69,7 +69,7 @@ def _rule_problems(before: Rule, after: Rule | None, standing: RuleSnapshot) -> 
 
 
 def carry_over(before: Scenario, after: Scenario, snapshot: Snapshot) -> Snapshot:
-    """The snapshot of a session as it goes on with `after`; only if `why_not_take_over` has nothing against it."""
+    """Translate the snapshot of a session for `after`. `why_not_take_over` must have found no problem."""
     numbers = {
         rule.name: _new_numbers(before.rules[rule.name].states[rule.state], after.rules[rule.name].states[rule.state])
         for rule in snapshot.rules.running
@@ -99,7 +99,7 @@ def _new_target(target: TimerTarget, numbers: Mapping[str, Mapping[int, int]]) -
 
 
 def _known_steps(history: list[tuple[str, int]], rule: Rule) -> list[tuple[str, int]]:
-    """The states that a rule came through, as far back as all of them are there still: so far it can go back."""
+    """The latest states of a rule, as far back as all of them still exist, so that it can go back to them."""
     known: list[tuple[str, int]] = []
     for step in reversed(history):
         if step[0] not in rule.states:
@@ -120,7 +120,7 @@ def _variants(scenario: Scenario, name: str) -> int:
 
 
 def _new_numbers(before: State, after: State) -> dict[int, int]:
-    """For each way out of a state that is there still, unchanged, its number now."""
+    """The new number of each transition of a state that is still there unchanged."""
     there = {identity: number for number, identity in enumerate(_identities(after.transitions))}
     numbers = enumerate(_identities(before.transitions))
     return {number: there[identity] for number, identity in numbers if identity in there}
@@ -135,7 +135,7 @@ def _identities(transitions: Iterable[Transition]) -> Iterator[_Identity]:
 
 
 def _content(value: Any) -> bytes:
-    """What a part of a scenario says, wherever it stands."""
+    """The content of a part of a scenario, without places."""
     return msgspec.json.encode(_without_locations(value))
 
 
@@ -160,7 +160,7 @@ def _without_locations(value: Any) -> Any:
 
 
 def changes_in_words(before: Scenario, after: Scenario) -> tuple[str, ...]:
-    """What is otherwise, for the record: a sentence for each act and rule, and for each of the other parts."""
+    """The changes, for the record: a sentence for each act and rule, and for each of the other parts."""
     changes = [*_named_changes("act", before.acts, after.acts), *_named_changes("rule", before.rules, after.rules)]
     for what, one, other in (
         ("key", before.keys, after.keys),

@@ -1,8 +1,8 @@
-"""The task scheduler: which act runs, which waits (semantics.md 3).
+"""The task scheduler: which act runs, and which waits (semantics.md 3).
 
 Blocking acts run one at a time, in the order of the queue. A None act runs beside them unless it needs a channel of the
-running Blocking act; when a Blocking act needs the channel of a running None act, that one is interrupted first.
-An Interrupt act is a Blocking one that does not wait its turn: the running Blocking act is stopped, and it goes first.
+running Blocking act. When a Blocking act needs the channel of a running None act, the None act is interrupted first.
+An Interrupt act is a Blocking act that does not wait: the running Blocking act is stopped, and it goes first.
 """
 
 from __future__ import annotations
@@ -56,7 +56,7 @@ class Scheduler:
         self.advance()
 
     def _add_again(self, task: Task, reason: str) -> None:
-        """Add a repetition, which goes before all that wait, but for other repetitions."""
+        """Add a repetition before all waiting tasks except other repetitions."""
         self._wizard.note_accepted(task)
         position = next((at for at, other in enumerate(self.waiting) if not other.first), len(self.waiting))
         self.waiting.insert(position, task)
@@ -64,7 +64,7 @@ class Scheduler:
         self.advance()
 
     def move(self, task: Task, position: int) -> None:
-        """Give a waiting task another position; the order of the others stays."""
+        """Move a waiting task to another position; the others keep their order."""
         self.waiting.remove(task)
         position = min(position, len(self.waiting))
         self.waiting.insert(position, task)
@@ -72,17 +72,17 @@ class Scheduler:
         self.advance()
 
     def remove(self, task: Task, reason: str) -> None:
-        """Take a waiting task out. Its act has ended for everyone who waits for that, without ever having started."""
+        """Remove a waiting task. Its act ends without having started."""
         self.waiting.remove(task)
         self._record_end(task, "CANCELED", reason)
         self.advance()
 
     def stop(self, reason: str, act: str | None = None) -> None:
-        """Stop every task, running or waiting, or every one of an act."""
+        """Stop every task, running or waiting, or every task of one act."""
         self._stop_those(lambda task: act is None or _starts_act(task, act), reason)
 
     def stop_started_by(self, source: str, reason: str) -> None:
-        """Stop every task, running or waiting, that somebody has asked for."""
+        """Stop every task, running or waiting, of one source."""
         self._stop_those(lambda task: task.source == source, reason)
 
     def _stop_those(self, is_meant: Callable[[Task], bool], reason: str) -> None:
@@ -96,10 +96,10 @@ class Scheduler:
         self.advance()
 
     def advance(self) -> None:
-        """Start what may start. Called whenever something was added, moved or ended."""
+        """Start every task that may start. Called after each addition, move or end."""
         self._advance_again = True
         if self._advancing:
-            return  # an act that ends while it is being started; the loop below goes round again
+            return  # an act ended while it was being started; the loop below runs again
         self._advancing = True
         while self._advance_again:
             self._advance_again = False
@@ -118,17 +118,17 @@ class Scheduler:
                 self._start(task)
 
     def _clear_channels(self, task: Task) -> bool:
-        """Interrupt the None acts that occupy a channel which a task needs; true when none does any more."""
+        """Interrupt the None acts on channels that a task needs. Returns whether these channels are free."""
         reason = f"interrupted by {act_name(task)}"
         for run in self._runs_on_channels_of(task):
             self.runner.cancel(run, reason)
         channels = self._channels(task)
         self._end_pauses([failed for failed in self._failures.pausing if self._channels(failed) & channels], reason)
-        # An act that only waits ends within cancel(); one on the robot ends when the robot has confirmed.
+        # An act that only waits ends within cancel(). One on the robot ends when the robot has confirmed.
         return not self._runs_on_channels_of(task)
 
     def _end_pauses(self, failed: list[Task], reason: str) -> None:
-        """These acts are not repeated: running, they would be cancelled now."""
+        """Do not repeat these acts, because they would be cancelled now if they ran."""
         if failed:
             self._failures.stop(failed, "engine", reason)
 
@@ -176,11 +176,11 @@ class Scheduler:
             self._raise_end(task)
 
     def _raise_end(self, task: Task) -> None:
-        """Tell the rules how an act has ended."""
+        """Raise the events of an act's end."""
         core, name = self._core, act_name(task)
         outcome = _OUTCOMES[task.status]
         before = core.cause
-        if core.origin is None:  # the robot is lost: what rules do about that, they do about this act
+        if core.origin is None:  # the robot is lost: this act is the cause of what rules do about that
             core.cause = (task.id, before)
         self.on_ended(task, outcome)
         core.raise_event_if_named(f"{name}_{outcome}")
@@ -192,7 +192,7 @@ class Scheduler:
 
 
 def _is_exclusive(task: Task) -> bool:
-    """One at a time: Blocking and Interrupt."""
+    """Whether a task is one of those that run one at a time: Blocking and Interrupt."""
     return task.calling_type != "None"
 
 

@@ -1,4 +1,4 @@
-"""What the engine says in the memory under `session`, for scenarios that read it (semantics.md 7.2)."""
+"""The engine's values in the memory under `session`, for scenarios that read them (semantics.md 7.2)."""
 
 from __future__ import annotations
 
@@ -13,8 +13,8 @@ from rise_engine.scenario.model import SESSION
 
 
 class SessionKeys:
-    """Keeps `session` true to how the session stands. It changes after tasks and inputs, never within one: what has
-    changed back by then has not changed, such as that the robot is silent between two sentences of an act."""
+    """Keeps `session` up to date. It changes only after tasks and inputs, so that changes that are reversed within one
+    do not show, such as the silence between two sentences of an act."""
 
     def __init__(self, core: Core, memory: WorkingMemory, runner: ActRunner, stop: StopLatch) -> None:
         self._core = core
@@ -24,14 +24,14 @@ class SessionKeys:
         self._is_read = core.scenario.reads_session
 
     def begin(self, participant: str, condition: str, factors: dict[str, Any]) -> None:
-        """The session has started; what stays as it is is said once."""
+        """Write all values at the start of the session."""
         if self._is_read:
             fixed = {"participant": participant, "condition": condition, "factors": factors}
             language = self._core.scenario.language
             self._memory.write(SESSION, {**self._changing(), **fixed, "language": language}, ENGINE)
 
     def update(self) -> None:
-        """Write down what has changed."""
+        """Write the values that have changed."""
         if not self._is_read or (session := self._core.memory.get(SESSION)) is None:
             return
         for name, value in self._changing().items():

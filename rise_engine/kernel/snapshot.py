@@ -1,5 +1,5 @@
-"""The kernel's whole state as a value: taken between inputs (`Kernel.snapshot`), sent or stored, and brought back to
-life (`Kernel.restore`). Plain data through and through, so it can be encoded as JSON and decoded again."""
+"""The kernel's whole state as a value, taken between inputs (`Kernel.snapshot`) and restored (`Kernel.restore`). It is
+plain data, so it can be encoded as JSON and decoded again."""
 
 from __future__ import annotations
 
@@ -28,34 +28,34 @@ class RuleSnapshot(Struct, frozen=True):
     priority: float
     recency: int
     timers: dict[int, int]
-    """Timer to index of the transition that it is for, in the state. An index says which one only within the very
-    scenario that the snapshot was taken of, as everything else in it does; so `Snapshot.scenario` is compared first."""
+    """From timer to the index of its transition in the state. An index is only valid in the very scenario of the
+    snapshot, as is everything else in it; so `Snapshot.scenario` is compared first."""
     latched: list[int]
     own_acts: dict[str, int]
     history: list[tuple[str, int]]
     """As `RuleRun.steps`."""
     steps: int
-    """Transitions that it has taken in the macrostep that timers of the same moment would still belong to."""
+    """Transitions that it has taken in the macrostep to which further timers of the same moment would belong."""
 
 
 class RulesSnapshot(Struct, frozen=True):
-    """Everything about the rules."""
+    """The state of all rules."""
 
     running: list[RuleSnapshot]
     """Bottom of the stack first."""
     step_counts: dict[str, int]
-    """Steps of rules that have ended, as `RuleSnapshot.steps`."""
+    """Steps of ended rules, as `RuleSnapshot.steps`."""
     recency: int
-    """The highest that any rule has had."""
+    """The highest recency of any rule so far."""
     kept: list[KeptEvent]
-    """The oldest first."""
+    """Oldest first."""
 
 
 class Snapshot(Struct, frozen=True):
-    """Everything that a kernel needs to go on."""
+    """Everything that a kernel needs to continue."""
 
     scenario: str
-    """The hash of the scenario's files: with others, nothing in here means what it says."""
+    """The hash of the scenario's files. With other files, the snapshot is meaningless."""
     seed: int
     t: float
     seq: int
@@ -82,5 +82,5 @@ class Snapshot(Struct, frozen=True):
     begun: SessionStarted
 
     def copy(self) -> Snapshot:
-        """By way of JSON, so that the copy shares nothing with a kernel and can surely be sent."""
+        """Copy through JSON, so that the copy shares nothing with a kernel and can certainly be sent."""
         return msgspec.json.decode(msgspec.json.encode(self), type=Snapshot)

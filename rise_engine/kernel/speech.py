@@ -1,4 +1,4 @@
-"""Which act a task runs: one of the scenario's, or free speech, which is an act of one action made for the moment."""
+"""The act of a task: one of the scenario's, or free speech, which is a temporary act with one action."""
 
 from __future__ import annotations
 
@@ -9,22 +9,22 @@ from rise_engine.scenario.ssml import begins_as_ssml, literal_ssml
 from rise_engine.scenario.template import Template
 
 SAY = "say"
-"""The task's function, and the name of the act and of its only action in records and events (`/say_end`)."""
+"""The function of the task, and the name of the act and of its only action in records and events (`/say_end`)."""
 SPEECH = "Speech"
 
 
 def find_act(scenario: Scenario, task: Task) -> Act:
-    """What a task of the scheduler runs."""
+    """The act that a task of the scheduler runs."""
     return _speech_act(scenario, task.behavior) if task.function == SAY else scenario.acts[task.behavior]
 
 
 def act_name(task: Task) -> str:
-    """How records and events call it."""
+    """The name of a task's act in records and events."""
     return SAY if task.function == SAY else task.behavior
 
 
 def why_not_speak(scenario: Scenario) -> str:
-    """Why the scenario's robot cannot say anything, or empty."""
+    """Why the scenario's robot cannot speak; empty if it can."""
     spec = scenario.robot.actions.get(SPEECH)
     if spec is not None and (spec.supported or spec.substitute is not None):
         return ""
@@ -32,8 +32,8 @@ def why_not_speak(scenario: Scenario) -> str:
 
 
 def _speech_act(scenario: Scenario, text: str) -> Act:
-    said = literal_ssml(text) if begins_as_ssml(text) else text  # what a wizard types is no markup
-    message = Template(said, (said,))  # literal: braces in it are to be said, and mean nothing
+    said = literal_ssml(text) if begins_as_ssml(text) else text  # a wizard types text, not markup
+    message = Template(said, (said,))  # literal: braces in it are said
     spec, parameters = scenario.robot.actions[SPEECH], {MESSAGE: message}
     if scenario.says_language and LANGUAGE in spec.parameters:
         parameters[LANGUAGE] = Template(scenario.language, (scenario.language,))

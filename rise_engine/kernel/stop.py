@@ -1,4 +1,4 @@
-"""Stop-all: asked for at once, answered by the robot or by a time limit, latched until it is released on purpose."""
+"""Stop-all: requested immediately, answered by the robot or a time limit, latched until it is explicitly released."""
 
 from __future__ import annotations
 
@@ -12,11 +12,11 @@ from rise_engine.kernel.inputs import StopReport
 from rise_engine.kernel.records import StopRecord, stopper_words
 
 STOP_LIMIT = 3.0
-"""Seconds that the robot has to answer a stop-all; then it is listed as unconfirmed."""
+"""Seconds that the robot has to answer a stop-all. After that it counts as unconfirmed."""
 
 
 class StoodRule(Struct, frozen=True):
-    """Where a rule stood when everything was stopped."""
+    """The state of a rule when everything was stopped."""
 
     name: str
     state: str
@@ -31,7 +31,7 @@ StopStatus = Literal["released", "requested", "latched"]
 
 
 class StopLatch:
-    """Whether anything may start."""
+    """Decides whether anything may start."""
 
     def __init__(self, core: Core) -> None:
         self._core = core
@@ -39,9 +39,9 @@ class StopLatch:
         """requested: the robot has not answered yet."""
         self.timer: int | None = None
         self.stood: list[StoodRule] = []
-        """The rules that the stop has ended, the bottom of the stack first; until it is released."""
+        """The rules that the stop has ended, the bottom of the stack first, until it is released."""
         self.held_by: list[str] = []
-        """The emergency stops that are pressed, each by its source, in their order."""
+        """The sources of the emergency stops that are pressed, in order."""
 
     @property
     def latched(self) -> bool:
@@ -49,12 +49,12 @@ class StopLatch:
         return self.status != "released"
 
     def request(self, source: str) -> None:
-        """Also while it is latched: pressing again asks the robot again."""
+        """Request a stop. While it is latched, this asks the robot again."""
         self.status = "requested"
         self._core.emit(StopRecord, "requested", source=source, held_by=tuple(self.held_by))
 
     def let_go(self, source: str) -> None:
-        """An emergency stop is pressed no more. That releases nothing."""
+        """Note that an emergency stop is no longer pressed. This releases nothing."""
         self.held_by.remove(source)
         self._core.emit(StopRecord, "let-go", source=source, held_by=tuple(self.held_by))
 
@@ -64,7 +64,7 @@ class StopLatch:
         self.timer = self._core.set_timer(STOP_LIMIT, TimerTarget("stop"))
 
     def record_answer(self, answer: StopReport) -> None:
-        """The robot's answer, the first one or a later one: also one after the limit, but none after the release."""
+        """Record the robot's first or a later answer, also after the time limit, but not after the release."""
         if self.latched:
             self._cancel_timer()
             self.status = "latched"
@@ -80,7 +80,7 @@ class StopLatch:
 
     @property
     def why_not_release(self) -> str:
-        """Why it cannot be released now; empty when it can."""
+        """Why it cannot be released now; empty if it can."""
         if self.status == "released":
             return "nothing is stopped"
         if self.held_by:

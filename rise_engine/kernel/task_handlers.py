@@ -1,7 +1,7 @@
-"""What each function of a DomainTask does (semantics.md 1.1): the six of RISE and the console's own.
+"""The effect of each function of a DomainTask (semantics.md 1.1): the six of RISE and the console's own.
 
-Every task leaves at least one record; the first task record that a `Submit` causes is that of its own task. A note may
-stand before it: that the memory has no value for a key which an assignment reads.
+Every task leaves at least one record. The first task record of a `Submit` is that of its own task. Only a note about
+a missing memory value that an assignment reads may precede it.
 """
 
 from __future__ import annotations
@@ -36,11 +36,11 @@ from rise_engine.scenario.model import CUE_TOPICS, normal_topic, rule_start_beha
 ACT_CALLING_TYPES = ("", "None", "Blocking", "Interrupt")
 STOPPED = "everything is stopped; release the stop first"
 _parse_assignments = lru_cache(maxsize=256)(Assignment.parse_all)
-"""Keys set the same values again and again, and exploring presses them a hundred thousand times."""
+"""Cached, because keys often set the same values, and exploring presses them a hundred thousand times."""
 
 
 class TaskHandlers:
-    """Carries out submitted tasks."""
+    """Executes submitted tasks."""
 
     def __init__(
         self, core: Core, scheduler: Scheduler, stop: StopLatch, wizard: WizardMarks, failures: FailedActs
@@ -312,7 +312,7 @@ class TaskHandlers:
     def _find_waiting(self, number: str) -> Task | None:
         return next((task for task in self._scheduler.waiting if str(task.id) == number), None)
 
-    # --- of the wizard ---
+    # --- tasks of the wizard ---
 
     def _speak(self, task: Submit) -> None:
         text = task.behavior.strip()
@@ -373,7 +373,7 @@ class TaskHandlers:
         elif self._succeed_unless(task, self._wizard.why_not_go_on(task.behavior)):
             self._wizard.go_on(task.behavior)
 
-    # --- failed acts that somebody is asked about ---
+    # --- failed acts that need an answer ---
 
     def _repeat_act(self, task: Submit) -> None:
         if self._succeed_unless(task, self._failures.why_not_answer(task.behavior)):
@@ -397,10 +397,10 @@ class TaskHandlers:
     # --- stop-all ---
 
     def _stop_all(self, task: Submit) -> None:
-        """At once, without asking, also when it is pressed again (console.md 1.1)."""
+        """Stop immediately and without a question, also when it is pressed again (console.md 1.1)."""
         reason = f"stop-all by {task.source}"
         self._succeed(task)
-        if not self._stop.latched:  # a second stop ends no rules, and forgets none
+        if not self._stop.latched:  # a second stop must not overwrite the rules that the first one ended
             self._stop.stood = self.rules.standing()
         self._stop.request(task.source)
         self._wizard.cancel_filler()
@@ -410,7 +410,7 @@ class TaskHandlers:
         self._stop.ask_robot()
 
     def take_estop(self, report: EstopReport) -> None:
-        """Pressed, it stops everything as a person does. What is said again changes nothing."""
+        """Handle an emergency stop: pressing it stops everything, as a person can. Repeated reports do nothing."""
         if report.pressed == (report.source in self._stop.held_by):
             return
         if report.pressed:
@@ -452,7 +452,7 @@ class TaskHandlers:
             self._core.commands.append(ReleaseOpenGoals(task.behavior))
 
     def _why_nothing_open(self, part: str) -> str:
-        """Why this part of the robot (empty: any part) holds nothing, or empty."""
+        """Why this part of the robot (empty: any part) holds no goal; empty if it does."""
         parts = sorted({goal.part for goal in self._core.open_goals if goal.holds})
         if not parts:
             return "the robot has ended everything that it was given"
@@ -469,7 +469,7 @@ class TaskHandlers:
         self._record_finished(task, "REJECTED", reason)
 
     def _succeed_unless(self, task: Submit, problem: str) -> bool:
-        """Record that it succeeded, or that it was rejected because of `problem`; whether it succeeded."""
+        """Record success, or rejection because of `problem`. Returns whether it succeeded."""
         self._record_finished(task, "REJECTED" if problem else "SUCCEEDED", problem)
         return not problem
 
@@ -480,7 +480,7 @@ class TaskHandlers:
 
 
 def _why_not_resume(chosen: Iterable[str], stood: list[StoodRule]) -> str:
-    """Why not all of these rules can be resumed, or empty."""
+    """Why some of these rules cannot be resumed; empty if they can."""
     names = [rule.name for rule in stood]
     unknown = next((name for name in chosen if name not in names), None)
     if unknown is None:

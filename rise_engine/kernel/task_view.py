@@ -1,6 +1,6 @@
-"""Tasks and their actions as anybody outside sees them: the one fold of what their records say (`add_record`).
+"""Tasks and their actions as seen from outside: the only fold of their records (`add_record`).
 
-Sessions, exports, markers and transcripts all make their acts of these.
+Sessions, exports, markers and transcripts all get their acts from it.
 """
 
 from __future__ import annotations
@@ -22,7 +22,7 @@ from rise_engine.kernel.records import (
 )
 
 ACT_FUNCTIONS = frozenset({"startCommunicationRobotAct", "say"})
-"""Functions of tasks that run an act; free speech is one, too."""
+"""The functions of tasks that run an act, including free speech."""
 
 
 class ActionView(Struct, gc=False):
@@ -39,11 +39,11 @@ class ActionView(Struct, gc=False):
     reason: str = ""
     sent_as: str | None = None
     confirmed: float | None = None
-    """When the robot first said that it does it, or has done it."""
+    """When the robot first confirmed that it performs, or has performed, it."""
 
 
 class TaskView(Struct, gc=False):
-    """A DomainTask and what became of it."""
+    """A DomainTask and its present state."""
 
     id: int
     function: str
@@ -57,35 +57,35 @@ class TaskView(Struct, gc=False):
     ended: float | None = None
     ref: str | None = None
     cause: int | None = None
-    """What a rule asks for: the task that led to it; null: a timer or the robot's link did."""
+    """For a task of a rule: the task that led to it; null: a timer or the robot's link did."""
     via: tuple[str, ...] = ()
-    """The rules that the way from there led through before the one in `source`."""
+    """The rules that led from that task to the rule in `source`, without the latter."""
     actions: dict[str, ActionView] = field(default_factory=dict)
-    """For a CRA, by actionID, in the order in which they started."""
+    """For a CRA: by actionID, in the order in which they started."""
     mark: Mark | Literal[""] = ""
-    """What a wizard says was wrong about it: wrong, late, early or double."""
+    """A wizard's mark: wrong, late, early or double."""
     cue_at: float | None = None
-    """Once an act has ended: the cue that it answers, the key for it, when the robot had taken its first action, and
-    its first one that is to be heard; and whether it only bridged the time of a cue."""
+    """This field and the four below are set once an act has ended: the time of the cue that it answers, of its key, of
+    the robot's confirmation of its first action and of its first audible action, and whether it was a filler."""
     key_at: float | None = None
     robot_at: float | None = None
     voice_at: float | None = None
     filler: bool = False
     taken: bool | None = None
-    """Whether a rule has taken the event that it raised; null: it raised none, or that is still open."""
+    """Whether a rule has taken the event that it raised; null: it raised none, or this is still open."""
 
     @property
     def is_act(self) -> bool:
-        """Whether it runs an act, or speaks freely."""
+        """Whether it runs an act, or free speech."""
         return self.function in ACT_FUNCTIONS
 
 
 _NO_ACTIONS: dict[str, ActionView] = {}
-"""Of every task that is no act: a session of hours has hundreds of thousands of them."""
+"""Shared by all tasks that are not acts, because a long session has hundreds of thousands of them."""
 
 
 def add_record(tasks: dict[int, TaskView], record: AnyRecord) -> None:
-    """Take a record into the task that it is about, in the order of the session; others change nothing.
+    """Add a record to its task, in the order of the session. Records about anything else change nothing.
 
     >>> tasks: dict[int, TaskView] = {}
     >>> add_record(tasks, TaskRecord(1, 0.5, "", 7, "say", "Hello", "Blocking", "wizard:anna", "ACTIVE"))
@@ -111,7 +111,7 @@ def add_record(tasks: dict[int, TaskView], record: AnyRecord) -> None:
 
 
 def add_task_record(tasks: dict[int, TaskView], record: TaskRecord) -> TaskView:
-    """As `add_record`; its task, which the first record of it makes."""
+    """Like `add_record`. Returns the task, which its first record creates."""
     task = tasks.get(record.id)
     if task is None:
         task = TaskView(
@@ -141,7 +141,7 @@ def add_task_record(tasks: dict[int, TaskView], record: TaskRecord) -> TaskView:
 
 
 def add_action_record(tasks: dict[int, TaskView], record: ActionRecord) -> None:
-    """As `add_record`."""
+    """Like `add_record`."""
     task = tasks.get(record.task)
     if task is None or task.actions is _NO_ACTIONS:
         return

@@ -1,8 +1,8 @@
-"""The state of a session as anybody outside sees it: a fold over records (architecture, "The kernel").
+"""The state of a session as seen from outside: a fold over records (architecture, "The kernel").
 
-A console, a transcript, a test and the snapshot on the socket all use this one `SessionView`; nobody asks the engine
-for its inner state. `SessionView.apply(record)` for every record since the beginning gives the same value as the
-snapshot that an engine sends to somebody who attaches late.
+Consoles, transcripts, tests and the snapshot on the socket all use this one `SessionView`; nobody asks the engine for
+its inner state. Applying `SessionView.apply(record)` to every record since the beginning gives the same value as the
+snapshot that an engine sends to a late client.
 """
 
 from __future__ import annotations
@@ -49,32 +49,32 @@ from rise_engine.kernel.task_view import ACT_FUNCTIONS, TaskView, add_action_rec
 from rise_engine.scenario.model import CUE_TOPICS, normal_topic
 
 MAX_ENDED_TASKS = 100_000
-"""Finished tasks that a view keeps; older ones are in the journal."""
+"""How many finished tasks a view keeps; older ones are in the journal."""
 MAX_REMARKS, MAX_REMARK_CHARACTERS = 500, 1_000
-"""Notes and the like that it keeps, and characters of each; all of them, and in full, are in the journal."""
+"""How many notes and similar remarks it keeps, and the characters of each. The journal has all of them in full."""
 RAISING = ("raiseEventTopic", "markCue")
-"""Functions of tasks that raise an event."""
+"""The functions of tasks that raise an event."""
 FORGET_AT_ONCE = 10_000
-"""So many more may come before the oldest are forgotten, all at once."""
+"""How many more tasks may come before the oldest are forgotten, all at once."""
 
 
 class ActView(Struct):
-    """What is known of one CRA."""
+    """The state of one CRA."""
 
     running: list[int] = field(default_factory=list)
     """Its ACTIVE tasks, oldest first."""
     waiting: list[int] = field(default_factory=list)
     last: TaskView | None = None
-    """Its last task that ended (also a rejected one)."""
+    """Its last task that ended (or was rejected)."""
     runs: int = 0
-    """How often it succeeded; `typical` is the mean of those durations."""
+    """How often it succeeded; `typical` is the mean duration of these runs."""
     latest: int = 0
-    """The id of the task that asked for it last, and was not rejected."""
+    """The id of the last task that asked for it and was not rejected."""
     typical: float | None = None
 
 
 class RuleView(Struct):
-    """What is known of one IR."""
+    """The state of one IR."""
 
     running: bool = False
     state: str | None = None
@@ -84,16 +84,16 @@ class RuleView(Struct):
     trigger: str | None = None
     transition: int | None = None
     status: str = ""
-    """The last record's status; empty before its first start."""
+    """The status of the last record; empty before the first start."""
     reason: str = ""
     priority: float = 0
     entered: int = 0
-    """`seq` of its last move, which orders rules of one priority on the stack."""
+    """`seq` of its last move, which orders rules of equal priority on the stack."""
     task: int | None = None
     countdowns: dict[int, CountdownView] = field(default_factory=dict)
-    """What is counted in its state, by the index of the transition."""
+    """The times that its state counts, by the index of the transition."""
     steps: list[tuple[str, int]] = field(default_factory=list)
-    """The states that it came through, the present one last, as `rise_engine.kernel.history.Steps`."""
+    """Its latest states, the present one last, as `rise_engine.kernel.history.Steps`."""
 
 
 class CountdownView(Struct):
@@ -107,7 +107,7 @@ class CountdownView(Struct):
 
 
 class KeptView(Struct):
-    """An event that is kept for a rule that waits for it."""
+    """An event that is kept until a rule waits for it."""
 
     topic: str
     source: str
@@ -115,13 +115,13 @@ class KeptView(Struct):
 
 
 class RaisedView(Struct):
-    """An event that comes to the rules."""
+    """An event on its way to the rules."""
 
     topic: str
     """Without its slash."""
     source: str
     next_seq: int | None = None
-    """Of one that was kept: which record tells it, if any does."""
+    """For an event that was kept: the number of the record that may report it."""
 
 
 class MemoryView(Struct):
@@ -134,17 +134,16 @@ class MemoryView(Struct):
 
 
 class RemarkView(Struct, gc=False):
-    """Something to be read among the tasks that is none: a note, a report, a change of the robot's link, a rule's
-    fault."""
+    """A text to show among the tasks: a note, a report, a change of the robot's link, a rule's fault."""
 
     kind: str
     """`note`, `robot`, `fault`, `check`, `outcome`, `recording` or `sync`."""
     t: float
     source: str
-    """Who wrote the note or reported; `robot`; or the rule."""
+    """Who wrote the note or report; `robot`; or the rule."""
     text: str
     status: str = ""
-    """Of the robot: connected, degraded or lost; of reports that of their record."""
+    """For the robot: connected, degraded or lost; for a report, the status of its record."""
     after: int = 0
     """The id of the latest task before it."""
 
@@ -157,13 +156,13 @@ class CueView(Struct):
     filled: float | None = None
     """When the latest filler after it started."""
     answered: float | None = None
-    """When the first act after it started that was no filler."""
+    """When the first act after it started that was not a filler."""
     task: int | None = None
-    """That act's task. It may be a while until the robot speaks."""
+    """The task of that act. The robot may speak some time later."""
 
 
 class StoodView(Struct):
-    """Where a rule stood that a stop has ended."""
+    """The state of a rule that a stop has ended."""
 
     rule: str
     state: str
@@ -175,12 +174,12 @@ class StopView(Struct):
     confirmed: tuple[str, ...] = ()
     unconfirmed: tuple[str, ...] = ()
     unstoppable: tuple[str, ...] = ()
-    """Parts that take no stop, and that this session has used."""
+    """Parts that this session has used and that cannot be stopped."""
     source: str = ""
     stood: list[StoodView] = field(default_factory=list)
     """The rules that it has ended, the bottom of the stack first, until it is released."""
     held_by: tuple[str, ...] = ()
-    """The emergency stops that are pressed: it cannot be released before they are let go."""
+    """The emergency stops that are pressed. The stop cannot be released before they are let go."""
 
     @property
     def latched(self) -> bool:
@@ -189,27 +188,27 @@ class StopView(Struct):
 
 
 class SessionView(Struct):
-    """A session as anybody outside sees it: what the records so far add up to. Times are seconds of session time."""
+    """A session as seen from outside: the sum of its records. Times are seconds of session time."""
 
     seq: int = 0
     t: float = 0.0
     session: SessionRecord | None = None
-    """The record that it was begun or recovered with: participant, condition, factors, slot, run, attempt."""
+    """The record of its start or recovery: participant, condition, factors, slot, run, attempt."""
     checks: dict[str, CheckRecord] = field(default_factory=dict)
-    """The last result of each check, by its id, in the order in which they were first made."""
+    """The last result of each check by id, in the order of their first results."""
     outcome: OutcomeRecord | None = None
-    """How the session is to count, as was said last; None: nobody has said it."""
+    """The last decision on how the session counts; None: none yet."""
     recordings: dict[str, RecordingRecord] = field(default_factory=dict)
-    """How everything that records the session stands, by its name."""
+    """The state of everything that records the session, by name."""
     sync: SyncRecord | None = None
     """The last mark for recordings."""
     ended: bool = False
     end_reason: str = ""
-    """Why it ended, once it has."""
+    """Why it ended."""
     control: str | None = None
     """Who holds control: `wizard:<name>`; null: nobody."""
     wizard: str = ""
-    """The name of the wizard who held control last, also when that console has gone since."""
+    """The name of the wizard who held control last, even if that console has gone."""
     asked: str | None = None
     """Who asks for control, until that is answered or the asker leaves."""
     robot: RobotRecord | None = None
@@ -219,38 +218,37 @@ class SessionView(Struct):
     rules: dict[str, RuleView] = field(default_factory=dict)
     memory: dict[str, MemoryView] = field(default_factory=dict)
     memory_log: MemoryLog = field(default_factory=MemoryLog)
-    """What the memory was at the steps of the rules."""
+    """The changes of the memory since earlier steps of the rules."""
     running: list[int] = field(default_factory=list)
     """ACTIVE tasks of acts, oldest first."""
     waiting: list[int] = field(default_factory=list)
     """PENDING tasks in the scheduler's order, next first."""
     failed: list[int] = field(default_factory=list)
-    """Acts that failed and that nobody has answered: the latest task of each, the act that failed first first."""
+    """Failed acts that nobody has answered: the latest task of each, in the order of their first failures."""
     kept: dict[int, KeptView] = field(default_factory=dict)
-    """Events that are kept, by the task that raised them, the oldest first."""
+    """Kept events by the task that raised them, oldest first."""
     questions: list[int] = field(default_factory=list)
-    """Acts that failed and whose events are held until somebody says what is to become of them, the oldest first; they
-    are not in `failed`."""
+    """Failed acts whose events are held until somebody decides about them, oldest first. They are not in `failed`."""
     repeats: dict[int, float | None] = field(default_factory=dict)
-    """Those of them that are repeated by themselves when nobody says anything, and when; null: after a pause, once the
-    robot is back."""
+    """The acts in `questions` that are repeated automatically unless somebody decides, with the time; null: after a
+    pause, once the robot is back."""
     tasks: dict[int, TaskView] = field(default_factory=dict)
-    """Every task of the session (of those that have ended, the latest MAX_ENDED_TASKS), by id, in order of arrival."""
+    """Every task of the session by id, in order of arrival; of ended ones, only the latest MAX_ENDED_TASKS."""
     forgotten: int = 0
-    """Tasks that are no longer among `tasks`."""
+    """The number of tasks that are no longer in `tasks`."""
     raised: dict[int, RaisedView] = field(default_factory=dict)
-    """Events that were raised at this moment and of which no record says yet whether a rule takes them, by task."""
+    """Events that were raised at this moment, as long as no record says whether a rule takes them, by task."""
     unhandled: deque[EventRecord] = field(default_factory=lambda: deque(maxlen=100))
     """The latest events that no rule took."""
     remarks: deque[RemarkView] = field(default_factory=lambda: deque(maxlen=MAX_REMARKS))
-    """The latest notes, changes of the robot's link and faults of rules, in order."""
+    """The latest remarks, in order."""
 
     def apply(self, record: AnyRecord) -> None:
-        """Take one record in; it raises nothing.
+        """Add one record; raises nothing.
 
         Arguments:
-            record: the one after the last that was taken in. Records must come in order and without gaps, the first
-                of the session first.
+            record: the record after the last one that was added. Records must come in order and without gaps, from the
+                first of the session.
 
         >>> view = SessionView()
         >>> view.apply(MemoryRecord(1, 0.5, "", "mood", "happy", None, "wizard:anna", created=True))
@@ -281,7 +279,7 @@ class SessionView(Struct):
                 if record.taken_by is None:
                     self.unhandled.append(record)
             case RobotRecord():
-                if self.robot is not None or record.status != "connected":  # that all is well to begin with is no news
+                if self.robot is not None or record.status != "connected":  # a good link at the start is no news
                     self._add_remark(RemarkView("robot", record.t, "robot", record.detail, record.status))
                 self.robot = record
             case NoteRecord():
@@ -295,7 +293,7 @@ class SessionView(Struct):
             case StopRecord(status="let-go"):
                 self.stop.held_by = record.held_by
             case StopRecord():
-                again = self.stop.status == record.status == "latched"  # the robot has said more
+                again = self.stop.status == record.status == "latched"  # a further answer of the robot
                 self.stop = StopView(
                     record.status,
                     self.stop.since if again else record.t,
@@ -333,7 +331,7 @@ class SessionView(Struct):
         return [name for _, _, name in sorted(running, reverse=True)]
 
     def latest_act_of(self, acts: Iterable[str]) -> str | None:
-        """The one of these acts that was asked for last; None when none was."""
+        """The one of these acts that was requested last; None if none was."""
         latest = max(((self.acts[name].latest, name) for name in acts if name in self.acts), default=(0, None))
         return latest[1] if latest[0] else None
 
@@ -353,7 +351,7 @@ class SessionView(Struct):
                 before = self.recordings.get(record.name)
                 self.recordings[record.name] = record
                 if before is not None and before.status == record.status:
-                    return  # it goes on as it did
+                    return  # the status has not changed
             case SyncRecord():
                 self.sync = record
         status = record.result if isinstance(record, CheckRecord) else getattr(record, "status", "")
@@ -388,7 +386,7 @@ class SessionView(Struct):
             self.rules.setdefault(started_rule(record.behavior), RuleView()).task = record.id
 
     def _apply_act_task(self, record: TaskRecord, task: TaskView) -> None:
-        spoken = record.function == "say"  # free speech is no act of the scenario, and has no typical duration
+        spoken = record.function == "say"  # free speech is not an act of the scenario, and has no typical duration
         act = ActView() if spoken else self.acts.setdefault(record.behavior, ActView())
         for ids in (self.waiting, self.running, act.waiting, act.running):
             if record.id in ids:
@@ -409,7 +407,7 @@ class SessionView(Struct):
                 act.runs += 1
 
     def _apply_failure(self, record: TaskRecord) -> None:
-        """A failed act stays one until it is answered, or done after all."""
+        """Update the failed acts. A failure stays until it is answered, or the act succeeds later."""
         if record.status not in ("ABORTED", "SUCCEEDED"):
             return
         for at, id in enumerate(self.failed):
@@ -421,7 +419,7 @@ class SessionView(Struct):
             self.failed.append(record.id)
 
     def _apply_question(self, record: FailureRecord) -> None:
-        """Whether somebody has to say what is to become of a failed act."""
+        """Update the failed acts that somebody has to decide about."""
         is_open = record.status in ("asked", "waiting")
         if not is_open:
             self.questions = [id for id in self.questions if id != record.task]
@@ -434,8 +432,8 @@ class SessionView(Struct):
             self.failed = [id for id in self.failed if id != record.task]
 
     def _note_raised(self, task: TaskView, *, is_new: bool) -> None:
-        """A task's event comes to the rules: the record of that follows those of events that were raised before. Of one
-        that was kept until now (not `is_new`) it is the very next one, or there is none."""
+        """Note that a task's event is on its way to the rules. Its record follows those of events that were raised
+        before. If it was kept until now (not `is_new`), its record is the very next one, or there is none."""
         by_cue = task.function == "markCue"
         topic = CUE_TOPICS[0] if by_cue else normal_topic(describe_behavior(task.function, task.behavior))
         raised = RaisedView(topic, ENGINE if by_cue else task.source)
@@ -488,7 +486,7 @@ class SessionView(Struct):
         self.kept[record.task] = KeptView(record.topic, source, record.t + (record.seconds or 0.0))
 
     def _apply_step(self, record: RuleRecord, rule: RuleView) -> None:
-        """Where the rule has been: what a step back would lead to."""
+        """Note the rule's states, for a step back."""
         trigger, steps = record.trigger or "", rule.steps
         if record.status == "started":
             rule.steps = steps[:-1] if trigger.startswith("resumed") else []
@@ -500,7 +498,7 @@ class SessionView(Struct):
                 del steps[0]
 
     def changed_since_step(self, rule: RuleView) -> dict[str, ValueBefore]:
-        """The keys that have changed since the state before was entered, with what they had then."""
+        """The keys that have changed since the previous state was entered, with their values from then."""
         values = {key: entry.value for key, entry in self.memory.items()}
         return self.memory_log.changed_since(rule.steps[-2][1], values) if len(rule.steps) > 1 else {}
 

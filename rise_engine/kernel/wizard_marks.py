@@ -1,4 +1,4 @@
-"""What only a person at a console asks for: free speech, the participant's cue, the next filler, and mistakes as data.
+"""Tasks that only a person at a console submits: free speech, the participant's cue, the next filler, mistakes as data.
 
 Like everything else they are DomainTasks (semantics.md 4.1), so that one log shows them.
 """
@@ -16,25 +16,25 @@ from rise_engine.scenario.model import Scenario
 
 MARKS: tuple[Mark, ...] = get_args(Mark)
 REMEMBERED = 1000
-"""Acts, and other tasks of wizards, that can still be marked as a mistake; older ones only in the record itself."""
+"""How many acts, and how many other tasks of wizards, can still be marked as mistakes."""
 UNMARKABLE = frozenset({"markMistake", "goOn", "repeatAct", "stopRuleOfAct"})
-"""What a wizard says about tasks; it is no deed that could have been a mistake."""
+"""A wizard's statements about tasks, which cannot be mistakes themselves."""
 LONGEST_SPEECH = 2000
-"""Characters of free speech. Nobody says more in one go; what is longer was pasted by mistake."""
+"""The longest free speech, in characters. Longer texts were pasted by mistake."""
 
 
 class WizardMarksState(Struct):
-    """What has to be known across inputs."""
+    """The state that is kept across inputs."""
 
     last_filler: str | None = None
     filler_timer: int | None = None
-    """Runs from a cue on when the scenario wants fillers without the wizard."""
+    """Runs after a cue if the scenario wants automatic fillers."""
     act_tasks: dict[int, str] = field(default_factory=dict)
     """The latest tasks that asked for an act, with its name."""
     other_tasks: list[int] = field(default_factory=list)
-    """The latest other tasks that wizards have asked for: rules, events, memory, whatever a key can do."""
+    """The latest other tasks of wizards: rules, events, memory, and everything else that a key can do."""
     failed_acts: dict[int, str] = field(default_factory=dict)
-    """Failed acts that nobody has answered yet, by task: what was to be done, which a later task can make good."""
+    """Failed acts without an answer, by task: what was attempted, which a later task can make good."""
 
 
 class WizardMarks:
@@ -44,10 +44,10 @@ class WizardMarks:
         self._core = core
         self.state = WizardMarksState()
 
-    # --- acts come and go ---
+    # --- the start and end of acts ---
 
     def note_accepted(self, task: Task) -> None:
-        """An act or free speech was taken on: note what it answers, and when it was asked for."""
+        """Note which cue an accepted act or free speech answers, and when it was requested."""
         core, acts = self._core, self.state.act_tasks
         task.cue_at, task.key_at, task.accepted_at = core.open_cue_at, core.key_at, core.t
         acts[task.id] = act_name(task)
@@ -57,7 +57,7 @@ class WizardMarks:
             self.state.last_filler = task.behavior
 
     def note_started(self, task: Task) -> None:
-        """A filler bridges the time until the answer; anything else is the answer to the cue."""
+        """Handle the start of an act: a filler bridges the time until the answer; any other act answers the cue."""
         core = self._core
         task.started_at = core.t
         self.cancel_filler()
@@ -72,7 +72,7 @@ class WizardMarks:
             core.open_cue_at = None
 
     def note_ended(self, task: Task) -> None:
-        """A failure stays until somebody goes on without the act, or it succeeds after all."""
+        """Handle the end of an act. A failure stays until somebody goes on without the act, or it succeeds later."""
         failed, what = self.state.failed_acts, f"{task.function} {task.behavior}"
         if task.status in ("ABORTED", "SUCCEEDED"):
             for id in [id for id, other in failed.items() if other == what]:
@@ -83,17 +83,17 @@ class WizardMarks:
                 del failed[next(iter(failed))]
 
     def forget_failure(self, task: Task) -> None:
-        """This failure is answered otherwise: it is repeated, or somebody is asked."""
+        """Remove a failure that is handled otherwise: the act is repeated, or somebody is asked."""
         self.state.failed_acts.pop(task.id, None)
 
     def why_not_go_on(self, behavior: str) -> str:
-        """Why nobody need go on without this act, or empty."""
+        """Why there is no failed act to go on without; empty if there is."""
         if parse_task_id(behavior) not in self.state.failed_acts:
             return f"no task {behavior} has failed and waits for an answer"
         return ""
 
     def go_on(self, behavior: str) -> None:
-        """The wizard has seen that an act failed, and goes on without it."""
+        """Note that the wizard goes on without a failed act."""
         del self.state.failed_acts[parse_task_id(behavior)]
 
     def _is_filler(self, task: Task) -> bool:
@@ -114,11 +114,11 @@ class WizardMarks:
             self.state.filler_timer = core.set_timer(seconds, TimerTarget("filler"))
 
     def why_not_undo_cue(self) -> str:
-        """Why no cue can be taken back, or empty."""
+        """Why no cue can be taken back; empty if one can."""
         return "no cue is open: none was marked, or an act has answered it" if self._core.open_cue_at is None else ""
 
     def undo_cue(self, source: str) -> None:
-        """The participant has not finished after all."""
+        """Take back the cue, because the participant has not finished after all."""
         core = self._core
         core.open_cue_at = None
         self.cancel_filler()
@@ -131,7 +131,7 @@ class WizardMarks:
         return next_filler(self._core.scenario, self.state.last_filler)
 
     def cancel_filler(self) -> None:
-        """None is wanted by itself any more."""
+        """Cancel the automatic filler."""
         if self.state.filler_timer is not None:
             self._core.cancel_timer(self.state.filler_timer)
             self.state.filler_timer = None
@@ -139,7 +139,7 @@ class WizardMarks:
     # --- mistakes ---
 
     def note_task(self, task: TaskRecord) -> None:
-        """A wizard has asked for something: if it was not refused, it may have been a mistake."""
+        """Note a wizard's task, which may have been a mistake unless it was rejected."""
         if task.id in self.state.act_tasks or task.status == "REJECTED" or task.function in UNMARKABLE:
             return
         self.state.other_tasks.append(task.id)
@@ -147,7 +147,7 @@ class WizardMarks:
             del self.state.other_tasks[0]
 
     def why_not_mark(self, behavior: str) -> str:
-        """Why a mark cannot be taken, or empty."""
+        """Why a mark cannot be accepted; empty if it can."""
         number, _, mark = behavior.partition(" ")
         if mark not in MARKS:
             return f"write the task's id and one of {', '.join(MARKS)}, as in `17 late`"
@@ -167,7 +167,7 @@ def filler_acts(scenario: Scenario) -> tuple[str, ...]:
 
 
 def next_filler(scenario: Scenario, last: str | None) -> str | None:
-    """The filler after the one that was used last, in turn; None when the scenario has none."""
+    """The filler after the one that was used last, in turn; None if the scenario has none."""
     found = filler_acts(scenario)
     if not found:
         return None

@@ -1,1 +1,1 @@
-"""What others implement: `robot` reaches a robot, `bridge` connects a session with a robot middleware."""
+"""Interfaces for adapters: `robot` controls a robot, `bridge` connects a session to a robot middleware."""

@@ -1,8 +1,7 @@
-"""The port behind which an outlet stands: a program that passes on what happens in a session while it runs, as markers
-for other recorders (Lab Streaming Layer).
+"""The port for an outlet, which passes on a running session's events as markers for recorders (Lab Streaming Layer).
 
-An outlet is found by an entry point of the group `rise.outlets`. It runs in a process of its own and attaches to the
-session as any client does (`rise_engine.run.client.connect`), so that nothing that it does can hold up a session.
+The engine finds an outlet by an entry point of the group `rise.outlets`. It runs in its own process and attaches to the
+session like any client (`rise_engine.run.client.connect`), so that it can never block a session.
 """
 
 from __future__ import annotations
@@ -15,20 +14,20 @@ from msgspec import Struct
 
 
 class OutletPlan(Struct, frozen=True):
-    """What is to be passed on."""
+    """What an outlet passes on."""
 
     socket: str
-    """Of the session: a path, or its name, as `rise_engine.run.client.connect` takes it."""
+    """The session's: a path, or its name, as `rise_engine.run.client.connect` takes it."""
     session: str = ""
-    """Name of the session's folder."""
+    """The name of the session's folder."""
     task: str = ""
-    """The study's id; empty: the session is of no study."""
+    """The study's id; empty: the session belongs to no study."""
     scope: Literal["machine", "link", "site"] = "machine"
-    """How far it can be seen."""
+    """How far it is visible."""
     payload: Literal["short", "json"] = "short"
     """Short words, or whole records."""
 
 
 OutletRunner: TypeAlias = Callable[[OutletPlan, Event], Awaitable[None]]
-"""What an entry point names: (plan, finish) -> None. It returns when the session is over, or soon after `finish` was
-set. It raises AdapterError when it cannot go on."""
+"""The callable of an entry point: (plan, finish) -> None. It returns when the session is over, or soon after `finish`
+was set. It raises AdapterError when it cannot continue."""

@@ -1,7 +1,7 @@
-"""The port behind which a recorder stands: a camera, a microphone, a bag, a program that records streams.
+"""The port for a recorder: a camera, a microphone, a bag, a program that records streams.
 
-A driver is found by an entry point, as robots are. It is never called from the engine's process, and whoever
-calls it gives each call `CALL_SECONDS`, so that nothing that it does can hold up a session.
+A driver is found by an entry point, as for robots. It is never called from the engine's process, and each call gets
+`CALL_SECONDS`, so that it can never block a session.
 """
 
 from __future__ import annotations
@@ -16,27 +16,27 @@ from rise_engine.base.errors import AdapterError
 from rise_engine.scenario.model import Json
 
 MediaKind: TypeAlias = Literal["video", "audio", "bag", "streams", "other"]
-"""What a recording is."""
+"""The kind of a recording."""
 CALL_SECONDS = 5.0
-"""How long each call may take."""
+"""The time limit of each call."""
 
 
 class RecorderError(AdapterError):
     """It cannot record, or not any more; a sentence for the wizard, with what to do."""
 
     def __init__(self, *lines: str, ended: bool = False) -> None:
-        """`ended`: what recorded has ended by itself, and can be started anew."""
+        """`ended`: the recording has ended by itself, and can be started again."""
         super().__init__(*lines)
         self.ended = ended
 
 
 class RecordingPlan(Struct, frozen=True):
-    """What is to be recorded."""
+    """What to record, and where."""
 
     session: str
-    """Name of the session's folder; a file's name begins with it."""
+    """The name of the session's folder, with which a file's name begins."""
     folder: Path
-    """Where a file goes that the driver itself names; it exists."""
+    """The folder for a file that the driver itself names; it exists."""
     participant: str = ""
     task: str = ""
     """The study's id."""
@@ -44,15 +44,15 @@ class RecordingPlan(Struct, frozen=True):
 
 
 class RecorderStatus(Struct, frozen=True):
-    """How a recorder stands."""
+    """The state of a recorder."""
 
     recording: bool
     bytes: int | None = None
-    """How large its file is; None: nobody can know."""
+    """The size of its file; None: unknown."""
     seconds: float | None = None
-    """How long the recording is; None: nobody can know."""
+    """The length of the recording; None: unknown."""
     drops: int | None = None
-    """Frames, samples or messages that it has lost."""
+    """The number of lost frames, samples or messages."""
     path: str = ""
 
 
@@ -61,24 +61,24 @@ class Recorder(Protocol):
 
     kind: MediaKind
     stalled_after: float
-    """Seconds without growth after which something is wrong; more than 3 for what writes in large pieces."""
+    """Seconds without growth after which something is wrong; more than 3 for recorders that write in large pieces."""
 
     async def prepare(self, plan: RecordingPlan) -> str:
-        """Reach it and set it up, without recording. Returns what was found, for a check: `OBS 30.2, scene Lab`."""
+        """Connect and set it up, without recording. Returns what was found, for a check: `OBS 30.2, scene Lab`."""
 
     async def start(self) -> str:
-        """Record. Returns the path of the file, empty when it is not known yet."""
+        """Start to record. Returns the path of the file, empty if it is not known yet."""
 
     async def status(self) -> RecorderStatus:
-        """How it stands now. Called about once a second."""
+        """Return its present state. Called about once a second."""
 
     async def stop(self) -> str:
-        """End the recording. Returns the path of the file, empty when nobody knows it."""
+        """End the recording. Returns the path of the file, empty if it is unknown."""
 
     async def close(self) -> None:
-        """Let go of it. Called once, whatever happened before."""
+        """Release it. Called once, whatever happened before."""
 
 
 RecorderOpener: TypeAlias = Callable[[str, Mapping[str, Json]], Recorder]
-"""What an entry point names: (the recorder's name, its options in study.toml) -> Recorder. It only checks the options
-and raises RecorderError with every finding, a line each."""
+"""The callable of an entry point: (the recorder's name, its options in study.toml) -> Recorder. It only checks the
+options, and raises RecorderError with every mistake, one per line."""

@@ -1,11 +1,10 @@
-"""The port behind which every robot stands, simulated or real (architecture, "The engine").
+"""The port for every robot, simulated or real (architecture, "The engine").
 
-An adapter implements `Robot`; the engine finds its class by the entry-point group `rise.drivers` and calls it from its
-own loop only. An adapter with threads of its own hands its reports over through the loop. Nothing here may block: each
-call starts something and returns, and what came of it arrives through `report`.
+An adapter implements `Robot`. The engine finds its class by the entry-point group `rise.drivers` and calls it only from
+its own loop. An adapter with threads of its own passes its reports through the loop. Nothing here may block: each call
+starts something and returns, and its result arrives through `report`.
 
-A whole driver, as an example that is tested, is in docs/how-to/add-a-robot.md, section 5. `rise_adapters.simulated` is
-one that comes with the program.
+docs/how-to/add-a-robot.md, section 5, has a whole, tested driver. `rise_adapters.simulated` comes with the program.
 """
 
 from __future__ import annotations
@@ -18,25 +17,25 @@ from rise_engine.kernel.inputs import ActionReport, EstopReport, Note, RobotChan
 from rise_engine.scenario.model import RobotProfile
 
 RobotReport: TypeAlias = ActionReport | RobotChanged | StopReport | EstopReport | Note
-"""What a robot says. An `EstopReport` tells of an emergency stop that the robot's profile names: pressed, it stops
-everything, and nobody releases that before it is let go. A note is for the record only: what came too late to count, or
-twice."""
+"""A robot's report. An `EstopReport` is about an emergency stop that the robot's profile names: pressing it stops
+everything, and nobody can release that before it is let go. A note is for the record: something came too late or twice.
+"""
 ReportCallback: TypeAlias = Callable[[RobotReport], None]
-"""Takes one report. It belongs to the thread of the engine's loop; whoever has another one calls it by
+"""Takes one report. It belongs to the thread of the engine's loop; other threads call it with
 `loop.call_soon_threadsafe(report, ...)`. It may be called within `connect`, `start`, `cancel` and `stop_all`."""
 
 
 class Timer(Protocol):
-    """One call that a clock has still to make."""
+    """A call that a clock has still to make."""
 
     def cancel(self) -> None:
-        """Do not make it. Nothing happens when it was made, or cancelled, before."""
+        """Cancel the call. Does nothing if it was made or cancelled before."""
         ...
 
 
 class Clock(Protocol):
-    """The session's clock: real (optionally faster) or virtual. An adapter measures and waits by nothing else, so that
-    a study can be rehearsed at ten times its speed, and tested in no time at all."""
+    """The session's clock: real (optionally faster) or virtual. Adapters must measure and wait with it alone, so that a
+    study can be rehearsed at ten times its speed, and tested without any delay."""
 
     def now(self) -> float:
         """Session time: seconds since the session began. Never goes back."""
@@ -45,21 +44,21 @@ class Clock(Protocol):
     def call_at(self, when: float, callback: Callable[[], None]) -> Timer:
         """Run `callback` on the engine's loop.
 
-        :param when: session time in seconds; in the past means at once, but never inside this call.
+        :param when: session time in seconds; a past time means immediately, but never inside this call.
         :param callback: called once, without arguments.
-        :return: what takes it back.
+        :return: the timer, which can cancel the call.
         """
         ...
 
 
 class Robot(Protocol):
-    """What a robot adapter must be able to do.
+    """The interface of a robot adapter.
 
     The engine calls it from the thread of its loop, in this order: `connect` once, then the others in any order, then
-    `close` once. No method may block, and none should raise: what goes wrong is reported. (An exception is a mistake of
-    the adapter. The engine logs it and takes the call for failed: the action has failed, nothing has confirmed a stop.)
+    `close` once. No method may block, and none should raise: problems are reported. (An exception is a mistake of the
+    adapter. The engine logs it and counts the call as failed: the action has failed, nothing has confirmed a stop.)
 
-    Every action that is started gets exactly one ending. What is reported about an action that has ended is ignored.
+    Every started action gets exactly one ending. Reports about an action that has ended are ignored.
 
     A robot whose actions take a second each:
 
@@ -107,88 +106,88 @@ class Robot(Protocol):
     """
 
     def connect(self, report: ReportCallback) -> None:
-        """Begin to reach the robot.
+        """Start to connect to the robot.
 
-        Reports `RobotChanged(status="connected")` when goals can be sent, at once or later, and again whenever that
-        changes: `degraded` when some of its parts cannot be used, `lost` when none can. With `lost`, the engine ends
-        every action as lost by itself.
+        Reports `RobotChanged(status="connected")` when goals can be sent, immediately or later, and again whenever that
+        changes: `degraded` when some of its parts cannot be used, `lost` when none can. On `lost`, the engine itself
+        ends every action as lost.
 
-        :param report: takes everything that the robot says, until `close`.
+        :param report: takes all reports of the robot, until `close`.
         """
         ...
 
     def start(self, goal: StartAction) -> None:
         """Begin an action.
 
-        Reports `ActionReport(status="accepted")` when the robot takes it, then exactly one ending: `succeeded`,
-        `failed` (also when it is refused), `canceled`, `timed-out` or `lost`, with a reason in words wherever it did
-        not succeed. An ending without `accepted` before it is allowed. `failed` is `aborted=True` when the robot had
-        taken it and gave it up by itself, as after a protective stop; `canceled` without `cancel` says that somebody
-        else stopped it. Neither is repeated by itself (semantics.md 12.2).
+        Reports `ActionReport(status="accepted")` when the robot accepts it, then exactly one ending: `succeeded`,
+        `failed` (also if it is refused), `canceled`, `timed-out` or `lost`, with a reason in words unless it succeeded.
+        An ending without `accepted` before it is allowed. `failed` has `aborted=True` if the robot had accepted it and
+        gave it up by itself, for example after a protective stop. `canceled` without `cancel` means that somebody else
+        stopped it. Neither is repeated automatically (semantics.md 12.2).
 
-        :param goal: `goal.action` is the name to report it under, `<task>/<actionID>`, unique in the session;
-            `goal.type` one of the profile's actions; `goal.parameters` what the author gave, by name, typed, without
-            what was left out, a `message` in the words in which this robot is to say it (semantics.md 2.5, 2.6);
-            `goal.expected` how many seconds it will probably take; `goal.goal` a UUID of its own, which an engine that
-            goes on with the session gives it again.
+        :param goal: `goal.action` is its name in reports, `<task>/<actionID>`, unique in the session. `goal.type` is
+            one of the profile's actions. `goal.parameters` are the author's, by name, typed, without omitted ones, and
+            with a `message` in the words that this robot should say (semantics.md 2.5, 2.6). `goal.expected` is how
+            many seconds it will probably take. `goal.goal` is a UUID, which stays the same if another engine continues
+            the session.
         """
         ...
 
     def cancel(self, action: str) -> None:
-        """Stop one action, also one that has only just been started. It then reports its ending: `canceled`, or what
-        else became of it meanwhile. The engine waits 5 s (`kernel.act_runner.CANCEL_LIMIT`), and then gives it up.
+        """Stop one action, even if it has only just been started. It then reports its ending: `canceled`, or whatever
+        happened to it meanwhile. The engine waits 5 s (`kernel.act_runner.CANCEL_LIMIT`), and then gives it up.
 
-        :param action: as in `goal.action`. One that has ended, or was never started, is no mistake: nothing happens.
+        :param action: as in `goal.action`. Nothing happens for an action that has ended, or was never started.
         """
         ...
 
     def stop_all(self) -> None:
-        """Stop everything that moves, also what others have asked for, and report one `StopReport`: which parts of the
-        robot have stopped, and which may not have, each by a name for a person (`pepper/speech`), with the reason in
-        brackets where it has not. The engine waits 3 s (`kernel.stop.STOP_LIMIT`). Asked again meanwhile, it asks the
-        robot again.
+        """Stop everything that moves, also actions of others, and report one `StopReport`.
 
-        A part is called confirmed only when the robot has said so. What was running reports its ending as ever.
-        Whenever the answer changes after that, another `StopReport` says so.
+        It names the parts of the robot that have stopped and those that may not have, each for people
+        (`pepper/speech`), the latter with the reason in brackets. The engine waits 3 s (`kernel.stop.STOP_LIMIT`). If
+        the method is called again meanwhile, it asks the robot again.
+
+        A part counts as confirmed only if the robot has confirmed it. Running actions report their endings as usual.
+        Whenever the answer changes later, another `StopReport` follows.
         """
         ...
 
     def last_seen(self) -> float | None:
         """When the robot gave its last sign of life, for people who watch the link.
 
-        :return: session time in seconds; None when that is not known.
+        :return: session time in seconds; None if that is unknown.
         """
         ...
 
     def close(self) -> None:
-        """Let go of everything: what runs is cancelled without waiting for it. No reports after this. It may be called
-        twice, and without `connect` before it."""
+        """Release everything, and cancel running actions without waiting for them. No reports after this. It may be
+        called twice, and without `connect` before it."""
         ...
 
 
 @runtime_checkable
 class RobotWithOpenGoals(Robot, Protocol):
-    """A robot whose adapter knows what may still be going on after an action has ended for the session: the robot did
-    not answer, or refused to stop. Such goals are listed in `RobotChanged.open`, and their part gets nothing else."""
+    """A robot whose adapter knows what may continue after an action has ended for the session, because the robot did
+    not answer or refused to stop. `RobotChanged.open` lists such goals, and their part gets nothing else."""
 
     def adopt(self, goals: Sequence[StartAction]) -> None:
-        """Find out what has become of goals that an engine before this one gave the robot. Called once, before
-        `connect`, in a session that is gone on with. Those that may still be going on are open; they are not
-        cancelled until somebody asks for that.
+        """Find out what happened to the goals of an earlier engine. Called once, before `connect`, if a session is
+        continued. Goals that may still be running are open; they are not cancelled until somebody asks for that.
 
-        :param goals: `goal.goal` is their id, as it was when they were started.
+        :param goals: `goal.goal` is their id from when they were started.
         """
         ...
 
     def cancel_open_goals(self, part: str) -> None:
-        """Ask once more to stop what may be going on at a part, also on a robot that refused.
+        """Ask again to stop what a part may still be doing, even if the robot refused.
 
         :param part: as `OpenGoal.part`; empty for all.
         """
         ...
 
     def release_open_goals(self, part: str) -> None:
-        """A person has looked at the robot: the part may be used again.
+        """Allow the use of a part again, because a person has checked the robot.
 
         :param part: as `OpenGoal.part`; empty for all.
         """
@@ -196,13 +195,13 @@ class RobotWithOpenGoals(Robot, Protocol):
 
 
 class Driver(Protocol):
-    """The callable that an entry point of the group `rise.drivers` names; usually the adapter's class. Its name in that
-    group is what a profile's `driver` says.
+    """The callable of an entry point in the group `rise.drivers`, usually the adapter's class. Its name in the group is
+    the `driver` of a profile.
 
         [project.entry-points."rise.drivers"]
         lamp = "my_package:make_lamp"
 
-    A function does as well; here one that refuses options, and otherwise makes the robot that comes with the program:
+    A function works too. This one refuses options, and otherwise makes the robot that comes with the program:
 
     >>> from rise_adapters.simulated import SimulatedRobot
     >>> def make_lamp(profile: RobotProfile, clock: Clock, seed: int, faults: tuple[str, ...] = ()) -> Robot:
@@ -219,12 +218,12 @@ class Driver(Protocol):
     def __call__(self, profile: RobotProfile, clock: Clock, seed: int, faults: tuple[str, ...] = ()) -> Robot:
         """Make a robot for one session; nothing is sent to it before `connect`.
 
-        :param profile: the robot's: `profile.options` is the table `[options]` of its file, `profile.actions` what it
-            can do.
+        :param profile: the robot's: `profile.options` is the table `[options]` of its file, `profile.actions` are its
+            actions.
         :param clock: the session's, which may run faster than real time.
-        :param seed: for whatever is picked at random, so that a session can be repeated.
-        :param faults: what is to go wrong, in a form that the driver documents. Only simulated robots take any.
+        :param seed: for all random choices, so that a session can be repeated.
+        :param faults: simulated faults, in a form that the driver documents. Only simulated robots take any.
         :return: the robot, not connected yet.
-        :raises ValueError: with a sentence for a person, when the profile's options or a fault cannot be understood.
+        :raises ValueError: the profile's options or a fault are invalid; with a sentence for people.
         """
         ...

@@ -1,5 +1,4 @@
-"""Scenario folders: text files in, one checked and immutable `Scenario` out, or findings with file, line and column.
+"""Scenario folders: text files in; one checked, immutable `Scenario` out, or diagnostics with file, line and column.
 
-`rise_engine.scenario.loader.load` is the door. This module imports nothing, so that whoever needs the model alone gets
-no reader of XML.
+Start at `rise_engine.scenario.loader.load`. This module imports nothing, so that the model alone needs no XML reader.
 """

@@ -26,19 +26,19 @@ from rise_engine.syntax.toml import toml_key
 
 MAX_DEBOUNCE = 60.0
 MAX_PATTERNS = 100
-"""Tables for several acts at once: each is compared with each act."""
+"""The most tables with wildcards, because each is compared with each act."""
 SETTINGS = ("hold", "debounce", "filler", "answers", "calling_type", "on_failure")
 _CALLING_TYPES: dict[str, CallingType] = {"none": "None", "blocking": "Blocking"}
 _WILDCARD = re.compile(r"\[[^\]]*\]|[*?]")
 
 
 class ActTable(Struct, frozen=True):
-    """One table `[act.NAME]` as it is written."""
+    """One table `[act.NAME]` as written."""
 
     name: str
-    """An act, or a pattern: `*` is any text, `?` any character, `[12]` one of these."""
+    """An act, or a pattern: `*` matches any text, `?` any character, `[12]` one of these characters."""
     given: dict[str, Any]
-    """The settings that it says."""
+    """The settings in the table."""
     location: SourceLocation
 
     @property
@@ -51,20 +51,20 @@ class ActTable(Struct, frozen=True):
 
 
 class ActTables(Struct):
-    """All these tables, and what holds for an act because of them."""
+    """All these tables, and the settings that they give an act."""
 
     tables: tuple[ActTable, ...] = ()
     by_name: dict[str, ActTable] = {}
-    """In file order. (No two have one name: that would be no TOML.)"""
+    """In file order. TOML allows no two tables of one name."""
     patterns: list[ActTable] = []
-    """Those that name more characters come later, and of those that name as many the later ones in the file."""
+    """Patterns with more literal characters come later; those with equally many stay in file order."""
 
     def __post_init__(self) -> None:
         self.by_name = {table.name: table for table in self.tables}
         self.patterns = sorted((table for table in self.by_name.values() if table.has_wildcards), key=_exactness)
 
     def check_patterns(self, acts: Iterable[str], diagnostics: Diagnostics) -> None:
-        """An error for each pattern that fits no act, and for too many of them."""
+        """Report an error for each pattern that fits no act, and for too many patterns."""
         names = tuple(acts)
         if len(self.patterns) > MAX_PATTERNS:
             message = f"at most {MAX_PATTERNS} tables are for several acts at once; there are {len(self.patterns)}"
@@ -76,15 +76,15 @@ class ActTables(Struct):
                 diagnostics.error("unknown-act", table.location, message, suggest(table.name, names))
 
     def find_sources(self, act: str) -> dict[str, ActTable]:
-        """For each setting of an act that some table says: the table that counts. That is the act's own, else the
-        pattern that names the most characters, and of two that name as many the later one."""
+        """Return the table that decides each setting of an act: the act's own table, else the pattern with the most
+        literal characters, else the later table."""
         fitting = [table for table in self.patterns if fnmatchcase(act, table.name)]
         if (own := self.by_name.get(act)) is not None:
             fitting.append(own)
         return {key: table for table in fitting for key in table.given}
 
     def settings_by_act(self, acts: Iterable[str]) -> dict[str, ActSettings]:
-        """The settings of each act for which any table says something."""
+        """The settings of each act that any table applies to."""
         found = ((act, self.find_sources(act)) for act in acts)
         return {
             act: ActSettings(**{key: table.given[key] for key, table in sources.items()})
@@ -93,8 +93,8 @@ class ActTables(Struct):
         }
 
     def explain(self, act: str, on_failure: str) -> list[tuple[str, Any, ActTable | None]]:
-        """Each setting of an act with its value and the table that says it; None: it is the usual one, for failures
-        what the scenario says (`on_failure`)."""
+        """Return each setting of an act with its value and the table that gives it; None for a default. The default for
+        failures is the scenario's `on_failure`."""
         sources, usual = self.find_sources(act), {**asdict(ActSettings()), "on_failure": on_failure}
         return [(key, sources[key].given[key] if key in sources else usual[key], sources.get(key)) for key in SETTINGS]
 
@@ -104,7 +104,7 @@ def _exactness(table: ActTable) -> int:
 
 
 def read_act_tables(table: TomlTable, draft: ScenarioDraft) -> ActTables:
-    """Read the tables below `[act]`; names of single acts are noted in `draft`."""
+    """Read the tables below `[act]`. Names of single acts are noted in `draft`."""
     usual = ActSettings()
     found = []
     for name in table.values:
@@ -139,7 +139,7 @@ def _read_calling_type(table: TomlTable) -> CallingType:
 
 
 def read_on_failure(table: TomlTable) -> str:
-    """What becomes of a failed act: of one act, or of all those that do not say it."""
+    """Read `on_failure`: what happens after a failed act. It is for one act, or the default for all acts."""
     written = table.values["on_failure"]
     try:
         if isinstance(written, str):

@@ -1,6 +1,6 @@
-"""Actions as data: the engine's own, a robot's and a scenario's are declared in one format (docs/reference/robots.md).
+"""Actions as data. One format declares the engine's, a robot's and a scenario's actions (docs/reference/robots.md).
 
-A declaration is laid over what came before: the core actions, then the robot's profile, then the scenario.
+Declarations are applied in this order: the core actions, the robot's profile, the scenario.
 """
 
 from __future__ import annotations
@@ -50,7 +50,7 @@ _PARAMETER_KEYS = (
 )
 _TYPES: tuple[str, ...] = get_args(ParameterType)
 RESERVED = frozenset({"actionID", "waitForActions", "onFailure", "Variants", "Dialog"})
-"""Words of the CRA format that no action or parameter can be called."""
+"""Words of the CRA format that cannot name an action or a parameter."""
 
 
 @cache
@@ -68,12 +68,12 @@ def core_actions() -> Mapping[str, ActionSpec]:
 def apply_declarations(
     file: TomlTable, before: Mapping[str, ActionSpec], layer: DeclarationLayer
 ) -> dict[str, ActionSpec]:
-    """The actions after the `[actions.*]` tables of a file have been laid over those known before."""
+    """Apply the `[actions.*]` tables of a file to the actions known before."""
     specs = dict(before)
     actions = file.subtable("actions", "`actions` is a table: [actions.NAME]")
     if actions is None:
         return specs
-    if layer == "profile":  # what a profile does not list its robot cannot do
+    if layer == "profile":  # a robot cannot do the actions that its profile does not list
         for name, spec in before.items():
             if not spec.engine and name not in actions.values:
                 specs[name] = replace(spec, supported=False)
@@ -86,7 +86,7 @@ def apply_declarations(
 
 
 def read_places(file: TomlTable, before: Mapping[str, dict[str, float | str]]) -> dict[str, dict[str, float | str]]:
-    """The places after the `[places.*]` tables of a file have been laid over those known before."""
+    """Apply the `[places.*]` tables of a file to the places known before."""
     places = dict(before)
     tables = file.subtable("places", "`places` is a table: [places.NAME]")
     for name in tables.values if tables is not None else ():
@@ -104,7 +104,7 @@ def read_places(file: TomlTable, before: Mapping[str, dict[str, float | str]]) -
 def name_places(
     actions: Mapping[str, ActionSpec], places: Mapping[str, dict[str, float | str]]
 ) -> dict[str, ActionSpec]:
-    """The actions with the places among the names of each parameter that names one."""
+    """Add the places to the names of each parameter that names a place."""
     named = dict(actions)
     for action, spec in actions.items():
         parameters = {
@@ -136,7 +136,7 @@ def _check_substitutes(actions: TomlTable, specs: dict[str, ActionSpec]) -> None
 
 
 def _check_name(table: TomlTable, kind: str) -> bool:
-    """Whether a table's name can be that of an element; a finding if not."""
+    """Whether a table's name can be an element's name; reports a diagnostic if not."""
     name = table.name
     if name not in RESERVED and name.isidentifier() and (name.isascii() or is_element_name(name)):
         return True
@@ -145,7 +145,7 @@ def _check_name(table: TomlTable, kind: str) -> bool:
 
 
 def _read_action(table: TomlTable, before: ActionSpec | None, layer: DeclarationLayer) -> ActionSpec:
-    """One `[actions.NAME]` table on top of what is known of that action."""
+    """Apply one `[actions.NAME]` table to the action known before."""
     base = before or ActionSpec(table.name, {})
     table.report_unknown_keys((*_ACTION_KEYS, "engine") if layer == "core" else _ACTION_KEYS)
     if base.engine:
@@ -171,7 +171,7 @@ def _read_action(table: TomlTable, before: ActionSpec | None, layer: Declaration
 
 
 def _read_parameters(action: TomlTable, base: ActionSpec) -> dict[str, Parameter]:
-    """What an action's table says of its parameters, on top of what is known of them."""
+    """Apply the parameters in an action's table to those known before."""
     result = dict(base.parameters)
     parameters = action.read("parameters", dict, {})
     tables = TomlTable(action.file, (*action.path, "parameters"), parameters, action.diagnostics)
@@ -201,7 +201,7 @@ def _read_parameters(action: TomlTable, base: ActionSpec) -> dict[str, Parameter
 
 
 def _read_parameter(table: TomlTable, before: Parameter | None) -> Parameter | None:
-    """One parameter's table on top of what is known of it; without a type, what is known."""
+    """Apply one parameter's table to the parameter known before. Without a valid type, nothing changes."""
     table.report_unknown_keys(_PARAMETER_KEYS)
     type_ = table.read("type", str, before.type if before else None)
     if type_ not in _TYPES:
@@ -230,7 +230,7 @@ def _read_parameter(table: TomlTable, before: Parameter | None) -> Parameter | N
 
 
 def _read_of_type(key: str, needed: str, table: TomlTable, type_: str, before: bool) -> bool:
-    """Whether the parameter is what only those of the type `needed` can be."""
+    """Read a flag that only parameters of the type `needed` can have."""
     found: bool = table.read(key, bool, before)
     if found and type_ != needed and key in table.values:
         table.report_value("wrong-type", key, f"only a parameter of the type `{needed}` can be `{key}`")

@@ -25,7 +25,7 @@ COMMON = ("actionID", "waitForActions", "onFailure")
 _NO_ATTRIBUTES: frozenset[str] = frozenset()
 _SLOT = re.compile(r"\{\{|\{\s*+(?:\"[^\"]*+\"\s*+)?([^\W\d][\w.]*+)(?!\s*\[)")
 _LONGEST_PIECE = 12
-"""Characters by which a place is found again."""
+"""How many characters are searched for to find a place again."""
 _ID = re.compile(r"[^,;\s]+")
 _KEY = re.compile(r"[^\W\d][\w.]*\Z")
 
@@ -36,7 +36,7 @@ def read_acts(file: XmlFile, robot: RobotProfile, draft: ScenarioDraft, diagnost
 
 
 def report_unsent_ssml(robot: RobotProfile, draft: ScenarioDraft, diagnostics: Diagnostics) -> None:
-    """Warn, once, of messages with pauses and emphasis that this robot cannot be told of."""
+    """Warn once about messages with pauses and emphasis that this robot cannot render."""
     if draft.unsent_ssml:
         others = len(draft.unsent_ssml) - 1
         more = f" (here, and in {pluralize(others, 'further message')})" if others else ""
@@ -52,9 +52,9 @@ class _ActReader(ElementReader):
         super().__init__(file, draft, diagnostics)
         self.robot = robot
         self.usable = (*(spec.name for spec in robot.actions.values() if spec.supported), "Variants")
-        """What can stand in an act."""
+        """The elements that an act may contain."""
         self.waits: dict[str, Element] = {}
-        """The `<waitForActions>` of the act that is being read, by actionID."""
+        """The `<waitForActions>` elements of the current act, by actionID."""
 
     def read_acts(self) -> None:
         self.read_parts("Dialog", ACT_WRAPPERS, self.draft.act_definitions, self.read_act)
@@ -88,7 +88,7 @@ class _ActReader(ElementReader):
         return Act(name, tuple(actions.values()), frozenset(channels), self.file.element_location(element))
 
     def check_waits(self, actions: dict[str, Action]) -> None:
-        """Findings for what waits for nothing that there is, or for itself."""
+        """Report actions that wait for an unknown action or, in a circle, for themselves."""
         for action in actions.values():
             for wanted in action.wait_for:
                 if wanted not in actions:
@@ -101,7 +101,7 @@ class _ActReader(ElementReader):
             self.report_wait("cycle", cycle[0], "", message)
 
     def report_wait(self, code: str, action: str, id: str, message: str, suggestion: Correction | None = None) -> None:
-        """An error where an actionID stands in what an action waits for; without one, where the first does."""
+        """Report an error at an actionID in `<waitForActions>`; at the first actionID if `id` is not there."""
         element = self.waits[action]
         offsets = _id_offsets(element.text)
         index = offsets[id] if id in offsets else min(offsets.values(), default=0)
@@ -112,7 +112,7 @@ class _ActReader(ElementReader):
             return self.read_variants(element)
         spec = self.find_spec(element)
         common = {child.tag: child for child in element if child.tag in COMMON}
-        if spec is None:  # others may wait for it all the same
+        if spec is None:  # other actions may still wait for it
             return self.make_action(element, common, ()) if "actionID" in common else None
         self.check_attributes(element, _NO_ATTRIBUTES)
         call = self.read_call(element, spec, COMMON)
@@ -154,7 +154,7 @@ class _ActReader(ElementReader):
         return self.make_action(element, common, tuple(calls))
 
     def find_spec(self, element: Element) -> ActionSpec | None:
-        """The declaration of an action element; None, after a finding, when this robot has none."""
+        """The declaration of an action element; None, after a diagnostic, if this robot does not have it."""
         name = element.tag
         spec = self.robot.actions.get(name)
         if spec is None:
@@ -168,7 +168,7 @@ class _ActReader(ElementReader):
         return spec
 
     def make_action(self, element: Element, common: dict[str, Element], calls: tuple[ActionCall, ...]) -> Action | None:
-        """The action of these calls, with what its element holds of COMMON; None, after a finding, without a name."""
+        """Build an action of these calls from the COMMON elements; None, after a diagnostic, without a valid id."""
         name = self.read_plain_text(common.get("actionID"))
         if not name:
             message = f"`<{element.tag}>` needs an <actionID> of its own, such as <actionID>1</actionID>"
@@ -196,7 +196,7 @@ class _ActReader(ElementReader):
         return Action(name, calls, wait_for, proceed == "continue", self.file.element_location(element))
 
     def read_plain_text(self, element: Element | None) -> str:
-        """The text of a child that holds nothing but text."""
+        """The text of a child that contains only text."""
         if element is None:
             return ""
         self.check_attributes(element, _NO_ATTRIBUTES)
@@ -233,14 +233,14 @@ class _ActReader(ElementReader):
         return ActionCall(spec.name, parameters)
 
     def note_language(self, language: str | None) -> None:
-        """Something is said in a language; None: the memory says in which."""
+        """Note a language that an action speaks; None: the memory decides at run time."""
         if language is None:
             self.draft.has_languages_from_memory = True
         else:
             self.draft.spoken_languages.add(language.strip())
 
     def check_ssml(self, element: Element, spec: ActionSpec, template: Template) -> None:
-        """Findings for a message that is meant as SSML."""
+        """Report the mistakes in a message that is meant as SSML."""
         for problem in find_ssml_problems(template):
             if len(element):
                 index = problem.index_in(self.file.written(element[0]))
@@ -274,7 +274,7 @@ class _ActReader(ElementReader):
             self.report_error("unknown-parameter", element, f"`<{spec.name}>` has no `{name}`", suggest(name, known))
 
     def read_message(self, element: Element) -> str:
-        """What is said: a text, or one `<speak>` as a text."""
+        """The message: a text, or one `<speak>` element as text."""
         if len(element) != 1 or element[0].tag != "speak":
             return self.read_plain_text(element)
         self.check_attributes(element, _NO_ATTRIBUTES)
@@ -348,7 +348,7 @@ class _ActReader(ElementReader):
                 reads.append(Mention(slot.key, locate))
 
     def report_parameter(self, element: Element, parameter: Parameter, error: ParameterError) -> None:
-        """An error about a parameter's text, where that begins."""
+        """Report an error at the beginning of a parameter's text."""
         location = self.file.text_location(element, _raw_index(element.text, 0))
         code = "unknown-name" if parameter.type == "name" else error.code
         self.diagnostics.error(code, location, str(error), error.suggestion)
@@ -365,7 +365,7 @@ class _ActReader(ElementReader):
 
 @lru_cache(maxsize=1)
 def _id_offsets(text: str) -> dict[str, int]:
-    """Where each actionID first stands in the text of a `<waitForActions>`, which may be asked for each of them."""
+    """The offset of the first occurrence of each actionID in the text of a `<waitForActions>`."""
     return {found.group(): found.start() for found in reversed(list(_ID.finditer(text)))}
 
 
@@ -374,7 +374,7 @@ def _explain(parameter: Parameter) -> str:
 
 
 def _raw_index(raw: str, index: int) -> int:
-    """Where the character `index` of a stripped, single-spaced text was before."""
+    """The offset in `raw` of a character of the stripped, single-spaced text."""
     at = len(raw) - len(raw.lstrip())
     if "\n" not in raw.strip():
         return at + index

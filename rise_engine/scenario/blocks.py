@@ -1,4 +1,4 @@
-"""Reading what rules do: functions, `if` with its branches, `oneOf` (semantics.md 5.2)."""
+"""Reading the statements of rules: functions, `if` with its branches, `oneOf` (semantics.md 5.2)."""
 
 from __future__ import annotations
 
@@ -23,14 +23,14 @@ Code = TypeVar("Code", Expression, Assignment)
 
 FUNCTIONS: tuple[FunctionName, ...] = get_args(FunctionName)
 MAX_DEPTH = 50
-"""How deep `if` and `oneOf` may nest."""
+"""How deep `if` and `oneOf` can be nested."""
 _FUNCTIONS = frozenset(FUNCTIONS)
 _STARTING = "startInteractionRule"
 _EXTRAS: dict[str, frozenset[str]] = {
     _STARTING: frozenset({"state", "enter"}),
     "raiseEventTopic": frozenset({"keep"}),
 }
-"""Attributes that say more about one function."""
+"""Additional attributes of single functions."""
 NO_ATTRIBUTES: frozenset[str] = frozenset()
 _COND = frozenset({"cond"})
 _STATEMENTS = ("function", "if", "oneOf")
@@ -51,10 +51,10 @@ _PLACES = {
 
 
 class BlockReader(ElementReader):
-    """Reads the functions of one rule."""
+    """Reads the statements of one rule."""
 
     def report_misplaced(self, element: Element, parent: Element, known: tuple[str, ...]) -> None:
-        """An error about an element that does not belong where it stands."""
+        """Report an element that is not allowed in its parent."""
         name = element.tag
         if name in _PLACES:
             message = f"`<{name}>` is not allowed in `<{parent.tag}>`; it {_PLACES[name]}"
@@ -71,14 +71,14 @@ class BlockReader(ElementReader):
     def read_statements(self, parent: Element, depth: int, *, chain: bool) -> tuple[Block, list[Branch]]:
         """The statements inside an element, in document order.
 
-        With `chain`, the element is an `if` or `elseif`: `else` and `elseif` inside it are further branches of the same
-        `if` (as in the paper's listing 2), and are returned beside. Otherwise they continue the `if` directly before.
+        With `chain`, the element is an `if` or `elseif`: any `else` and `elseif` in it are further branches of the same
+        `if` (as in the paper's listing 2) and are returned separately. Otherwise they continue the `if` before them.
         """
         self.check_no_text(parent)
         statements: list[Statement] = []
         later: list[Branch] = []
-        before: list[Branch] | None = None  # the branches of the `if` that stands directly before
-        open_ifs: list[tuple[int, list[Branch]]] = []  # each `if`, whose branches go on behind it
+        before: list[Branch] | None = None  # the branches of the `if` directly before the current element
+        open_ifs: list[tuple[int, list[Branch]]] = []  # each `if` whose branches may continue after it
         if depth > MAX_DEPTH:
             self.report_error("too-deep", parent, f"`if` and `oneOf` are nested more than {MAX_DEPTH} deep")
             return (), []
@@ -133,7 +133,7 @@ class BlockReader(ElementReader):
         return tuple(statements), later
 
     def read_branches(self, element: Element, depth: int) -> list[Branch]:
-        """The branches of an `if` or `elseif`, those nested inside it included."""
+        """The branches of an `if` or `elseif`, including those nested inside it."""
         if "cond" not in self.check_attributes(element, _COND):
             self.report_error(
                 "missing-attribute", element, f'`<{element.tag}>` needs a condition: <{element.tag} cond="...">'
@@ -143,7 +143,7 @@ class BlockReader(ElementReader):
         return [Branch(condition, block), *later]
 
     def add_branches(self, branches: list[Branch], element: Element, depth: int) -> None:
-        """Add what an `else` or `elseif` brings to the branches of its `if`."""
+        """Add the branches of an `else` or `elseif` to its `if`."""
         if branches and branches[-1].condition is None:
             self.report_error("misplaced", element, f"`<{element.tag}>` after `<else>`; `<else>` comes last, and once")
         if element.tag == "elseif":
@@ -153,7 +153,7 @@ class BlockReader(ElementReader):
             branches.append(Branch(None, self.read_statements(element, depth + 1, chain=False)[0]))
 
     def read_function(self, element: Element) -> Function | None:
-        """One call. Names that it uses are noted for the checks across files."""
+        """Read one call, and note the names in it for the checks across files."""
         given = element.attributes
         name: Any = next((name for name in given if name in _FUNCTIONS), None)
         if name is None or len(given) != 1 or element or self.file.has_text:
@@ -178,7 +178,7 @@ class BlockReader(ElementReader):
         return Function(name, argument, assignment, self.file.element_location(element), state, enter, keep)
 
     def read_start(self, element: Element, rule: str) -> tuple[str | None, bool]:
-        """Where a rule is to begin (`state`), and whether it runs `onEntry` there (`enter`)."""
+        """Read where a rule begins (`state`), and whether it runs `onEntry` there (`enter`)."""
         given = element.attributes
         enter = given.get("enter", "yes").strip()
         if enter not in ("yes", "no"):
@@ -195,7 +195,7 @@ class BlockReader(ElementReader):
         return state or None, enter != "no"
 
     def check_function(self, element: Element, given: Collection[str]) -> None:
-        """What is wrong with the form of a `<function>`."""
+        """Report what is wrong with the form of a `<function>`."""
         for child in element:
             self.report_error(
                 "unknown-element", child, f"`<function>` holds nothing; `<{child.tag}>` is not allowed in it"
@@ -218,7 +218,7 @@ class BlockReader(ElementReader):
             self.report_error("one-function", element, f"`<function>` says what to do: one of {', '.join(FUNCTIONS)}")
 
     def read_condition(self, element: Element, attribute: str) -> Expression | None:
-        """The condition in an attribute, if there is one that can be read."""
+        """The condition in an attribute; None if there is none or it cannot be read."""
         if attribute not in element.attributes:
             return None
         expression = self.parse_attribute("condition", element, attribute, Expression.parse, self.draft.expressions)
@@ -237,7 +237,7 @@ class BlockReader(ElementReader):
     def parse_attribute(
         self, code: str, element: Element, attribute: str, parse: Callable[[str], Code], known: dict[str, Code]
     ) -> Code | None:
-        """The value of an attribute that is written in the language; None, after a finding, when it cannot be read."""
+        """Parse an attribute in the expression language; None, after a diagnostic, if it cannot be read."""
         text = element.attributes[attribute]
         try:
             return known.get(text) or known.setdefault(text, parse(text))

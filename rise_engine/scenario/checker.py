@@ -1,4 +1,4 @@
-"""Checks a scenario again and again while it is edited: of what has not changed, nothing is read a second time."""
+"""Checks a scenario repeatedly while it is edited, without reading unchanged files again."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from rise_engine.scenario.tree import Held
 
 
 class ScenarioChecker:
-    """What `load` finds, in the time that one file takes. For one thread at a time.
+    """Checks like `load`, in the time that one file takes. For one thread at a time.
 
     >>> checker = ScenarioChecker("scenarios/greeting")
     >>> checker.check({}).diagnostics
@@ -31,7 +31,7 @@ class ScenarioChecker:
         self._memo = Memo()
 
     def check(self, held: Held) -> LoadResult:
-        """The same as `load(folder, robot=robot, held=held)`. What is not held is read from the disk each time."""
+        """Check as `load(folder, robot=robot, held=held)` does. Files that are not held are read from the disk."""
         with limited_comparisons():
             result = ScenarioLoader(self.path, held, self._memo).load(self.robot, None, {})
         self._memo.end_round()

@@ -1,6 +1,6 @@
 """The conditions of a study: `[study]`, `[conditions.NAME]` and `private` in scenario.toml.
 
-A condition is what the robot does, not a label: its table says the memory values that a session in it begins with.
+A condition decides what the robot does: its table sets the memory values with which a session in it begins.
 """
 
 from __future__ import annotations
@@ -22,18 +22,18 @@ from rise_engine.syntax.toml import toml_key
 
 MAX_PARTICIPANTS = 1_000_000
 MAX_CONDITION_LABEL = 24
-"""Characters of a condition's `label`: it stands beside others in the status line."""
+"""The longest `label` in characters, because it shares the status line."""
 _CONDITION_KEYS = ("memory", "label", "label_only")
 
 
 def how_to_write(name: str) -> str:
-    """What to write in scenario.toml, so that a session can be run in a condition of this name."""
+    """Say what to write in scenario.toml so that a session can run in a condition of this name."""
     table = f"[conditions.{toml_key(name)}]"
     return f"write under {table} what it sets, `memory = {{ KEY = VALUE }}`, or `label_only = true` if it sets nothing"
 
 
 def read_study(table: TomlTable) -> dict[str, Any]:
-    """`[study]`: who takes part and in which conditions. What only people read stands in a comment, or in a README."""
+    """Read `[study]`: the number of participants, and the conditions. Notes belong in comments or a README."""
     study: dict[str, Any] = {}
     participants = table.values.get("participants")
     if participants is not None:
@@ -62,12 +62,12 @@ def read_study(table: TomlTable) -> dict[str, Any]:
 def read_conditions(
     table: TomlTable, study: TomlTable, listed: list[str], draft: ScenarioDraft
 ) -> dict[str, Condition]:
-    """`[conditions.NAME]`, in the order in which `[study]` lists them, or else in that of the file.
+    """Read `[conditions.NAME]` in the order in which `[study]` lists them, or else in file order.
 
     :param table: `[conditions]`.
     :param study: `[study]`, for the places in it.
     :param listed: its `conditions`; empty: it lists none.
-    :param draft: gets the values that they set.
+    :param draft: gets the values that the conditions set.
     """
     found = {name: _read_condition(table, name, draft) for name in table.values}
     _check_difference(table, found)
@@ -78,7 +78,7 @@ def read_conditions(
         if found:
             message = f"the condition `{name}` has no table; {how_to_write(name)}"
             study.diagnostics.error("unknown-name", location, message, suggest(name, found))
-        else:  # as scenarios were written before conditions had tables: they are still read, replayed and exported
+        else:  # old scenarios list bare names; they can still be read, replayed and exported
             message = f"the condition `{name}` is only a name, and no session can begin in it; {how_to_write(name)}"
             study.diagnostics.warning("bare-condition", location, message)
     for name in found.keys() - set(listed) if listed else ():
@@ -88,7 +88,7 @@ def read_conditions(
 
 
 def _check_difference(table: TomlTable, conditions: dict[str, Condition]) -> None:
-    """Neither people nor the robot take one for the other."""
+    """Report conditions that people or the robot could not distinguish."""
     shown: dict[str, str] = {}
     set_by: dict[bytes, str] = {}
     for name, condition in conditions.items():
@@ -105,7 +105,7 @@ def _check_difference(table: TomlTable, conditions: dict[str, Condition]) -> Non
 
 
 def conditions_in(values: dict[str, Any]) -> dict[str, Condition]:
-    """The conditions of a scenario.toml that has been read as TOML, as far as they are right; nothing is checked."""
+    """The valid conditions of a scenario.toml that has been parsed as TOML; mistakes are not reported."""
     file, draft, diagnostics = TomlFile(SourceFile("", b"", ""), values), ScenarioDraft(), Diagnostics()
     table = TomlTable(file, (), values, diagnostics)
     study = table.section("study")
@@ -154,7 +154,7 @@ def _read_label(table: TomlTable) -> str:
 
 
 def read_private(table: TomlTable, draft: ScenarioDraft) -> frozenset[str]:
-    """`private`: memory keys whose values are about a person, and are kept out of what is given to others."""
+    """Read `private`: memory keys with personal values, which are left out of data for others."""
     names = table.values.get("private", [])
     if not isinstance(names, list) or not all(isinstance(name, str) and name.strip() == name != "" for name in names):
         table.report_value("wrong-type", "private", '`private` is a list of memory keys: private = ["person_name"]')
@@ -170,12 +170,12 @@ def read_private(table: TomlTable, draft: ScenarioDraft) -> frozenset[str]:
     return frozenset(names)
 
 
-# --- compared with what else there is -------------------------------------------------------------------------------
+# --- checks against the other files ---------------------------------------------------------------------------------
 
 
 def check_conditions(draft: ScenarioDraft, diagnostics: Diagnostics) -> None:
-    """Do the memory keys exist that conditions set, that exploring tries and that are private? Does anything else
-    change, or nothing read, what a condition sets? Only for a draft whose files could all be read."""
+    """Check that the memory keys of conditions, of `tries` and of `private` exist, and that the values that conditions
+    set are read and not changed. Only for a draft whose files could all be read."""
     if draft.condition_values or draft.private_keys or draft.tried_keys:
         _ConditionCheck(draft, diagnostics).check()
 
@@ -185,10 +185,10 @@ class _ConditionCheck:
         self.draft = draft
         self.diagnostics = diagnostics
         self.changes = (*draft.key_writes, *draft.part_writes)
-        """Where rules and keys of the keyboard set something."""
+        """The places where rules and keys of the keyboard set something."""
         reads = (draft.key_reads, draft.optional_key_reads, draft.bare_words, draft.bare_keys, draft.spoken_keys)
         self.read = {_head(mention.name) for mentions in reads for mention in mentions}
-        """The keys that anything reads, without what stands behind their first dot; those below likewise."""
+        """The keys that anything reads, up to their first dot. The same applies to `known`."""
         also = (*self.changes, *draft.property_reads)
         self.known = draft.memory.keys() | self.read | {_head(mention.name) for mention in also}
         if draft.session_keys:
@@ -237,7 +237,7 @@ class _ConditionCheck:
         self.diagnostics.error("unknown-memory-key", mention.locate(), message, near)
 
     def check_changes(self) -> None:
-        """What a condition sets is to stay as it is."""
+        """Warn where something changes a value that a condition sets."""
         conditions: dict[str, str] = {}
         for value in self.draft.condition_values:
             conditions.setdefault(_head(value.name), value.condition)
@@ -273,12 +273,12 @@ def _kind(value: Json) -> str:
 
 
 _LONGEST_VALUE = 40
-"""Characters of a value that a sentence shows."""
+"""The longest value that a sentence shows, in characters."""
 
 
 def study_conditions(scenario: Scenario) -> tuple[str, ...]:
-    """The names of the conditions, in their order; empty when there are none. Also names that say nothing of what the
-    robot does, as scenarios of earlier versions list them."""
+    """The names of the conditions in order; empty if there are none. Includes bare names without a table, as scenarios
+    of earlier versions list them."""
     if scenario.conditions:
         return tuple(scenario.conditions)
     found = scenario.study.get("conditions")
@@ -286,9 +286,9 @@ def study_conditions(scenario: Scenario) -> tuple[str, ...]:
 
 
 def condition_problem(scenario: Scenario, condition: str) -> str:
-    """Why a new session cannot be run in this condition, or empty.
+    """Why a new session cannot run in this condition; empty if it can.
 
-    :param condition: its name; empty: in none, which is right in debug mode, and where the scenario has none.
+    :param condition: its name; empty for none, which is right in debug mode and for a scenario without conditions.
     """
     known = study_conditions(scenario)
     if not condition:
@@ -307,19 +307,19 @@ def condition_problem(scenario: Scenario, condition: str) -> str:
 
 
 def condition_memory(scenario: Scenario, condition: str) -> dict[str, Json]:
-    """What a session in this condition begins with, beside the start values; nothing for a name that is none."""
+    """The memory values that a condition sets, which replace start values; empty for an unknown name."""
     found = scenario.conditions.get(condition)
     return {} if found is None else dict(found.memory)
 
 
 def condition_label(scenario: Scenario, condition: str) -> str:
-    """What screens call a condition: the label that it has, or its name."""
+    """The name of a condition on screens: its label, or its name."""
     found = scenario.conditions.get(condition)
     return (found.label if found is not None else "") or condition
 
 
 def condition_sentence(condition: Condition) -> str:
-    """What a condition sets, in words: `sets hesitation = true, pause = 600`."""
+    """Say in words what a condition sets: `sets hesitation = true, pause = 600`."""
     if condition.label_only:
         return "sets nothing: the difference lies outside of the robot"
     values = ", ".join(f"{key} = {_value_text(value)}" for key, value in condition.memory.items())

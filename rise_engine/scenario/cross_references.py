@@ -1,4 +1,4 @@
-"""Checks across files: does everything that is named exist, and does a study notice that an act has failed?"""
+"""Checks across files: every name must exist, and a study should notice when an act has failed."""
 
 from __future__ import annotations
 
@@ -31,7 +31,7 @@ ACT_END_SUFFIXES = ("_succeeded", "_failed", "_stopped", "_end")
 
 
 def check_cross_references(draft: ScenarioDraft, diagnostics: Diagnostics) -> None:
-    """Compare what the files of a scenario say about each other."""
+    """Check names, events and memory keys across the files of a scenario."""
     unread = draft.unreadable_parts
     _check_foreign_ends(draft, diagnostics)
     if "acts" not in unread:
@@ -60,7 +60,7 @@ def check_cross_references(draft: ScenarioDraft, diagnostics: Diagnostics) -> No
 
 
 def engine_topics(draft: ScenarioDraft) -> set[str]:
-    """The topics that the engine itself raises for the acts and rules of a scenario."""
+    """The topics that the engine raises for the acts and rules of a scenario."""
     topics = {name + ending for name in draft.acts for ending in ACT_END_SUFFIXES}
     topics.update(CUE_TOPICS)
     for name, rule in draft.rules.items():
@@ -70,7 +70,7 @@ def engine_topics(draft: ScenarioDraft) -> set[str]:
 
 
 def _remember_suggestions(known: Collection[str], otherwise: str = "") -> Callable[[str], Correction]:
-    """Gives the nearest of these names, or else this end of a message; each name is compared with them once."""
+    """A cached function that returns the nearest of these names, or else this end of a message."""
     return cache(lambda name: suggest(name, known, limit=0, otherwise=otherwise))
 
 
@@ -95,9 +95,9 @@ def _check_names(
 
 
 def _check_foreign_ends(draft: ScenarioDraft, diagnostics: Diagnostics) -> None:
-    """Transitions that are never taken, because their own rule does not start the act whose end they wait for."""
+    """Warn of transitions that are never taken: their own rule does not start the act whose end they wait for."""
     for end in draft.foreign_ends:
-        # An act that there is not has its error; only of acts that could not be read nothing is known.
+        # A missing act has an error already, unless some acts could not be read.
         if end.act in draft.acts or "acts" in draft.unreadable_parts:
             message = (
                 f"never taken: this rule does not start `{end.act}` itself; an act that somebody else has "
@@ -107,7 +107,7 @@ def _check_foreign_ends(draft: ScenarioDraft, diagnostics: Diagnostics) -> None:
 
 
 def _check_states(draft: ScenarioDraft, diagnostics: Diagnostics) -> None:
-    """Is there every state in which some rule is to begin, or for which a property asks?"""
+    """Report missing states in which some rule should begin, or for which a property asks."""
     for mention in (*draft.state_mentions, *draft.asked_states):
         rule = draft.rules.get(mention.rule)
         if rule is not None and rule.initial and mention.name not in rule.states:
@@ -117,7 +117,7 @@ def _check_states(draft: ScenarioDraft, diagnostics: Diagnostics) -> None:
 
 
 def _check_reachable(draft: ScenarioDraft, diagnostics: Diagnostics) -> None:
-    """Does a way lead to every state, from where its rule begins?"""
+    """Warn of states to which no transitions lead from the states where their rule can begin."""
     starts: dict[str, list[str]] = {}
     for mention in draft.state_mentions:
         starts.setdefault(mention.rule, []).append(mention.name)
@@ -143,7 +143,7 @@ def _check_topics(draft: ScenarioDraft, diagnostics: Diagnostics) -> None:
     suggest_topic = _remember_suggestions(known, "; something outside must")
     for mention in draft.awaited_topics:
         name = mention.name
-        if name in own or name in by_engine or name in by_missing:  # what is missing is a finding already
+        if name in own or name in by_engine or name in by_missing:  # missing names have their diagnostic already
             continue
         diagnostics.warning(
             unknown_code("unraised-event", name, known),
@@ -214,7 +214,7 @@ END = "_end"
 def check_failures(
     draft: ScenarioDraft, tables: ActTables, on_failure: str, robot: RobotProfile, diagnostics: Diagnostics
 ) -> None:
-    """Warn, once for each rule, where it waits for `/ACT_end` and nothing deals with a failure of that act.
+    """Warn once for each rule that waits for `/ACT_end` although nothing handles a failure of that act.
 
     Only acts that the rule starts itself and that can fail count, and no fillers.
     """
@@ -243,7 +243,7 @@ def check_failures(
 
 
 def _unanswered_ends(rule: Rule) -> Iterator[tuple[str, SourceLocation]]:
-    """The acts whose end, however it is, a state waits for, where none of its ways is for their failure."""
+    """The acts for whose end, whatever the outcome, a state waits without a transition for their failure."""
     started = _started_acts(rule)
     for state in rule.states.values():
         for way in state.transitions:
@@ -267,7 +267,7 @@ def _takes_failure(state: State, act: str) -> bool:
 
 
 def _can_fail(act: Act, robot: RobotProfile) -> bool:
-    """Whether a failure of any of its actions ends it: the engine's own wait does not fail."""
+    """Whether a failing action would end the act. The engine's own wait does not fail."""
     return any(
         not action.continue_on_failure and not _is_engine(call.type, robot)
         for action in act.actions

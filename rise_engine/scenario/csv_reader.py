@@ -1,7 +1,6 @@
-"""Reading files of comma-separated values, as spreadsheets write them: rows with places.
+"""Reads files of comma-separated values, as spreadsheets write them, into rows with places.
 
-Python's csv module reads the values; what it cannot say is where they stand, which is found again here when there is
-something to say about one.
+Python's csv module reads the values. It does not give their places, so this module finds those that it must report.
 """
 
 from __future__ import annotations
@@ -18,18 +17,18 @@ from rise_engine.scenario.source_files import SourceFile
 
 MAX_COLUMNS = 200
 MAX_CHARACTERS = 10_000
-"""Of one value."""
+"""The longest value."""
 TOO_LONG = f"a value has more than {MAX_CHARACTERS:,} characters; is a quotation mark never closed?"
 SEPARATORS = (",", ";", "\t")
 SHOWN = {",": "comma", ";": "semicolon", "\t": "tab", "|": "vertical line"}
-"""What separators are called."""
+"""The names of the separators."""
 _EXCEL_FIRST_LINE = re.compile(r"sep=(.)\r?\n")
 _TO_SEPARATOR = re.compile(r'"(?:[^"]|"")*"?|[^"]')
 _BLANKS = re.compile(" *")
 
 
 class TableRecord(Struct, frozen=True):
-    """One line of a table, or several when a value goes over their ends."""
+    """One row of a table: one line, or several if a value contains line ends."""
 
     start: int
     """Its offset in the file."""
@@ -39,16 +38,16 @@ class TableRecord(Struct, frozen=True):
 
 
 class CsvReader:
-    """One file: its header and its rows; what is wrong with it is a finding."""
+    """Reads the header and the rows of one file, and reports mistakes."""
 
     code = "table-form"
-    """Of the findings about the file's form."""
+    """The code of diagnostics about the file's form."""
 
     def __init__(self, source: SourceFile, diagnostics: Diagnostics, separator: str = "") -> None:
         """
         :param source: the file.
-        :param diagnostics: where findings go.
-        :param separator: what stands between values; empty: what the header shows.
+        :param diagnostics: gets the diagnostics.
+        :param separator: the separator of values; empty: the one that the header shows.
         """
         self.source = source
         self.diagnostics = diagnostics
@@ -65,7 +64,7 @@ class CsvReader:
         self.diagnostics.error(self.code, self.source.location(offset), message)
 
     def find_separator(self) -> int:
-        """Find out what stands between the values; returns where the first row begins."""
+        """Find the separator of values. Returns the offset of the first row."""
         text = self.source.text
         excel = _EXCEL_FIRST_LINE.match(text)
         if excel is not None:
@@ -78,7 +77,7 @@ class CsvReader:
         return excel.end() if excel is not None else 0
 
     def read_records(self, start: int) -> Iterator[TableRecord]:
-        """The rows that have a value, the header among them."""
+        """Yield the rows that have a value, including the header."""
         lines = self.source.text[start:].split("\n")
         ends = [start]
         for line in lines:
@@ -100,15 +99,15 @@ class CsvReader:
                 yield TableRecord(ends[first], ends[reader.line_num], values)
 
     def report_syntax(self, error: csv.Error, start: int, end: int) -> None:
-        """What the csv module could not read."""
+        """Report what the csv module could not read."""
         text = self.source.text[start:end]
         shown = SHOWN.get(self.separator, f"`{self.separator}`")
         if "new-line" in str(error):
             message = "a carriage return alone ends no line; save the file with the line ends of Windows or Unix"
             self.report(start + max(0, text.find("\r")), message)
         elif "limit" in str(error):
-            # The limit belongs to the whole process: another library may have raised it, so that such a value comes
-            # whole, and is told in the same words by who reads the columns.
+            # The limit belongs to the whole process. If another library has raised it, such a value is read, and the
+            # code that reads the columns reports it in the same words.
             self.report(start, TOO_LONG)
         else:
             starts, bad = find_values(text, self.separator)
@@ -122,7 +121,7 @@ class CsvReader:
                 self.report(start + starts[-1], "this quotation mark is never closed")
 
     def value_at(self, row: TableRecord, at: int) -> int:
-        """Where the value of a column stands in the file; behind the row, when it has none."""
+        """The offset in the file of the value of a column; of the row's last value if the row is too short."""
         starts, _ = find_values(self.source.text[row.start : row.end], self.separator)
         return row.start + starts[min(at, len(starts) - 1)]
 
@@ -130,7 +129,7 @@ class CsvReader:
         """The names of the columns that are used."""
         names = header.values
         used = _count_used(names)
-        for row in rows:  # a column without name and values is what Excel leaves of a deleted one
+        for row in rows:  # Excel leaves a column without name and values where one was deleted
             used = max(used, _count_used(row.values[: len(names)]))
         if used > self.most_columns:
             self.report(header.start, f"a table has at most {self.most_columns} columns; this one has {used}")
@@ -145,7 +144,7 @@ class CsvReader:
         return names[:used]
 
     def check_length(self, row: TableRecord, count: int) -> bool:
-        """Whether a row has a value for each column, and none beside."""
+        """Whether a row has a value for each column, and no more."""
         values = row.values
         beside = next((at for at in range(count, len(values)) if values[at]), None)
         if beside is not None:
@@ -163,12 +162,12 @@ class CsvReader:
 
 
 def _count_used(values: Sequence[str]) -> int:
-    """How many there are up to the last one that is not empty."""
+    """The number of values up to the last one that is not empty."""
     return next((at + 1 for at in range(len(values) - 1, -1, -1) if values[at]), 0)
 
 
 def find_values(text: str, separator: str) -> tuple[list[int], int | None]:
-    """Where the values of one row begin in its text, and where something stands that cannot be there."""
+    """The offsets of the values of one row in its text, and the offset of the first mistake, or None."""
     starts: list[int] = []
     at = line_end = 0
     while True:
@@ -192,7 +191,7 @@ def find_values(text: str, separator: str) -> tuple[list[int], int | None]:
 
 
 def find_spans(text: str, separator: str) -> list[tuple[int, int]]:
-    """Where the values of one row, which is right, begin and end in its text: with quotation marks, without blanks."""
+    """The ranges of the values of one correct row in its text: with quotation marks, without blanks."""
     starts, _ = find_values(text, separator)
     spans = []
     for start, following in zip(starts, [*starts[1:], None], strict=True):
@@ -208,7 +207,7 @@ def find_spans(text: str, separator: str) -> list[tuple[int, int]]:
 
 
 def _closing_quote(text: str, at: int) -> int:
-    """Behind the quotation mark that closes a value; -1 when there is none."""
+    """The offset after the quotation mark that closes a value; -1 if there is none."""
     while (at := text.find('"', at)) >= 0 and text.startswith('"', at + 1):
         at += 2
     return at + 1 if at >= 0 else -1

@@ -1,7 +1,7 @@
-"""Where the thing ends at which a finding stands: what editors underline.
+"""Where a diagnostic ends, so that editors can underline it.
 
-Readers say where something begins. What that is can be seen there: a name that the sentence quotes, a tag, a value in
-its quotation marks, a word. Never more than the rest of one line.
+Readers only record where it begins. The end follows from the text there: a name that the sentence quotes, a tag, a
+value in quotation marks, or a word. It is never after the end of the line.
 """
 
 from __future__ import annotations
@@ -19,11 +19,11 @@ from rise_engine.scenario.uses import written_length
 
 _QUOTED = re.compile(r"`([^`\r\n]+)`")
 _MOST_QUOTED = 4
-"""Names of a sentence that are looked for: the first ones say what is wrong."""
+"""How many quoted names of a sentence are searched for. The first ones say what is wrong."""
 _GOES_ON = re.compile(r"(?<=\w)[\w.]*\w")
-"""A name that was quoted is only the beginning of what stands there."""
+"""The rest of a longer name that only begins with the quoted name."""
 _MOST = 400
-"""Characters that are underlined, and of a sentence that are looked through, at most."""
+"""The most characters that are underlined, and that are searched in a sentence."""
 _LINE = re.compile(r"[^\r\n]*")
 _TAG = re.compile(r"<[!?/]?[^\s<>/]*>?")
 _WORD = re.compile(r"[^\s<>\"'=,;\[\]{}()]+")
@@ -34,7 +34,7 @@ _CELL = re.compile(r"\"(?:[^\"]|\"\")*\"?|[^,;\t\r\n]+")
 
 
 def with_ends(found: Iterable[Diagnostic], sources: Mapping[str, SourceFile]) -> list[Diagnostic]:
-    """These findings with their ends, as far as their files could be read."""
+    """Add ends to these diagnostics, as far as their files could be read."""
     return [_with_end(each, sources.get(each.location.file)) for each in found]
 
 
@@ -46,7 +46,7 @@ def _with_end(found: Diagnostic, source: SourceFile | None) -> Diagnostic:
 
 
 def end_offset(source: SourceFile, start: int, message: str) -> int:
-    """Behind the last character of what stands at an offset, and what this sentence is about."""
+    """The offset after the last character of the thing at `start` that the sentence is about."""
     line = _LINE.match(source.text[start : start + _MOST])
     text = line.group() if line is not None else ""
     lengths = (written_length(text, 0, name) for name in _QUOTED.findall(message[:_MOST])[:_MOST_QUOTED])
@@ -55,7 +55,7 @@ def end_offset(source: SourceFile, start: int, message: str) -> int:
 
 
 def _pattern(source: SourceFile, start: int) -> re.Pattern[str]:
-    """What a thing at an offset looks like in a file of this kind."""
+    """The pattern of the thing at an offset in a file of this kind."""
     text, name = source.text, source.name.lower()
     character = text[start : start + 1]
     if name.endswith((".toml", ".json")):

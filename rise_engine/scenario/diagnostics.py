@@ -1,6 +1,6 @@
-"""What is wrong with a scenario: findings with a location, a stable code and a sentence that says what to do.
+"""Diagnostics: the mistakes in a scenario, each with a location, a stable code and a sentence that says what to do.
 
-Every code is listed in docs/reference/scenario.md.
+docs/reference/scenario.md lists every code.
 """
 
 from __future__ import annotations
@@ -58,7 +58,7 @@ WARNING_CODES = frozenset(
 
 
 class Diagnostic(Struct, frozen=True):
-    """One thing to know about a scenario. Errors refuse it, warnings do not.
+    """One mistake in a scenario. An error refuses the scenario, a warning does not.
 
     >>> str(Diagnostic("warning", "empty-act", "the act `Greet` has no actions", SourceLocation("acts/a.xml", 2, 3)))
     'acts/a.xml:2:3: warning empty-act: the act `Greet` has no actions'
@@ -70,27 +70,27 @@ class Diagnostic(Struct, frozen=True):
     message: str
     location: SourceLocation
     end: SourceLocation | UnsetType = UNSET
-    """Behind the last character of what is meant; without one, it is the whole file."""
+    """After its last character; unset: the diagnostic is about the whole file."""
     suggestion: Correction | UnsetType = UNSET
-    """The name or sign that is wrong, and what to write instead."""
+    """The wrong name or sign, and what to write instead."""
     related: SourceLocation | UnsetType = UNSET
-    """Where something else is that it is about, such as the transition that is taken instead."""
+    """Another place that it is about, such as the transition that is taken instead."""
 
     def __str__(self) -> str:
-        """One line, with nothing in it that a terminal would obey."""
+        """One line that is safe to print in a terminal."""
         return clean(f"{self.location}: {self.severity} {self.code}: {self.message}")
 
 
 class Diagnostics:
-    """Collects findings while a scenario is read; nothing stops at the first one."""
+    """Collects diagnostics while a scenario is read; reading does not stop at the first one."""
 
     def __init__(self) -> None:
         self._found: list[Diagnostic] = []
         self.errors = 0
-        """How many errors there are so far."""
+        """The number of errors so far."""
 
     def error(self, code: str, location: SourceLocation, message: str, suggestion: Correction | None = None) -> None:
-        """`suggestion`: what to write instead; its words are added to the message."""
+        """Report an error. `suggestion`: what to write instead; its words are added to the message."""
         self.errors += 1
         self._add("error", code, location, message, suggestion)
 
@@ -102,7 +102,7 @@ class Diagnostics:
         suggestion: Correction | None = None,
         related: SourceLocation | UnsetType = UNSET,
     ) -> None:
-        """As `error`. `related`: the place of something else that it is about."""
+        """Report a warning. `related`: another place that it is about."""
         self._add("warning", code, location, message, suggestion, related)
 
     def _add(
@@ -118,17 +118,17 @@ class Diagnostics:
         self._found.append(Diagnostic(severity, code, whole, location, suggestion=suggestion or UNSET, related=related))
 
     def add(self, others: Diagnostics) -> None:
-        """Take over what others have collected."""
+        """Add what another collector has collected."""
         self._found += others._found
         self.errors += others.errors
 
     def sorted(self) -> list[Diagnostic]:
-        """All findings in reading order: by file, line and column, each once."""
+        """All diagnostics in reading order, by file, line and column, without duplicates."""
         return sorted(set(self._found), key=_reading_order)
 
 
 def unknown_code(code: str, name: str, known: Collection[str]) -> str:
-    """The code of a finding about a name that there is not: `unicode-form` when it is there in Unicode's other form."""
+    """The code for an unknown name: `unicode-form` if it is known in Unicode's other form."""
     return "unicode-form" if is_in_other_form(name, known) else code
 
 
@@ -138,13 +138,13 @@ def _reading_order(found: Diagnostic) -> tuple[str, int, int, str, str, str]:
 
 
 def _template_note(location: SourceLocation) -> str:
-    """The end of a message about what comes from a template."""
+    """The end of a message about a place in a template."""
     place = location.template
     return "" if place is UNSET else f" (in the template `{place.name}`: {place.file}, line {place.line})"
 
 
 def join_uses(found: Iterable[Diagnostic]) -> list[Diagnostic]:
-    """What is wrong with one place of a template for the same reason, told once: at the first `<use>`."""
+    """Merge equal diagnostics about one place of a template into one, at the first `<use>`."""
     joined: dict[object, list[Diagnostic]] = {}
     for diagnostic in found:
         template = diagnostic.location.template

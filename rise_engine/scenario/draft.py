@@ -14,124 +14,124 @@ from rise_engine.scenario.model import Act, Json, Rule, SourceLocation, Table
 
 
 class Mention(Struct, frozen=True):
-    """A name and where it stands."""
+    """A name and its place."""
 
     name: str
     locate: Callable[[], SourceLocation]
-    """Works out the location, when a finding needs it."""
+    """Computes the location, for a diagnostic."""
 
 
 class BareKey(Mention, frozen=True):
-    """A parameter value that can only be meant as a memory key."""
+    """A parameter value that is only valid as a memory key."""
 
     problem: str
-    """What is wrong with it if there is no such key."""
+    """What is wrong with the value if there is no such key."""
 
 
 class ConditionValue(Mention, frozen=True):
-    """A memory key that a condition sets, and where it stands."""
+    """A memory key that a condition sets."""
 
     condition: str
     value: Json
 
 
 class StateMention(Mention, frozen=True):
-    """The name of a state in which a rule is started, and where it stands."""
+    """The name of a state of a rule: one where the rule is started, or one that a property asks for."""
 
     rule: str
 
 
 class PartMention(Struct, frozen=True):
-    """A part of a value that is read, `items[i].text`, and where it stands."""
+    """A part of a value that is read, such as `items[i].text`."""
 
     part: Part
     locate: Callable[[], SourceLocation]
     spoken: bool = False
-    """It stands in a text."""
+    """Whether it is in a text."""
 
 
 class Definition(Struct, frozen=True):
-    """An act or a rule that was read, and where its name stands."""
+    """An act or a rule that was read, and the place of its name."""
 
     part: Act | Rule
     locate: Callable[[], SourceLocation]
 
 
 class ForeignEnd(Struct, frozen=True):
-    """A transition that waits for the end of an act which its own rule never starts."""
+    """A transition that waits for the end of an act that its own rule never starts."""
 
     act: str
     location: SourceLocation
 
 
 class ScenarioDraft:
-    """A scenario in the making, or a part of one: what one file says."""
+    """A scenario while it is being read, or the content of one file."""
 
     def __init__(
         self, expressions: dict[str, Expression] | None = None, assignments: dict[str, Assignment] | None = None
     ) -> None:
-        """With what other parts have read already, by its text: rules repeat themselves."""
+        """Share the parsed expressions and assignments of other parts, by their text, because rules repeat them."""
         self.act_definitions: list[Definition] = []
-        """All that were read; `acts` and `rules` have what counts of them."""
+        """All that were read. `acts` and `rules` have only one of each name."""
         self.rule_definitions: list[Definition] = []
         self.acts: dict[str, Act] = {}
         self.rules: dict[str, Rule] = {}
         self.memory: dict[str, Json] = {}
         self.memory_key_locations: dict[str, SourceLocation] = {}
-        """Where the memory's keys, the tables and their columns stand that there may be a warning about."""
+        """The places of memory keys, tables and columns that warnings may be about."""
         self.tables: dict[str, Table] = {}
         self.unreadable_parts: set[str] = set()
-        """Of acts, rules, memory, tables and settings (scenario.toml), what could not be read whole: then nothing can
-        be said to be missing there."""
+        """Which of acts, rules, memory, tables and settings (scenario.toml) could not be read completely. Nothing can
+        be reported as missing there."""
         self.act_mentions: list[Mention] = []
         self.rule_mentions: list[Mention] = []
         self.state_mentions: list[StateMention] = []
         self.asked_states: list[StateMention] = []
-        """States that properties of the study ask for; no rule begins there because of it."""
+        """States that properties of the study ask for. No rule begins there because of them."""
         self.trial_states: list[Mention] = []
-        """States that begin a trial, as `[trials]` writes them."""
+        """States that begin a trial, as `[trials]` names them."""
         self.awaited_topics: list[Mention] = []
         """Topics without their slash."""
         self.raised_topics: list[Mention] = []
         self.foreign_ends: list[ForeignEnd] = []
         self.key_reads: list[Mention] = []
-        """Memory keys that conditions and templates read and that have no fallback."""
+        """Memory keys that conditions and templates read without a fallback."""
         self.optional_key_reads: list[Mention] = []
-        """Memory keys that need not be there: conditions ask `defined(key)`, texts have `{", "key}`."""
+        """Memory keys that may be missing: conditions ask `defined(key)`, texts have `{", "key}`."""
         self.property_reads: list[Mention] = []
-        """Memory keys that properties of the study read; the robot does nothing otherwise because of them."""
+        """Memory keys that only properties of the study read, so the robot's behaviour does not depend on them."""
         self.tried_keys: list[Mention] = []
-        """Memory keys that exploring gives other values."""
+        """Memory keys that exploring sets to other values."""
         self.key_writes: list[Mention] = []
         """Memory keys that rules and key bindings set."""
         self.part_writes: list[Mention] = []
-        """Memory keys of which rules and key bindings set parts, `items` in `items[i].done = true`."""
+        """Memory keys of which rules and key bindings set parts, such as `items` in `items[i].done = true`."""
         self.condition_values: list[ConditionValue] = []
-        """What the conditions set."""
+        """The values that conditions set."""
         self.private_keys: list[Mention] = []
         """Memory keys that `private` names."""
         self.part_reads: list[PartMention] = []
-        """Parts of values that conditions, assignments and templates read and that have no fallback."""
+        """Parts of values that conditions, assignments and templates read without a fallback."""
         self.spoken_keys: list[Mention] = []
-        """Memory keys that stand in texts, with or without fallback."""
+        """Memory keys in texts, with or without fallback."""
         self.settable_keys: set[str] = set()
         """Memory keys that start values, conditions, rules and key bindings set."""
         self.session_keys: dict[str, Json] = {}
-        """An example of what the engine keeps under `session`; empty when nothing in the scenario asks for it."""
+        """An example of the engine's values under `session`; empty if nothing in the scenario reads them."""
         self.bare_keys: list[BareKey] = []
         self.bare_words: list[Mention] = []
         """Right sides of assignments that are one word: a key, or a text without quotation marks."""
         self.expressions: dict[str, Expression] = expressions if expressions is not None else {}
         self.assignments: dict[str, Assignment] = assignments if assignments is not None else {}
         self.spoken_languages: set[str] = set()
-        """Languages that single actions name, by BCP 47."""
+        """Languages that single actions name, as BCP 47 tags."""
         self.has_languages_from_memory = False
-        """Whether the memory says at run time which language an action speaks."""
+        """Whether the memory decides at run time which language an action speaks."""
         self.unsent_ssml: list[SourceLocation] = []
-        """Where messages stand that are SSML, of which this robot gets the words alone."""
+        """The places of SSML messages of which this robot only gets the words."""
 
     def add(self, part: ScenarioDraft) -> None:
-        """Take over what a part says."""
+        """Add the content of a part."""
         for name, value in vars(part).items():
             match value:
                 case list():
@@ -142,7 +142,7 @@ class ScenarioDraft:
                     getattr(self, name).update(value)
 
     def define(self, diagnostics: Diagnostics) -> None:
-        """The acts and rules of the definitions: of two with one name, the first, and a finding for the other."""
+        """Define the acts and rules. If two have one name, the first counts and the other gets a diagnostic."""
         self._define("act", self.act_definitions, self.acts, diagnostics)
         self._define("rule", self.rule_definitions, self.rules, diagnostics)
 
@@ -160,4 +160,4 @@ class ScenarioDraft:
 
 
 _SHARED = ("expressions", "assignments")
-"""What all parts of one scenario have together."""
+"""Attributes that all parts of one scenario share."""

@@ -1,4 +1,4 @@
-"""How long an action will probably take, and when it has taken too long."""
+"""How long an action is expected to take, and when it has timed out."""
 
 from __future__ import annotations
 
@@ -13,20 +13,20 @@ _TIME = re.compile(r"\s*(\d+(?:\.\d+)?)\s*(ms|s|min)\s*\Z", re.ASCII)
 UNITS = {"ms": 0.001, "s": 1.0, "min": 60.0}
 
 CHARACTERS_PER_SECOND = 14.0
-"""Speech: an unhurried voice at rate 1 (about 160 words a minute)."""
+"""Speech of an unhurried voice at rate 1 (about 160 words a minute)."""
 _LARGE = 10**30
 SPEECH_START = 0.3
-"""Seconds before a speech synthesis is heard."""
+"""Seconds before synthesized speech is heard."""
 SPEECH_MINIMUM = 0.5
 """The shortest utterance, in seconds."""
 
 
 MAX_SECONDS = 86_400.0
-"""24 hours: the longest time that a scenario can name, and the longest that an action is expected to take."""
+"""24 hours: the longest time that a scenario can name, and the longest expected duration of an action."""
 
 
 def parse_time(text: str) -> float | None:
-    """Seconds of a time as it is written; None when it is none.
+    """The seconds of a written time, or None if it is not a time.
 
     >>> parse_time("500ms"), parse_time("1.5min"), parse_time("soon")
     (0.5, 90.0, None)
@@ -36,8 +36,10 @@ def parse_time(text: str) -> float | None:
 
 
 def seconds_from(value: Any, unit: float | None) -> float | None:
-    """Seconds that a computed value means: a number of `unit` (of seconds without one, where a text such as `2s` is a
-    time as well); None when it is no time. Negative and very large ones are given as they are, at most as infinity.
+    """The seconds that a computed value means, or None if it is not a time.
+
+    A number counts in `unit`. Without one, it counts in seconds, and a text such as `2s` is a time too. Negative and
+    very large values are not refused; the largest become infinity.
 
     >>> seconds_from(250, 0.001), seconds_from("2s", None), seconds_from(True, None)
     (0.25, 2.0, None)
@@ -50,11 +52,11 @@ def seconds_from(value: Any, unit: float | None) -> float | None:
 
 
 def expected_seconds(spec: ActionSpec, parameters: Mapping[str, Any]) -> float:
-    """Seconds that an action with these parameters will probably take.
+    """The seconds that an action with these parameters will probably take, at most MAX_SECONDS; never raises.
 
-    Speech by the length of its `message` and its `rate` (SSML by its words, and by its breaks when the robot makes
-    them); others by `duration` (ms), times `repetitions`; otherwise what the action's declaration says. `parameters`
-    are those that `fill_parameters` gives. At most MAX_SECONDS; never raises.
+    Speech depends on the length of its `message` and its `rate` (for SSML, on its words and, if the robot makes them,
+    its breaks). Other actions depend on `duration` (ms) times `repetitions`, or else on their declaration.
+    `parameters` are those that `fill_parameters` returns.
 
     >>> expected_seconds(ActionSpec("Wait", {}), {"duration": 1500})
     1.5
@@ -78,7 +80,7 @@ def _estimate_seconds(spec: ActionSpec, parameters: Mapping[str, Any]) -> float:
 
 
 def limit_seconds(spec: ActionSpec, parameters: Mapping[str, Any]) -> float:
-    """Seconds after which a running action counts as timed out; never raises.
+    """The seconds after which a running action counts as timed out; never raises.
 
     >>> limit_seconds(ActionSpec("Wait", {}), {"duration": 1500})  # three times as long as expected, and 10 s
     14.5

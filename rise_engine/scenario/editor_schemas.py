@@ -1,10 +1,10 @@
 """RELAX NG schemas of acts and rules, for editors (completion, help).
 
-`schema/rules.rng` and `schema/cra.rng` are the schemas. A robot's profile and a scenario may declare actions of their
-own: for them, `act_schema_text` writes the part of `cra.rng` that is about single actions anew.
+The schemas are `schema/rules.rng` and `schema/cra.rng`. A robot's profile and a scenario may declare actions of their
+own. For these, `act_schema_text` generates the part of `cra.rng` about single actions.
 
-Loading a scenario does not ask the schemas: the checks say more, and say it in words. That both agree is held by tests
-(docs/decisions/0034-one-reader-of-scenarios.md).
+Loading a scenario does not use the schemas, because its own checks find more and explain it. Tests make sure that both
+agree (docs/decisions/0034-one-reader-of-scenarios.md).
 """
 
 from __future__ import annotations
@@ -20,9 +20,9 @@ from rise_engine.scenario.spoken import MESSAGE
 
 FOLDER = Path(__file__).with_name("schema")
 _NOT_XML = re.compile("[\x00-\x08\x0b\x0c\x0e-\x1f\ud800-\udfff\ufffe\uffff]")
-"""Characters that no XML file can hold; a help text of a robot's profile may have them."""
+"""Characters that no XML file can hold, although the help text of a robot's profile may."""
 _ACTIONS_BEGIN = '  <define name="action">'
-"""What stands before it in `cra.rng` is the same for every robot."""
+"""The text of `cra.rng` before this is the same for every robot."""
 _COMMON = """        <ref name="actionID"/>
         <optional><ref name="waitForActions"/></optional>
         <optional><ref name="onFailure"/></optional>
@@ -39,10 +39,10 @@ def rule_schema_text() -> str:
 
 
 def act_schema_text(actions: Mapping[str, ActionSpec]) -> str:
-    """The schema of acts (CRA files) in which these actions can stand, as RELAX NG in XML.
+    """The schema of acts (CRA files) with these actions, as RELAX NG in XML.
 
-    `actions` are those of a robot, by name (`RobotProfile.actions`); what the robot cannot do is left out. For the core
-    actions alone it is `schema/cra.rng`.
+    `actions` are those of a robot, by name (`RobotProfile.actions`); unsupported ones are left out. For the core
+    actions alone, the result is `schema/cra.rng`.
 
     >>> from rise_engine.scenario.loader import load
     >>> scenario = load("scenarios/greeting").scenario
@@ -68,7 +68,7 @@ def act_schema_text(actions: Mapping[str, ActionSpec]) -> str:
 
 def _action(spec: ActionSpec) -> str:
     fields = "".join(_parameter(parameter) for parameter in spec.parameters.values())
-    # One flat interleave for all: libxml2 refuses good files when one of them is within another.
+    # One flat interleave for all: libxml2 refuses valid files when one interleave is inside another.
     variant = f"      <interleave>\n{fields}      </interleave>\n" if fields else "      <empty/>\n"
     return (
         f'  <define name="action.{spec.name}">\n    <element name="{spec.name}">\n{_doc(spec.help)}'

@@ -1,4 +1,4 @@
-"""What the readers of acts and of rules have in common: elements, attributes, and times (semantics.md 5.5)."""
+"""The common base of the readers of acts and rules: elements, attributes, and times (semantics.md 5.5)."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ from rise_engine.syntax.xml import Element
 
 
 class ElementReader:
-    """Reads elements of a file into a draft; what is wrong with them becomes findings."""
+    """Reads elements of a file into a draft and reports mistakes."""
 
     tables: Collection[str] = ()
     """The names of the scenario's tables."""
@@ -30,23 +30,23 @@ class ElementReader:
         self.diagnostics = diagnostics
 
     def report_error(self, code: str, element: Element, message: str, suggestion: Correction | None = None) -> None:
-        """An error where an element begins."""
+        """Report an error at the beginning of an element."""
         self.diagnostics.error(code, self.file.element_location(element), message, suggestion)
 
     def report_value(
         self, code: str, element: Element, attribute: str, message: str, suggestion: Correction | None = None
     ) -> None:
-        """An error where the value of an attribute begins."""
+        """Report an error at the value of an attribute."""
         self.diagnostics.error(code, self.file.value_location(element, attribute), message, suggestion)
 
     def report_attribute(
         self, code: str, element: Element, attribute: str, message: str, suggestion: Correction | None = None
     ) -> None:
-        """An error where the name of an attribute begins."""
+        """Report an error at the name of an attribute."""
         self.diagnostics.error(code, self.file.attribute_location(element, attribute), message, suggestion)
 
     def report_warning(self, code: str, element: Element, message: str) -> None:
-        """A warning where an element begins."""
+        """Report a warning at the beginning of an element."""
         self.diagnostics.warning(code, self.file.element_location(element), message)
 
     def read_parts(
@@ -63,12 +63,12 @@ class ElementReader:
                 definitions.append(Definition(part, partial(self.file.value_location, element, "name")))
 
     def top_elements(self, tag: str, wrappers: tuple[str, ...]) -> Iterator[Element]:
-        """The elements called `tag`: the outermost element itself, or the children of a wrapper."""
+        """Yield the elements called `tag`: the outermost element itself, or the children of a wrapper."""
         root = self.file.root
         if root.tag == tag:
             yield root
             return
-        if root.tag == "Template":  # a file of its own, for a template
+        if root.tag == "Template":  # a file with a single template
             return
         if root.tag not in wrappers:
             near = suggest(root.tag, (tag, *wrappers)).words
@@ -85,19 +85,19 @@ class ElementReader:
                 self.report_error("unknown-element", child, message)
 
     def check_attributes(self, element: Element, known: frozenset[str]) -> dict[str, str]:
-        """An element's attributes, with a finding for each that nobody reads."""
+        """Return an element's attributes, and report each unknown one."""
         for name in element.attributes:
             if name not in known:
                 self.report_unknown_attribute(element, name, known)
         return element.attributes
 
     def report_unknown_attribute(self, element: Element, name: str, known: frozenset[str]) -> None:
-        """An error about an attribute that nobody reads."""
+        """Report an unknown attribute."""
         message, near = f"`<{element.tag}>` has no attribute `{name}`", suggest(name, sorted(known))
         self.report_attribute("unknown-attribute", element, name, message, near)
 
     def check_no_text(self, element: Element) -> None:
-        """A finding for text between the children of an element that holds only elements."""
+        """Report text between the children of an element that may contain only elements."""
         if not self.file.has_text:
             return
         stray, behind = element.text.strip(BLANKS), None
@@ -124,11 +124,11 @@ class ElementReader:
 _COMPUTED = re.compile(r"(\s*\{)(.*)\}\s*(ms|s|min)?\s*\Z", re.DOTALL)
 _NUMBER = re.compile(r"\s*\d+(?:\.\d+)?\s*\Z", re.ASCII)
 MIN_SECONDS = 0.001
-"""A transition that takes no time is no transition after a time."""
+"""The shortest time: a transition after 0 s would not be one after a time."""
 
 
 def read_delay(reader: ElementReader, element: Element, attribute: str) -> Delay:
-    """The time in an attribute. One that cannot be read is a finding, and a delay without seconds and expression."""
+    """Read the time in an attribute. An invalid one is reported and becomes a delay without seconds and expression."""
     text = element.attributes[attribute]
     computed = _COMPUTED.match(text)
     if computed is None:
@@ -148,7 +148,7 @@ def read_delay(reader: ElementReader, element: Element, attribute: str) -> Delay
 
 
 def computed_part(text: str) -> tuple[str, int] | None:
-    """The expression of a time that is worked out, and where it begins: of `{pause}ms`, `pause` and 1."""
+    """The expression of a computed time and its offset: `pause` and 1 for `{pause}ms`."""
     computed = _COMPUTED.match(text)
     return (computed.group(2), computed.start(2)) if computed is not None else None
 
@@ -156,7 +156,7 @@ def computed_part(text: str) -> tuple[str, int] | None:
 def _check_constant(
     reader: ElementReader, element: Element, attribute: str, expression: Expression, unit: float | None
 ) -> None:
-    """What needs no memory can be worked out now, unless chance is in it."""
+    """Check an expression without memory keys, whose value is known now unless it draws random numbers."""
     try:
         seconds = seconds_from(expression.value({}), unit)
     except EvaluationError:
@@ -168,7 +168,7 @@ def _check_constant(
 
 
 def read_seconds(reader: ElementReader, element: Element, attribute: str) -> float | None:
-    """A time that is written out; None, after a finding, when it is none."""
+    """Read a literal time; None, after a diagnostic, if it is invalid."""
     text = element.attributes[attribute]
     seconds = parse_time(text)
     if seconds is None:

@@ -3,8 +3,7 @@
     <Template name="Say"><parameter name="text"/><Speech>...<message>${text}</message></Speech></Template>
     <use template="Say" text="Hello"/>
 
-What is wrong with a template, or with a `<use>`, is found here, once and where it is written; `expansion.py` puts the
-elements into their places.
+This module reports mistakes in templates and uses, once and where they are. `expansion.py` then replaces each `<use>`.
 """
 
 from __future__ import annotations
@@ -26,9 +25,9 @@ from rise_engine.syntax.xml import Element
 from rise_engine.syntax.xml_format import WRAPPERS
 
 LIBRARY = Path(__file__).with_name("patterns")
-"""The patterns that come with the program: one template a file, each file called as its template."""
+"""The patterns that come with the program: one template per file, and each file has the name of its template."""
 PATTERNS = "patterns"
-"""The folder of a scenario that is looked into before the library; a session keeps there what it used of it."""
+"""The folder of a scenario that overrides the library. A session keeps there what it used of the library."""
 _NAME = re.compile(r"[^\W\d][\w-]*\Z")
 _TEMPLATE = frozenset({"name"})
 _PARAMETER = frozenset({"name", "default"})
@@ -38,11 +37,11 @@ HOLDERS = frozenset(WRAPPERS) | frozenset(
         *("if", "elseif", "else", "oneOf", "Template"),
     }
 )
-"""In what a `<use>` can stand: what holds acts, actions, rules, states, transitions or functions."""
+"""The elements that may contain `<use>`: those with acts, actions, rules, states, transitions or functions."""
 
 
 class ElementTemplate:
-    """A template as it was read."""
+    """A template."""
 
     def __init__(self, name: str, file: XmlFile, element: Element) -> None:
         self.name = name
@@ -51,16 +50,16 @@ class ElementTemplate:
         self.parameters: dict[str, Element] = {}
         self.content = [child for child in element if child.tag != "parameter"]
         self.uses: set[str] = set()
-        """The templates that its content uses."""
+        """The names of the templates that its content uses."""
 
     @property
     def defaults(self) -> dict[str, str | None]:
-        """Its parameters; None: it must be given."""
+        """The defaults of its parameters; None: the parameter is required."""
         return {name: element.get("default") for name, element in self.parameters.items()}
 
 
 class TemplateCollection:
-    """The templates of a scenario, and which of them each `<use>` means."""
+    """The templates of a scenario, and the one that each `<use>` means."""
 
     def __init__(self, files: FileReader, draft: ScenarioDraft, diagnostics: Diagnostics) -> None:
         self.files = files
@@ -69,15 +68,15 @@ class TemplateCollection:
         self.diagnostics = diagnostics
         self.templates: dict[str, ElementTemplate] = {}
         self.own: set[str] = set()
-        """Those that the files of acts and rules hold."""
+        """The names of those in the files of acts and rules."""
         self.meant: dict[Element, ElementTemplate] = {}
-        """By a `<use>` without fault: its template."""
+        """The template of each correct `<use>`."""
         self.circular: set[str] = set()
-        """Templates that use each other; nothing can come of them."""
+        """Templates that use each other in a circle and cannot be expanded."""
         self._library: dict[str, Path] | None = None
 
     def read(self, files: Iterable[XmlFile]) -> None:
-        """Find the templates of these files and check them, and every `<use>`."""
+        """Find the templates of these files, and check them and every `<use>`."""
         files = list(files)
         for file in files:
             if file.may_define_templates:
@@ -99,7 +98,7 @@ class TemplateCollection:
             self.diagnostics.warning("unused-template", location, f"nothing uses the template `{name}`")
 
     def _check(self, what: str, file: XmlFile, element: Element, template: ElementTemplate | None) -> set[str]:
-        """Check the uses in an element, and of a template its content; gives the names of what is used."""
+        """Check the uses in an element, and the content of a template. Returns the names of the used templates."""
         names = self.memo.get(("names", file, what), lambda: frozenset(_names_used(element)))
 
         def make(diagnostics: Diagnostics) -> tuple[set[str], dict[Element, ElementTemplate]]:
@@ -115,7 +114,7 @@ class TemplateCollection:
         return used
 
     def _stamp(self, names: Iterable[str]) -> tuple[object, ...]:
-        """What the elements that use these templates depend on: the files that they stand in."""
+        """What the check of elements that use these templates depends on: the templates' files."""
         found = [(name, self.find(name)) for name in sorted(names)]
         files = tuple((name, template and template.file) for name, template in found)
         if all(template for _, template in found):
@@ -123,7 +122,7 @@ class TemplateCollection:
         return files, frozenset(self.templates), frozenset(self.library), bool(self.draft.unreadable_parts)
 
     def stamp_of(self, file: XmlFile) -> tuple[object, ...]:
-        """What comes of the uses in a file depends on: the files of all templates that they lead to."""
+        """What the expansion of a file depends on: the files of all templates that it uses, directly or not."""
         names: set[str] = set()
         rest = [*self.memo.get(("names", file, "uses"), lambda: frozenset(_names_used(file.root)))]
         while rest:
@@ -133,11 +132,11 @@ class TemplateCollection:
         return (*self._stamp(names), frozenset(self.circular & names))
 
     def _uses_of_templates(self) -> dict[str, list[str]]:
-        """By name, the templates that each uses."""
+        """The templates that each template uses, by name."""
         return {name: sorted(each.uses & self.templates.keys()) for name, each in self.templates.items()}
 
     def find(self, name: str) -> ElementTemplate | None:
-        """The template of this name: the scenario's own, or else the library's, which is read when it is asked for."""
+        """The template of this name: the scenario's own, or else the library's, which is read on demand."""
         if name not in self.templates and name in self.library:
             source = self.files.read(self.library[name])
             if source is not None and (file := xml_of(source, self.files)) is not None:
@@ -146,7 +145,7 @@ class TemplateCollection:
 
     @property
     def library(self) -> dict[str, Path]:
-        """The files of the library by the names of their templates."""
+        """The files of the library, by the names of their templates."""
         if self._library is None:
             folders = (LIBRARY, self.files.folder / PATTERNS)
             self._library = {path.stem: path for folder in folders for path in self._xml_files(folder)}
@@ -160,7 +159,7 @@ class TemplateCollection:
 
 
 def pending(templates: dict[str, ElementTemplate]) -> Iterator[ElementTemplate]:
-    """All templates, also those that are found meanwhile."""
+    """Yield all templates, including those found meanwhile."""
     done: set[str] = set()
     while rest := [each for name, each in templates.items() if name not in done]:
         for template in rest:
@@ -175,7 +174,7 @@ class _TemplateReader(ElementReader):
         super().__init__(file, collection.draft, diagnostics)
         self.collection = collection
         self.used: set[str] = set()
-        """The names of templates that were met."""
+        """The names of the templates that uses mention."""
         self.meant: dict[Element, ElementTemplate] = {}
         """As in the collection."""
 
@@ -227,7 +226,7 @@ class _TemplateReader(ElementReader):
             self.diagnostics.error("template", location, "a default is a plain text; it cannot name other parameters")
 
     def check_content(self, template: ElementTemplate) -> None:
-        """Every `${...}` and every `<use>` in a template."""
+        """Check every `${...}` in a template."""
         read: set[str] = set()
         for element in _elements(template.content):
             for name, value in element.attributes.items():
@@ -254,7 +253,7 @@ class _TemplateReader(ElementReader):
             self.diagnostics.error("unknown-parameter", at, message, suggest(name, template.parameters))
 
     def check_uses(self, parent: Element) -> None:
-        """Every `<use>` inside an element, templates within it left out."""
+        """Check every `<use>` inside an element, except in templates within it."""
         for child in parent:
             if child.tag in ("use", "Template"):
                 self.check_no_tail(child)
@@ -267,7 +266,7 @@ class _TemplateReader(ElementReader):
                 self.report_error("unknown-element", child, message)
 
     def check_no_tail(self, element: Element) -> None:
-        """A finding for text behind an element that will not be there when its parent is read."""
+        """Report text after an element that is replaced before its parent is read."""
         if stray := element.tail.strip(BLANKS):
             location = self.file.tail_location(element, element.tail.index(stray))
             message = f"text is not allowed here: `{' '.join(stray[:1000].split())[:60]}`"
@@ -314,7 +313,7 @@ class _TemplateReader(ElementReader):
 
 
 def _elements(elements: Iterable[Element]) -> Iterator[Element]:
-    """These and all that they hold."""
+    """Yield these elements and everything that they contain."""
     rest = list(elements)[::-1]
     while rest:
         element = rest.pop()
@@ -323,7 +322,7 @@ def _elements(elements: Iterable[Element]) -> Iterator[Element]:
 
 
 def _names_used(parent: Element) -> Iterator[str]:
-    """The names of the templates that an element uses, templates within it left out."""
+    """Yield the names of the templates that an element uses, except in templates within it."""
     rest = [child for child in parent if child.tag != "Template"]
     while rest:
         element = rest.pop()

@@ -1,4 +1,4 @@
-"""Puts templates in where a file uses them, and writes such a file without them."""
+"""Expands the templates that a file uses, and writes such a file without templates."""
 
 from __future__ import annotations
 
@@ -16,15 +16,15 @@ from rise_engine.scenario.xml import ExpandedElement, TemplateCall, XmlFile
 from rise_engine.syntax.xml import Element
 
 MAX_ELEMENTS = 100_000
-"""How many elements may come from templates in one scenario."""
+"""The most elements that templates may add to one scenario."""
 MAX_CHARACTERS = 10_000_000
-"""How many characters of attributes and texts may."""
+"""The most characters of attributes and texts that they may add."""
 MAX_LEVELS = 100
-"""How deep elements may lie in each other, in a file with templates."""
+"""How deep elements can be nested in a file with templates."""
 
 
 def expand_files(files: Sequence[XmlFile], templates: TemplateCollection) -> list[XmlFile]:
-    """These files with their templates put in, within limits for all of them together."""
+    """Expand the templates in these files, within limits for all files together."""
     expanded: list[XmlFile] = []
     elements = characters = 0
     for file in files:
@@ -48,7 +48,7 @@ def _expand(file: XmlFile, templates: TemplateCollection) -> tuple[XmlFile, _Exp
 
 
 def _holders(root: Element) -> set[Element]:
-    """What holds a `<use>` or a `<Template>`, however deep."""
+    """The elements that contain a `<use>` or a `<Template>` at any depth."""
     found: set[Element] = set()
     for element in root.walk():
         if element.tag in ("use", "Template"):
@@ -70,14 +70,14 @@ class _Expander:
         self.characters = 0
         self.is_full = False
         self._file: XmlFile
-        """The one that is being expanded."""
+        """The file that is being expanded."""
         self._holders: set[Element] = set()
-        """The elements of that file in which templates are used or stand; all others stay as they are."""
+        """The elements of that file that contain uses or templates; all others stay unchanged."""
         self._has_failed = False
-        """Whether something has come to nothing in the element that is being expanded."""
+        """Whether a use in the current element could not be expanded."""
 
     def expand(self, file: XmlFile) -> XmlFile:
-        """The file with its templates put in; the same one when it has none."""
+        """Expand the templates in a file; returns the same file if it has none."""
         if not file.may_have_templates or file.root.tag == "Template":
             return file
         self._holders = _holders(file.root)
@@ -85,13 +85,13 @@ class _Expander:
         self._file = XmlFile(file.source, file.tree, file.repaired, root)
         self._has_failed = False
         self._add_content(root, file.root, None, 1)
-        if self.is_full:  # half an act would only be called wrong
+        if self.is_full:  # half an act would only be reported as wrong
             root.clear()
             self._file.incomplete.add(root)
         return self._file
 
     def _add_content(self, new: Element, old: Element, call: TemplateCall | None, level: int) -> None:
-        """Give an element what the one holds that it is made of."""
+        """Fill a new element with the expanded content of the old one."""
         for child in old:
             if child.tag == "use":
                 self._add_use(new, child, call, level)
@@ -133,12 +133,12 @@ class _Expander:
             elif element.tag != "Template":
                 self._add_copy(new, element, inner, level)
         for element in new[before:]:
-            element.tail = ""  # between what a template holds, text is a finding already
+            element.tail = ""  # text between a template's elements has its diagnostic already
         if call is None:
             self._file.brought[child] = new[before:]
 
     def _check_limits(self, element: Element, level: int) -> bool:
-        """Whether there may be more; the first time not, a finding."""
+        """Whether the limits allow more. Reports a diagnostic the first time they do not."""
         problem = ("", "")
         if level > MAX_LEVELS:
             problem = ("too-deep", f"with its templates, this lies more than {MAX_LEVELS} elements deep")
@@ -166,20 +166,20 @@ _ELEMENTS = {
     "elseif": "`<elseif>`",
     "onExit": "`<onExit>`",
 }
-"""Elements that RISE does not have."""
+"""Elements that RISE does not know."""
 _EXPRESSIONS = ("cond", "while", "after", "assignValue")
-"""Attributes in which expressions stand."""
+"""Attributes that contain expressions."""
 _SLOTS = re.compile(r"\{[^}]*\}")
 _QUOTED = re.compile(r"""\"[^\"]*\"|'[^']*'""")
 _INDEX = re.compile(r"[\w)]\s*\[")
 _OF_TRANSITIONS = ("cond", "ended", "after", "while")
-"""Attributes of transitions that RISE does not have."""
+"""Attributes of transitions that RISE does not know."""
 
 
 def plain_text(file: XmlFile) -> str:
-    """The text of a file with the elements of its templates in it; empty when it holds nothing but templates.
+    """The text of a file with its templates expanded; empty if it contains nothing but templates.
 
-    Everything else stays as its author wrote it, comments and line breaks too.
+    Everything else stays as written, including comments and line breaks.
     """
     if not file.is_expanded:
         return "" if file.root.tag == "Template" else file.source.text
@@ -201,7 +201,7 @@ def plain_text(file: XmlFile) -> str:
 
 
 def _templates_and_uses(parent: Element) -> Iterator[Element]:
-    """The outermost templates and uses of a file, in its order."""
+    """Yield the outermost templates and uses of a file, in file order."""
     for child in parent:
         if child.tag in ("Template", "use"):
             yield child
@@ -210,7 +210,7 @@ def _templates_and_uses(parent: Element) -> Iterator[Element]:
 
 
 def _with_surroundings(text: str, start: int, end: int) -> tuple[int, int]:
-    """A template with the comment directly before it, and with the lines that would be left empty."""
+    """The range of a template with the comment directly before it, and with lines that would become empty."""
     before = text[:start].rstrip(BLANKS)
     if before.endswith("-->") and text.count("\n", len(before), start) <= 1:
         start = before.rfind("<!--")
@@ -223,9 +223,9 @@ def _with_surroundings(text: str, start: int, end: int) -> tuple[int, int]:
 
 
 def element_text(element: Element, indent: str = "") -> str:
-    """An element as XML; what it holds stands in lines of its own, two blanks deeper."""
+    """An element as XML. Its children get their own lines, indented by two more blanks."""
     attributes = "".join(f' {name}="{escape(value, _IN_VALUES)}"' for name, value in element.attributes.items())
-    if any(child.tag == "speak" for child in element):  # blanks in SSML are blanks of the text
+    if any(child.tag == "speak" for child in element):  # blanks in SSML belong to the text
         return f"<{element.tag}{attributes}>{''.join(_markup(child) for child in element)}</{element.tag}>"
     if len(element):
         inner = "".join(f"{indent}  {element_text(child, indent + '  ')}\n" for child in element)
@@ -236,7 +236,7 @@ def element_text(element: Element, indent: str = "") -> str:
 
 
 def _markup(element: Element) -> str:
-    """An element in a text, with all that it holds, just as it stands."""
+    """An element within a text, with its content unchanged."""
     attributes = "".join(f' {name}="{escape(value, _IN_VALUES)}"' for name, value in element.attributes.items())
     inner = escape(element.text, _IN_TEXTS) + "".join(
         _markup(child) + escape(child.tail, _IN_TEXTS) for child in element
@@ -245,7 +245,7 @@ def _markup(element: Element) -> str:
 
 
 def additions(files: Iterable[XmlFile]) -> Counter[str]:
-    """What these files have, once expanded, that RISE does not know, and how often."""
+    """Count the extensions that RISE does not know in these expanded files."""
     found: Counter[str] = Counter()
     rest = [file.root for file in files if file.root.tag != "Template"]
     while rest:

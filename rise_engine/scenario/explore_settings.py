@@ -1,5 +1,6 @@
-"""What `rise-engine explore` looks at, and what the author says of all situations of a study (`[explore]`, `[always]`,
-`[reachable]` and `[eventually]` in scenario.toml): plain values. `explore_tables` reads them.
+"""The settings of `rise-engine explore` and the properties of a study, as plain values.
+
+They come from `[explore]`, `[always]`, `[reachable]` and `[eventually]` in scenario.toml, which `explore_tables` reads.
 """
 
 from __future__ import annotations
@@ -13,7 +14,7 @@ from rise_engine.expression.environment import Json
 from rise_engine.scenario.source_location import SourceLocation
 
 PropertyKind: TypeAlias = Literal["always", "reachable", "eventually"]
-"""always: it holds in every situation; reachable: it can still come from every situation; eventually: it comes by
+"""always: it holds in every situation; reachable: every situation can still lead to it; eventually: it happens by
 itself."""
 ExploredKeys: TypeAlias = Literal["rules", "all"]
 
@@ -24,28 +25,28 @@ class ExploreSettings(Struct, frozen=True):
     end: str = ""
     """The rule whose end is the end of the study; empty: the rule of the first key that starts one."""
     faults: int = 1
-    """How many things go wrong on one way."""
+    """The most things that go wrong on one path."""
     line: int = 1
-    """How many acts wait at most."""
+    """The most acts that wait at once."""
     beside: int = 2
-    """How many acts of calling type None run at once."""
+    """The most acts of calling type None that run at once."""
     pace: tuple[float, float] | None = (0.5, 3.0)
-    """How many times as long as expected acts take, at least and at most; null: any time."""
+    """The shortest and longest duration of acts, as a multiple of the expected one; null: any duration."""
     tries: dict[str, tuple[Json, ...]] = field(default_factory=dict)
-    """By memory key: values that somebody may type or a node may write."""
+    """Values that somebody may type or a node may write, by memory key."""
     keys: ExploredKeys = "rules"
     """all: also the keys that start acts by hand."""
 
 
 class StudyProperty(Struct, frozen=True):
-    """What the author says of all situations of a study."""
+    """A property that the author claims for all situations of a study."""
 
     kind: PropertyKind
     name: str
     condition: Expression
-    """Of `eventually`: what comes by itself (`then`)."""
+    """For `eventually`: what happens by itself (`then`)."""
     after: Expression | None = None
-    """Only of `eventually`: from where on it is waited for; null: from everywhere."""
+    """Only for `eventually`: where waiting for it starts; null: everywhere."""
     unless: Expression | None = None
-    """Only of `eventually`: what makes it needless."""
+    """Only for `eventually`: what makes it unnecessary."""
     location: SourceLocation = field(default=SourceLocation(""), name="place")

@@ -22,7 +22,7 @@ EXPLORE_KEYS = {
     "tries": "by memory key, values that somebody may type or a node may write",
     "keys": '"rules" (the usual), or "all": also the keys that start acts by hand',
 }
-"""What each entry of `[explore]` says, for editors."""
+"""The meaning of each entry of `[explore]`, for editors."""
 PROPERTY_TABLES: tuple[PropertyKind, ...] = get_args(PropertyKind)
 PROPERTY_MEANINGS: dict[PropertyKind, str] = {
     "always": "it holds in every situation",
@@ -34,15 +34,15 @@ EVENTUALLY_KEYS = {
     "then": "what comes by itself",
     "unless": "what makes it needless",
 }
-"""What each part of an entry of `[eventually]` says, for editors."""
+"""The meaning of each part of an entry of `[eventually]`, for editors."""
 MOST_AT_ONCE = 5
-"""Faults, waiting acts and acts beside each other: each more makes ten times as many situations."""
+"""The limit for faults, waiting acts and parallel acts. Each more multiplies the situations by ten."""
 MAX_PACE = 1_000.0
 _PACE_FORM = 'pace = [0.5, 3.0], or pace = "any"'
 
 
 def read_explore(settings: TomlTable, draft: ScenarioDraft) -> ExploreSettings:
-    """`[explore]`: what is looked at. What it does not say is as usual."""
+    """Read `[explore]`, with defaults for missing entries."""
     table = settings.section("explore", EXPLORE_KEYS)
     usual = ExploreSettings()
     return ExploreSettings(
@@ -134,7 +134,7 @@ def _read_keys(table: TomlTable, usual: ExploredKeys) -> ExploredKeys:
 
 
 def read_properties(settings: TomlTable, draft: ScenarioDraft) -> tuple[StudyProperty, ...]:
-    """`[always]`, `[reachable]` and `[eventually]`: what the author says of all situations, in file order."""
+    """Read `[always]`, `[reachable]` and `[eventually]`: the properties of the study, in file order."""
     found: list[StudyProperty] = []
     first: dict[str, str] = {}
     for kind in PROPERTY_TABLES:
@@ -164,7 +164,7 @@ class _PropertyReader:
         self.location = table.key_location(name)
 
     def read(self) -> StudyProperty | None:
-        """The property; None, after a finding, when it cannot be read."""
+        """Read the property; None, after a diagnostic, if it is invalid."""
         shown = toml_key(self.name)
         if self.kind != "eventually":
             condition = self.read_condition(self.table, self.name, f": {shown} = \"in('RULE', 'STATE')\"")

@@ -1,4 +1,4 @@
-"""What conditions and assignments say: the keys that they read and set."""
+"""Notes the keys that conditions and assignments read and set."""
 
 from __future__ import annotations
 
@@ -16,11 +16,11 @@ from rise_engine.scenario.model import SourceLocation
 
 _PIECE = re.compile(r""" "(?:[^"\\]|\\.)*+" | '(?:[^'\\]|\\.)*+' | ([^\S\ \t\r\n]) """, re.VERBOSE | re.DOTALL)
 UNREADABLE_CONDITION = Expression.parse("false")
-"""Stands for a condition that could not be read; a scenario with one is refused anyway."""
+"""Replaces a condition that could not be read; a scenario with one is refused anyway."""
 
 
 def expression_message(error: ExpressionError) -> str:
-    """What is wrong and how to write it, without the column (the finding has the location)."""
+    """The message and the remedy, without the column (the diagnostic has the location)."""
     return f"{error.message}; {error.hint}" if error.hint else error.message
 
 
@@ -30,9 +30,9 @@ def note_expression(
     draft: ScenarioDraft,
     diagnostics: Diagnostics,
 ) -> None:
-    """Note the keys that a condition reads, and warn of a blank in it that only looks like one.
+    """Note the keys that a condition reads, and warn of characters in it that only look like blanks.
 
-    `locate` gives the location of the condition, or of the character of that number in it.
+    :param locate: returns the location of the condition, or of a character in it by its index.
     """
     _note_reads(expression, locate, draft)
     blank = _find_odd_blank(expression.text)
@@ -42,14 +42,14 @@ def note_expression(
 
 
 def _find_odd_blank(text: str) -> int:
-    """Where the first blank stands, outside of texts, that only looks like one; -1: nowhere."""
+    """The offset of the first character outside texts that only looks like a blank; -1: none."""
     if text.isascii():
         return -1
     return next((found.start() for found in _PIECE.finditer(text) if found.group(1)), -1)
 
 
 def note_assignment(assignment: Assignment, locate: Callable[[], SourceLocation], draft: ScenarioDraft) -> None:
-    """Note the key that an assignment sets and those that it reads."""
+    """Note the key that an assignment sets and the keys that it reads."""
     if assignment.target is None:
         draft.settable_keys.add(assignment.key)
         draft.key_writes.append(Mention(assignment.key, locate))
@@ -69,9 +69,9 @@ def note_assignment(assignment: Assignment, locate: Callable[[], SourceLocation]
 
 
 def note_property(expression: Expression, locate: Callable[[int], SourceLocation], draft: ScenarioDraft) -> None:
-    """Note what a property of a study reads, and which rules, states and acts it names.
+    """Note the keys that a property of a study reads, and the rules, states and acts that it names.
 
-    `locate` gives the location of the character of that number in it.
+    :param locate: returns the location of a character in it by its index.
     """
     places: dict[str, int] = {}
     for place in keys_in_expression(expression.text):

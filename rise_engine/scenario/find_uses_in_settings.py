@@ -1,4 +1,4 @@
-"""Finds where scenario.toml and the memory file name acts, rules, states, events and memory keys."""
+"""Finds the names of acts, rules, states, events and memory keys in scenario.toml and the memory file."""
 
 from __future__ import annotations
 
@@ -32,7 +32,7 @@ _WILDCARD = re.compile(r"\[[^\]]*\]|[*?]")
 
 
 def uses_in_settings(file: TomlFile) -> list[Use]:
-    """The uses in scenario.toml."""
+    """The uses in scenario.toml, except `[trials]`."""
     return list(_SettingsUses(file).find())
 
 
@@ -40,7 +40,7 @@ def uses_in_trials(file: TomlFile, rules: Mapping[str, Rule]) -> list[Use]:
     """The uses in `[trials]` of scenario.toml.
 
     :param file: scenario.toml.
-    :param rules: those of the scenario: which of them has the state is not written where only one has it.
+    :param rules: those of the scenario. A state that only one rule has may be written without its rule.
     """
     return list(_SettingsUses(file).find_in_trials(rules))
 
@@ -136,7 +136,7 @@ class _SettingsUses:
             yield replace(use, may_be_text=place.may_be_text)
 
     def key_use(self, kind: UsedKind, name: str, where: str, *path: str) -> Use:
-        """A name that is a key of the file."""
+        """The use of a name that is a key of the file."""
         offset = self.source.offset(*_line_column(self.file, *path))
         if self.source.text.startswith(('"', "'"), offset):
             start, length = WrittenText(self.source, offset, name).span(0, len(name))
@@ -147,7 +147,7 @@ class _SettingsUses:
     def text_use(
         self, kind: UsedKind, name: str, where: str, path: KeyPath, value: str, start: int, length: int | None = None
     ) -> Use:
-        """A name that begins at a character of a text, and takes so many of them, if they are not its own."""
+        """The use of a name at the character `start` of a text; `length` is its length there, if it differs."""
         location = self.file.value_location(*path)
         offset = self.source.offset(location.line, location.column)
         at, length = WrittenText(self.source, offset, value).span(start, len(name) if length is None else length)
@@ -160,8 +160,8 @@ def _line_column(file: TomlFile, *path: str) -> tuple[int, int]:
 
 
 def uses_in_memory(source: SourceFile) -> list[Use]:
-    """The start values of the memory file: each defines its key."""
-    ignore: Callable[..., None] = lambda *args: None  # noqa: E731  # what is wrong with the file is a finding already
+    """The start values of the memory file; each defines its key."""
+    ignore: Callable[..., None] = lambda *args: None  # noqa: E731  # mistakes in the file have their diagnostics
     try:
         value = read_json(source.text, ignore, ignore)
     except JsonError:

@@ -1,4 +1,4 @@
-"""Small graph questions: who waits for each other, and what can be reached."""
+"""Questions about small graphs: cycles, and what can be reached."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ from collections.abc import Iterable, Iterator, Mapping
 
 
 def find_cycles(edges: Mapping[str, Iterable[str]]) -> Iterator[list[str]]:
-    """One shortest cycle for each knot of nodes that reach each other, each starting with the knot's first node."""
+    """Yield one shortest cycle for each strongly connected component, from the component's first node."""
     order = {node: index for index, node in enumerate(edges)}
     for knot in sorted(
         (sorted(knot, key=order.__getitem__) for knot in _strongly_connected_components(edges)),
@@ -22,7 +22,7 @@ def find_cycles(edges: Mapping[str, Iterable[str]]) -> Iterator[list[str]]:
                 if following in inside and following not in came_from:
                     came_from[following] = node
                     pending.append(following)
-        if first in came_from:  # a single node that does not wait for itself is no cycle
+        if first in came_from:  # a single node is a cycle only if it points at itself
             cycle = [came_from[first]]
             while cycle[-1] != first:
                 cycle.append(came_from[cycle[-1]])
@@ -68,7 +68,7 @@ def _strongly_connected_components(edges: Mapping[str, Iterable[str]]) -> Iterat
 
 
 def reachable_from(start: str, edges: Mapping[str, Iterable[str]]) -> set[str]:
-    """Every node that can be reached from `start`, itself included."""
+    """All nodes that can be reached from `start`, including `start`."""
     found = {start}
     pending = [start]
     while pending:
@@ -80,8 +80,8 @@ def reachable_from(start: str, edges: Mapping[str, Iterable[str]]) -> set[str]:
 
 
 def component_numbers(edges: Mapping[str, Iterable[str]]) -> dict[str, int]:
-    """For each node the number of its knot: two nodes have the same one when each can be reached from the other.
+    """Number each node's strongly connected component: nodes that can be reached from each other share a number.
 
-    Nodes that are only pointed at have to be keys too.
+    Every node must be a key, even if nothing leads from it.
     """
     return {node: number for number, knot in enumerate(_strongly_connected_components(edges)) for node in knot}

@@ -1,7 +1,7 @@
-"""Keys of the keyboard that a scenario may bind (docs/reference/scenario.md, "Keys").
+"""The keys of the keyboard that a scenario may bind (docs/reference/scenario.md, "Keys").
 
-Names are those of Textual, the console's toolkit: `.` is `full_stop`. The engine does not import it; this table stands
-for it. What terminals, tmux, macOS or editors swallow or confuse is refused, with the reason.
+Names are those of Textual, the console's toolkit: `.` is `full_stop`. The engine does not import Textual, so they are
+listed here. Keys that terminals, tmux, macOS or editors swallow or confuse are refused with the reason.
 """
 
 from __future__ import annotations
@@ -47,7 +47,7 @@ PUNCTUATION = {
     "}": "right_curly_bracket",
     "~": "tilde",
 }
-"""ASCII punctuation and Textual's name for each."""
+"""ASCII punctuation and Textual's name for each character."""
 
 CONSOLE_KEYS: dict[str, str] = {
     "f2": "the console",
@@ -86,7 +86,7 @@ CONSOLE_KEYS: dict[str, str] = {
     **dict.fromkeys(("up", "down", "left", "right", "home", "end", "pageup", "pagedown"), "moving"),
     **dict.fromkeys(("delete", "insert", "backspace"), "editing"),
 }
-"""Keys that belong to the console, and what for."""
+"""The keys that belong to the console, and their purpose."""
 
 FREE_FUNCTION_KEYS = ("f5", "f6", "f7", "f12")
 _ALIASES = {
@@ -120,10 +120,10 @@ _SHIFTED = "write the character that the key types instead: `N`, `#`"
 
 
 class KeyRefusedError(RiseError, ValueError):
-    """A key that a scenario cannot bind; says why. `taken` is true when the console has it."""
+    """A key that a scenario cannot bind; says why. `taken` is true if the console uses it."""
 
     def __init__(self, message: str, taken: bool = False, suggestion: Correction | None = None) -> None:
-        """`suggestion`: what was meant; its words are added to the message."""
+        """`suggestion`: the key that was meant; its words are added to the message."""
         super().__init__(message + (suggestion.words if suggestion else ""))
         self.taken = taken
         self.suggestion = suggestion and replace(suggestion, words="")
@@ -141,7 +141,7 @@ def bindable_key_name(written: str) -> str:
 
 
 def key_name(written: str) -> str:
-    """As `bindable_key_name`, but of keys that belong to the console too. Raises KeyRefusedError with the reason."""
+    """Like `bindable_key_name`, but also for keys of the console. Raises KeyRefusedError with the reason."""
     if len(written) == 1:
         name = _character(written)
     else:

@@ -1,7 +1,6 @@
-"""How words are said: lexicon.toml, and what a robot is given to say (semantics.md 2.5, 2.6).
+"""How words are pronounced: lexicon.toml, and the text that a robot is given to say (semantics.md 2.5, 2.6).
 
-The engine asks for the words before it gives a goal to any driver, so that each is given the same. A console asks for
-them to show them.
+The engine applies it before it sends a goal, so that all drivers get the same. Consoles use it to show the words.
 """
 
 from __future__ import annotations
@@ -24,24 +23,24 @@ from rise_engine.scenario.ssml import begins_as_ssml, change_words, literal_ssml
 from rise_engine.scenario.toml_files import TomlFile, TomlTable
 
 MAX_WORDS = 2_000
-"""Entries of a file: each of them is looked for in each sentence."""
+"""The most entries of a file, because each sentence is searched for each of them."""
 MAX_LENGTH = 200
-"""Characters of an entry, and of what is said for it."""
+"""The longest entry and the longest pronunciation, in characters."""
 _FORM = '"WORD" = "how it is said", under its language: [en]'
 
 
 def normal_word(written: str) -> str:
-    """An entry as it is compared: in Unicode's normal form C, with one blank between its words."""
+    """A normalized entry: in Unicode's normal form C, with one blank between its words."""
     return normalize("NFC", " ".join(written.split()))
 
 
 def read_lexicon(
     file: TomlFile, language: str, robots: Collection[str], draft: ScenarioDraft, diagnostics: Diagnostics
 ) -> tuple[LexiconTable, ...]:
-    """The tables of the file. On errors, what could be understood.
+    """Read the tables of the file; on errors, as far as they are valid.
 
-    :param language: what scenario.toml says; empty: nothing.
-    :param robots: the names of the robots that there are.
+    :param language: the scenario's language; empty: scenario.toml does not name it.
+    :param robots: the names of all robots.
     :param draft: the scenario, whose acts have been read.
     """
     reader = _LexiconReader(file, robots, diagnostics)
@@ -57,7 +56,7 @@ class _LexiconReader:
         self.top = TomlTable(file, (), file.values, diagnostics)
         self.tables: list[LexiconTable] = []
         self.languages: dict[str, str] = {}
-        """As they are written, by what they are in small letters."""
+        """Languages as written, by their tag in lower case."""
         self.count = 0
 
     def read(self) -> None:
@@ -119,8 +118,7 @@ class _LexiconReader:
         return words
 
     def report_unused_languages(self, language: str, draft: ScenarioDraft) -> None:
-        """Warn when nothing is said in any of the languages, as far as that can be known. A file that several studies
-        share may have others besides."""
+        """Warn if nothing is known to be said in any of the languages. (A shared file may have further languages.)"""
         if draft.has_languages_from_memory or "acts" in draft.unreadable_parts:
             return
         spoken = {language, *draft.spoken_languages} - {""}
@@ -137,7 +135,7 @@ class _LexiconReader:
 
 
 _PART_OF_WORD = regex.compile(r"[\w--[\p{Han}\p{Hiragana}\p{Katakana}\p{Thai}\p{Lao}\p{Khmer}\p{Myanmar}]]", regex.V1)
-"""A letter, digit, mark or underscore, but of no script that leaves no blanks between words."""
+"""A letter, digit, mark or underscore, except of scripts that leave no blanks between words."""
 _GAP = re.compile(r"\s+")
 
 
@@ -145,9 +143,9 @@ class _Entry(NamedTuple):
     word: str
     said: str
     any_case: bool
-    """It is written in small letters, and stands for its word with capitals too."""
+    """Whether it is in lower case, and therefore also matches its word with capitals."""
     open_before: bool
-    """It does not begin like a word: anything may stand before it."""
+    """Whether its first character does not belong to a word, so that anything may precede it."""
     open_behind: bool
 
 
@@ -155,16 +153,17 @@ class Pronunciation:
     """Replaces words in texts of one language for one robot."""
 
     def __init__(self, words: dict[str, str]) -> None:
-        """`words`: what is said, by word (`LexiconTable.words`)."""
+        """`words`: pronunciations by word (`LexiconTable.words`)."""
         self._entries: dict[str, list[_Entry]] = {}
-        """By their first character in small letters: the longest first; of equal ones, that with a capital."""
+        """By their first character in lower case: the longest first; of equal ones, the one with a capital first."""
         for word in sorted(words, key=lambda word: (-len(word), word == word.lower(), word)):
             ends = (_PART_OF_WORD.match(word[at]) is None for at in (0, -1))
             self._entries.setdefault(word[0].lower(), []).append(_Entry(word, words[word], word == word.lower(), *ends))
 
     def apply(self, text: str) -> str:
-        """The text with its words replaced, from its beginning on, in Unicode's normal form C and with single blanks;
-        the same text when none of the words stands in it. What was put in is not looked at again.
+        """Replace the words of a text from left to right. Replacements are not searched again.
+
+        The result is in Unicode's normal form C and has single blanks; a text without any of the words is unchanged.
 
         >>> pronunciation = Pronunciation({"Rise": "rize", "rise up": "get up", "e.g.": "for example"})
         >>> pronunciation.apply("Rise, e.g. Rise's authors, enterprise: Rise up, and rise  up.")
@@ -183,7 +182,7 @@ class Pronunciation:
         return "".join((*pieces, found[start:])) if pieces else text
 
     def _entry_at(self, text: str, at: int) -> _Entry | None:
-        """The longest entry that stands there as a whole word."""
+        """The longest entry that matches as a whole word at an offset."""
         for entry in self._entries.get(text[at].lower(), ()):
             end = at + len(entry.word)
             written = text[at:end]
@@ -196,8 +195,7 @@ class Pronunciation:
 
 
 def words_for(lexicon: tuple[LexiconTable, ...], language: str, robot: str) -> dict[str, str]:
-    """The words that hold for a text in a language and a robot. What is said of the robot alone goes before what is
-    said of all, and then the more exact language before the other."""
+    """The words for a language and a robot. The robot's own override those for all; else a more exact language wins."""
     tables = [table for table in lexicon if table.robot in ("", robot) and language_fits(table.language, language)]
     words: dict[str, str] = {}
     for table in sorted(tables, key=lambda table: (table.robot != "", len(table.language))):
@@ -206,21 +204,21 @@ def words_for(lexicon: tuple[LexiconTable, ...], language: str, robot: str) -> d
 
 
 class RobotWording:
-    """Knows in which words the scenario's robot is given what it says."""
+    """Knows the words that the scenario's robot gets for a message."""
 
     def __init__(self, scenario: Scenario) -> None:
         self._robot = scenario.robot
         self._lexicon = scenario.lexicon
         self._language = scenario.language
         self._pronunciations: dict[str, Pronunciation] = {}
-        """By language; made when something is said in it."""
+        """By language, built when first needed."""
 
     def parameters_for_robot(self, action: str, parameters: dict[str, Any]) -> dict[str, Any]:
-        """An action's parameters with the message as this robot is to get it.
+        """Replace the message in an action's parameters by the words that this robot gets.
 
-        :param action: which action the robot does, the substitute where it does one.
+        :param action: the action that the robot performs, which may be the substitute.
         :param parameters: as they are recorded, with the memory filled in.
-        :return: the same object where nothing changes.
+        :return: the same object if nothing changes.
         """
         spec = self._robot.actions.get(action)
         message = parameters.get(MESSAGE)
@@ -240,7 +238,7 @@ class RobotWording:
         if changed is not None:
             return changed
         text = pronounce(message)
-        return literal_ssml(text) if begins_as_ssml(text) else text  # a text, which the robot must not take for markup
+        return literal_ssml(text) if begins_as_ssml(text) else text  # the robot must not take plain text for markup
 
     def _pronounce(self, text: str, language: str) -> str:
         if not self._lexicon:

@@ -1,4 +1,4 @@
-"""From a folder to a checked scenario: read, checked and refused as a whole (docs/reference/scenario.md)."""
+"""Reads a folder into a checked scenario, or refuses it as a whole (docs/reference/scenario.md)."""
 
 from __future__ import annotations
 
@@ -51,45 +51,45 @@ from rise_engine.scenario.xml import XmlFile, xml_of
 
 
 class WrittenParts(Struct, frozen=True):
-    """The files of acts and rules, as they are written and with their templates put in."""
+    """The files of acts and rules, as written and with their templates expanded."""
 
     acts: Sequence[XmlFile] = ()
     rules: Sequence[XmlFile] = ()
     templates: Mapping[str, Mapping[str, str | None]] = {}
-    """The parameters of each template that is used, with their defaults; None: it must be given."""
+    """The parameters of each used template with their defaults; None: the parameter is required."""
     unreadable: Mapping[str, str] = {}
-    """Files that are no XML as they stand, each with what is wrong first. Some are read on after a repair."""
+    """Files that are not well-formed XML, each with its first mistake. Some are still read after a repair."""
 
 
 class LoadResult(Struct, frozen=True):
-    """What came of reading a scenario. There is one exactly when no finding is an error."""
+    """The result of reading a scenario. There is a scenario exactly when no diagnostic is an error."""
 
     scenario: Scenario | None
     diagnostics: list[Diagnostic]
-    """In reading order, errors and warnings."""
+    """Errors and warnings, in reading order."""
     files: dict[str, bytes] = {}
-    """What was read, by the path that it has in a usual folder (`acts/greet.xml`, `memory.json`, `robots/nao.toml`),
-    wherever it lay: written there, it is the same scenario (`DEFAULT_PATHS`)."""
+    """The files that were read, by their path in a usual folder (`acts/greet.xml`, `memory.json`, `robots/nao.toml`).
+    Written to these paths (`DEFAULT_PATHS`), they make the same scenario."""
     suppressed: list[SuppressedWarning] = []
-    """Warnings that are meant, in reading order; they are not among the findings."""
+    """Warnings that are silenced on purpose, in reading order. They are not in `diagnostics`."""
     act_tables: ActTables = field(default_factory=ActTables)
-    """What scenario.toml says of acts."""
+    """The settings of acts in scenario.toml."""
     draft: ScenarioDraft = field(default_factory=ScenarioDraft)
-    """What could be read, also when something is wrong: acts, rules, memory, tables, and who names what."""
+    """Everything that could be read, even with errors: acts, rules, memory, tables, and which names they use."""
     robot: RobotProfile = field(default_factory=builtin_robot)
-    """The robot's profile; on errors, what could be understood of it."""
+    """The robot's profile; with errors, as far as it is valid."""
     translations: dict[str, LanguageTexts] = {}
-    """By language; also when there are errors, as far as they could be read."""
+    """By language; with errors, as far as they could be read."""
     texts: tuple[SpokenText, ...] = ()
-    """All that is said in the acts, as they have it, in their order; also when there are errors."""
+    """All texts that the acts say, untranslated and in order; also with errors."""
     uses: Uses = field(default_factory=partial(Uses, ()))
-    """Who names what in the files that could be read."""
+    """The uses of names in the files that could be read."""
     table_texts: tuple[TableText, ...] = ()
-    """What the tables say; empty while the study is in one language."""
+    """The texts in the tables; empty while the study is in one language."""
     parts: WrittenParts = field(default_factory=WrittenParts)
 
     def __iter__(self) -> Iterator[Any]:
-        """`scenario, findings = load(...)` works too."""
+        """Support `scenario, diagnostics = load(...)`."""
         return iter((self.scenario, self.diagnostics))
 
     @property
@@ -111,17 +111,16 @@ def load(
 
     Arguments:
         path: its folder, or the `scenario.toml` in it.
-        robot: the name of a profile (docs/reference/robots.md), instead of the one that the file names.
-        mode: "debug" or "real", instead of what the file says.
-        paths: where acts, rules and memory lie, instead of what the file says: paths relative to the folder, by
-            `acts`, `rules` and `memory`.
-        language: the one in which everything is to be said (`texts/LANGUAGE.toml`); None: as the acts have it.
-        allow_untranslated: whether what is not translated is said as the acts have it, in their language.
-        held: contents that are read instead of the disk, by the names of their files relative to the folder,
-            `acts/greet.xml`; None: as if the file were not there. Of these files nothing is asked of the disk.
+        robot: the name of a profile (docs/reference/robots.md); overrides the file.
+        mode: "debug" or "real"; overrides the file.
+        paths: the places of `acts`, `rules` and `memory`, relative to the folder; overrides the file.
+        language: the language in which the robot speaks (`texts/LANGUAGE.toml`); None: the language of the acts.
+        allow_untranslated: whether untranslated texts may be spoken in the language of the acts.
+        held: contents of files that replace those on the disk, by their names relative to the folder
+            (`acts/greet.xml`); None: as if the file did not exist. The disk is not read for these files.
 
     Returns the checked scenario with its warnings, or no scenario and everything that is wrong, each with file, line,
-    column and a sentence. Nothing that an author wrote raises an error, nor does a file that cannot be read.
+    column and a sentence. Mistakes in the files and unreadable files raise no error.
 
     >>> loaded = load("scenarios/greeting")
     >>> loaded.scenario.title, "person_name" in loaded.scenario.memory
@@ -136,20 +135,20 @@ def load(
 
 
 def expanded_files(scenario: Scenario) -> list[XmlFile]:
-    """The files of acts and rules of a scenario that `load` has found without errors, with their templates put in."""
+    """The files of acts and rules of a scenario that `load` has accepted, with their templates expanded."""
     loader = ScenarioLoader(Path(scenario.folder))
     files = {kind: list(loader.read_xml_files(kind, scenario.paths[kind])) for kind in ("acts", "rules")}
     return [file for kind in loader.expand_files(files).values() for file in kind]
 
 
 class ScenarioLoader:
-    """Reads one scenario once; `load` says how, `ScenarioChecker` does it again and again."""
+    """Reads one scenario once. `load` describes how; `ScenarioChecker` repeats it."""
 
     def __init__(self, path: Path, held: Held | None = None, memo: Memo | None = None) -> None:
         """
         :param path: the scenario's folder, or the `scenario.toml` in it.
-        :param held: what is read instead of the disk.
-        :param memo: what was read before.
+        :param held: contents that replace those on the disk.
+        :param memo: results of earlier reading.
         """
         self.memo = memo or Memo()
         self.diagnostics = Diagnostics()
@@ -163,10 +162,10 @@ class ScenarioLoader:
         self.memory_source: SourceFile | None = None
         self.named: dict[str, str] = {}
         self.caller = SourceLocation(str(path))
-        """Where what the caller asked for, and no file says, is reported."""
+        """The location for mistakes in what the caller asked for, which no file contains."""
         self.templates: Mapping[str, ElementTemplate] = {}
         self.unread: list[str] = []
-        """The files of acts and rules that are no XML as they stand."""
+        """The files of acts and rules that are not well-formed XML."""
 
     def load(
         self,
@@ -204,7 +203,7 @@ class ScenarioLoader:
         check_cross_references(draft, diagnostics)
         if "acts" not in draft.unreadable_parts:
             settings.act_tables.check_patterns(draft.acts, diagnostics)
-            if self.file.values:  # RISE's own files alone could not say what is to become of a failure
+            if self.file.values:  # RISE's own files alone cannot say what happens after a failure
                 check_failures(draft, settings.act_tables, settings.on_failure, profile, diagnostics)
 
         suppressions = [
@@ -266,7 +265,7 @@ class ScenarioLoader:
         return self.memo.read_part(key, self.draft, self.diagnostics, read)
 
     def find_uses(self, files: dict[str, list[XmlFile]], robot_number: int, robot: RobotProfile) -> Iterator[Use]:
-        """Who names what, in no order; what has not changed is not looked through again."""
+        """The uses of names, in no order. Unchanged files are not searched again."""
         draft, memo = self.draft, self.memo
         sources = {source.name: source for source in self.files.sources}
         lists = [memo.get(("uses", self.file), partial(uses_in_settings, self.file))]
@@ -320,7 +319,7 @@ class ScenarioLoader:
     def read_translations(
         self, settings: ScenarioSettings, robot: RobotProfile, language: str, allow_untranslated: bool
     ) -> TranslationReader:
-        """What the acts say in other languages, compared with them; a finding when there is not the one asked for."""
+        """Read the translations and compare them with the acts; report it if the chosen language does not exist."""
         reader = TranslationReader(robot, self.draft, settings.language, language, self.diagnostics)
         reader.read(self.files, settings.languages)
         reader.report_missing(allow=allow_untranslated)
@@ -335,7 +334,7 @@ class ScenarioLoader:
         return reader
 
     def read_lexicon(self, language: str, robot: str) -> tuple[LexiconTable, ...]:
-        """How words are said; nothing when the folder has no such file."""
+        """Read the lexicon; empty if the folder has no such file."""
         path = self.folder / LEXICON_FILE
         source = self.files.read(path, MAX_TOML_BYTES) if self.tree.exists(path) else None
         file = toml_of(source, self.files) if source is not None else None
@@ -344,7 +343,7 @@ class ScenarioLoader:
         return read_lexicon(file, language, {*robot_names(self.folder, self.tree), robot}, self.draft, self.diagnostics)
 
     def read_xml_files(self, kind: str, relative_path: str) -> Iterator[XmlFile]:
-        """The XML files of a folder in the order of their names, or the one file that was named."""
+        """Yield the XML files of a folder in the order of their names, or the one file that was named."""
         path = self.folder / relative_path
         if not self.check_exists(kind, path):
             return
@@ -368,7 +367,7 @@ class ScenarioLoader:
                 yield file
 
     def expand_files(self, files: dict[str, list[XmlFile]]) -> dict[str, list[XmlFile]]:
-        """These files with their templates put in."""
+        """Expand the templates in these files."""
         templates = TemplateCollection(self.files, self.draft, self.diagnostics)
         templates.read(file for kind in files for file in files[kind] if file.may_have_templates)
         self.templates = templates.templates
@@ -380,7 +379,7 @@ class ScenarioLoader:
         return expanded
 
     def written_parts(self, files: Mapping[str, list[XmlFile]], found: Iterable[Diagnostic]) -> WrittenParts:
-        """What the acts and rules were read from."""
+        """The files from which the acts and rules were read."""
         unreadable: dict[str, str] = {}
         for each in found:
             if each.severity == "error" and each.location.file in self.unread:
@@ -393,7 +392,7 @@ class ScenarioLoader:
         )
 
     def check_exists(self, kind: str, path: Path) -> bool:
-        """Whether a place is there, in the study's folder. One that was named must be; the usual ones need not."""
+        """Whether a place in the study's folder exists. A named one must exist; the usual ones need not."""
         named = self.named.get(kind, "")
         where = SourceLocation(path.name)
         if named:
@@ -403,9 +402,9 @@ class ScenarioLoader:
                 self.diagnostics.error("outside-study", where, problem)
                 self.draft.unreadable_parts.add(kind)
                 return False
-            if self.tree.exists(path):  # a link that leads nowhere is there, and cannot be read
+            if self.tree.exists(path):  # true also for a broken link, which cannot be read
                 return True
-        except (OSError, ValueError):  # a name that no file can have
+        except (OSError, ValueError):  # a name that is not allowed
             pass
         if named:
             self.diagnostics.error("unreadable", where, f"there is no file or folder `{named}`")
@@ -413,7 +412,7 @@ class ScenarioLoader:
         return False
 
     def files_by_usual_path(self, paths: Mapping[str, str]) -> dict[str, bytes]:
-        """What was read, by its usual place."""
+        """The files that were read, by their usual paths."""
         settings = {SCENARIO_FILE, self.path.name}
         acts, rules, memory = (self.folder / paths[kind] for kind in ("acts", "rules", "memory"))
         files: dict[str, bytes] = {}
@@ -442,7 +441,7 @@ class ScenarioLoader:
 
 
 def _hash(files: Mapping[str, bytes], robot: str, language: str = "") -> str:
-    """Over everything that was read, in a fixed order, wherever it lay; and the language that was asked for, if any."""
+    """Hash everything that was read, in a fixed order and wherever it was, and the language that was asked for."""
     digest = sha256()
     asked = [("language", language.encode())] if language else []
     for name, data in [*sorted(files.items()), ("robot", robot.encode()), *asked]:

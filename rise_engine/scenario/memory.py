@@ -1,4 +1,4 @@
-"""Reading the WorkingMemory's start values (paper, listing 3; semantics.md 7)."""
+"""Reading the start values of the WorkingMemory (paper, listing 3; semantics.md 7)."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ _FORM = 'the memory is an object of keys and values, or {"WorkingMemory": [{"key
 
 
 def is_writable_key(key: str) -> bool:
-    """Whether a key can be written in a condition."""
+    """Whether a condition can contain this key."""
     return _WRITABLE.match(key) is not None and key not in _WORDS
 
 
@@ -103,7 +103,7 @@ class _MemoryReader:
         return members
 
     def read_entries(self, items: JsonArray) -> list[JsonMember]:
-        """The entries of RISE's form: a list of objects, each with one key."""
+        """The entries of RISE's form: a list of objects with one key each."""
         members: list[JsonMember] = []
         for item, offset in zip(items, items.items_at, strict=True):
             if not isinstance(item, JsonObject):

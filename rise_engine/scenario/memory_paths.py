@@ -1,9 +1,8 @@
-"""Do the memory keys that a scenario names lead anywhere? And what does the engine itself keep under `session`?
+"""Checks whether the memory keys of a scenario can exist, and knows the engine's own values under `session`.
 
-Dotted keys are followed into the start values. A key can exist when the start values have it, or when a rule or a key
-of the keyboard sets it, a part of the path to it, or something inside it. What nothing in the scenario ever sets stays
-as it is in the start values: there, a path that ends early can never be one. A null is a value that is still to come,
-so every path may go on behind it.
+Dotted keys are followed into the start values. A key can exist if it is in the start values, or if a rule or a key of
+the keyboard sets it, a part of the path to it, or something inside it. A start value that nothing sets never changes,
+so a path that ends early there never exists. A null is a value that is still to come: any path may continue after it.
 """
 
 from __future__ import annotations
@@ -21,24 +20,24 @@ from rise_engine.scenario.model import SESSION, Json
 _FEW = 12
 """How many names of an object a message lists."""
 _SHORT = 1_000
-"""Characters that such a list may have."""
+"""The longest such list, in characters."""
 
 
 class MemoryPaths:
-    """The keys of one scenario: its start values, and what is set while it runs."""
+    """The keys of one scenario: its start values, and the keys that are set while it runs."""
 
     def __init__(self, start: Mapping[str, Json], written: Collection[str]) -> None:
         self._start = start
         self._written = frozenset(written)
         self._within = {path for key in self._written for path in _key_prefixes(key)}
-        """What some assignment reaches into."""
+        """The keys that some assignment reaches into."""
 
     def is_known(self, key: str) -> bool:
         """Whether something has or sets the key, or the value that it reaches into."""
         return key in self._start or self._is_written(key) or ("." in key and key.partition(".")[0] in self._start)
 
     def reading_problem(self, key: str) -> str:
-        """Why a known key can never have a value, or empty."""
+        """Why a known key can never have a value; empty if it can."""
         if key in self._start or self._is_written(key) or key.partition(".")[0] not in self._start:
             return ""
         value, path, missing = self._follow(key)
@@ -48,7 +47,7 @@ class MemoryPaths:
         return f"the memory never has `{key}`: {_why_it_ends(value, path, missing[0])}{remedy}"
 
     def writing_problem(self, key: str) -> str:
-        """Why a key can never be set, or empty."""
+        """Why a key can never be set; empty if it can."""
         if key in self._start or not isinstance(self._start.get(key.partition(".")[0]), dict | list):
             return ""
         if any(path in self._written for path in _key_prefixes(key)):
@@ -59,7 +58,7 @@ class MemoryPaths:
         return f"`{key}` cannot be set: {_why_it_ends(value, path)}"
 
     def _follow(self, key: str) -> tuple[Json, str, list[str]]:
-        """How far a key leads into the start values: the value there, the path to it, and the parts that are left."""
+        """Follow a key into the start values. Returns the last value, the path to it, and the parts that are left."""
         path, *parts = key.split(".")
         value = self._start[path]
         while parts:
@@ -76,7 +75,7 @@ class MemoryPaths:
         return key in self._within and (head in self._start or head in self._written)
 
     def _suggested_path(self, value: Json, path: str, missing: list[str]) -> str:
-        """The right path that was most likely meant, as the end of a message."""
+        """The path that was most likely meant, as the end of a message."""
         if not isinstance(value, dict):
             return ""
         sibling = nearest_name(missing[0], value)
@@ -88,14 +87,14 @@ class MemoryPaths:
         return ""
 
     def _existing_part(self, path: str, parts: list[str]) -> str:
-        """The path, and of the parts behind it as many as there are."""
+        """The path with as many of the following parts as exist."""
         while parts and not lookup(self._start, ".".join((path, *parts)))[0]:
             parts = parts[:-1]
         return ".".join((path, *parts))
 
 
 def _why_it_ends(value: Json, path: str, part: str = "") -> str:
-    """Where a path into the start values ends, and that nothing will change that."""
+    """Say where a path into the start values ends, and that nothing changes that."""
     if isinstance(value, list):
         entries = f"with the entries `{path}.0` to `{path}.{len(value) - 1}`" if len(value) > 1 else ""
         entries = entries or (f"with the one entry `{path}.0`" if value else "without entries")
@@ -127,11 +126,11 @@ EXAMPLE: dict[str, Json] = {
     "factors": None,
     "language": "",
 }
-"""What there is in it; of the factors nobody knows the names before the study says them."""
+"""The keys under `session`. The study defines the names of the factors."""
 
 
 def add_session_keys(draft: ScenarioDraft, diagnostics: Diagnostics) -> None:
-    """See whether anything in the scenario asks for a value of the session."""
+    """Find out whether anything in the scenario reads the session's values."""
     reads = [
         mention
         for mentions in (
@@ -159,8 +158,7 @@ def add_session_keys(draft: ScenarioDraft, diagnostics: Diagnostics) -> None:
 
 
 def factors_read(draft: ScenarioDraft) -> frozenset[str]:
-    """The names of the study's factors that anything asks for and that has no fallback: `pace` of
-    `session.factors.pace`."""
+    """The study's factors that anything reads without a fallback: `pace` for `session.factors.pace`."""
     if not draft.session_keys:
         return frozenset()
     paths = (mention.name.split(".") for mention in (*draft.key_reads, *draft.bare_words, *draft.bare_keys))
@@ -168,7 +166,7 @@ def factors_read(draft: ScenarioDraft) -> frozenset[str]:
 
 
 def session_problem(draft: ScenarioDraft, key: str) -> str:
-    """What to say of a part of the session that there is not; empty for other keys."""
+    """Describe a part of the session that does not exist; empty for other keys."""
     head, _, part = key.partition(".")
     if head != SESSION or not draft.session_keys:
         return ""

@@ -1,4 +1,4 @@
-"""What a scenario is once it has been read and checked: plain, immutable values.
+"""A checked scenario as plain, immutable values.
 
 The words are the paper's (section 4.2): a CommunicationRobotAct (here `Act`) is a graph of BehaviorActions (`Action`),
 an InteractionRule (`Rule`) is a state machine, the WorkingMemory is a JSON object. Nothing here knows time, robot,
@@ -43,42 +43,42 @@ class Parameter(Struct, frozen=True):
     unit: str = ""
     """For people and for adapters: `m`, `rad`, `ms`, or empty."""
     default: Json = None
-    """What a robot assumes when the author leaves the parameter out; null: the robot's own choice."""
+    """The robot's value if the author leaves the parameter out; null: the robot chooses."""
     required: bool = False
     minimum: float | None = None
     maximum: float | None = None
     codes: dict[str, int] = field(default_factory=dict)
-    """For `name` parameters: the known names with RISE's number for each; either may be written."""
+    """For `name` parameters: the known names with RISE's number for each. Authors may write either."""
     names: tuple[str, ...] = ()
     """For `name` parameters: further names without a number (a robot's own animations)."""
     help: str = ""
     place: bool = False
-    """For `name` parameters: whether the places of the robot and the study are among its names."""
+    """For `name` parameters: whether the places of the robot and the study are also valid names."""
     spoken: bool = False
-    """For `text` parameters: whether people hear or read it in their language, so that it is translated."""
+    """For `text` parameters: whether people hear or read it in their language, so that it must be translated."""
 
 
 class ActionSpec(Struct, frozen=True):
-    """An action that can stand in a CRA: declared as data, never programmed (semantics.md 2.1)."""
+    """An action that a CRA can contain: declared as data, never programmed (semantics.md 2.1)."""
 
     name: str
     parameters: dict[str, Parameter]
     channels: tuple[str, ...] = ()
-    """What of the robot it occupies: speech, gaze, face, body, arms, ... Two acts that share one can conflict."""
+    """The parts of the robot that it occupies: speech, gaze, face, body, arms, ... Acts that share one can conflict."""
     engine: bool = False
     """True for `Wait`, which runs in the engine and never reaches the robot."""
     supported: bool = True
-    """False when the scenario's robot cannot do it."""
+    """False if the scenario's robot cannot do it."""
     substitute: str | None = None
     """The action that this robot does instead (a head without hands points with its gaze)."""
     seconds: float = 2.0
-    """How long one execution takes when nothing in its parameters tells (see `expected_seconds`)."""
+    """Seconds that one execution takes if its parameters do not tell (see `expected_seconds`)."""
     limit: float | None = None
     """Seconds after which a running action counts as timed out; null: derived from its expected duration."""
     ssml: bool = False
-    """Whether its `message` may be SSML; otherwise the robot is given the words of it."""
+    """Whether its `message` may be SSML; otherwise the robot gets only the words."""
     carrier: dict[str, Json] = field(default_factory=dict)
-    """How an adapter carries it (for ROS: action name, type and field mapping). Opaque to the engine."""
+    """How an adapter transports it (for ROS: action name, type and field mapping). Opaque to the engine."""
     help: str = ""
 
 
@@ -87,17 +87,17 @@ SIMULATED = "simulated"
 
 
 class RobotProfile(Struct, frozen=True):
-    """A robot as data: which actions it has and which driver reaches it."""
+    """A robot as data: its actions, and the driver that connects to it."""
 
     name: str
     title: str
     driver: str
     actions: dict[str, ActionSpec]
-    """Every action a scenario may use with this robot, by name; unsupported ones are there too, marked."""
+    """Every action that a scenario may use with this robot, by name, and the unsupported ones, marked as such."""
     options: dict[str, Json] = field(default_factory=dict)
     """Settings that only the driver understands."""
     places: dict[str, dict[str, float | str]] = field(default_factory=dict)
-    """What is known of each place that an action can name: `x`, `y`, `yaw`, `frame`, ..."""
+    """The properties of each place that an action can name: `x`, `y`, `yaw`, `frame`, ..."""
 
 
 # --- CRA ------------------------------------------------------------------------------------------------------------
@@ -111,11 +111,11 @@ class ActionCall(Struct, frozen=True):
 
 
 class Action(Struct, frozen=True):
-    """A node of an act's graph: it starts when all of `wait_for` have ended."""
+    """A node of an act's graph. It starts when all of `wait_for` have ended."""
 
     id: str
     calls: tuple[ActionCall, ...]
-    """One call; several for `<Variants>`, of which one is picked at each start."""
+    """One call, or several for `<Variants>`: one of them is picked at each start."""
     wait_for: tuple[str, ...] = ()
     continue_on_failure: bool = False
     location: SourceLocation = field(default=SourceLocation(""), name="place")
@@ -133,7 +133,7 @@ class Act(Struct, frozen=True, dict=True):
 
     @cached_property
     def successors(self) -> dict[str, list[Action]]:
-        """By action id, the actions that wait for it, in file order."""
+        """The actions that wait for an action, by its id, in file order."""
         found: dict[str, list[Action]] = {}
         for action in self.actions:
             for id in dict.fromkeys(action.wait_for):
@@ -163,11 +163,11 @@ class Function(Struct, frozen=True, tag="function"):
     """Only for `assignValue`."""
     location: SourceLocation = field(default=SourceLocation(""), name="place")
     state: str | None = None
-    """Only for `startInteractionRule`: where the rule begins; null: in its initial state."""
+    """Only for `startInteractionRule`: the state in which the rule begins; null: its initial state."""
     enter: bool = True
-    """Only for `startInteractionRule`: false, when the rule waits there without running `onEntry`."""
+    """Only for `startInteractionRule`: false if the rule waits there without running `onEntry`."""
     keep: float | None = None
-    """Only for `raiseEventTopic`: seconds for which the event is kept when no rule waits for it."""
+    """Only for `raiseEventTopic`: seconds for which the event is kept if no rule waits for it."""
 
     @property
     def behavior(self) -> str:
@@ -178,14 +178,14 @@ class Function(Struct, frozen=True, tag="function"):
 
 
 class Branch(Struct, frozen=True):
-    """An arm of an `if`; the last may have no condition (`else`)."""
+    """An arm of an `if`. The last one may have no condition (`else`)."""
 
     condition: Expression | None
     block: tuple[Statement, ...]
 
 
 class If(Struct, frozen=True, tag="if"):
-    """The first branch whose condition holds is run."""
+    """Runs the first branch whose condition holds."""
 
     branches: tuple[Branch, ...]
     location: SourceLocation = field(default=SourceLocation(""), name="place")
@@ -203,20 +203,19 @@ Block: TypeAlias = tuple[Statement, ...]
 
 
 class Delay(Struct, frozen=True):
-    """The time of an `after`: so many seconds, or what an expression gives then."""
+    """The time of an `after`: fixed seconds, or the value of an expression."""
 
     text: str
     """As written: `8s`, `{pause}`, `{patience}ms`."""
     seconds: float | None = None
     expression: Expression | None = None
-    """Instead of the seconds."""
+    """Used instead of the seconds."""
     unit: float | None = None
-    """Seconds that a number of the expression stands for; null: it is a number of seconds, or a text such as `2s`."""
+    """Seconds per unit of the expression's number; null: it is a number of seconds, or a text such as `2s`."""
 
 
 class Transition(Struct, frozen=True):
-    """A way out of a state. At most one of `event`, `ended` and `after` is set; with none, the condition alone
-    triggers."""
+    """A transition. At most one of `event`, `ended` and `after` is set; if none is, the condition alone triggers it."""
 
     event: str | None = None
     """The topic without its leading slash."""
@@ -228,11 +227,11 @@ class Transition(Struct, frozen=True):
     block: Block = ()
     location: SourceLocation = field(default=SourceLocation(""), name="place")
     ended: str | None = None
-    """The act whose end it waits for: the one that this rule has started last under that name."""
+    """The act whose end it waits for: the latest one of that name that this rule has started."""
     outcomes: tuple[ActOutcome, ...] = ()
-    """With `ended`, the ends that it waits for; empty: any."""
+    """With `ended`, the outcomes that it waits for; empty: any."""
     held: Expression | None = None
-    """With `after`, what must hold all that time (`while`)."""
+    """With `after`, the condition that must hold all that time (`while`)."""
 
     @property
     def is_eventless(self) -> bool:
@@ -268,9 +267,9 @@ class TranslatedColumn(Struct, frozen=True):
     """A column of a table in another language, `text.de` beside `text`."""
 
     values: list[Json]
-    """For each row; null: not translated."""
+    """One for each row; null: not translated."""
     location: SourceLocation = field(default=SourceLocation(""), name="place")
-    """Of the first value that is missing, or else of the column's name."""
+    """Of the first missing value, or else of the column's name."""
 
 
 class Table(Struct, frozen=True, dict=True):
@@ -283,10 +282,10 @@ class Table(Struct, frozen=True, dict=True):
     """The values of each row, in the order of the columns."""
     location: SourceLocation = field(default=SourceLocation(""), name="place")
     translations: dict[str, dict[str, TranslatedColumn]] = {}
-    """By language and by the column that is translated; empty in a scenario, which has one language."""
+    """By language and translated column; empty in a scenario, which has one language."""
 
     def in_language(self, language: str) -> Table:
-        """The table that a session in this language reads: translated, and as it is where nothing is translated."""
+        """The table that a session in this language reads: translated where a translation exists."""
         if not self.translations:
             return self
         given = self.translations.get(language, {})
@@ -299,12 +298,12 @@ class Table(Struct, frozen=True, dict=True):
 
     @cached_property
     def records(self) -> list[dict[str, Json]]:
-        """The rows as expressions read them: one object each. Nobody changes them."""
+        """The rows as expressions read them: one object each. Never change them."""
         return [dict(zip(self.columns, row, strict=True)) for row in self.rows]
 
     @property
     def size_text(self) -> str:
-        """How large it is, for people and for records."""
+        """Its size, for people and for records."""
         return f"{pluralize(len(self.rows), 'row')} x {pluralize(len(self.columns), 'column')}"
 
 
@@ -319,13 +318,13 @@ class KeyBinding(Struct, frozen=True):
     behavior: str
     location: SourceLocation = field(default=SourceLocation(""), name="place")
     title: str = ""
-    """What it means in the study, in the author's words (`label = "not understood"`); empty: the author gave none."""
+    """Its meaning in the study, in the author's words (`label = "not understood"`); empty: none given."""
     state: str | None = None
-    """Of a key that starts a rule: where the rule begins; null: in its initial state."""
+    """For a key that starts a rule: the state in which the rule begins; null: its initial state."""
     enter: bool = True
-    """Of a key that starts a rule: false, when the rule waits there without running `onEntry`."""
+    """For a key that starts a rule: false if the rule waits there without running `onEntry`."""
     keep: float | None = None
-    """Of a key that raises an event: seconds for which it is kept when no rule waits for it."""
+    """For a key that raises an event: seconds for which the event is kept if no rule waits for it."""
 
     @property
     def task_behavior(self) -> str:
@@ -343,19 +342,19 @@ class ActSettings(Struct, frozen=True):
     """Seconds within which a second press of its key counts as the same press."""
     filler: bool = False
     answers: bool = True
-    """Whether it is an answer to the participant's cue; a filler never is."""
+    """Whether it answers the participant's cue; a filler never does."""
     calling_type: CallingType = "Blocking"
-    """Used when whoever starts the act does not say."""
+    """Used if the start of the act does not name a calling type."""
     on_failure: str = ""
-    """What becomes of its failure, as `Scenario.on_failure`; empty: what the scenario says."""
+    """What happens after its failure, as in `Scenario.on_failure`; empty: the scenario decides."""
 
 
 class FailurePolicy(Struct, frozen=True):
-    """What becomes of an act that has failed (`on_failure` in scenario.toml)."""
+    """What happens after an act has failed (`on_failure` in scenario.toml)."""
 
     kind: Literal["go_on", "ask", "repeat"]
     times: int = 0
-    """How often it is repeated, at most."""
+    """The most repetitions."""
 
 
 def parse_failure_policy(text: str) -> FailurePolicy:
@@ -369,43 +368,43 @@ def parse_failure_policy(text: str) -> FailurePolicy:
 
 
 MAX_REPEATS = 10
-"""How often a failed act can be repeated by itself."""
+"""How often a failed act can be repeated automatically."""
 
 
 class FillerSettings(Struct, frozen=True):
-    """When a filler is wanted after the participant's cue (`[fillers]` in scenario.toml)."""
+    """When a filler is needed after the participant's cue (`[fillers]` in scenario.toml)."""
 
     offer_after: float = 1.5
     """Seconds after which the console offers the next one; 0: never."""
     auto_after: float | None = None
-    """Seconds after which the engine starts the next one itself, while nothing else runs; null: never."""
+    """Seconds after which the engine starts the next one itself, if nothing else is running; null: never."""
 
 
 class LexiconTable(Struct, frozen=True):
-    """How words of one language are said (a table of lexicon.toml)."""
+    """The pronunciation of words of one language (a table of lexicon.toml)."""
 
     language: str
-    """By BCP 47; it is for texts in `en-GB` too when it is `en`."""
+    """A BCP 47 tag; `en` applies to texts in `en-GB` too."""
     robot: str
-    """The only robot that says them so; empty: every robot."""
+    """The only robot that uses it; empty: all robots."""
     words: dict[str, str]
-    """By word, in Unicode's normal form C and with single blanks: what the robot is given instead."""
+    """The text that the robot gets instead, by word in Unicode's normal form C and with single blanks."""
 
 
 class Condition(Struct, frozen=True):
     """A condition of the study: what the robot does in it (`[conditions.NAME]` in scenario.toml)."""
 
     memory: dict[str, Json] = field(default_factory=dict)
-    """Whole memory keys that a session in it begins with, in the place of the start values."""
+    """Whole memory keys that a session in it begins with, instead of the start values."""
     label: str = ""
     """What screens show instead of its name; empty: the name."""
     label_only: bool = False
-    """Whether it sets nothing on purpose: what is varied lies outside of the robot."""
+    """Whether it sets nothing on purpose, because the difference is outside the robot."""
     location: SourceLocation = field(default=SourceLocation(""), name="place")
 
 
 class Scenario(Struct, frozen=True):
-    """A checked scenario, complete and immutable. `load` builds it; everything in it is looked up by name.
+    """A checked scenario, complete and immutable. `load` builds it; everything in it is found by name.
 
     >>> from rise_engine.scenario.loader import load
     >>> scenario = load("scenarios/greeting").scenario
@@ -429,47 +428,46 @@ class Scenario(Struct, frozen=True):
     act_settings: dict[str, ActSettings] = field(default_factory=dict)
     fillers: FillerSettings = FillerSettings()
     cue_keep: float | None = None
-    """Seconds for which the participant's cue is kept when no rule waits for it; null: it is not (`[cue]`)."""
+    """Seconds for which the participant's cue is kept if no rule waits for it; null: not at all (`[cue]`)."""
     study: dict[str, Json] = field(default_factory=dict)
-    """`participants` and `conditions`, as `[study]` says them."""
+    """`participants` and `conditions` from `[study]`."""
     conditions: dict[str, Condition] = field(default_factory=dict)
-    """By name, in the order of `[study] conditions`, or else of the file. What has a name there and no table is not
-    here: scenarios of earlier versions."""
+    """By name, in the order of `[study] conditions`, or else of the file. Names without a table, as in scenarios of
+    earlier versions, are left out."""
     private: frozenset[str] = frozenset()
-    """Whole memory keys whose values are about a person: they are kept out of what is given to others."""
+    """Whole memory keys with personal values, which are left out of data for others."""
     language: str = ""
-    """The language that its texts are in, by BCP 47: that of the acts, or of the translation that was asked for; empty:
-    scenario.toml does not say."""
+    """The language of its texts (BCP 47): that of the acts or of the chosen translation; empty: none is named."""
     lexicon: tuple[LexiconTable, ...] = ()
     may_release: tuple[str, ...] = ()
     """Programs that may release a stop without control: full names of ROS nodes, names of programs on the link."""
     tables: dict[str, Table] = field(default_factory=dict)
     """Read-only memory, by key."""
     paths: dict[str, str] = field(default_factory=dict)
-    """`acts`, `rules`, `memory`: where they were read from, relative to the folder."""
+    """The places from which `acts`, `rules` and `memory` were read, relative to the folder."""
     on_failure: str = "go_on"
-    """What becomes of an act that has failed: `go_on`, `ask` or `repeat:2`; acts may have their own."""
+    """What happens after an act has failed: `go_on`, `ask` or `repeat:2`. Acts may have their own setting."""
     known_keys: frozenset[str] = frozenset()
     """Memory keys that the start values or anything in the scenario can set."""
     reads_session: bool = False
-    """Whether anything reads what the engine keeps under `session` (semantics.md 7.2)."""
+    """Whether anything reads the engine's values under `session` (semantics.md 7.2)."""
     factors_read: frozenset[str] = frozenset()
-    """Factors of a study that something in the scenario reads: `pace`, for `session.factors.pace`."""
+    """Factors of a study that something in the scenario reads: `pace` for `session.factors.pace`."""
     topics: frozenset[str] = frozenset()
     """Event topics (without slash) that some transition waits for."""
     hash: str = ""
-    """SHA-256 over every file that was read, in a fixed order, and the language that was asked for: two scenarios with
-    one hash are the same study."""
+    """SHA-256 of every file that was read, in a fixed order, and of the language that was asked for. Scenarios with the
+    same hash are the same study."""
     languages: tuple[str, ...] = ()
-    """Those that it has translations into."""
+    """The languages of its translations."""
     says_language: bool = False
-    """Whether somebody has asked for `language`: then each action that speaks is given it."""
+    """Whether `language` was asked for; if so, the robot gets it with each action that speaks."""
     explore: ExploreSettings = ExploreSettings()
-    """What `rise-engine explore` looks at; a session asks neither for this nor for the properties."""
+    """The settings of `rise-engine explore`. Sessions use neither these nor the properties."""
     properties: tuple[StudyProperty, ...] = ()
-    """What the author says of all situations of the study, in file order."""
+    """The properties of the study, in file order."""
     trials: TrialSettings | None = None
-    """What a trial is; None: scenario.toml does not say. A session does not ask for it, its exports do."""
+    """What counts as a trial; None: scenario.toml does not say. Exports use it, sessions do not."""
 
     @property
     def table_memory(self) -> dict[str, Json]:
@@ -477,11 +475,11 @@ class Scenario(Struct, frozen=True):
         return {name: table.records for name, table in self.tables.items()}
 
     def settings_of(self, act: str) -> ActSettings:
-        """The settings of an act, the usual ones where scenario.toml gives none; never raises."""
+        """The settings of an act, or the defaults if scenario.toml gives none; never raises."""
         return self.act_settings.get(act, _DEFAULT_SETTINGS)
 
     def failure_policy(self, act: str) -> FailurePolicy:
-        """What becomes of a failure of this act."""
+        """What happens after a failure of this act."""
         return parse_failure_policy(self.settings_of(act).on_failure or self.on_failure)
 
 
@@ -489,16 +487,16 @@ _DEFAULT_SETTINGS = ActSettings()
 
 
 SESSION = "session"
-"""The memory key under which the engine says how the session stands (semantics.md 7.2)."""
+"""The memory key for the engine's values about the session (semantics.md 7.2)."""
 SESSION_STATES = ("speaking", "cue", "stopped")
-"""Its parts that change while a session runs."""
+"""The parts of it that change while a session runs."""
 
 CUE_TOPICS = ("cue", "cue_undone")
-"""What is raised when the participant's turn has ended, and when that is taken back (semantics.md 4.2)."""
+"""The events at the end of the participant's turn, and when that is taken back (semantics.md 4.2)."""
 
 
 def functions_in(block: Block) -> Iterator[Function]:
-    """All functions of a block, also those in its branches and choices, in no particular order."""
+    """Yield all functions of a block, including those in branches and choices, in no particular order."""
     pending = [*block]
     while pending:
         statement = pending.pop()
@@ -512,7 +510,7 @@ def functions_in(block: Block) -> Iterator[Function]:
 
 
 def rule_start_behavior(rule: str, state: str | None, enter: bool) -> str:
-    """The behaviour of a task that starts a rule: its name, or JSON where that does not say everything."""
+    """The behaviour of a task that starts a rule: the rule's name, or JSON with state and `enter` if needed."""
     if state is None and enter:
         return rule
     parts: dict[str, Json] = {"rule": rule} | ({} if state is None else {"state": state})
@@ -520,15 +518,15 @@ def rule_start_behavior(rule: str, state: str | None, enter: bool) -> str:
 
 
 def event_behavior(event: str, keep: float) -> str:
-    """The behaviour of a task that raises an event which is kept for so many seconds."""
+    """The behaviour of a task that raises an event which is kept for this many seconds."""
     return json.dumps({"event": event, "keep": f"{keep:g}s"}, ensure_ascii=False)
 
 
 def result_topics(rule: Rule) -> Iterator[tuple[str, str]]:
-    """The states that end a rule, each with the event by which it tells so (semantics.md 6.1)."""
+    """Yield the states that end a rule, each with the event that reports it (semantics.md 6.1)."""
     return ((state.id, f"{rule.name}_{state.id}") for state in rule.states.values() if not state.transitions)
 
 
 def normal_topic(topic: str) -> str:
-    """`/A_end` and `A_end` are one topic: topics are compared without their leading slash (semantics.md 6.1)."""
+    """A topic without its leading slash: `/A_end` and `A_end` are one topic (semantics.md 6.1)."""
     return topic.strip().removeprefix("/")

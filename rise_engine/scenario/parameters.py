@@ -1,4 +1,4 @@
-"""Values of action parameters: from the author's text to what a robot gets (docs/reference/cra.md)."""
+"""Values of action parameters: from the author's text to the value for the robot (docs/reference/cra.md)."""
 
 from __future__ import annotations
 
@@ -20,18 +20,18 @@ _NUMBER = re.compile(r"[-+]?(?:\d+(?:\.\d*)?|\.\d+)(?:[eE][-+]?\d+)?\Z", re.ASCI
 _WHOLE = re.compile(r"[-+]?\d{1,300}\Z", re.ASCII)
 _KEY = re.compile(r"[^\W\d][\w.]*\Z")
 _NO_PART = re.compile(r"[^-+0-9.eE\s]|\d\s+\d")
-"""What no text around a memory value can have when the whole is a number."""
+"""Characters that no text around a memory value can have if the whole is a number."""
 _LONGEST = {"ms": 1000 * MAX_SECONDS, "s": MAX_SECONDS}
 """The largest value of a parameter that is a time, by unit: 24 hours."""
 ANY_NAME = "*"
-"""Among the names of a `name` parameter: any other name is accepted too."""
+"""In the names of a `name` parameter: any other name is accepted too."""
 
 
 class ParameterError(RiseError, ValueError):
     """A value that an action's parameter cannot take: a sentence that begins with the parameter's name."""
 
     code = "wrong-type"
-    """Or `out-of-range`: a number beyond the smallest or the largest that the parameter can have."""
+    """Or `out-of-range`: a number outside the parameter's limits."""
 
     def __init__(self, message: str, suggestion: Correction | None = None) -> None:
         """`suggestion`: what was meant; its words are added to the message."""
@@ -40,15 +40,15 @@ class ParameterError(RiseError, ValueError):
 
 
 def convert_parameter(parameter: Parameter, value: Any, origin: str = "") -> Any:
-    """The value that a robot gets: of the declared type, within the range, a known name.
+    """The value that a robot gets: of the declared type, within the range, or a known name.
 
     Arguments:
-        parameter: its declaration; `parameter.unit` is the unit of both numbers, the given and the returned one.
+        parameter: its declaration. `parameter.unit` is the unit of the given and of the returned number.
         value: the author's text, or a memory value of any JSON type.
-        origin: the end of a message, saying where the value comes from.
+        origin: the end of a message, with the source of the value.
 
-    Returns a str, int, float or bool. A number stays an integer when it is written as one; a `name` stays a number when
-    its code was written. Raises ParameterError, and nothing else, whatever the value is.
+    Returns a str, int, float or bool. A number that is written as an integer stays one; a `name` that is written as its
+    code stays a number. Raises only ParameterError, for any value.
 
     >>> convert_parameter(Parameter("duration", "integer", unit="ms", maximum=5000), "1500")
     1500
@@ -74,12 +74,12 @@ def convert_parameter(parameter: Parameter, value: Any, origin: str = "") -> Any
                 return _convert_to_boolean(parameter, value, origin)
             case "name":
                 return _convert_to_name(parameter, value, origin)
-    except (OverflowError, RecursionError):  # lists within lists without end, as a text
+    except (OverflowError, RecursionError):  # lists nested without end, as a text
         raise ParameterError(f"{parameter.name} cannot be made of a value of this size{origin}") from None
 
 
 def is_bare_key(parameter: Parameter, text: str) -> bool:
-    """Whether a text that is none of the parameter's values is a memory key, written without braces."""
+    """Whether a text that is not a valid value of the parameter is a memory key without braces."""
     if parameter.type in ("text", "name") or not _KEY.match(text):
         return False
     try:
@@ -90,16 +90,15 @@ def is_bare_key(parameter: Parameter, text: str) -> bool:
 
 
 def fill_parameters(call: ActionCall, spec: ActionSpec, memory: Mapping[str, Any]) -> dict[str, Any]:
-    """The parameters of an action that starts now: memory filled in, converted, those left out absent.
+    """The parameters of an action that starts now: memory filled in, converted, omitted ones absent.
 
     Arguments:
-        call: the action as its act has it.
+        call: the action as written in its act.
         spec: its declaration (`scenario.robot.actions[call.type]`), with the unit of each parameter.
-        memory: the values of this moment, by key.
+        memory: the current values, by key.
 
-    Returns the values by parameter. Raises MissingValueError for a memory key without value or fallback, ParameterError
-    for a value that the action cannot take (with the memory keys that it was made of), and nothing else, whatever the
-    memory holds.
+    Returns the values by parameter. Raises only MissingValueError, for a memory key without value or fallback, and
+    ParameterError, for a value that the action cannot take (with its memory keys), whatever the memory holds.
 
     >>> from rise_engine.scenario.loader import load
     >>> scenario = load("scenarios/greeting").scenario
@@ -121,7 +120,7 @@ def fill_parameters(call: ActionCall, spec: ActionSpec, memory: Mapping[str, Any
 
 
 def check_template(parameter: Parameter, template: Template) -> None:
-    """Raises ParameterError when no memory value at all can make the parameter's value out of a template with slots."""
+    """Raise ParameterError if no memory value can turn a template with slots into a valid value of the parameter."""
     if parameter.type == "text":
         return
     slots = template.slots
@@ -149,7 +148,7 @@ def check_template(parameter: Parameter, template: Template) -> None:
 
 
 def _could_spell(template: Template, name: str) -> bool:
-    """Whether some memory values make a template this name: its literal parts stand in it in their order."""
+    """Whether some memory values turn a template into this name: its literal parts occur in the name in order."""
     parts = template.parts
     first, last = parts[0] if isinstance(parts[0], str) else "", parts[-1] if isinstance(parts[-1], str) else ""
     first, last = first.lstrip(), last.rstrip()
@@ -255,7 +254,7 @@ def _convert_to_name(parameter: Parameter, value: Any, origin: str) -> str | int
 
 
 def _describe_origin(template: Template) -> str:
-    """The memory keys that a template reads, for the reason why its value cannot be used."""
+    """The memory keys that a template reads, as a part of an error message."""
     keys = list(dict.fromkeys(slot.key for slot in template.slots))
     if not keys:
         return ""
@@ -267,7 +266,7 @@ def _unit(parameter: Parameter) -> str:
 
 
 def _show(value: Any) -> str:
-    """A value in a message: short, whatever it is."""
+    """A value in a message, always short."""
     if value is None or isinstance(value, bool):
         return {None: "null", True: "true", False: "false"}[value]
     if isinstance(value, str):

@@ -1,7 +1,7 @@
-"""Are the parts that a scenario reads there, `items[i].text`? And is every table used, and none changed?
+"""Checks that the parts that a scenario reads exist (`items[i].text`), and that tables are used and never changed.
 
-What can be proved is an error: a column that a table does not have, a row or an entry beyond the last. An index that is
-worked out while a session runs stands for any entry, so that only what no entry has is wrong.
+Only provable mistakes are errors: a column that a table does not have, a row or an entry after the last. An index that
+is computed while a session runs may be any entry, so only what no entry has is a mistake.
 """
 
 from __future__ import annotations
@@ -20,15 +20,15 @@ from rise_engine.scenario.model import SESSION, Act, Action, Json, Table
 from rise_engine.scenario.template import MemorySlot
 
 _MOST = 1_000
-"""Entries that an unknown index may stand for; of more, nothing is proved."""
+"""The most entries that an unknown index may mean. With more, nothing is proved."""
 _FEW = 12
-"""Names that a message lists."""
+"""How many names a message lists."""
 _ANY = object()
 """An index that is only known when a session runs."""
 
 
 def check_parts(draft: ScenarioDraft, diagnostics: Diagnostics) -> None:
-    """Report parts that are not there, tables that something would change, and tables that nobody uses."""
+    """Report parts that do not exist, tables that something would change, and tables that nothing uses."""
     _check_changes(draft, diagnostics)
     memory = {**draft.memory, **({SESSION: draft.session_keys} if draft.session_keys else {})}
     written = {mention.name for mention in (*draft.key_writes, *draft.part_writes, *draft.condition_values)}
@@ -49,14 +49,14 @@ def check_parts(draft: ScenarioDraft, diagnostics: Diagnostics) -> None:
 def find_missing_parts(
     act: Act, tables: Mapping[str, Table], memory: Mapping[str, Json], changed: Set[str]
 ) -> Iterator[tuple[Action, str]]:
-    """The actions of an act that need a part which can never be there in a session, each with the reason.
+    """Yield the actions of an act that need a part that can never exist in a session, each with the reason.
 
     Arguments:
-        act: whose parts are followed; those with a fallback are not needed.
+        act: the act. Parts with a fallback are not needed.
         tables: of the scenario.
-        memory: what the session begins with.
-        changed: the first parts of keys that something in the scenario sets; all others keep what they begin with, also
-            where they are an index.
+        memory: the memory at the start of the session.
+        changed: the first parts of keys that something in the scenario sets. All other keys keep their first value,
+            also as an index.
     """
     constants = {name: value for name, value in memory.items() if name.partition(".")[0] not in changed}
     paths = _PartPaths(tables, memory, changed, constants)
@@ -119,27 +119,27 @@ class _PartPaths:
         self._changed = changed
         """First parts of keys that something sets, or sets something in."""
         self._constants = constants or {}
-        """Keys that are known where they are an index."""
+        """Keys whose value is known when they are an index."""
 
     def reading_problem(self, part: Part) -> str:
-        """Why a part can never be there, or empty."""
+        """Why a part can never exist; empty if it can."""
         if not isinstance(part.base, Key):
             return ""
         return self._problem(part.base.name, [*map(self._constant, part.steps)], part)
 
     def dotted_problem(self, key: str) -> str:
-        """The same of a key with dots, when it reaches into a table."""
+        """The same for a key with dots that reaches into a table."""
         name, *steps = key.split(".")
         return self._problem(name, steps, Part(Key(name), tuple(steps), key)) if name in self._tables else ""
 
     def speaking_problem(self, part: Part) -> str:
-        """Why a part is nothing to be said, or empty: it is a row of a table."""
+        """Why a part cannot be said (it is a whole row of a table); empty if it can."""
         if isinstance(part.base, Key) and part.base.name in self._tables and len(part.steps) == 1:
             return _whole_table(part.base.name, self._tables[part.base.name], part.written)
         return ""
 
     def _constant(self, step: str | Node) -> Json:
-        """The value of a step when it is written out, or a key that is known; else _ANY."""
+        """The value of a literal step, or of a key whose value is known; else _ANY."""
         match step:
             case str():
                 return step
@@ -190,7 +190,7 @@ class _PartPaths:
 
 
 def _start_value_problem(start: Json, steps: list[Json], part: Part) -> str:
-    """Why no way leads from a start value along these steps, or empty. A null is a value that is still to come."""
+    """Why these steps lead nowhere from a start value; empty if they can. A null is a value that is still to come."""
     if start is None:
         return ""
     holders = [start]
@@ -230,12 +230,12 @@ def _names(holders: Iterable[Json]) -> Collection[str]:
 
 
 def _prefix(part: Part, count: int) -> str:
-    """The way along the first steps of a part, as it is written."""
+    """The first steps of a part, as written."""
     return with_all_brackets(part._replace(steps=part.steps[:count]))
 
 
 def _prefixes(key: str) -> Iterator[str]:
-    """A key, and those that it reaches into."""
+    """A key, and the keys that it reaches into."""
     parts = key.split(".")
     return (".".join(parts[: count + 1]) for count in range(len(parts)))
 

@@ -22,15 +22,16 @@ from rise_engine.scenario.toml_files import TomlTable, read_toml, toml_of
 from rise_engine.scenario.tree import FileTree
 
 ENTRY_POINT_GROUP = "rise.robots"
-"""Entry-point group: each entry names a package whose *.toml files are robot profiles."""
+"""The entry-point group whose entries name packages with robot profiles (*.toml)."""
 DEFAULT_ROBOT = "generic"
 _KEYS = ("title", "driver", "options", "places", "actions")
 
 
 def read_robot(name: str, files: FileReader, location: SourceLocation, *, asked: bool = False) -> RobotProfile:
-    """The profile called `name`. `location` is where the name stands; with `asked`, it stands in no file.
+    """Read the profile called `name`; on errors, as far as it is valid.
 
-    On errors, what could be understood.
+    :param location: the place of the name.
+    :param asked: the caller gave the name, not a file.
     """
     packages = files.memo.get("package folders", lambda: tuple(package_folders()))
     path = find_profile(name, files.folder, files.tree, packages)
@@ -44,7 +45,7 @@ def read_robot(name: str, files: FileReader, location: SourceLocation, *, asked:
 
 
 def read_profile(path: Path, name: str, files: FileReader) -> RobotProfile:
-    """The profile in that file, wherever it lies. On errors, what could be understood."""
+    """Read the profile in a file anywhere; on errors, as far as it is valid."""
     source = files.read(path, MAX_TOML_BYTES)
     if source is None:
         return builtin_robot()
@@ -69,8 +70,8 @@ def _make(source: SourceFile, name: str, diagnostics: Diagnostics) -> RobotProfi
 
 
 def locate_in_profile(where: str, name: str, files: FileReader) -> SourceLocation:
-    """Where a key of a robot stands, `actions.Wave.carrier.goal`: in its profile, or in the scenario.toml that `files`
-    reads, which may change it. Of a key that is not there, where its nearest parent stands."""
+    """The place of a robot's key such as `actions.Wave.carrier.goal`, or else of its nearest parent: in its profile, or
+    in the scenario.toml that `files` reads and that may change the profile."""
     best, location = -1, SourceLocation(name)
     for path in (find_profile(name, files.folder, files.tree), files.folder / SCENARIO_FILE):
         source = files.read(path, MAX_TOML_BYTES) if path is not None and files.tree.is_file(path) else None
@@ -84,7 +85,7 @@ def locate_in_profile(where: str, name: str, files: FileReader) -> SourceLocatio
 
 
 def builtin_robot() -> RobotProfile:
-    """What runs a scenario that names no robot where no profile is installed: every core action, simulated."""
+    """The robot of a scenario that names none, if no profile is installed: every core action, simulated."""
     actions = {**core_actions(), "Speech": replace(core_actions()["Speech"], ssml=True)}
     return RobotProfile(DEFAULT_ROBOT, "Generic simulated robot", "simulated", actions)
 
@@ -92,9 +93,10 @@ def builtin_robot() -> RobotProfile:
 def find_profile(
     name: str, folder: Path, tree: FileTree | None = None, packages: Sequence[Path] | None = None
 ) -> Path | None:
-    """Where the profile called `name` lies, in the documented order.
+    """The file of the profile called `name`, searched in the documented order.
 
-    `tree` is what is taken to lie in the folder; `packages` are the folders of installed packages, if they are known.
+    :param tree: the content of the folder; None: what is on the disk.
+    :param packages: the folders of installed packages, if they are known.
     """
     tree = tree or FileTree(folder)
     if "/" in name or why_no_name(f"{name}.toml", (".toml",)):
@@ -107,7 +109,7 @@ def find_profile(
 
 
 def robot_names(folder: Path, tree: FileTree | None = None) -> list[str]:
-    """The names of all profiles that a scenario in `folder` can pick, sorted. `tree` is what is taken to lie there.
+    """The names of all profiles that a scenario in `folder` can use, sorted. `tree`: the content of the folder.
 
     >>> "pepper" in robot_names(Path("scenarios/greeting"))
     True
@@ -120,7 +122,7 @@ def robot_names(folder: Path, tree: FileTree | None = None) -> list[str]:
 
 
 def profile_folders(folder: Path, packages: Sequence[Path] | None = None) -> Iterator[Path]:
-    """Where profiles are looked for, in order. Installed packages are looked up only when it comes to them."""
+    """The folders in which profiles are searched, in order. Installed packages are only looked up when needed."""
     yield folder / "robots"
     config = os.environ.get("XDG_CONFIG_HOME") or str(Path.home() / ".config")
     yield Path(config) / "rise-tui" / "robots"
@@ -128,13 +130,13 @@ def profile_folders(folder: Path, packages: Sequence[Path] | None = None) -> Ite
 
 
 def package_folders() -> Iterator[Path]:
-    """The folders of the packages that installed distributions name in the entry-point group."""
+    """The folders of the packages in the entry-point group."""
     for package in dict.fromkeys(entry.module for entry in installed_plugins(ENTRY_POINT_GROUP)):
         yield from _package_folder(package)
 
 
 def _package_folder(package: str) -> Iterator[Path]:
-    """Looked for on the path first: `find_spec` imports the package around it, and a check needs no adapter."""
+    """Search the path first: `find_spec` imports the parent package, and a check needs no adapter."""
     parts = package.split(".")
     for entry in sys.path:
         directory = Path(entry, *parts)

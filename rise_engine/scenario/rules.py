@@ -34,7 +34,7 @@ from rise_engine.syntax.xml_format import RULE_WRAPPERS
 
 _NUMBER = re.compile(r"\s*[-+]?(?:\d+(?:\.\d*)?|\.\d+)(?:[eE][-+]?\d+)?\s*\Z", re.ASCII)
 SHORT_AFTER = 0.05
-"""Seconds. A rule that goes round in less than this floods the record and every console."""
+"""Seconds. A rule that loops faster than this floods the record and every console."""
 _RULE = frozenset({"name", "initial", "priority"})
 _STATE = frozenset({"id"})
 _TRANSITION = frozenset({"eventTopic", "ended", "outcome", "target", "cond", "while", "after"})
@@ -53,13 +53,13 @@ class _RuleReader(BlockReader):
     def __init__(self, file: XmlFile, draft: ScenarioDraft, diagnostics: Diagnostics) -> None:
         super().__init__(file, draft, diagnostics)
         self.targets: list[tuple[str, Element]] = []
-        """Of the rule that is being read."""
+        """The targets in the current rule."""
         self.short: list[tuple[str, str, Element]] = []
         """Its transitions after less than SHORT_AFTER: state, target, element."""
         self.shared: list[tuple[str, Element, list[tuple[Transition, Element]]]] = []
-        """Its ways out that several states have: the states' names as written, the element, the transitions."""
+        """Its transitions that several states share: the states' names as written, the element, the transitions."""
         self.doubtful: set[SourceLocation] = set()
-        """Its transitions of which an error says that what they wait for is not what is written there."""
+        """Its transitions whose trigger has an error, so that it may not be what was meant."""
         self.unknown_states: list[tuple[Element, str, str]] = []
         """Names of states that it does not have: element, attribute, name."""
 
@@ -107,7 +107,7 @@ class _RuleReader(BlockReader):
         self.check_own_ends(states)
         for state in states.values():
             self.check_order(state)
-        # A rule whose beginning is wrong is there all the same: others may name it.
+        # A rule without a valid initial state still exists, so that others may name it.
         return Rule(name, initial or "", states, priority, self.file.element_location(element)) if name else None
 
     def read_initial(self, element: Element, states: dict[str, State]) -> str | None:
@@ -143,7 +143,7 @@ class _RuleReader(BlockReader):
         return int(value) if value.is_integer() else value
 
     def check_short_loops(self, states: dict[str, State]) -> None:
-        """Warn of a short `after` on a way that leads back to its beginning and waits for nothing else."""
+        """Warn of a short `after` in a loop that waits for nothing else."""
         if not self.short:
             return
         targets: dict[str, list[str]] = {}
@@ -201,7 +201,7 @@ class _RuleReader(BlockReader):
             self.short.append((state, transition.target, element))
 
     def read_shared(self, element: Element) -> None:
-        """`<transitions in="A | B">`: ways out that several states have, after their own."""
+        """Read `<transitions in="A | B">`: transitions that several states have after their own."""
         names = self.check_attributes(element, _SHARED).get("in")
         self.check_no_text(element)
         if names is None:
@@ -218,7 +218,7 @@ class _RuleReader(BlockReader):
         self.shared.append((names or "", element, transitions))
 
     def add_shared(self, states: dict[str, State]) -> None:
-        """Give the states the ways out that they share."""
+        """Add the shared transitions to their states."""
         for names, element, transitions in self.shared:
             seen: set[str] = set()
             for name in (part.strip() for part in names.split("|")) if names.strip() else ():
@@ -273,20 +273,20 @@ class _RuleReader(BlockReader):
         )
 
     def read_held(self, element: Element) -> Expression | None:
-        """`while="..." after="8s"`: what must have held for that time."""
+        """Read `while="..." after="8s"`: the condition that must hold for that time."""
         if "while" in element.attributes and "after" not in element.attributes:
             message = '`while` says what must hold for some time: add after="8s"; what must hold at once is `cond`'
             self.report_attribute("trigger", element, "while", message)
         return self.read_condition(element, "while")
 
     def read_ended(self, element: Element) -> str:
-        """The act whose end is waited for."""
+        """Read the act whose end the transition waits for."""
         name = element.attributes["ended"].strip()
         self.draft.act_mentions.append(Mention(name, partial(self.file.value_location, element, "ended")))
         return name
 
     def read_outcomes(self, element: Element) -> tuple[ActOutcome, ...]:
-        """`outcome="failed"`, or several: `outcome="failed | stopped"`."""
+        """Read `outcome="failed"`, or several: `outcome="failed | stopped"`."""
         if "ended" not in element.attributes:
             message = '`outcome` says how an act has ended; it stands beside `ended`: ended="R_X" outcome="failed"'
             self.report_attribute("trigger", element, "outcome", message)
@@ -315,7 +315,7 @@ class _RuleReader(BlockReader):
                     self.draft.foreign_ends.append(ForeignEnd(way.ended, way.location))
 
     def check_order(self, state: State) -> None:
-        """Of two transitions of a state with one trigger, the second is dead when the first has no condition."""
+        """Warn of a transition that is never taken, because an earlier one has the same trigger and no condition."""
         always: dict[object, Transition] = {}
         for transition in state.transitions:
             if transition.location in self.doubtful:
@@ -335,7 +335,7 @@ class _RuleReader(BlockReader):
 
 
 def _triggers(transition: Transition) -> Iterator[object]:
-    """What a transition waits for; none for one that its condition alone triggers."""
+    """The triggers of a transition; none if its condition alone triggers it."""
     if transition.ended is not None:
         yield from ((transition.ended, outcome) for outcome in transition.outcomes or _OUTCOMES)
     elif not transition.is_eventless:
@@ -343,7 +343,7 @@ def _triggers(transition: Transition) -> Iterator[object]:
 
 
 def _is_short(transition: Transition) -> bool:
-    """Whether a time passes, and hardly any."""
+    """Whether a transition waits for hardly any time."""
     after = transition.after
     return after is not None and after.seconds is not None and after.seconds < SHORT_AFTER and transition.held is None
 

@@ -65,18 +65,18 @@ BINDINGS: dict[str, tuple[FunctionName, str]] = {
     "stop_act": ("stopCommunicationRobotAct", "name an act"),
     "stop_rule": ("stopInteractionRule", "name a rule"),
 }
-"""What a key can submit: the function of the DomainTask that comes of it, and what its author has to write."""
+"""What a key can submit: the function of its DomainTask, and what the author has to write."""
 _START_KEYS = ("state", "enter")
-"""Beside `rule`: where it begins."""
+"""Beside `rule`: where the rule begins."""
 MAX_LABEL_LENGTH = 24
-"""Characters of a key's `label`: it stands beside others in one line."""
+"""The longest `label` of a key in characters, because several share one line."""
 _ALLOW_KEYS = ("code", "key", "reason")
 MIN_AUTO_AFTER, MAX_FILLER_DELAY = 0.5, 600.0
-"""Seconds. A filler that comes sooner than the first would fall into the participant's own pauses."""
+"""Seconds. An earlier filler would interrupt the participant's own pauses."""
 
 
 class ScenarioSettings:
-    """What scenario.toml says, checked; everything has a default."""
+    """The checked settings of scenario.toml, with defaults for everything."""
 
     def __init__(self, file: TomlFile, draft: ScenarioDraft, diagnostics: Diagnostics) -> None:
         self.draft = draft
@@ -85,7 +85,7 @@ class ScenarioSettings:
         self.title = self.read_text("title", "")
         self.language = self.read_language()
         self.languages = self.read_languages()
-        """Those that `[languages]` wants translations in."""
+        """The languages in `[languages]` that the study should be translated into."""
         self.robot = self.read_text("robot", "")
         mode = self.read_text("mode", "debug")
         self.mode: Mode = "real" if mode == "real" else "debug"
@@ -98,7 +98,7 @@ class ScenarioSettings:
         self.private = read_private(self.table, draft)
         self.keys = self.read_keys()
         self.on_failure = read_on_failure(self.table) if "on_failure" in file.values else "go_on"
-        """What becomes of a failed act that does not say it itself."""
+        """What happens after a failed act without its own setting."""
         self.act_tables = read_act_tables(self.table.section("act"), draft)
         self.fillers = self.read_fillers()
         self.cue_keep = self.read_cue()
@@ -107,7 +107,7 @@ class ScenarioSettings:
         self.properties = read_properties(self.table, draft)
         self.trials = read_trials(self.table, draft)
         self.suppressions = self.read_suppressions()
-        """Warnings about keys of the memory file that are meant: location, code, key, reason."""
+        """Silenced warnings about keys of the memory file: location, code, key, reason."""
 
     def read_text(self, key: str, usual: str) -> str:
         value = self.table.values.get(key)
@@ -120,7 +120,7 @@ class ScenarioSettings:
         return text
 
     def read_language(self) -> str:
-        """The language that the acts are in; empty when it is not said."""
+        """Read the language of the acts; empty if the file does not name it."""
         if "language" not in self.table.values:
             return ""
         language = self.read_text("language", "").strip()
@@ -130,7 +130,7 @@ class ScenarioSettings:
         return "" if problem else language
 
     def read_languages(self) -> tuple[str, ...]:
-        """The languages that the texts are to be translated into, whether or not there is a file of them yet."""
+        """Read the languages that the texts should be translated into, whether or not they have a file yet."""
         table = self.table.section("languages")
         for key in table.values:
             if key == "default":
@@ -167,7 +167,7 @@ class ScenarioSettings:
         return suppressions
 
     def read_study(self) -> tuple[dict[str, Any], dict[str, Condition]]:
-        """Who takes part, in which conditions, and what makes those."""
+        """Read the number of participants, the conditions, and what each condition sets."""
         table = self.table.section("study", ("participants", "conditions"))
         study = read_study(table)
         conditions = read_conditions(self.table.section("conditions"), table, study.get("conditions", []), self.draft)
@@ -226,7 +226,7 @@ class ScenarioSettings:
             try:
                 note_assignment(Assignment.parse(behavior), locate, self.draft)
             except ExpressionError as error:
-                start = locate()  # the column counts in the text, which begins behind the quotation mark
+                start = locate()  # the column counts in the text, which begins after the quotation mark
                 location = SourceLocation(start.file, start.line, start.column + error.column)
                 inner.diagnostics.error("assignment", location, expression_message(error), error.suggestion)
                 return None
@@ -235,7 +235,7 @@ class ScenarioSettings:
         return KeyBinding(key, written, function, behavior, inner.key_location(), title, state, enter, keep)
 
     def read_cue(self) -> float | None:
-        """How long the participant's cue is kept for a rule that waits for it later."""
+        """Read how long the participant's cue is kept for a rule that waits for it later."""
         table = self.table.section("cue", ("keep",))
         if "keep" not in table.values:
             return None
@@ -243,7 +243,7 @@ class ScenarioSettings:
         return self.read_keep(table, "event")
 
     def read_keep(self, binding: TomlTable, what: str) -> float | None:
-        """How long an event is kept for a rule that waits for it later."""
+        """Read how long an event is kept for a rule that waits for it later."""
         text = binding.read("keep", str, None, form=': keep = "2s"')
         seconds = parse_time(text) if text is not None else None
         if what != "event":
@@ -257,7 +257,7 @@ class ScenarioSettings:
         return None
 
     def read_start(self, binding: TomlTable, name: str, rule: str) -> tuple[str | None, bool]:
-        """Where a rule is to begin, and whether it runs `onEntry` there."""
+        """Read where a rule begins, and whether it runs `onEntry` there."""
         if name != "rule":
             for key in binding.values.keys() & set(_START_KEYS):
                 binding.report_key("binding", f'`{key}` says how a rule begins; it goes with rule = "..."', key)
@@ -273,7 +273,7 @@ class ScenarioSettings:
         return state.strip(), enter
 
     def read_label(self, binding: TomlTable) -> str:
-        """What the author calls a key: a word or two, or empty."""
+        """Read the author's name for a key: a word or two, or empty."""
         value = binding.read("label", str, None, form=': label = "not understood"')
         if value is None:
             return ""
@@ -301,7 +301,7 @@ class ScenarioSettings:
         return FillerSettings(offer or 0.0, auto)
 
     def read_control(self) -> tuple[str, ...]:
-        """Who may release a stop beside who holds control."""
+        """Read who may release a stop besides whoever holds control."""
         table = self.table.section("control", ("may_release",))
         names = table.values.get("may_release", [])
         if not isinstance(names, list) or not all(isinstance(name, str) and name.strip() for name in names):

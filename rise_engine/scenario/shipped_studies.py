@@ -1,7 +1,7 @@
-"""The studies that come with the program: complete scenarios, to be run by their name from anywhere, and to be copied.
+"""The studies that come with the program: complete scenarios to run by name from anywhere, and to copy.
 
-Where it is installed they lie in this package; in a checkout they are the folder `scenarios`. Nothing is written there.
-A new study begins with a copy or with its first files.
+An installation has them in this package, a checkout in the folder `scenarios`. Nothing is written there. A new study
+begins with a copy or with its first files.
 """
 
 from __future__ import annotations
@@ -33,7 +33,7 @@ def shipped_studies() -> dict[str, Path]:
 
 
 def resolve_study(written: str) -> str:
-    """The folder (or file) that is meant: what is there, or else the shipped study of that name."""
+    """The folder (or file) that is meant: an existing path, or else the shipped study of that name."""
     name = written.strip().rstrip("/")
     if not name or os.path.lexists(written) or "/" in name:
         return written
@@ -42,13 +42,13 @@ def resolve_study(written: str) -> str:
 
 
 def shipped_name(folder: str | os.PathLike[str]) -> str:
-    """The name of the shipped study that lies there, or empty."""
+    """The name of the shipped study in a folder, or empty."""
     real = os.path.realpath(folder)
     return next((name for name, path in shipped_studies().items() if os.path.realpath(path) == real), "")
 
 
 def study_title(folder: Path) -> str:
-    """What a study calls itself."""
+    """The title of a study, or else the name of its folder."""
     try:
         title = tomllib.loads((folder / SCENARIO_FILE).read_text(encoding="utf-8")).get("title")
     except (OSError, ValueError):
@@ -57,20 +57,20 @@ def study_title(folder: Path) -> str:
 
 
 def study_lines() -> list[str]:
-    """The shipped studies for a person, each in a line: its name and its title."""
+    """The shipped studies for people, one per line: name and title."""
     studies = shipped_studies()
     width = max(map(len, studies), default=0)
     return [f"{name:<{width}}  {study_title(path)}" for name, path in studies.items()]
 
 
 def shipped_hint() -> str:
-    """The end of a sentence about a folder that is not there."""
+    """The end of a sentence about a missing folder."""
     names = ", ".join(f"`{name}`" for name in shipped_studies())
     return f"; shipped with the program are {names}" if names else ""
 
 
 def copy_study(name: str, to: Path) -> int:
-    """Copy a shipped study into a new or empty folder; how many files it has. Raises StudyError."""
+    """Copy a shipped study into a new or empty folder. Returns the number of files. Raises StudyError."""
     studies = shipped_studies()
     if name not in studies:
         raise StudyError(f"no study `{name}` is shipped with the program{did_you_mean(name, studies)}")
@@ -86,7 +86,7 @@ def copy_study(name: str, to: Path) -> int:
             if path.is_dir():
                 new.mkdir(exist_ok=True)
             elif path.is_file():
-                copyfile(path, new)  # not its permissions: the copy is to be changed
+                copyfile(path, new)  # without permissions, because the copy must be writable
                 number += 1
     except OSError as error:
         raise StudyError(f"{error.filename or to}: {error.strerror or error}") from error
@@ -155,7 +155,7 @@ _RULE = """\
 def blank_study(title: str, robot: str) -> dict[str, str]:
     """The files of a study with one act and one rule, by name.
 
-    :param title: what it calls itself. :param robot: the name of a profile.
+    :param title: the title of the study. :param robot: the name of a profile.
     """
     settings = f"title = {_toml(title)}\nrobot = {_toml(robot)}\n"
     keys = '\n[keys]\nb = { rule = "Main", label = "begin" }\nh = { act = "R_Hello", label = "hello" }\n'
@@ -169,14 +169,14 @@ def blank_study(title: str, robot: str) -> dict[str, str]:
 
 
 def _toml(text: str) -> str:
-    """A text between quotation marks: TOML has the escapes of JSON, and DEL besides."""
+    """A text in quotation marks: TOML has the escapes of JSON, and also one for DEL."""
     return json.dumps(text, ensure_ascii=False).replace("\x7f", "\\u007f")
 
 
 def write_blank_study(folder: Path, title: str, robot: str) -> tuple[str, ...]:
-    """Make a study with one act and one rule in a new or empty folder: whole, or not at all. The names of its files.
+    """Make a study with one act and one rule in a new or empty folder, whole or not at all. Returns its files' names.
 
-    :raises StudyError: something is there already, or it cannot be written.
+    :raises StudyError: the folder is not empty, or it cannot be written.
     """
     files = blank_study(title, robot)
     try:
@@ -191,10 +191,10 @@ def write_blank_study(folder: Path, title: str, robot: str) -> tuple[str, ...]:
 
 
 def write_new_folder(folder: Path, files: Mapping[str, str]) -> None:
-    """Make a folder of a study, or fill an empty one: whole, or not at all.
+    """Make a folder of a study, or fill an empty one, whole or not at all.
 
-    :param files: texts by the names that they get in it.
-    :raises StudyError: a study has no files of such names.
+    :param files: texts by their names in the folder.
+    :raises StudyError: a name is not allowed in a study.
     :raises OSError, UnicodeError: it cannot be written.
     """
     parent = folder.absolute().parent
@@ -208,13 +208,13 @@ def write_new_folder(folder: Path, files: Mapping[str, str]) -> None:
             path.parent.mkdir(parents=True, exist_ok=True)
             path.write_bytes(text.encode())
         made.chmod(0o755)
-        made.replace(folder)  # an empty folder may be there
-    finally:  # also when somebody interrupts it
+        made.replace(folder)  # may replace an empty folder
+    finally:  # also after an interruption
         shutil.rmtree(made, ignore_errors=True)
 
 
 def write_agents_file(folder: Path) -> None:
-    """Put the page for language models into a study that has none. Raises StudyError."""
+    """Add the page for language models to a study that has none. Raises StudyError."""
     try:
         with (folder / AGENTS_FILE).open("x", encoding="utf-8") as file:
             file.write(_AGENTS)

@@ -1,7 +1,7 @@
-"""Reads files, and keeps what was worked out from them for the next check: what has not changed is not read again.
+"""Reads files, and keeps the results for the next check, so that unchanged files are not read again.
 
-Whatever is read of one file is a value with diagnostics, and depends on its key alone. So a check with what was kept
-gives the same as one that reads everything (`tests/scenario/test_checker.py`).
+The result for a file is a value with diagnostics that depends only on its key. So a check with kept results is equal to
+one that reads everything (`tests/scenario/test_checker.py`).
 """
 
 from __future__ import annotations
@@ -22,17 +22,16 @@ from rise_engine.scenario.tree import FileTree, UnreadableError
 
 Value = TypeVar("Value")
 _ROUNDS = 16
-"""After so many checks that did not need it, something is forgotten: an undo, or a look at what an edit would give,
-finds it still there."""
+"""After this many checks without a use, a result is forgotten. So an undo, or a preview of an edit, still finds it."""
 _MOST_EXPRESSIONS = 20_000
 
 
 class Memo:
-    """Values by what they were worked out from. For one check at a time."""
+    """Results by what they were computed from. For one check at a time."""
 
     def __init__(self) -> None:
         self._kept: dict[Hashable, tuple[Any, list[int]]] = {}
-        """Value, and the round in which it was last needed."""
+        """The value, and the round in which it was last needed."""
         self._numbers: dict[str, tuple[Any, int]] = {}
         self._round = 0
         self.expressions: dict[str, Expression] = {}
@@ -40,7 +39,7 @@ class Memo:
         self.assignments: dict[str, Assignment] = {}
 
     def get(self, key: Hashable, make: Callable[[], Value]) -> Value:
-        """What is kept under a key; what `make` gives if there is nothing."""
+        """The value kept under a key, or else the value that `make` returns."""
         if (known := self._kept.get(key)) is None:
             self._kept[key] = known = (make(), [self._round])
         known[1][0] = self._round
@@ -48,7 +47,7 @@ class Memo:
         return value
 
     def read(self, key: Hashable, diagnostics: Diagnostics, make: Callable[[Diagnostics], Value]) -> Value:
-        """As `get`, of something that gives findings: they are told each time."""
+        """Like `get`, for something that reports diagnostics, which are reported each time."""
 
         def make_with_findings() -> tuple[Value, Diagnostics]:
             found = Diagnostics()
@@ -65,7 +64,7 @@ class Memo:
         diagnostics: Diagnostics,
         make: Callable[[ScenarioDraft, Diagnostics], Value],
     ) -> Value:
-        """As `read`, of something that makes a part of a draft, which is added to `draft`."""
+        """Like `read`, for something that makes a part of a draft, which is added to `draft`."""
 
         def make_part(found: Diagnostics) -> tuple[Value, ScenarioDraft]:
             part = ScenarioDraft(self.expressions, self.assignments)
@@ -76,7 +75,7 @@ class Memo:
         return value
 
     def number(self, kind: str, value: object) -> int:
-        """A number for a value that cannot be a key itself: the same as last time if it is equal to that one."""
+        """A number for a value that cannot be a key itself: the last number if the value is equal to the last one."""
         before, number = self._numbers.get(kind, (None, 0))
         if before is value or (number and before == value):
             return number
@@ -84,7 +83,7 @@ class Memo:
         return number + 1
 
     def end_round(self) -> None:
-        """Forget what has not been needed for long."""
+        """Forget results that have not been needed for long."""
         self._kept = {key: kept for key, kept in self._kept.items() if self._round - kept[1][0] < _ROUNDS}
         self._round += 1
         if len(self.expressions) + len(self.assignments) > _MOST_EXPRESSIONS:
@@ -96,18 +95,18 @@ class Memo:
 
 
 MAX_BYTES = 10_000_000
-"""Larger files are refused before anything looks into them."""
+"""Larger files are refused before they are read."""
 MAX_TOML_BYTES = 1_000_000
-"""The same for settings and robot profiles, which people write by hand."""
+"""The same limit for settings and robot profiles, which people write by hand."""
 ENCODING_REMEDY = "open it with the encoding it has (often Windows-1252 or Latin-1) and save it as UTF-8"
 _BYTE_ORDER_MARK = b"\xef\xbb\xbf"
 _CONFLICT = re.compile(
     r"^<{7}(?=[ \r\n])(?:(?!^<{7}[ \r\n]).)*?^={7}(?=[ \r\n])(?:(?!^<{7}[ \r\n]).)*?(?P<closing>^>{7}(?=[ \r\n]|\Z))",
     re.MULTILINE | re.DOTALL,
 )
-"""What git leaves where it could not join two versions of some lines."""
+"""The lines that git leaves where it could not merge two versions."""
 _NAMED_CONFLICTS = 5
-"""Further conflicts of a file whose lines are named."""
+"""How many further conflicts of a file a message names by line."""
 
 
 class SourceFile:
@@ -115,7 +114,7 @@ class SourceFile:
 
     def __init__(self, name: str, data: bytes, text: str, encoding: str = "utf-8") -> None:
         self.name = name
-        """Relative to the scenario folder where it lies inside it."""
+        """Relative to the scenario folder if the file is inside it."""
         self.data = data
         self.text = text
         """Decoded, without byte order mark."""
@@ -123,7 +122,7 @@ class SourceFile:
 
     @cached_property
     def _line_starts(self) -> list[int]:
-        """Offsets at which lines begin. Lines end with LF or CRLF."""
+        """The offsets at which lines begin. Lines end with LF or CRLF."""
         return [0, *accumulate(len(line) + 1 for line in self.text.split("\n")[:-1])]
 
     def location(self, offset: int) -> SourceLocation:
@@ -133,13 +132,13 @@ class SourceFile:
         return SourceLocation(self.name, line, offset - starts[line - 1] + 1)
 
     def offset(self, line: int, column: int) -> int:
-        """The reverse of `location`, kept within the text."""
+        """The reverse of `location`, clipped to the text."""
         starts = self._line_starts
         line = min(max(line, 1), len(starts))
         return min(starts[line - 1] + max(column, 1) - 1, len(self.text))
 
     def byte_offset(self, line: int, column: int) -> int:
-        """Where in `data` the character of a line and a column begins, as `offset` does in `text`."""
+        """The offset in `data` of a line and column, like `offset` in `text`."""
         offset = self.offset(line, column)
         mark = len(_BYTE_ORDER_MARK) if self.data.startswith(_BYTE_ORDER_MARK) and self.encoding == "utf-8" else 0
         return mark + (offset if self.text.isascii() else len(self.text[:offset].encode(self.encoding)))
@@ -151,16 +150,16 @@ class SourceFile:
 
 
 class FileReader:
-    """Reads files and remembers what was read, so that a scenario can be identified by its content."""
+    """Reads files and remembers them, so that a scenario can be identified by its content."""
 
     def __init__(
         self, folder: Path, diagnostics: Diagnostics, tree: FileTree | None = None, memo: Memo | None = None
     ) -> None:
         """
         :param folder: the scenario's folder.
-        :param diagnostics: where findings go.
-        :param tree: what lies in the folder; None: what lies there on the disk.
-        :param memo: what was read before.
+        :param diagnostics: gets the diagnostics.
+        :param tree: the content of the folder; None: what is on the disk.
+        :param memo: results of earlier reading.
         """
         self.memo = memo or Memo()
         self.folder = folder
@@ -169,7 +168,7 @@ class FileReader:
         self.sources: list[SourceFile] = []
 
     def display_name(self, path: Path) -> str:
-        """How findings name a file: relative to the folder if it lies inside."""
+        """The name of a file in diagnostics: relative to the folder if it is inside."""
         try:
             return path.relative_to(self.folder).as_posix()
         except ValueError:
@@ -178,8 +177,7 @@ class FileReader:
     def read(
         self, path: Path, most: int = MAX_BYTES, encoding: str = "utf-8", remedy: str = ENCODING_REMEDY
     ) -> SourceFile | None:
-        """The file at `path`, of at most `most` bytes, or None after a finding. `remedy` ends the one about a file that
-        is not in this encoding."""
+        """Read a file of at most `most` bytes; None after a diagnostic. `remedy` ends the one about the encoding."""
         name = self.display_name(path)
         location = SourceLocation(name)
         try:
@@ -195,14 +193,14 @@ class FileReader:
 
 
 def _decode(name: str, data: bytes, diagnostics: Diagnostics, encoding: str, remedy: str) -> SourceFile | None:
-    """The file, or None after findings."""
+    """Decode a file; None after diagnostics."""
     text = decode_text(name, data, diagnostics, encoding, remedy)
     source = SourceFile(name, data, text, encoding) if text is not None else None
     return None if source is None or _has_conflicts(source, diagnostics) else source
 
 
 def _has_conflicts(source: SourceFile, diagnostics: Diagnostics) -> bool:
-    """Whether a merge of git was never resolved in a file: one finding, at its first mark, and no other about it."""
+    """Whether a file has unresolved merge conflicts. Reports only one diagnostic, at the first conflict."""
     conflicts = list(_CONFLICT.finditer(source.text)) if "<<<<<<<" in source.text else []
     if not conflicts:
         return False
@@ -223,7 +221,7 @@ def _has_conflicts(source: SourceFile, diagnostics: Diagnostics) -> bool:
 def decode_text(
     name: str, data: bytes, diagnostics: Diagnostics, encoding: str = "utf-8", remedy: str = ENCODING_REMEDY
 ) -> str | None:
-    """The text of a file, in UTF-8 with or without byte order mark; otherwise None and a finding."""
+    """The text of a file, in UTF-8 with or without byte order mark; otherwise None and a diagnostic."""
     if data.startswith((b"\xff\xfe", b"\xfe\xff")) or data[:4].count(0) >= 2:
         diagnostics.error("encoding", SourceLocation(name), "this file is UTF-16 or UTF-32; save it as UTF-8")
         return None

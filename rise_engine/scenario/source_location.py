@@ -1,4 +1,4 @@
-"""Where something stands in the files of a scenario."""
+"""Places in the files of a scenario."""
 
 from __future__ import annotations
 
@@ -6,23 +6,23 @@ from msgspec import UNSET, Struct, UnsetType
 
 
 class TemplateLocation(Struct, frozen=True):
-    """Where something stands in a template."""
+    """A place in a template."""
 
     name: str
-    """The template's."""
+    """The name of the template."""
     file: str
     line: int
     column: int
 
 
 class SourceLocation(Struct, frozen=True):
-    """Where something stands. Lines and columns count from 1; the file is relative to the folder."""
+    """A place in a file. Lines and columns count from 1; the file is relative to the folder."""
 
     file: str
     line: int = 1
     column: int = 1
     template: TemplateLocation | UnsetType = UNSET
-    """Of what comes from a template: where in it. File, line and column are then those of the `<use>`."""
+    """The place in the template, for something from a template. File, line and column are then those of the `<use>`."""
 
     def __str__(self) -> str:
         return f"{self.file}:{self.line}:{self.column}"

@@ -1,8 +1,8 @@
-"""Every text of a scenario that people hear or read: those of its acts, and those in its tables.
+"""All texts of a scenario that people hear or read, in its acts and its tables.
 
-A text of an act has the id that translations and tables have for it: `ACT/ID`, with the number of its wording behind it
-where there are several, `R_Praise/2/3`, and with the parameter where that is not `message`: `R_Sing/1/words`. A column
-of a table is translated that has another one beside it, `text.de` beside `text`, or that a text of an act names:
+A text of an act has an id in translations and tables: `ACT/ID`. If there are several wordings, the number of the
+wording follows (`R_Praise/2/3`), and then the parameter if it is not `message` (`R_Sing/1/words`). A column of a table
+is translated if another one is its translation (`text.de` beside `text`), or if a text of an act names it:
 `{items[i].text}` (docs/reference/languages.md).
 """
 
@@ -25,14 +25,14 @@ class SpokenText(Struct, frozen=True):
 
     act: str
     key: str
-    """Which text of its act: `2`, `2/3`, `2/3/words`."""
+    """The text within its act: `2`, `2/3`, `2/3/words`."""
     action: Action
     variant: int
-    """Of several wordings, the number of this one, from 0."""
+    """The number of this wording, from 0, if there are several."""
     parameter: str
     template: Template
     is_needed: bool
-    """Whether a translation lacks something without it: it has words, and they are in the language of the acts."""
+    """Whether it needs a translation: it has words, and they are in the language of the acts."""
 
     @property
     def id(self) -> str:
@@ -40,7 +40,7 @@ class SpokenText(Struct, frozen=True):
 
     @property
     def text(self) -> str:
-        """As it is written, on one line."""
+        """As written, on one line."""
         return self.template.text
 
     @property
@@ -49,18 +49,18 @@ class SpokenText(Struct, frozen=True):
 
 
 def text_key(action: str, variant: int | None, parameter: str) -> str:
-    """Which text of its act.
+    """The key of a text within its act.
 
-    :param variant: the number of the wording, from 0; None: there is one alone.
+    :param variant: the number of the wording, from 0; None: there is only one.
     """
     parts = [action, *([] if variant is None else [str(variant + 1)]), *([] if parameter == MESSAGE else [parameter])]
     return "/".join(parts)
 
 
 def spoken_texts(acts: Iterable[Act], robot: RobotProfile, language: str = "") -> Iterator[SpokenText]:
-    """All texts, in the order of the acts and of the actions in them.
+    """Yield all texts, in the order of the acts and of their actions.
 
-    :param language: the one that the acts are in; empty: it is not known.
+    :param language: the language of the acts; empty: unknown.
     """
     for act in acts:
         for action in act.actions:
@@ -77,7 +77,7 @@ def spoken_texts(acts: Iterable[Act], robot: RobotProfile, language: str = "") -
 
 
 def _has_words(template: Template) -> bool:
-    """Whether anything but memory values is in a text: a letter or a number, which is another word elsewhere."""
+    """Whether a text has a letter or a digit outside memory values, so that it may differ in another language."""
     pieces = (
         part if isinstance(part, str) else f"{part.before}{part.after}{part.fallback or ''}" for part in template.parts
     )
@@ -85,13 +85,13 @@ def _has_words(template: Template) -> bool:
 
 
 def _is_in_other_language(call: ActionCall, spec: ActionSpec, language: str) -> bool:
-    """Whether the author says that it is in a language of its own, which it keeps in every session."""
+    """Whether the author gives an action its own language, which it keeps in every session."""
     own = own_language(call, spec)
     return own is not None and not (language and (language_fits(language, own) or language_fits(own, language)))
 
 
 def own_language(call: ActionCall, spec: ActionSpec) -> str | None:
-    """The language that the author gives a single action; None: none, or the memory says it."""
+    """The language that the author gives a single action; None: none, or one from the memory."""
     given = call.parameters.get(LANGUAGE) if LANGUAGE in spec.parameters else None
     return (given.constant or "").strip() or None if given is not None else None
 
@@ -100,7 +100,7 @@ def own_language(call: ActionCall, spec: ActionSpec) -> str | None:
 
 
 _LISTED = 5
-"""Rows that a sentence names."""
+"""How many rows a sentence names."""
 
 
 class TableText(Struct, frozen=True):
@@ -122,7 +122,7 @@ class TableText(Struct, frozen=True):
         return _on_one_line(self.table.rows[self.row][self.table.columns.index(self.column)])
 
     def translation(self, language: str) -> str:
-        """What it is in another language; empty: it is not translated."""
+        """Its translation into another language; empty: it is not translated."""
         found = self.table.translations.get(language, {}).get(self.column)
         return _on_one_line(found.values[self.row]) if found is not None else ""
 
@@ -132,7 +132,7 @@ def _on_one_line(value: object) -> str:
 
 
 def table_texts(tables: Mapping[str, Table], spoken: Iterable[SpokenText]) -> Iterator[TableText]:
-    """The texts of all columns that are translated, those without a letter or a number left out.
+    """Yield the texts of all translated columns, except those without a letter or a digit.
 
     :param spoken: the texts of the acts, which can name columns.
     """
@@ -148,7 +148,7 @@ def table_texts(tables: Mapping[str, Table], spoken: Iterable[SpokenText]) -> It
 
 
 def _columns_said(texts: Iterable[SpokenText]) -> Iterator[tuple[str, str]]:
-    """The columns that texts of acts name, each with its table."""
+    """Yield the columns that texts of acts name, each with its table."""
     for text in texts:
         for slot in text.template.slots:
             match slot.part.root if slot.part is not None else None:
@@ -157,7 +157,7 @@ def _columns_said(texts: Iterable[SpokenText]) -> Iterator[tuple[str, str]]:
 
 
 def missing_sentences(texts: Iterable[TableText], language: str) -> Iterator[tuple[SourceLocation, str]]:
-    """A place and a sentence for each column of which something is not translated."""
+    """Yield a place and a sentence for each column that is not completely translated."""
     missing: dict[tuple[str, str], list[TableText]] = {}
     for text in texts:
         if not text.translation(language):

@@ -1,8 +1,8 @@
-"""SSML, the markup of speech (https://www.w3.org/TR/speech-synthesis11): messages with pauses and emphasis in them
+"""SSML, the markup of speech (https://www.w3.org/TR/speech-synthesis11): messages with pauses and emphasis
 (docs/reference/cra.md, "SSML"; semantics.md 2.6).
 
-A message is SSML when it begins with `<speak` and is well-formed. Any other text is said as it stands. It is read by
-expat alone: before `<speak` no DOCTYPE can stand, so there are no entities, and nothing outside is ever read.
+A message is SSML if it begins with `<speak` and is well-formed. Any other text is said literally. expat alone reads it:
+a DOCTYPE cannot precede `<speak`, so there are no entities, and nothing external is ever read.
 """
 
 from __future__ import annotations
@@ -18,22 +18,22 @@ from xml.parsers import expat
 BEGINNING = "<speak"
 LANGUAGE_ATTRIBUTE = "xml:lang"
 MAX_DEPTH = 256
-"""Elements within each other, as in all XML files of a scenario."""
+"""How deep elements can be nested, as in all XML files of a scenario."""
 TIME = re.compile(r"\s*\+?(\d+(?:\.\d+)?|\.\d+)(ms|s)\s*\Z", re.ASCII)
-"""How long a `<break>` is: `500ms`, `1.5s`."""
+"""The length of a `<break>`: `500ms`, `1.5s`."""
 _BEGINNING = re.compile(r"<speak(?=[\s/>])")
 _NOT_XML = re.compile("[\x00-\x08\x0b\x0c\x0e-\x1f\ud800-\udfff\ufffe\uffff]")
 _NOT_SAID = frozenset({"desc", "meta", "metadata", "lexicon", "lookup"})
 _SAID_AS_WRITTEN = frozenset({"phoneme", "say-as", "sub"})
-"""Elements in which the author says how something is pronounced."""
+"""Elements in which the author decides how something is pronounced."""
 _APART = frozenset({"break", "p", "s"})
-"""Elements between words, as a blank is."""
+"""Elements that separate words, as a blank does."""
 _GAP = "\0"
-"""Stands for them while words are gathered; no XML has it."""
+"""Marks them while words are collected; XML cannot contain it."""
 
 
 class XmlElement(Protocol):
-    """What an element is, whoever has read it."""
+    """An element, whichever parser has read it."""
 
     tag: str
     attributes: dict[str, str]
@@ -50,36 +50,36 @@ class SsmlElement(list["SsmlElement"]):
 
     def __init__(self, tag: str, attributes: dict[str, str]) -> None:
         self.tag = tag
-        """With its prefix; an element of SSML has none."""
+        """With its prefix; elements of SSML have none."""
         self.attributes = attributes
         self.text = ""
-        """What stands before its first child. Comments leave no trace."""
+        """The text before its first child. Comments leave no trace."""
         self.tail = ""
-        """What stands behind it, before the next element."""
+        """The text after it, before the next element."""
 
     def walk(self) -> Iterator[SsmlElement]:
-        """It, and all in it, in the order of the text."""
+        """Yield it and everything in it, in the order of the text."""
         yield self
         for child in self:
             yield from child.walk()
 
 
 class SpokenSsml(NamedTuple):
-    """What is heard of SSML."""
+    """The audible content of SSML."""
 
     words: str
     """Without tags, and with single blanks."""
     pause: float
-    """Seconds of all breaks that say how long they are."""
+    """The total of all breaks with a length, in seconds."""
 
 
 def begins_as_ssml(text: str) -> bool:
-    """Whether a text begins with `<speak`: then it is meant as SSML."""
+    """Whether a text begins with `<speak`, so that it is meant as SSML."""
     return text.startswith(BEGINNING) and _BEGINNING.match(text) is not None
 
 
 def plain_words(text: str) -> str:
-    """What is heard of a message: of SSML the words, any other text as it stands.
+    """The words that people hear: those of SSML, or any other text unchanged.
 
     >>> plain_words('<speak>Hello<break time="1s"/>you, <sub alias="doctor">Dr.</sub> <emphasis>Who</emphasis></speak>')
     'Hello you, doctor Who'
@@ -91,26 +91,26 @@ def plain_words(text: str) -> str:
 
 
 def pause_seconds(text: str) -> float:
-    """Seconds of silence that the breaks of a message name; 0 for one that is no SSML."""
+    """Seconds of silence in the breaks of a message; 0 if it is not SSML."""
     found = _read(text) if begins_as_ssml(text) else None
     return found.pause if found is not None else 0.0
 
 
 def escape_value(text: str) -> str:
-    """A text as it stands in SSML, in an attribute too. Characters that no XML can hold become U+FFFD."""
+    """Escape a text for SSML, also in an attribute. Characters that XML cannot hold become U+FFFD."""
     return escape(_NOT_XML.sub("\ufffd", text))
 
 
 def literal_ssml(text: str) -> str:
-    """SSML in which a text is said as it stands, whatever is in it."""
+    """SSML that says a text literally."""
     return f"<speak>{escape_value(text)}</speak>"
 
 
 def change_words(text: str, change: Callable[[str, str], str]) -> str | None:
-    """SSML in which `change` has been applied to all that is said, but in `<phoneme>`, `<say-as>` and `<sub>`.
+    """Apply `change` to all words in SSML, except in `<phoneme>`, `<say-as>` and `<sub>`.
 
-    :param change: given a piece of text and the language that `xml:lang` says it is in (or an empty text).
-    :return: the same text when nothing has changed; None when it is no SSML.
+    :param change: gets a piece of text and its `xml:lang` language (or an empty text).
+    :return: the same text if nothing has changed; None if it is not SSML.
     """
     root = parse_ssml(text)
     if root is None:
@@ -136,7 +136,7 @@ def change_words(text: str, change: Callable[[str, str], str]) -> str | None:
 
 
 def write_element(element: XmlElement) -> str:
-    """An element as a text, without what stands behind it: without comments, and with each character as itself."""
+    """Write an element as text: without its tail and comments, and with characters instead of references."""
     attributes = "".join(f' {name}="{escape(value)}"' for name, value in element.attributes.items())
     inner = escape(element.text, quote=False) + "".join(
         write_element(child) + escape(child.tail, quote=False) for child in element
@@ -145,7 +145,7 @@ def write_element(element: XmlElement) -> str:
 
 
 def parse_ssml(text: str) -> SsmlElement | None:
-    """The `<speak>` of a message; None when it is no SSML."""
+    """The `<speak>` of a message; None if it is not SSML."""
     if not begins_as_ssml(text):
         return None
     outside = SsmlElement("", {})
@@ -184,7 +184,7 @@ def parse_ssml(text: str) -> SsmlElement | None:
 
 
 def break_seconds(time: str) -> float:
-    """How long a `<break>` with this `time` is; 0 for a time that cannot be read."""
+    """The length of a `<break>` with this `time` in seconds; 0 for an invalid time."""
     found = TIME.match(time)
     return float(found[1]) * (0.001 if found[2] == "ms" else 1.0) if found is not None else 0.0
 

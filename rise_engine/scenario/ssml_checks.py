@@ -1,4 +1,4 @@
-"""What is wrong with the SSML that an author wrote, found before a session begins (docs/reference/cra.md, "SSML")."""
+"""Finds mistakes in an author's SSML before a session begins (docs/reference/cra.md, "SSML")."""
 
 from __future__ import annotations
 
@@ -22,27 +22,27 @@ ELEMENTS = (
     *("speak", "p", "s", "token", "w", "break", "emphasis", "prosody", "voice", "lang", "sub", "say-as", "phoneme"),
     *("audio", "mark", "desc", "lexicon", "lookup", "meta", "metadata"),
 )
-"""What SSML 1.1 has. Elements of a maker have a prefix of their own."""
+"""The elements of SSML 1.1. A manufacturer's own elements have a prefix."""
 _SLOT = "\ue000"
-"""Stands for a memory value while the rest is read as XML: a letter of nobody's, which no name can have in it."""
+"""Replaces a memory value while the rest is read as XML: a private character that no name can contain."""
 _PROLOG = ("<?xml", "<!DOCTYPE")
 _LONGEST_PIECE = 12
 _MOST_PROBLEMS = 20
-"""Of one kind that are told of a message."""
+"""How many problems of one kind are reported for a message."""
 
 
 class SsmlProblem(NamedTuple):
-    """A finding about a message."""
+    """A problem with a message."""
 
     is_error: bool
     text: str
     piece: str = ""
-    """What stands in the message where it is."""
+    """The text at its place in the message."""
     nth: int = 0
-    """How often the piece stands in the message before."""
+    """How often that text occurs earlier in the message."""
 
     def index_in(self, text: str) -> int:
-        """Where it is in a text that has the message in it; 0 when that cannot be told."""
+        """Its offset in a text that contains the message; 0 if that is unknown."""
         at = -1
         for _ in range(self.nth + 1):
             at = text.find(self.piece, at + 1)
@@ -52,7 +52,7 @@ class SsmlProblem(NamedTuple):
 
 
 def find_ssml_problems(template: Template) -> Iterator[SsmlProblem]:
-    """All that is wrong with a message that is meant as SSML; nothing for any other text."""
+    """Yield all problems with a message that is meant as SSML; nothing for any other text."""
     if template.text.startswith(_PROLOG) and "<speak" in template.text:
         yield SsmlProblem(True, "SSML begins with `<speak`; delete what comes before it", template.text[:5])
     if not begins_as_ssml(template.text):
@@ -67,7 +67,7 @@ def find_ssml_problems(template: Template) -> Iterator[SsmlProblem]:
 
 
 def languages_in(template: Template) -> Iterator[str | None]:
-    """What `xml:lang` says in SSML, each time; None for a language that comes from the memory."""
+    """Yield every `xml:lang` in SSML; None for a language from the memory."""
     root = parse_ssml(_without_slots(template))
     for element in root.walk() if root is not None else ():
         if (language := element.attributes.get(LANGUAGE_ATTRIBUTE)) is not None:
@@ -79,13 +79,13 @@ def _without_slots(template: Template) -> str:
 
 
 def _problem_at(text: str, index: int, message: str, piece: str = "") -> SsmlProblem:
-    """A problem at a character of a text without slots: an error, or a warning about the piece that stands there."""
+    """A problem at a character of a text without slots: an error, or a warning about `piece` if that is given."""
     found = piece or re.split(rf"[\s{_SLOT}]", text[index : index + _LONGEST_PIECE], maxsplit=1)[0]
     return SsmlProblem(not piece, message, found or BEGINNING, text.count(found, 0, index) if found else 0)
 
 
 def _explain(text: str) -> SsmlProblem:
-    """Why a text is no SSML, in the words for XML files: libxml2 says more than expat."""
+    """Explain why a text is not SSML in the words for XML files: libxml2 tells more than expat."""
     from rise_engine.syntax.xml_errors import describe_syntax_error, parse_error  # lxml is rarely asked
 
     try:
@@ -108,13 +108,13 @@ def _explain(text: str) -> SsmlProblem:
 
 
 def _slot_problems(template: Template, root: SsmlElement) -> Iterator[SsmlProblem]:
-    """Of what stands beside a value or for it, which must leave the tags as they are."""
+    """Yield problems with texts beside or instead of a value, which must not change the tags."""
     slots, within_tags = template.slots, list(_slots_within_tags(root))
     if slots and (len(within_tags) != _without_slots(template).count(_SLOT) or "<![CDATA[" in template.text):
         message = "a memory value belongs between the tags or in an attribute, not in a comment or in CDATA"
         yield SsmlProblem(True, message, "<!" if "<!" in template.text else BEGINNING)
         return
-    if len(within_tags) != len(slots):  # the text has letters like the one that stands for a slot
+    if len(within_tags) != len(slots):  # the text itself contains the character that replaces slots
         within_tags = [True] * len(slots)
     for slot, within_tag in zip(slots, within_tags, strict=True):
         for piece in filter(None, (slot.fallback, slot.before, slot.after)):
@@ -127,7 +127,7 @@ def _slot_problems(template: Template, root: SsmlElement) -> Iterator[SsmlProble
 
 
 def _slots_within_tags(root: SsmlElement) -> Iterator[bool]:
-    """For each slot, in the order of the text, whether it stands in an attribute."""
+    """Yield for each slot, in the order of the text, whether it is in an attribute."""
     yield from (True for value in root.attributes.values() for _ in range(value.count(_SLOT)))
     yield from (False for _ in range(root.text.count(_SLOT)))
     for child in root:
@@ -136,7 +136,7 @@ def _slots_within_tags(root: SsmlElement) -> Iterator[bool]:
 
 
 def _is_words(piece: str) -> bool:
-    """Whether a text is SSML's words and nothing else."""
+    """Whether a text consists only of words in SSML."""
     return "<" not in piece and ("&" not in piece or parse_ssml(f"<speak>{piece}</speak>") is not None)
 
 

@@ -1,8 +1,8 @@
-"""The gate for names that come from somebody else: what a study may write, and what may be read as a part of it.
+"""Checks names from outside: which files a study may write, and which may be read as part of it.
 
-An edit, an import, a bundle and the note of a save name files; a scenario and a study name folders. All of these names
-pass here before anything is written or read. A name that passes lies in the study's folder, also behind all links, and
-is none from which another program takes orders (`.git/config`, `.vscode/tasks.json`, `.envrc`).
+Edits, imports, bundles and the note of a save name files; scenarios and studies name folders. Each name is checked here
+before anything is written or read. A valid name stays in the study's folder, also after following links, and is not one
+from which another program takes orders (`.git/config`, `.vscode/tasks.json`, `.envrc`).
 """
 
 from __future__ import annotations
@@ -15,17 +15,17 @@ from rise_engine.base.text import UNSEEN, clean
 from rise_engine.scenario.file_names import SCENARIO_FILE, STUDY_FILE
 
 SUFFIXES = (".xml", ".toml", ".json", ".jsonl", ".csv", ".md", ".txt")
-"""The ends of the names of a study's files: all of them are text."""
+"""The endings of a study's files, which are all text."""
 RECORDED = ("sessions", "bundles", "exports")
-"""Folders of what was recorded; a study's own files are elsewhere."""
+"""Folders of recorded data, which are not a study's own files."""
 _EXAMPLE = "name it from the study's folder on, as `acts/greeting.xml`"
 
 
 def why_no_name(name: str, suffixes: Sequence[str] | None = SUFFIXES) -> str:
-    """Why no file of a study, or of a bundle, is called so, as a sentence without its end; empty: one may be.
+    """Why a file of a study or a bundle cannot have this name, as a sentence without its end; empty: it can.
 
-    :param name: from the folder on, with slashes.
-    :param suffixes: how it may end, in small letters; None: in any way, also as a folder.
+    :param name: relative to the folder, with slashes.
+    :param suffixes: the allowed endings in lower case; None: any, also of a folder.
 
     >>> why_no_name("acts/greeting.xml"), why_no_name("../x.toml")
     ('', "`../x.toml` leads out of the study's folder; name it from the study's folder on, as `acts/greeting.xml`")
@@ -53,12 +53,12 @@ def why_no_name(name: str, suffixes: Sequence[str] | None = SUFFIXES) -> str:
 
 
 def why_not_written(folder: Path, name: str, suffixes: Sequence[str] = SUFFIXES, *, goes: bool = False) -> str:
-    """Why a file of a study is not written, as a sentence without its end; empty: it may be.
+    """Why a file of a study cannot be written, as a sentence without its end; empty: it can.
 
-    Like `why_no_name`; beside that, where links lead to counts. Asks the disk for links, and reads nothing.
+    Like `why_no_name`, and it also checks where links lead. Looks for links on the disk, but reads nothing.
 
     :param folder: the study's.
-    :param goes: the file is deleted: of a link, the link itself.
+    :param goes: the file will be deleted. A link is then deleted itself.
     """
     if problem := why_no_name(name, suffixes):
         return problem
@@ -72,22 +72,22 @@ def why_not_written(folder: Path, name: str, suffixes: Sequence[str] = SUFFIXES,
 
 
 def why_none_written(folder: Path, contents: Iterable[tuple[str, object]]) -> str:
-    """Why several files are not written, all that is wrong; empty: they may be.
+    """Why several files cannot be written, with all reasons; empty: they can.
 
-    :param contents: names, and what is to be written: None, the file goes.
+    :param contents: names and contents; None: the file will be deleted.
     """
     problems = (why_not_written(folder, name, goes=content is None) for name, content in contents)
     return "; ".join(filter(None, problems))
 
 
 def why_not_read(folder: Path, path: str | os.PathLike[str]) -> str:
-    """Why a file or a folder is no part of a study, as a sentence without its end; empty: it lies in the study.
+    """Why a file or folder is not part of a study, as a sentence without its end; empty: it is.
 
-    A folder of links is a study, too, as `colcon build --symlink-install` makes it: where its main file is a link to a
-    file of that name, others may lead to where that lies.
+    A folder of links can be a study too, as `colcon build --symlink-install` makes it: if its main file is a link to a
+    file of the same name, other links may lead to that file's folder.
 
     :param folder: the study's.
-    :param path: from there on, as a file says it.
+    :param path: relative to that folder, as written in a file.
     """
     real = Path(os.path.realpath(folder / path))
     if any(real.is_relative_to(home) for home in _homes(folder)):

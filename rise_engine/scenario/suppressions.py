@@ -1,10 +1,10 @@
-"""Warnings that are meant: silenced where they are, with a reason (docs/reference/scenario.md).
+"""Warnings that are silenced on purpose, where they occur and with a reason (docs/reference/scenario.md).
 
     <!-- check: allow ambiguous-else: the outer one is meant -->      directly before the element
     # check: allow unheard-event: the camera node listens             directly before the line, in TOML
     [check] allow = [{ code = "unwritable-key", key = "Prénom", reason = "..." }]      for memory.json
 
-Errors cannot be silenced. A silencing that cannot be read, or that silences nothing, is a finding itself.
+Errors cannot be silenced. A comment that cannot be read, or that silences nothing, is reported itself.
 """
 
 from __future__ import annotations
@@ -32,20 +32,20 @@ EXAMPLE = "check: allow ambiguous-else: the outer one is meant"
 
 
 class Suppression(Struct, frozen=True):
-    """One silencing: of warnings with a code, from one location to another in a file."""
+    """One silencing of the warnings with a code, in a range of a file."""
 
     location: SourceLocation
-    """Where it stands."""
+    """The place of the comment or entry."""
     code: str
     reason: str
     file: str
     start: tuple[int, int]
     """Line and column."""
     end: tuple[int, int]
-    """Behind the last location."""
+    """After the last location."""
 
     def covers(self, diagnostic: Diagnostic, location: SourceLocation | TemplateLocation) -> bool:
-        """Whether it is about a finding that stands there."""
+        """Whether it silences a diagnostic at this location."""
         return (
             diagnostic.severity == "warning"
             and (diagnostic.code, location.file) == (self.code, self.file)
@@ -57,7 +57,7 @@ _start = attrgetter("start")
 
 
 class SuppressedWarning(Struct, frozen=True):
-    """A warning that somebody has silenced, and why."""
+    """A silenced warning, and the reason."""
 
     diagnostic: Diagnostic
     reason: str
@@ -66,9 +66,9 @@ class SuppressedWarning(Struct, frozen=True):
 def apply_suppressions(
     suppressions: Sequence[Suppression], diagnostics: Diagnostics
 ) -> tuple[list[Diagnostic], list[SuppressedWarning]]:
-    """What is left of the findings, and what was silenced.
+    """Return the remaining diagnostics, and the silenced warnings.
 
-    What silences nothing is a finding too, unless errors left something unchecked.
+    A silencing without effect is reported too, unless errors left something unchecked.
     """
     complete = not diagnostics.errors
     silenced: list[SuppressedWarning] = []
@@ -79,7 +79,7 @@ def apply_suppressions(
         if not group or group[-1].start < suppression.start:
             group.append(suppression)
     for diagnostic in diagnostics.sorted():
-        for location in (diagnostic.location, diagnostic.location.template):  # the `<use>`, and in its template
+        for location in (diagnostic.location, diagnostic.location.template):  # the `<use>`, and its template
             if location is UNSET:
                 continue
             group = groups.get((location.file, diagnostic.code), [])
@@ -97,7 +97,7 @@ def apply_suppressions(
 
 
 def read_suppressions(sources: Sequence[SourceFile], diagnostics: Diagnostics) -> list[Suppression]:
-    """The silencings that stand in the comments of XML and TOML files."""
+    """Read the silencing comments of XML and TOML files."""
     found: list[Suppression] = []
     for source in sources:
         if _MARK not in source.text:
@@ -110,7 +110,7 @@ def read_suppressions(sources: Sequence[SourceFile], diagnostics: Diagnostics) -
 
 
 def check_warning_code(code: str, location: SourceLocation, diagnostics: Diagnostics) -> bool:
-    """Whether a code is one of a warning; a finding if not."""
+    """Whether a code is a warning's; reports it if not."""
     if code in WARNING_CODES:
         return True
     near = suggest(code, WARNING_CODES, limit=0)
@@ -119,7 +119,7 @@ def check_warning_code(code: str, location: SourceLocation, diagnostics: Diagnos
 
 
 def _parse_comment(comment: str, location: SourceLocation, diagnostics: Diagnostics) -> tuple[str, str] | None:
-    """Code and reason of a comment that silences something; None, if need be after a finding."""
+    """Code and reason of a silencing comment; None for other comments, and after a diagnostic for a wrong one."""
     suppression = _ALLOW.match(comment)
     if suppression is None:
         return None
@@ -141,7 +141,7 @@ def _parse_comment(comment: str, location: SourceLocation, diagnostics: Diagnost
 def _read_xml_comments(source: SourceFile, diagnostics: Diagnostics) -> Iterator[Suppression]:
     text = source.text
     pending: list[tuple[SourceLocation, str, str]] = []
-    """Read, and their element is still to come: other comments may stand between."""
+    """Comments whose element is still to come; other comments may follow them."""
     position = 0
     while (opened := text.find("<!", position)) >= 0:
         if not text.startswith("<!--", opened):
@@ -171,7 +171,7 @@ def _read_xml_comments(source: SourceFile, diagnostics: Diagnostics) -> Iterator
 
 
 def _element_at(text: str, start: int) -> tuple[int, int] | None:
-    """From where to where the start tag and the text of an element stand; None when there is none."""
+    """The range of the start tag and the text of an element; None if there is no element."""
     tag = _START_TAG.match(text, start)
     if tag is None:
         return None
@@ -208,9 +208,9 @@ def _read_toml_comments(source: SourceFile, diagnostics: Diagnostics) -> Iterato
 def memory_suppressions(
     suppressions: Sequence[tuple[SourceLocation, str, str, str]], keys: Mapping[str, SourceLocation]
 ) -> Iterator[Suppression]:
-    """The silencings of scenario.toml, for the memory file: location, code, key and reason of each."""
+    """The silencings in scenario.toml for the memory file: location, code, key and reason of each."""
     for location, code, key, reason in suppressions:
-        where = keys.get(key, SourceLocation(""))  # without one, it stands nowhere and silences nothing
+        where = keys.get(key, SourceLocation(""))  # an unknown key has no place, so that nothing is silenced
         yield Suppression(
             location, code, reason, where.file, (where.line, where.column), (where.line, where.column + 1)
         )

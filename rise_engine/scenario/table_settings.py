@@ -1,4 +1,4 @@
-"""The types of a table's columns, and what `tables/NAME.toml` says about a table."""
+"""The types of a table's columns, and the settings in `tables/NAME.toml`."""
 
 from __future__ import annotations
 
@@ -27,12 +27,12 @@ _NUMBER = {
     )
     for mark in (".", ",")
 }
-"""Without zeros in front: `007` is a code, and its zeros are meant."""
+"""Without leading zeros: `007` is a code that needs its zeros."""
 _TRUTH = {"true": True, "false": False}
 
 
 def guess_type(texts: Sequence[str], decimal: DecimalMark) -> ColumnType:
-    """The type of a column: number or bool when all its values are, those that are empty apart; else text."""
+    """The type of a column: number or bool if all values that are not empty are; else text."""
     for kind in ("number", "bool"):
         if any(texts) and all(convert_value(text, kind, decimal) is not None for text in texts if text):
             return kind
@@ -40,7 +40,7 @@ def guess_type(texts: Sequence[str], decimal: DecimalMark) -> ColumnType:
 
 
 def convert_value(text: str, kind: ColumnType, decimal: DecimalMark) -> Json:
-    """The value that a text means in a column of this type; null for an empty one and for what is none."""
+    """The value of a text in a column of this type; null for an empty or an invalid text."""
     if not text or kind == "text":
         return text or None
     if kind == "bool":
@@ -54,7 +54,7 @@ def convert_value(text: str, kind: ColumnType, decimal: DecimalMark) -> Json:
 
 
 def has_comma_numbers(texts: Sequence[str]) -> bool:
-    """Whether a column would be one of numbers, if its comma were a decimal mark."""
+    """Whether a column would be numeric if the comma were its decimal mark."""
     return any("," in text for text in texts) and guess_type(texts, ",") == "number"
 
 
@@ -67,17 +67,17 @@ ENCODINGS = ("utf-8", "cp1252")
 
 
 class TableSettings:
-    """The settings of one table; without a file, the usual ones."""
+    """The settings of one table; defaults without a file."""
 
     def __init__(self, table: TomlTable) -> None:
         table.report_unknown_keys(_KEYS)
         self._table = table
         self.separator: str = self._read_choice("separator", SEPARATORS, "", '`separator` is ",", ";", "\\t" or "|"')
-        """What stands between values; empty: what the header shows."""
+        """The separator of values; empty: the one that the header shows."""
         self.decimal: DecimalMark = self._read_choice("decimal", (".", ","), ".", '`decimal` is "." or ","')
         self.encoding: str = self._read_choice("encoding", ENCODINGS, "utf-8", '`encoding` is "utf-8" or "cp1252"')
         self.types: dict[str, ColumnType] = {}
-        """By column; others are found out."""
+        """By column; others are guessed."""
         types = table.section("types")
         for column, kind in types.values.items():
             if kind in get_args(ColumnType):
@@ -93,7 +93,7 @@ class TableSettings:
         return usual
 
     def check_columns(self, columns: Sequence[str], diagnostics: Diagnostics) -> None:
-        """Report types of columns that the table does not have."""
+        """Report types for columns that the table does not have."""
         types = TomlTable(self._table.file, (), self._table.values, diagnostics).section("types")
         for column in types.values:
             if column not in columns:
@@ -102,7 +102,7 @@ class TableSettings:
 
 
 def read_table_settings(path: Path, files: FileReader, diagnostics: Diagnostics) -> TableSettings:
-    """The settings in that file, if there is one. On errors, what could be understood."""
+    """Read the settings in a file, or the defaults if there is none; on errors, as far as they are valid."""
     name = files.display_name(path)
     source = files.read(path, MAX_TOML_BYTES) if files.tree.exists(path) else None
     return files.memo.read(("table settings", name, source), diagnostics, partial(_make, name, source))

@@ -1,6 +1,6 @@
 """Reading the tables of a scenario, `tables/*.csv` (docs/reference/scenario.md, "Tables").
 
-Each is read-only memory: a list of objects, one for each row.
+Each table is read-only memory: a list of objects, one per row.
 """
 
 from __future__ import annotations
@@ -35,12 +35,12 @@ _KINDS: dict[ColumnType, str] = {"text": "a text", "number": "a number", "bool":
 
 
 class ScenarioLanguages(Struct, frozen=True):
-    """The languages that columns of tables can be in."""
+    """The languages that columns of tables can have."""
 
     own: str = ""
-    """That of the acts; empty: it is not known."""
+    """The language of the acts; empty: unknown."""
     others: tuple[str, ...] = ()
-    """Those that the study is translated into."""
+    """The languages that the study is translated into."""
 
 
 _ONE_LANGUAGE = ScenarioLanguages()
@@ -138,7 +138,7 @@ class _TableReader(CsvReader):
         self.languages = languages
 
     def read(self) -> Table | None:
-        """The table, or None after findings."""
+        """Read the table; None after diagnostics."""
         start = self.find_separator()
         records = list(self.read_records(start))
         if self.has_problems():
@@ -176,7 +176,7 @@ class _TableReader(CsvReader):
         return Table(self.name, tuple(by_column), found, self.source.location(start), translations)
 
     def find_translations(self, header: TableRecord, columns: Sequence[str]) -> Mapping[int, tuple[str, str]]:
-        """Which columns are translations: of which column, and into which language."""
+        """The columns that are translations, each with its original column and its language."""
         known, names = {each.lower(): each for each in self.languages.others}, set(columns)
         found: dict[int, tuple[str, str]] = {}
         for at, name in enumerate(columns):
@@ -193,7 +193,7 @@ class _TableReader(CsvReader):
         return found
 
     def report_other_language(self, header: TableRecord, at: int, name: str, language: str) -> None:
-        """A column is called as if it were a translation, into a language that the study does not have."""
+        """Warn of a column that is named like a translation into a language that the study does not have."""
         location = self.source.location(self.value_at(header, at))
         base, _, tag = name.rpartition(".")
         if language.lower() == self.languages.own.lower():
@@ -209,7 +209,7 @@ class _TableReader(CsvReader):
     def compare(
         self, found: TranslatedColumn, texts: Sequence[Json], base: str, at: int, records: Sequence[TableRecord]
     ) -> TranslatedColumn:
-        """The column with its place; values that translate nothing are findings."""
+        """Add the place of a column, and report values that translate nothing."""
         header, *rows = records
         missing = self.value_at(header, at)
         for row, text, value in reversed([*zip(rows, texts, found.values, strict=True)]):
@@ -234,7 +234,7 @@ class _TableReader(CsvReader):
         self.diagnostics.error("table-value", self.source.location(offset), message)
 
     def find_type(self, name: str, at: int, rows: Sequence[TableRecord]) -> ColumnType:
-        """The type of a column: what the settings say, or else what its values are."""
+        """The type of a column: from the settings, or else from its values."""
         settings = self.settings
         texts = [row.values[at] for row in rows]
         kind = settings.types.get(name)
@@ -245,7 +245,7 @@ class _TableReader(CsvReader):
         return kind
 
     def read_column(self, name: str, at: int, rows: Sequence[TableRecord], kind: ColumnType) -> list[Json]:
-        """The values of one column, all of one type; null where there is none."""
+        """The values of one column, all of one type; null for an empty one."""
         settings = self.settings
         texts = [row.values[at] for row in rows]
         values: list[Json] = []

@@ -1,7 +1,6 @@
 """Parameter texts with memory values in them: `Hello {person_name|there}!` (semantics.md 2.3).
 
-`Thank you{", "person_name}!` has a separator: it is said only together with a value. A slot can name a part of a value:
-`{items[i].text}`.
+`Thank you{", "person_name}!` has a separator, which is only said with a value. `{items[i].text}` names a part of one.
 """
 
 from __future__ import annotations
@@ -26,15 +25,15 @@ _SLOT = re.compile(
 )
 """A separator, the key, a separator, a fallback."""
 _SLOT_START = re.compile(r"""\{ \s*+ (?:"([^"]*+)" \s*+)? (?=[^\W\d][\w.]*+\s*+\[)""", re.VERBOSE)
-"""A separator, before a key with an index."""
+"""A separator before a key with an index."""
 _SLOT_END = re.compile(r"""\s*+ (?:"([^"]*+)" \s*+)? (?:\|([^}]*+))? \}""", re.VERBOSE)
-"""A separator and a fallback, behind it."""
+"""A separator and a fallback after it."""
 _SLOT_KEY = re.compile(r"[\w.]+\s*")
 _TYPOGRAPHIC = re.compile("[“”„‟«»″]")
 
 
 class TemplateError(RiseError, ValueError):
-    """A template that cannot be read. `column` counts from 1 within the text; `suggestion` is what was meant there."""
+    """A template that cannot be read. `column` counts from 1 in the text; `suggestion` is what was meant there."""
 
     def __init__(self, message: str, column: int, suggestion: Correction | None = None) -> None:
         super().__init__(message)
@@ -51,22 +50,22 @@ class MissingValueError(RiseError):
 
 
 class MemorySlot(Struct, frozen=True):
-    """A place where a memory value goes."""
+    """A place for a memory value."""
 
     key: str
-    """As it is written, with its index: `items[i].text`."""
+    """As written, with its index: `items[i].text`."""
     fallback: str | None = None
-    """What is taken without a value. With separators it is the empty text unless another one is written."""
+    """Replaces a missing value. With separators, it is the empty text unless another one is given."""
     before: str = ""
     after: str = ""
-    """Separators: said only together with a value that is not empty."""
+    """The separators, which are only said together with a value that is not empty."""
     part: Expression | None = None
-    """What is read, when the key has an index."""
+    """The expression of a key with an index."""
 
     def read(self, memory: Mapping[str, Any]) -> Any:
-        """The memory's value of this moment; null: there is none, and a fallback.
+        """Return the memory's current value; None if there is no value but a fallback.
 
-        Raises MissingValueError when there is neither, or when the index cannot be worked out.
+        Raises MissingValueError if there is neither, or if the index cannot be computed.
         """
         problem = ""
         value: Any = None
@@ -88,21 +87,21 @@ class Template(Struct, frozen=True):
     """A parameter as written: literal pieces and slots."""
 
     text: str
-    """The source, braces and all."""
+    """The source, including braces."""
     parts: tuple[str | MemorySlot, ...]
 
     @property
     def slots(self) -> list[MemorySlot]:
-        """Where memory values go, in their order."""
+        """The places for memory values, in order."""
         return [part for part in self.parts if isinstance(part, MemorySlot)]
 
     @property
     def constant(self) -> str | None:
-        """Its text when no memory value is involved."""
+        """Its text if it reads no memory value, else None."""
         return None if self.slots else self.fill({})
 
     def fill(self, memory: Mapping[str, Any]) -> str:
-        """The text with the memory's values of this moment; in SSML, as words in which nothing is markup.
+        """The text with the memory's current values. In SSML, markup in values is escaped.
 
         Raises MissingValueError for a key without value or fallback.
         """
@@ -114,7 +113,7 @@ class Template(Struct, frozen=True):
         return len(self.parts) > 1 and isinstance(self.parts[0], str) and begins_as_ssml(self.parts[0])
 
     def fill_value(self, memory: Mapping[str, Any]) -> Any:
-        """As `fill`, but a template that is one single slot keeps the value's own type (for numbers and booleans)."""
+        """Like `fill`, but a template that is one single slot keeps the value's own type (for numbers and booleans)."""
         if len(self.parts) == 1 and isinstance(slot := self.parts[0], MemorySlot):
             value = slot.read(memory)
             if value is not None:
@@ -123,7 +122,7 @@ class Template(Struct, frozen=True):
 
 
 def parse_template(text: str) -> Template:
-    """Read a parameter text. Raises TemplateError for a brace without partner or a slot that names no key."""
+    """Read a parameter text. Raises TemplateError for an unmatched brace or a slot that names no key."""
     if "{" not in text and "}" not in text:
         return Template(text, (text,) if text else ())
     parts: list[str | MemorySlot] = []
@@ -151,7 +150,7 @@ def parse_template(text: str) -> Template:
 
 
 def _read_slot(text: str, start: int) -> tuple[MemorySlot, int]:
-    """The slot that begins at `start`, and where it ends. Raises TemplateError."""
+    """Read the slot that begins at `start`. Returns it and its end. Raises TemplateError."""
     part: Expression | None = None
     indexed = _SLOT_START.match(text, start)
     if indexed is not None:
@@ -173,7 +172,7 @@ def _read_slot(text: str, start: int) -> tuple[MemorySlot, int]:
 
 
 def _read_part(text: str, start: int) -> tuple[Expression, int]:
-    """The part of a value that is named from `start` on, and where it ends."""
+    """Read the part of a value that is named at `start`. Returns it and its end."""
     end = path_end(text, match_end(_SLOT_KEY, text, start))
     if end < 0:
         opening = text.index("[", start)
@@ -190,7 +189,7 @@ def _read_part(text: str, start: int) -> tuple[Expression, int]:
 
 
 def _malformed_error(text: str, at: int) -> TemplateError:
-    """What is wrong with the slot that begins at `at`."""
+    """Say what is wrong with the slot that begins at `at`."""
     end = text.find("}", at)
     if end < 0:
         return TemplateError("a `{` without its `}`; write `{{` for the character itself", at + 1)
@@ -233,7 +232,7 @@ def spoken_text(value: Any) -> str:
 
 
 def _slot_text(slot: MemorySlot, memory: Mapping[str, Any], write: Callable[[str], str]) -> str:
-    """What is said for a slot; `write` makes of a value's text what stands there."""
+    """The text of a slot; `write` escapes the value's text."""
     value = slot.read(memory)
     if value is not None:
         text = write(spoken_text(value))
@@ -241,5 +240,5 @@ def _slot_text(slot: MemorySlot, memory: Mapping[str, Any], write: Callable[[str
             return text
         if text.strip():
             return slot.before + text + slot.after
-    assert slot.fallback is not None  # separators have one, and without value `read` has raised
+    assert slot.fallback is not None  # separators imply one, and without a value `read` has raised
     return slot.fallback

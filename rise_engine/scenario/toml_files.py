@@ -1,6 +1,6 @@
-"""TOML files of a scenario: their values, where everything in them is written, and their tables, read key by key.
+"""TOML files of a scenario: their values, the place of each, and their tables, read key by key.
 
-What is wrong with a value is a diagnostic, and the usual value is taken.
+A wrong value is reported and replaced by its default.
 """
 
 from __future__ import annotations
@@ -29,15 +29,15 @@ _DOTTED = re.compile(rf"(?:{KEY_PART.pattern})(?:\s*\.\s*(?:{KEY_PART.pattern}))
 _BASIC = re.compile(r"\\(?:u[0-9A-Fa-f]{4}|U[0-9A-Fa-f]{8}|[ \t]*\r?\n\s*|.)|\r\n|.", re.DOTALL)
 """One character of a text in double quotation marks."""
 _MOST_MISTAKES = 20
-"""How many lines of a file are left out before it is given up."""
+"""How many wrong lines of a file are skipped before it is given up."""
 _MOST_READ = 2_000_000
-"""Characters after which a file with mistakes is not read once more."""
+"""A file with mistakes is not read again once this many characters have been read."""
 _LONG_KEY = re.compile(r"""(?<![\w.-])(?:(?:[A-Za-z0-9_-]++|"[^"\n]*+"|'[^'\n]*+')[ \t]*+\.[ \t]*+){64}""")
-"""A key of more than 64 parts. No author writes one, and the standard library takes quadratic time for it."""
+"""A key of more than 64 parts, for which the standard library takes quadratic time."""
 
 
 class TomlFile:
-    """The values of a TOML file, and where they stand."""
+    """The values of a TOML file, and their places."""
 
     def __init__(self, source: SourceFile, values: dict[str, Any]) -> None:
         self.source = source
@@ -45,16 +45,15 @@ class TomlFile:
         self._offsets_by_path: dict[KeyPath, tuple[int, int]] | None = None
 
     def key_location(self, *path: str) -> SourceLocation:
-        """Where a key stands; for a key that is not there, its nearest parent."""
+        """The place of a key; for a missing key, its nearest parent."""
         return self.source.location(self._offsets(path)[0])
 
     def value_location(self, *path: str) -> SourceLocation:
-        """Where the value of a key stands."""
+        """The place of the value of a key."""
         return self.source.location(self._offsets(path)[1])
 
     def find_path(self, dotted: str) -> KeyPath:
-        """The path of a key that is written with dots, `actions.Wave.carrier.goal`, as far as it is there. (A part of
-        it may have dots itself, in quotation marks.)"""
+        """The path of `actions.Wave.carrier.goal` as far as it exists. (A quoted part may contain dots itself.)"""
         path: KeyPath = ()
         inside: Any = self.values
         while dotted and isinstance(inside, dict | list):
@@ -77,7 +76,7 @@ class TomlFile:
 
 
 def read_toml(source: SourceFile, diagnostics: Diagnostics) -> TomlFile | None:
-    """Read a file. What is not TOML becomes a finding, and the rest is read on without it; None when that fails."""
+    """Read a file. Lines that are not TOML are reported and skipped; None if that fails."""
     text = source.text
     if (long := _LONG_KEY.search(text)) is not None:
         diagnostics.error("toml-syntax", source.location(long.start()), "this key has more than 64 parts")
@@ -102,14 +101,14 @@ def read_toml(source: SourceFile, diagnostics: Diagnostics) -> TomlFile | None:
 
 
 def toml_of(source: SourceFile, files: FileReader) -> TomlFile | None:
-    """As `read_toml`, unless it was read before; findings go where those of `files` go."""
+    """Like `read_toml`, but reads a file only once. Diagnostics go to those of `files`."""
     return files.memo.read(("toml", source), files.diagnostics, partial(read_toml, source))
 
 
 def _check_values(file: TomlFile, diagnostics: Diagnostics) -> None:
-    """Every value as JSON has it, as the record and the consoles are told it: dates and times become texts.
+    """Turn dates and times into texts, so that every value is a JSON value as records and consoles need it.
 
-    A finding for each number that JSON does not have.
+    Reports each number that JSON does not have.
     """
     pending: list[tuple[KeyPath, Any]] = [((), file.values)]
     while pending:
@@ -130,7 +129,7 @@ def _check_values(file: TomlFile, diagnostics: Diagnostics) -> None:
 
 
 def _report_syntax_error(message: str, source: SourceFile, text: str, diagnostics: Diagnostics, *, first: bool) -> int:
-    """A finding for what tomllib says; gives the number of the line. What follows from the first is left out."""
+    """Report tomllib's message, except for consequences of the first mistake. Returns the number of the line."""
     position = _AT.search(message)
     end = len(text.rstrip())
     if position is None or position.group(1) is None:
@@ -157,13 +156,13 @@ def _report_syntax_error(message: str, source: SourceFile, text: str, diagnostic
 
 
 def _unclosed_quote(text: str, offset: int) -> int:
-    """Where the text begins that is not closed before `offset`, the end of its line; -1 when there is none."""
+    """The beginning of the text that is not closed before `offset`, the end of its line; -1 if there is none."""
     line = text.rfind("\n", 0, offset) + 1
     return max(text.rfind('"', line, offset), text.rfind("'", line, offset))
 
 
 def _duplicate_key(source: SourceFile, line: int) -> tuple[str, int]:
-    """What a line gives a second time, as it is written, and the line that gives it first (0: not found)."""
+    """The name that a line defines again, as written, and the line that defines it first (0: not found)."""
     lines = [each.strip() for each in source.text.split("\n")]
     written = lines[line - 1]
     if written.startswith("["):
@@ -182,7 +181,7 @@ def _duplicate_key(source: SourceFile, line: int) -> tuple[str, int]:
 
 
 def _blank_out(text: str, line: int) -> str:
-    """The text with a line blanked out; with a table's header, all that belongs to the table."""
+    """Blank out a line; for a table's header, the whole table."""
     lines = text.split("\n")
     last = line
     if lines[line - 1].lstrip().startswith("["):
@@ -196,18 +195,18 @@ def _blank_out(text: str, line: int) -> str:
 
 
 class WrittenText:
-    """One text, with or without quotation marks."""
+    """A text as written in a file, with or without quotation marks."""
 
     def __init__(self, source: SourceFile, offset: int, value: str) -> None:
         """
         :param source: the file.
-        :param offset: where the text begins, with its quotation marks.
-        :param value: what it says.
+        :param offset: where the text begins, including its quotation marks.
+        :param value: its value.
         """
         text = source.text
         quotes = next((each for each in ('"""', "'''", '"', "'") if text.startswith(each, offset)), "")
         at = offset + len(quotes)
-        if len(quotes) == 3:  # a line end directly behind them is none of the text's
+        if len(quotes) == 3:  # a line end directly after them is not part of the text
             at = match_end(re.compile(r"\r?\n"), text, at)
         self.starts: list[int] = []
         for _ in value:
@@ -223,12 +222,12 @@ class WrittenText:
         self.starts.append(at)
 
     def span(self, start: int, length: int) -> tuple[int, int]:
-        """From where, and over how many characters of the file, these characters of the value stand."""
+        """The offset in the file of these characters of the value, and their length there."""
         return self.starts[start], self.starts[start + length] - self.starts[start]
 
 
 def character_location(file: TomlFile, path: KeyPath, value: str, at: int) -> SourceLocation:
-    """Where a character of a text stands that is the value at a path; `at` counts from 0, and may be its end."""
+    """The place of a character in the text at a path. `at` counts from 0, and may be the text's end."""
     start = file.value_location(*path)
     written = WrittenText(file.source, file.source.offset(start.line, start.column), value)
     return file.source.location(written.starts[min(at, len(value))])
@@ -261,43 +260,43 @@ class TomlTable:
         return self.file.value_location(*self.path, *keys)
 
     def report_key(self, code: str, message: str, *keys: str, suggestion: Correction | None = None) -> None:
-        """An error at a key; without one, at the table."""
+        """Report an error at a key; without a key, at the table."""
         self.diagnostics.error(code, self.key_location(*keys), message, suggestion)
 
     def report_value(self, code: str, key: str, message: str, suggestion: Correction | None = None) -> None:
-        """An error at the value of a key."""
+        """Report an error at the value of a key."""
         self.diagnostics.error(code, self.value_location(key), message, suggestion)
 
     def report_unknown_keys(self, known: Iterable[str]) -> None:
-        """An error for each key that nobody reads."""
+        """Report an error for each unknown key."""
         names = tuple(known)
         for key in self.values:
             if key not in names:
                 self.report_key("unknown-key", f"unknown key `{key}`", key, suggestion=suggest(key, names))
 
     def subtable(self, key: str, form: str = "") -> TomlTable | None:
-        """The table at a key, an empty one when there is none; None, after a finding, for another value."""
+        """The table at a key, an empty one if there is none; None, after a diagnostic, for another value."""
         if isinstance(values := self.values.get(key, {}), dict):
             return TomlTable(self.file, (*self.path, key), values, self.diagnostics)
         self.report_key("wrong-type", form or f"`{key}` is a table: [{key}]", key)
         return None
 
     def section(self, key: str, known: Iterable[str] | None = None) -> TomlTable:
-        """The table `[key]`, with `known` keys and no other; an empty one for anything else."""
+        """The table `[key]`, in which only `known` keys are allowed; an empty one for anything else."""
         table = self.subtable(key) or TomlTable(self.file, (*self.path, key), {}, self.diagnostics)
         if known is not None:
             table.report_unknown_keys(known)
         return table
 
     def read(self, key: str, type_: type, usual: Any, form: str = "") -> Any:
-        """The value of a key: a str, bool or dict. `form` ends the message about another one."""
+        """The value of a key: a str, bool or dict. `form` ends the message about another type."""
         if key not in self.values or isinstance(self.values[key], type_):
             return self.values.get(key, usual)
         self.report_value("wrong-type", key, f"`{key}` is {_KINDS[type_]}{form}")
         return usual
 
     def read_texts(self, key: str, usual: tuple[str, ...]) -> tuple[str, ...]:
-        """A list of texts that are not empty."""
+        """Read a list of texts that are not empty."""
         value = self.values.get(key, list(usual))
         if isinstance(value, list) and all(isinstance(item, str) and item for item in value):
             return tuple(value)
@@ -305,7 +304,7 @@ class TomlTable:
         return usual
 
     def read_number(self, key: str, usual: float | None, of: str = "") -> float | None:
-        """A number, or nothing; `of` says of what: ` of seconds`."""
+        """Read a number, or None. `of` ends its name in a message: ` of seconds`."""
         value = self.values.get(key, usual)
         if value is None or (isinstance(value, int | float) and not isinstance(value, bool)):
             return value
@@ -314,12 +313,12 @@ class TomlTable:
 
 
 def is_integer(value: Any) -> bool:
-    """Whether a TOML value is a whole number; for Python, a boolean is one too."""
+    """Whether a TOML value is a whole number. For Python, booleans are integers too."""
     return isinstance(value, int) and not isinstance(value, bool)
 
 
 def read_seconds(table: TomlTable, key: str, usual: float | None, least: float, most: float) -> float | None:
-    """The value of a key, in seconds within these limits."""
+    """Read a number of seconds within these limits."""
     value = table.read_number(key, usual, " of seconds")
     if value is None or least <= value <= most:
         return value if value is None else float(value)

@@ -1,5 +1,4 @@
-"""Reading translations, `texts/LANGUAGE.toml`, and putting them in the place of what the acts say
-(docs/reference/languages.md).
+"""Reads translations, `texts/LANGUAGE.toml`, and replaces the texts of the acts by them (docs/reference/languages.md).
 
     [R_Praise]
     "2/1" = { text = "Sehr gut!", of = "Very good!" }     # of: the text that it was translated from
@@ -38,15 +37,15 @@ from rise_engine.scenario.toml_files import TomlFile, TomlTable, toml_of
 MAX_TEXTS_BYTES = 4_000_000
 _FORM = '"2/1" = { text = "Sehr gut!", of = "Very good!" }, under [ACT]'
 _SHOWN = 60
-"""Characters of a text that a sentence shows."""
+"""How many characters of a text a sentence shows."""
 _LISTED = 8
-"""Texts of an act that a sentence names."""
+"""How many texts of an act a sentence names."""
 _MOST_ACTS = 5
-"""With texts that are not translated, told one by one while nobody wants a session in the language."""
+"""How many incompletely translated acts are reported one by one, unless a session in the language was asked for."""
 
 
 class Translation(Struct, frozen=True):
-    """What is said in the place of one text."""
+    """The translation of one text."""
 
     template: Template
     of: str
@@ -54,44 +53,44 @@ class Translation(Struct, frozen=True):
     location: SourceLocation
     """Of its key."""
     text_location: SourceLocation
-    """Of what is said."""
+    """Of the translated text."""
 
 
 class LanguageTexts(Struct, frozen=True):
     """All translations into one language."""
 
     language: str
-    """As the file is called."""
+    """As in the file's name."""
     file: str
     texts: dict[str, Translation] = field(default_factory=dict)
-    """By the id of the text, `ACT/ID/VARIANT`; also those whose text has changed since, or that is none."""
+    """By the id of the text, `ACT/ID/VARIANT`, including those whose original has changed or no longer exists."""
     keys: dict[tuple[str, str], SourceLocation] = field(default_factory=dict)
-    """Where each translation stands, by act and key of the text, also what could not be understood."""
+    """The place of each translation, by act and key of the text, including invalid ones."""
     acts: dict[str, SourceLocation] = field(default_factory=dict)
-    """Where those of an act begin."""
+    """The place where the translations of an act begin."""
 
     def stale(self, texts: Iterable[SpokenText]) -> list[SpokenText]:
-        """Of these texts, those that were written anew since they were translated."""
+        """The texts that were changed after they had been translated."""
         found = ((text, self.texts.get(text.id)) for text in texts)
         return [text for text, given in found if given is not None and given.of != text.text]
 
     def missing(self, texts: Iterable[SpokenText]) -> list[SpokenText]:
-        """Of these texts, those that need a translation and have none."""
+        """The texts that need a translation and have none."""
         return [text for text in texts if text.is_needed and text.id not in self.texts]
 
 
 def language_file(language: str) -> str:
-    """Where the translations into a language stand, from the scenario's folder on."""
+    """The file with the translations into a language, relative to the scenario's folder."""
     return f"{TEXTS_FOLDER}/{language}.toml"
 
 
 def translated_languages(files: FileReader, wanted: Iterable[str]) -> tuple[str, ...]:
-    """The languages that a study is translated into, as far as they are language tags.
+    """The languages that a study is translated into, as far as their tags are valid.
 
-    :param wanted: those that `[languages]` names; a file in the folder `texts` makes another one.
+    :param wanted: the languages in `[languages]`. Each file in the folder `texts` adds one.
     """
     tags: list[str] = []
-    with suppress(OSError):  # whose finding is that of `TranslationReader`
+    with suppress(OSError):  # `TranslationReader` reports it
         tags = [Path(name).stem for name in _text_files(files)]
     by_tag = {tag.lower(): tag for tag in (*wanted, *tags) if not language_problem(tag)}
     return tuple(sorted(by_tag.values()))
@@ -107,15 +106,15 @@ def _text_files(files: FileReader) -> list[str]:
 
 
 class TranslationReader:
-    """Reads all translations of a scenario, and compares them with what its acts say."""
+    """Reads all translations of a scenario, and compares them with the texts of its acts."""
 
     def __init__(
         self, robot: RobotProfile, draft: ScenarioDraft, language: str, asked: str, diagnostics: Diagnostics
     ) -> None:
         """
         :param draft: the scenario, whose acts have been read.
-        :param language: the one that they are in; empty: it is not known.
-        :param asked: the one in which a session is to be; empty: as the acts have it.
+        :param language: the language of the acts; empty: unknown.
+        :param asked: the language for a session; empty: that of the acts.
         """
         self.robot = robot
         self.draft = draft
@@ -125,17 +124,17 @@ class TranslationReader:
         self.is_whole = "acts" not in draft.unreadable_parts
         self.all_texts = tuple(spoken_texts(draft.acts.values(), robot, language))
         self.table_texts: tuple[TableText, ...] = ()
-        """What the tables say; empty while nothing is translated."""
+        """The texts in the tables; empty while nothing is translated."""
         self.texts: dict[str, SpokenText] = {}
         self.found: dict[str, LanguageTexts] = {}
         """By language, in the order of their names."""
         self.unread: set[str] = set()
-        """The languages whose file cannot be read: nobody knows what it lacks."""
+        """The languages whose file cannot be read, so that we cannot tell what is missing in it."""
 
     def read(self, files: FileReader, wanted: Iterable[str]) -> None:
         """Read the files of the folder `texts`.
 
-        :param wanted: the languages that `[languages]` names; there need be no file of them yet.
+        :param wanted: the languages in `[languages]`, which may have no file yet.
         """
         folder = files.folder / TEXTS_FOLDER
         by_tag: dict[str, Path] = {}
@@ -196,7 +195,7 @@ class TranslationReader:
             self._compare(found)
 
     def _compare(self, found: LanguageTexts) -> None:
-        """Findings about translations beside their texts."""
+        """Report translations that do not fit their texts."""
         acts = self.draft.acts
         for act, location in found.acts.items():
             if act not in acts:
@@ -222,9 +221,9 @@ class TranslationReader:
             self.diagnostics.error("slot-differs", given.text_location, problem)
 
     def report_missing(self, *, allow: bool) -> None:
-        """Findings for each act of which something is not translated.
+        """Report each act that is not completely translated.
 
-        :param allow: whether what is missing is said as the acts have it.
+        :param allow: whether untranslated texts may be said in the language of the acts.
         """
         if not self.is_whole:
             return
@@ -247,7 +246,7 @@ class TranslationReader:
                 report("untranslated", self.draft.acts[act].location, _missing_text(act, texts, tag))
 
     def translated(self, language: str) -> dict[str, Act]:
-        """The acts as they are said in a language: its own, or one that there are translations into."""
+        """The acts in a language: their own, or one with translations."""
         found = self.found.get(language) or LanguageTexts(language, "")
         is_own = language not in self.found
         return {
@@ -268,7 +267,7 @@ class TranslationReader:
     def _translate_call(
         self, call: ActionCall, texts: list[SpokenText], found: LanguageTexts, is_own: bool
     ) -> ActionCall:
-        """One action with its texts in this language, and with the language, unless its author gives it another one."""
+        """Translate one action, and set its language unless its author gives it another one."""
         if not texts:
             return call
         parameters: dict[str, Template] = dict(call.parameters)
@@ -285,7 +284,7 @@ class TranslationReader:
 
 
 def _read_texts(file: TomlFile, language: str, diagnostics: Diagnostics) -> LanguageTexts:
-    """All translations of a file."""
+    """Read all translations of a file."""
     top = TomlTable(file, (), file.values, diagnostics)
     found = LanguageTexts(language, file.source.name)
     for act in top.values:
@@ -334,7 +333,7 @@ def _read_entry(table: TomlTable, key: str) -> str | None:
 
 
 def slot_problem(original: Template, translation: Template) -> str:
-    """What is wrong with the memory values in a translation, as a sentence; empty: they are those of the text."""
+    """What is wrong with the memory values in a translation, as a sentence; empty: they match the text."""
     keys, others = ({slot.key for slot in each.slots} for each in (original, translation))
     if missing := sorted(keys - others):
         return f"the translation leaves out {', '.join(f'{{{key}}}' for key in missing)}, which the text has"
@@ -352,7 +351,7 @@ def slot_problem(original: Template, translation: Template) -> str:
 
 
 def _missing_text(act: str, texts: list[SpokenText], language: str) -> str:
-    """That these texts of an act are not translated."""
+    """Say that these texts of an act are not translated."""
     if len(texts) == 1:
         return f"a text of `{act}` is not translated into `{language}`: {texts[0].key}, “{_short(texts[0].text)}”"
     listed = ", ".join(text.key for text in texts[:_LISTED]) + (", ..." if len(texts) > _LISTED else "")

@@ -1,8 +1,8 @@
-"""What lies in a scenario's folder: on the disk, held in memory before it, or left by a save that was killed.
+"""The content of a scenario's folder: on the disk, held in memory instead, or left by a save that was killed.
 
-A save writes all new contents beside the files, then a note that names them, and only then renames
-(`rise_engine.author.edit.saving`). From the note on, the study is the new one, and every reader follows the note. The
-note holds names and sums, and no places: a folder that is copied with it says nothing about the one it came from.
+A save writes all new contents beside the files, then a note that names them, and then renames
+(`rise_engine.author.edit.saving`). Once the note exists, the new contents count, and every reader follows the note. The
+note contains names and checksums but no places, so it is valid in a copy of the folder too.
 """
 
 from __future__ import annotations
@@ -21,11 +21,11 @@ from rise_engine.base.errors import RiseError
 from rise_engine.scenario.study_paths import why_not_read, why_not_written
 
 Held = Mapping[str, bytes | None]
-"""Contents by the names of files relative to a scenario's folder, `acts/greet.xml`; None: the file is not there."""
+"""Contents by file name relative to a scenario's folder, such as `acts/greet.xml`; None: the file does not exist."""
 
 
 class UnreadableError(RiseError):
-    """A file that cannot be read; says why. `code` is the one of the finding."""
+    """A file that cannot be read; says why. `code` is the code of the diagnostic."""
 
     def __init__(self, message: str, code: str = "unreadable") -> None:
         super().__init__(message)
@@ -33,7 +33,7 @@ class UnreadableError(RiseError):
 
 
 class FileTree:
-    """The files of a scenario. Of a file that is held, nothing is asked of the disk.
+    """The files of a scenario. For a held file, the disk is not used.
 
     >>> tree = FileTree(Path("scenarios/greeting"), {"acts/new.xml": b"<Dialogs/>", "rules/gaze.xml": None})
     >>> tree.read(tree.folder / "acts/new.xml", 100), tree.exists(tree.folder / "rules/gaze.xml")
@@ -42,15 +42,15 @@ class FileTree:
 
     def __init__(self, folder: Path, held: Held | None = None, *, closed: bool = False) -> None:
         """
-        :param folder: the scenario's folder. It need not be on the disk when something is held in it.
-        :param held: what is read instead of the disk.
-        :param closed: a study: what lies in its folder leads nowhere else, over no link.
+        :param folder: the scenario's folder. It need not exist on the disk if something is held in it.
+        :param held: contents that replace those on the disk.
+        :param closed: for a study: no link in its folder may lead outside.
         """
         self.folder = folder
         self._closed = closed
         self._held = {os.path.normpath(folder / name): data for name, data in (held or {}).items()}
         self._held_folders: dict[str, dict[str, None]] = {}
-        """What folders have because of what is held, and only because of that: names of files and folders."""
+        """The entries that folders have only because of held contents: names of files and folders."""
         top = os.path.normpath(folder)
         for path, data in self._held.items():
             while data is not None and path != top and os.path.dirname(path) != path:  # noqa: PTH120  # texts, often
@@ -58,7 +58,7 @@ class FileTree:
                 self._held_folders.setdefault(path, {})[name] = None
 
     def exists(self, path: Path) -> bool:
-        """Whether anything is there; a link that leads nowhere is. Raises OSError, ValueError for no possible name."""
+        """Whether anything is there, even a broken link. Raises OSError, and ValueError for an impossible name."""
         if (known := os.path.normpath(path)) in self._held:
             return self._held[known] is not None
         return known in self._held_folders or os.path.lexists(path)
@@ -75,7 +75,7 @@ class FileTree:
         return known in self._held_folders or (known not in self._held and path.is_dir())
 
     def names(self, path: Path) -> list[str]:
-        """What a folder has, sorted. Raises OSError."""
+        """The entries of a folder, sorted. Raises OSError."""
         known = os.path.normpath(path)
         held = self._held_folders.get(known, {})
         try:
@@ -108,10 +108,10 @@ class FileTree:
 
 
 def _read_from_disk(path: Path, most: int) -> tuple[bytes, int]:
-    """The content of a file, empty when it is too large, and how large it is. Raises UnreadableError."""
+    """Read a file. Returns its content (empty if it is too large) and its size. Raises UnreadableError."""
     try:
         status = path.stat()
-        if not stat.S_ISREG(status.st_mode):  # a pipe would keep us waiting for ever
+        if not stat.S_ISREG(status.st_mode):  # reading a pipe might never end
             kind = "a folder" if stat.S_ISDIR(status.st_mode) else "no regular file"
             raise UnreadableError(f"this is {kind}; a file is needed here")
         return (path.read_bytes() if status.st_size <= most else b""), status.st_size
@@ -127,7 +127,7 @@ def _read_from_disk(path: Path, most: int) -> tuple[bytes, int]:
 
 NOTE = ".rise-save.json"
 FRESH = ".rise-new"
-"""The end of the name of a new content that is not in its place yet."""
+"""The ending of a new file that is not in its place yet."""
 
 
 class SavedFile(Struct, frozen=True):
@@ -136,18 +136,18 @@ class SavedFile(Struct, frozen=True):
     name: str
     """Relative to the study's folder."""
     before: str | None
-    """SHA-256 of what the save found there; None: nothing."""
+    """SHA-256 of the old content; None: no file."""
     after: str | None
-    """SHA-256 of what it writes; None: the file goes."""
+    """SHA-256 of the new content; None: the file is deleted."""
 
 
 def sum_of(data: bytes | None) -> str | None:
-    """The SHA-256 of a content, of no file None."""
+    """The SHA-256 of a content; None for no file."""
     return None if data is None else sha256(data).hexdigest()
 
 
 def sum_on_disk(path: Path) -> str | None:
-    """The SHA-256 of a file, None when there is none. Raises OSError."""
+    """The SHA-256 of a file; None if there is none. Raises OSError."""
     try:
         return sum_of(path.read_bytes())
     except FileNotFoundError:
@@ -155,12 +155,12 @@ def sum_on_disk(path: Path) -> str | None:
 
 
 def fresh_path(target: Path) -> Path:
-    """Where the new content of a file waits for its place."""
+    """The path of a new content before it is renamed."""
     return target.with_name(f".{target.name}{FRESH}")
 
 
 def read_note(folder: Path) -> tuple[SavedFile, ...] | None:
-    """What an interrupted save wanted; None: there is none. Raises OSError and msgspec.DecodeError."""
+    """The note of an interrupted save; None: there is none. Raises OSError and msgspec.DecodeError."""
     path = folder / NOTE
     if not os.path.lexists(path):
         return None
@@ -172,9 +172,9 @@ def read_note(folder: Path) -> tuple[SavedFile, ...] | None:
 
 
 def still_to_do(folder: Path, note: tuple[SavedFile, ...]) -> dict[str, bytes | None]:
-    """What of a save has not come into its place: the contents by name, None for a file that goes.
+    """The contents of a save that are not in their place yet, by name; None for a file to be deleted.
 
-    A file that somebody has changed after the save was killed is not among them: it stays. Raises OSError.
+    Leaves out files that somebody has changed after the save was killed. Raises OSError.
     """
     left: dict[str, bytes | None] = {}
     for file in note:
@@ -190,9 +190,9 @@ def still_to_do(folder: Path, note: tuple[SavedFile, ...]) -> dict[str, bytes | 
 
 
 def contents_of_interrupted_save(folder: Path) -> dict[str, bytes | None]:
-    """What is to be read instead of the disk: the contents that an interrupted save has not put in their place."""
+    """The contents of an interrupted save that must be read instead of the files on the disk."""
     try:
         note = read_note(folder)
         return still_to_do(folder, note) if note else {}
-    except (OSError, msgspec.DecodeError, ValueError):  # what cannot be read is no note; the files stand as they are
+    except (OSError, msgspec.DecodeError, ValueError):  # without a readable note, the files count
         return {}

@@ -1,4 +1,4 @@
-"""What `[trials]` in scenario.toml says: what begins a trial, and what its row in trials.csv has beside the rest."""
+"""The settings in `[trials]` of scenario.toml: what begins a trial, and the extra columns of trials.csv."""
 
 from __future__ import annotations
 
@@ -14,14 +14,14 @@ TRIAL_KEYS = {
     "columns": "memory values at the trial's end that are columns of trials.csv",
     "measure": "the dependent variable: a column that is a number (participant_s)",
 }
-"""What each entry of `[trials]` says, for editors."""
+"""The meaning of each entry of `[trials]`, for editors."""
 PARTICIPANT = "participant_s"
 MEASURES = (PARTICIPANT, "key_s", "wizard_s", "duration_s", "prompts", "repairs", "failures")
-"""Columns of every trial that can be the dependent variable; the declared ones can be it, too."""
+"""Columns of every trial that can be the dependent variable. The declared columns can be it too."""
 
 
 class TrialSettings(Struct, frozen=True):
-    """What `[trials]` says: either `state` or `key` is there."""
+    """The settings in `[trials]`: either `state` or `key` is set."""
 
     state: str = ""
     """`STATE` or `RULE/STATE`, with `*` for any text."""

@@ -18,17 +18,17 @@ from rise_engine.scenario.trial_settings import MEASURES, PARTICIPANT, TRIAL_KEY
 
 
 def states_named(written: str, rules: Mapping[str, Rule]) -> list[tuple[str, str]]:
-    """The rules and states that `state` names."""
+    """The states that `written` matches, each with its rule."""
     return [
         (rule.name, state) for rule in rules.values() for state in rule.states if fits_state(written, rule.name, state)
     ]
 
 
 def read_trials(settings: TomlTable, draft: ScenarioDraft) -> TrialSettings | None:
-    """`[trials]`; None: scenario.toml has none, or it does not say what begins a trial.
+    """Read `[trials]`; None if scenario.toml has none, or if it does not say what begins a trial.
 
     :param settings: scenario.toml.
-    :param draft: gets what it names.
+    :param draft: gets the names in it.
     """
     if "trials" not in settings.values:
         return None
@@ -68,7 +68,7 @@ def _read_columns(table: TomlTable, draft: ScenarioDraft) -> tuple[Expression, .
 
 
 def _read_value(table: TomlTable, path: tuple[str, ...], text: Any, draft: ScenarioDraft) -> Expression | None:
-    """A memory key, or a part of a value (`items[i].text`)."""
+    """Read a memory key, or a part of a value (`items[i].text`)."""
     location = table.value_location(*path)
     if not isinstance(text, str) or not text.strip():
         table.diagnostics.error("wrong-type", location, f"`{path[0]}` names memory keys, in quotation marks")
@@ -97,7 +97,7 @@ def _read_measure(table: TomlTable, columns: Iterable[Expression]) -> str:
 
 
 def check_trials(draft: ScenarioDraft, diagnostics: Diagnostics) -> None:
-    """Is there the state that begins trials, in one rule? Only for a draft whose rules could all be read."""
+    """Check that the state that begins trials exists, in one rule. Only for a draft whose rules could all be read."""
     for mention in draft.trial_states:
         _check_state(mention.name, draft.rules, mention.locate, diagnostics)
 

@@ -1,6 +1,6 @@
-"""Who names what in a scenario: acts, rules, states, events, memory keys, actions; where, and for what.
+"""Uses of names in a scenario: of acts, rules, states, events, memory keys and actions, with their places.
 
-Names in files of acts and rules are found here. A file with mistakes has its uses too.
+This module finds those in files of acts and rules, even in files with mistakes.
 """
 
 from __future__ import annotations
@@ -21,55 +21,55 @@ from rise_engine.scenario.xml import XmlFile
 from rise_engine.syntax.xml import ENTITY, Element, read_entity
 
 UsedKind: TypeAlias = Literal["act", "rule", "state", "event", "key", "action"]
-"""A state is called `RULE/STATE` here, an action `ACT/ID`; an event has no slash; a key is a memory key."""
+"""A state's name is `RULE/STATE` here, an action's is `ACT/ID`. Events have no slash; a key is a memory key."""
 
 
 class Use(Struct, frozen=True):
-    """A place at which a name stands."""
+    """A place where a name is used."""
 
     kind: UsedKind
     name: str
     location: SourceLocation
-    """Of the first character of the name; of what comes from a template, the `<use>`, and the template beside."""
+    """Of the first character of the name. For something from a template: of the `<use>`, with the template's place."""
     length: int
-    """Characters of the file that the name takes there, entities counted as they are written; 0: it is put together
-    of several pieces, and stands nowhere as a whole."""
+    """Characters of the name in the file, entities as written; 0: the name is composed of several pieces, and is not
+    written anywhere as a whole."""
     defines: bool
-    """Whether this is what is called so (a start value of a key counts), and not only names it."""
+    """Whether this place defines the name (a key's start value counts), or only uses it."""
     where: str
     """For a list, without the name: "rule Table setting, state Start, on entry", "key 2", "act R_Yes, action 3"."""
     of: str = ""
-    """The act or rule in which it stands, as a name alone; empty: elsewhere."""
+    """The name of the act or rule that contains it; empty: another place."""
     in_template: bool = False
-    """Whether the name is in the template (`place`), and not in the `<use>`."""
+    """Whether the name is written in the template (`place`), and not in the `<use>`."""
 
     may_be_text: bool = False
-    """It is one word on the right side of an assignment: a key, because the scenario has one of that name."""
+    """It is the only word on the right side of an assignment: a key, because the scenario has one of that name."""
 
     @property
     def place(self) -> SourceLocation:
-        """Where the name itself stands: in the file of its template, if it was not the `<use>` that gave it."""
+        """The place of the name itself: in the template's file, unless the `<use>` contains the name."""
         template = self.location.template
         place = template if self.in_template and template is not UNSET else self.location
         return SourceLocation(place.file, place.line, place.column)
 
 
 class Uses:
-    """All uses of a scenario, by kind and name. They are looked for when they are first asked for."""
+    """All uses of a scenario, by kind and name, found when they are first needed."""
 
     def __init__(self, uses: Iterable[Use]) -> None:
         self._uses = uses
 
     def of(self, kind: UsedKind, name: str) -> list[Use]:
-        """Where a name stands, in reading order; what defines it first."""
+        """The uses of a name in reading order, definitions first."""
         return self._by_name.get((kind, name), [])
 
     def names(self, kind: UsedKind) -> list[str]:
-        """All names of a kind that are defined or named, sorted."""
+        """All names of a kind that are defined or used, sorted."""
         return sorted(name for known, name in self._by_name if known == kind)
 
     def at(self, file: str, line: int, column: int) -> Use | None:
-        """What stands at a character of a file, or ends before it, for "go to the definition"."""
+        """The use at a character of a file, or directly before it, for "go to the definition"."""
         for use in self._by_line.get((file, line), []):
             if 0 <= column - use.place.column <= use.length:
                 return use
@@ -100,7 +100,7 @@ def _order(use: Use) -> tuple[bool, str, int, int]:
 
 
 Sources = Mapping[str, SourceFile]
-"""By name; templates stand in other files than their `<use>`."""
+"""By name. Templates may be in other files than their `<use>`."""
 _COMMON = ("actionID", "waitForActions", "onFailure")
 _ID = re.compile(r"[^,;\s]+")
 _PART = re.compile(r"[^|]+")
@@ -110,8 +110,7 @@ _RULES = {"startInteractionRule", "stopInteractionRule"}
 
 
 def written_length(text: str, offset: int, name: str) -> int:
-    """How many characters a name takes that stands at an offset of an XML text, entities as they are written; 0 when
-    something else stands there.
+    """The length of a name at an offset of an XML text, entities as written; 0 if something else is there.
 
     >>> written_length('x="a&amp;b"', 3, "a&b")
     7
@@ -128,7 +127,7 @@ def written_length(text: str, offset: int, name: str) -> int:
 
 
 def uses_in_acts(file: XmlFile, robot: RobotProfile, sources: Sources) -> list[Use]:
-    """The uses in a file of acts, its templates put in."""
+    """The uses in a file of acts with its templates expanded."""
     finder = _UseFinder(file, sources)
     for element in _parts(file.root, "Dialog"):
         finder.find_in_act(element, robot)
@@ -136,7 +135,7 @@ def uses_in_acts(file: XmlFile, robot: RobotProfile, sources: Sources) -> list[U
 
 
 def uses_in_rules(file: XmlFile, sources: Sources) -> list[Use]:
-    """The uses in a file of rules, its templates put in."""
+    """The uses in a file of rules with its templates expanded."""
     finder = _UseFinder(file, sources)
     for element in _parts(file.root, "InteractionRule"):
         finder.find_in_rule(element)
@@ -165,7 +164,7 @@ class _UseFinder:
         defines: bool = False,
         may_be_text: bool = False,
     ) -> None:
-        """A name as it is known (`RULE/STATE`), and as it is written there (`STATE`)."""
+        """Add a use of `name` (`RULE/STATE`), which is written as `shown` (`STATE`)."""
         length = self.length_at(location.file, location.line, location.column, shown)
         in_template = False
         if not length and (template := location.template) is not UNSET:
@@ -185,7 +184,7 @@ class _UseFinder:
     def add_attribute(
         self, kind: UsedKind, element: Element, attribute: str, of: str = "", *, defines: bool = False
     ) -> None:
-        """The name that is the whole value of an attribute."""
+        """Add the name that is the whole value of an attribute."""
         value = element.get(attribute)
         if value is None or not (name := normal_topic(value) if kind == "event" else value.strip()):
             return
@@ -262,7 +261,7 @@ class _UseFinder:
             self.where = top
 
     def find_in_statement(self, element: Element) -> None:
-        """A transition, a block, a function, and all that they hold."""
+        """Find uses in a transition, a block or a function, and in everything that it contains."""
         rest = [element]
         while rest:
             each = rest.pop()

@@ -1,7 +1,7 @@
-"""XML files of a scenario: their elements, those of templates among them, and where these stand, as findings say it.
+"""XML files of a scenario: their elements, including those from templates, and their places for diagnostics.
 
-An element that comes from a template knows which, and by which `<use>`. So a finding about it has its place in the
-`<use>`, exactly in the value that is wrong where it came from there, and names the line of the template beside.
+An element from a template knows its template and its `<use>`. So a diagnostic about it points to the `<use>`, if
+possible to the wrong value there, and also names the line of the template.
 """
 
 from __future__ import annotations
@@ -25,63 +25,63 @@ _MARK = re.compile(r"\$\$\{|\$\{([^{}$]*)(\}?)")
 
 
 class XmlFile:
-    """A file that is well-formed, perhaps after repair; or the same with its templates put in."""
+    """A file that is well-formed, perhaps after a repair, with or without its templates expanded."""
 
     def __init__(
         self, source: SourceFile, tree: XmlTree, repaired: RepairedText | None = None, root: Element | None = None
     ) -> None:
-        """`root`: what the templates have made of the tree's outermost element."""
+        """`root`: the outermost element after expansion."""
         self.source = source
         self.tree = tree
         self.repaired = repaired
-        """How the text of the tree came from that of the file; None: it is the same."""
+        """The repair that turned the file's text into the tree's; None: they are the same."""
         self.root = tree.root if root is None else root
         self.has_text = tree.has_text
         """Whether there may be visible text between tags."""
         self.may_define_templates = "<Template" in tree.text
         self.may_have_templates = self.may_define_templates or "<use" in tree.text
-        """Whether it may have a `<Template>` or a `<use>`."""
+        """Whether it may contain a `<Template>` or a `<use>`."""
         self.brought: dict[Element, list[Element]] = {}
-        """What came of each `<use>` of the file."""
+        """The elements that each `<use>` of the file became."""
         self.incomplete: set[Element] = set()
-        """Elements that do not hold all that they should: a `<use>` in them has come to nothing."""
+        """Elements that lack content, because a `<use>` in them could not be expanded."""
 
     @property
     def is_expanded(self) -> bool:
-        """Whether its templates have been put in."""
+        """Whether its templates have been expanded."""
         return self.root is not self.tree.root
 
     def is_complete(self, element: Element) -> bool:
-        """Whether the element holds all that it should."""
+        """Whether an element has all its content."""
         return element not in self.incomplete
 
     def element_location(self, element: Element) -> SourceLocation:
-        """Where an element's start tag begins."""
+        """The place of an element's start tag."""
         return self._place(element, lambda origin: origin.start)
 
     def attribute_location(self, element: Element, name: str) -> SourceLocation:
-        """Where an attribute's name stands."""
+        """The place of an attribute's name."""
         return self._place(element, lambda origin: origin.attribute_offset(name))
 
     def value_location(self, element: Element, name: str, index: int = 0) -> SourceLocation:
-        """Where the character number `index` (from 0) of an attribute's value stands in the file."""
+        """The place of the character number `index` (from 0) of an attribute's value."""
         written = origin_of(element).attributes.get(name, "")
         return self._place_in(element, written, index, lambda origin, at: origin.value_offset(name, at))
 
     def text_location(self, element: Element, index: int = 0) -> SourceLocation:
-        """Where the character number `index` of an element's text (up to its first child) stands in the file."""
+        """The place of the character number `index` of an element's text (up to its first child)."""
         return self._place_in(element, origin_of(element).text, index, Element.text_offset)
 
     def tail_location(self, element: Element, index: int) -> SourceLocation:
-        """Where the character number `index` of what stands behind an element stands in the file."""
+        """The place of the character number `index` of an element's tail."""
         return self._place_in(element, origin_of(element).tail, index, Element.tail_offset)
 
     def written_location(self, element: Element, index: int) -> SourceLocation:
-        """Where the character number `index` of an element as it is written stands in the file."""
+        """The place of the character number `index` of an element as written."""
         return self._place_in(element, origin_of(element).written, index, lambda origin, at: origin.start + at)
 
     def written(self, element: Element) -> str:
-        """An element as it is written, with its tags, and with the values that a `<use>` gives."""
+        """An element as written, with its tags and with the values of a `<use>`."""
         call = call_of(element)
         return element.written if call is None else call.fill(element.written)
 
@@ -98,7 +98,7 @@ class XmlFile:
     def _place_in(
         self, element: Element, written: str, index: int, offset: Callable[[Element, int], int]
     ) -> SourceLocation:
-        """Where a character of a filled text stands: in the value that the `<use>` gives, if it came from there."""
+        """The place of a character of a filled text: in the value of the `<use>` if it comes from there."""
         call, origin = call_of(element), origin_of(element)
         if call is None:
             return self._location(offset(origin, index))
@@ -122,10 +122,10 @@ class TextPiece(NamedTuple):
     """A part of an attribute or text in a template."""
 
     start: int
-    """Where it begins in what is written."""
+    """Its offset in the written text."""
     text: str
     parameter: str | None = None
-    """The parameter that stands there instead, in `${...}`."""
+    """The parameter `${...}` that it is replaced by."""
 
 
 @lru_cache(maxsize=1_000)
@@ -153,37 +153,37 @@ class TemplateCall:
 
     def __init__(self, name: str, file: XmlFile, defaults: Mapping[str, str | None], use: Element) -> None:
         self.name = name
-        """The template's."""
+        """The name of the template."""
         self.file = file
-        """In which the template stands."""
+        """The file of the template."""
         self.defaults = defaults
-        """The template's parameters; None: the `<use>` gives a value."""
+        """The defaults of the template's parameters; None: the parameter is required."""
         self.use = use
         """The `<use>`, which may come from a template itself."""
 
     def piece_text(self, piece: TextPiece) -> str:
-        """A parameter that the template does not have stays as it is written: that is a finding already."""
+        """The text of a piece. An unknown parameter stays as written, because it is reported elsewhere."""
         if piece.parameter is None or piece.parameter not in self.defaults:
             return piece.text
         given = self.use.get(piece.parameter)
         return given if given is not None else self.defaults[piece.parameter] or ""
 
     def fill(self, written: str) -> str:
-        """A text of the template with the values of the `<use>`."""
+        """Fill a text of the template with the values of the `<use>`."""
         return written if "${" not in written else "".join(map(self.piece_text, text_pieces(written)))
 
     def name_template(self, outer: SourceLocation, inner: SourceLocation) -> SourceLocation:
-        """A place in the `<use>`, for something that stands at a place in the template."""
+        """A place in the `<use>`, with the place in the template."""
         return replace(outer, template=TemplateLocation(self.name, inner.file, inner.line, inner.column))
 
 
 class ExpandedElement(Element):
-    """An element that comes from a template, or in which one is put in."""
+    """An element that comes from a template, or that contains an expanded one."""
 
     __slots__ = ("call", "origin")
 
     def __init__(self, origin: Element, call: TemplateCall | None) -> None:
-        """`call`: None for one that stands in the file."""
+        """`call`: None for an element that is written in the file."""
         attributes, text, tail = origin.attributes, origin.text, origin.tail
         if call is not None:
             attributes = {name: call.fill(value) for name, value in attributes.items()}
@@ -195,24 +195,24 @@ class ExpandedElement(Element):
 
 
 def call_of(element: Element) -> TemplateCall | None:
-    """The use of a template that an element comes from; None: it stands in its file."""
+    """The use of a template that an element comes from; None: it is written in its file."""
     return element.call if isinstance(element, ExpandedElement) else None
 
 
 def origin_of(element: Element) -> Element:
-    """An element as it is written, in its file or in a template."""
+    """An element as written, in its file or in a template."""
     return element.origin if isinstance(element, ExpandedElement) else element
 
 
 def written_here(element: Element) -> Element:
-    """What stands for an element in the file: itself, or the `<use>` that it comes from."""
+    """The element in the file: this element, or the `<use>` that it comes from."""
     while (call := call_of(element)) is not None:
         element = call.use
     return origin_of(element)
 
 
 def parameters_in(element: Element, written: str) -> Iterator[str]:
-    """The parameters of the `<use>` in the file that a text of an element is made of, each as often as it stands."""
+    """Yield the parameters of the file's `<use>` that occur in a text of an element, once per occurrence."""
     call = call_of(element)
     for piece in text_pieces(written) if call is not None else ():
         name = piece.parameter
@@ -225,7 +225,7 @@ def parameters_in(element: Element, written: str) -> Iterator[str]:
 
 
 def count_places(brought: Iterable[Element], parameter: str) -> int:
-    """In how many places of what came of a `<use>` a parameter of it stands."""
+    """Count the occurrences of a parameter in the elements that a `<use>` became."""
     return sum(
         name == parameter
         for top in brought
@@ -238,7 +238,7 @@ def count_places(brought: Iterable[Element], parameter: str) -> int:
 
 @lru_cache(maxsize=1)
 def _pieces_in(written: str, call: TemplateCall) -> tuple[Sequence[TextPiece], list[int]]:
-    """The pieces of a text, and where each begins once it is filled in. About one text many places are asked."""
+    """The pieces of a text, and where each begins after filling. Cached for several places of one text."""
     pieces = text_pieces(written)
     lengths = (len(call.piece_text(piece)) for piece in pieces)
     return pieces, [0, *accumulate(lengths)][: len(pieces)]
@@ -248,7 +248,7 @@ def _pieces_in(written: str, call: TemplateCall) -> tuple[Sequence[TextPiece], l
 
 
 def read_xml(source: SourceFile, diagnostics: Diagnostics) -> XmlFile | None:
-    """Parse a file. What is wrong with its form becomes findings; with the common mistakes repaired it is read on."""
+    """Parse a file. Mistakes in its form are reported; common ones are repaired so that the rest is read."""
     try:
         return XmlFile(source, XmlTree(source.text, source.name))
     except XmlSyntaxError as first:
@@ -269,5 +269,5 @@ def read_xml(source: SourceFile, diagnostics: Diagnostics) -> XmlFile | None:
 
 
 def xml_of(source: SourceFile, files: FileReader) -> XmlFile | None:
-    """As `read_xml`, unless it was parsed before; findings go where those of `files` go."""
+    """Like `read_xml`, but parses a file only once. Diagnostics go to those of `files`."""
     return files.memo.read(("xml", source), files.diagnostics, partial(read_xml, source))

@@ -1,4 +1,4 @@
-"""Changes of texts: stretches of characters, and what takes their place."""
+"""Changes of texts: ranges of characters and their replacements."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ class EditRefused(RiseError, ValueError):
 
 
 class TextEdit(NamedTuple):
-    """Characters `start` to `end` of a text, and what takes their place."""
+    """Characters `start` to `end` of a text, and their replacement."""
 
     start: int
     end: int
@@ -22,7 +22,7 @@ class TextEdit(NamedTuple):
 
 
 class Splice(NamedTuple):
-    """Characters `start` to `end` of a file's text (without byte order mark), and what takes their place."""
+    """Characters `start` to `end` of a file's text (without byte order mark), and their replacement."""
 
     file: str
     start: int
@@ -31,9 +31,9 @@ class Splice(NamedTuple):
 
 
 def changed_text(text: str, edits: Iterable[TextEdit | Splice]) -> str:
-    """A text after edits; what is put in at one place stands in their order.
+    """Apply edits to a text. Insertions at the same place keep their order.
 
-    :raises ValueError: edits overlap, or are outside of the text: a mistake of whoever planned.
+    :raises ValueError: edits overlap or are outside the text, which is a mistake of the caller.
     """
     pieces, at = [], 0
     for edit in sorted(edits, key=lambda each: (each.start, each.end)):
@@ -45,8 +45,8 @@ def changed_text(text: str, edits: Iterable[TextEdit | Splice]) -> str:
 
 
 def edits_between(before: str, after: str) -> list[TextEdit]:
-    """The changes from one text to another: one for each stretch of lines that differ, and within it from the first
-    character that differs to the last."""
+    """The edits that turn one text into another: one for each range of lines that differ, from the first character that
+    differs to the last."""
     old, new = before.splitlines(keepends=True), after.splitlines(keepends=True)
     first = _count_common(old, new)
     last = _count_common(old[first:][::-1], new[first:][::-1])

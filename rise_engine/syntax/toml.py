@@ -1,7 +1,6 @@
-"""TOML as it is written: where every table, key and value begins and ends, and how new keys and values are written.
+"""TOML as written: where every table, key and value begins and ends, and how to write new keys and values.
 
-A text that is read here is valid (tomllib has read it). So this only has to find things, in time that grows with the
-length of the text.
+The texts read here are valid (tomllib has read them), so this code only finds places, in linear time.
 """
 
 from __future__ import annotations
@@ -35,12 +34,12 @@ class TomlKeyPart(Struct, frozen=True):
 
     name: str
     start: int
-    """Of what is written, with quotation marks."""
+    """Of the written form, with quotation marks."""
     end: int
 
 
 class TomlValue(Struct, frozen=True):
-    """A value. It has `pairs` when it is an inline table, `items` when it is an array; a scalar has neither."""
+    """A value. An inline table has `pairs`, an array has `items`, a scalar has neither."""
 
     start: int
     end: int
@@ -66,34 +65,34 @@ class TomlPair(Struct, frozen=True):
 
 
 class TomlSection(Struct):
-    """A `[table]` or an element of a `[[list]]`, and the pairs below its header; the first one has no header."""
+    """A `[table]` or an element of a `[[list]]`, and the pairs below its header. The first section has no header."""
 
     path: KeyPath
-    """With the numbers of the elements of lists."""
+    """Includes the numbers of list elements."""
     parts: tuple[TomlKeyPart, ...]
-    """Of its header, as it is written there."""
+    """Of its header, as written there."""
     places: tuple[int, ...]
-    """For each of these parts, its number in `path`."""
+    """For each of these parts, its index in `path`."""
     start: int
     """Of its header."""
     header_end: int
-    """Behind the brackets."""
+    """After the brackets."""
     is_list: bool
     pairs: list[TomlPair]
 
     @property
     def end(self) -> int:
-        """Behind its last pair, or its header."""
+        """After its last pair, or its header."""
         return self.pairs[-1].value.end if self.pairs else self.header_end
 
 
 def read_sections(text: str) -> list[TomlSection]:
-    """The sections of a text that is valid TOML, in order; the first is what comes before any header."""
+    """The sections of a valid TOML text, in order. The first one is the part before any header."""
     return list(_SyntaxReader(text).read())
 
 
 def toml_path_at(text: str, at: int) -> KeyPath | None:
-    """The path of the entry or the table whose name or value holds the character `at` of a valid TOML text.
+    """The path of the entry or table whose name or value contains the character `at` of a valid TOML text.
 
     >>> toml_path_at('[keys]\\nb = { act = "R_Yes" }', 14)
     ('keys', 'b', 'act')
@@ -125,7 +124,7 @@ def _path_in_value(value: TomlValue, path: KeyPath, at: int) -> KeyPath:
 
 
 def read_places(text: str) -> dict[KeyPath, tuple[int, int]]:
-    """Where the key and the value of each entry of a valid TOML text begin, by its path.
+    """The offsets of the key and the value of each entry of a valid TOML text, by its path.
 
     >>> read_places("[a]\\nb = [1, 2]")
     {(): (0, 0), ('a',): (1, 0), ('a', 'b'): (4, 8), ('a', 'b', '0'): (9, 9), ('a', 'b', '1'): (12, 12)}
@@ -246,15 +245,15 @@ def _key_text(written: str) -> str:
 
 
 def toml_key(name: str) -> str:
-    """A key as TOML has it, in quotation marks where it must be."""
+    """A key as TOML writes it, in quotation marks where necessary."""
     return name if _BARE_KEY.fullmatch(name) else _basic(name)
 
 
 def toml_value(value: Any, like: str = "") -> str:
-    """A value in one line.
+    """A value in one line of TOML.
 
-    :param value: what JSON has.
-    :param like: how the value before was written; its quotation marks are kept where they can be.
+    :param value: a JSON value.
+    :param like: how the old value was written; its quotation marks are kept if possible.
     :raises EditRefused: TOML has no such value: null, NaN, a whole number of more than 64 bits.
     """
     match value:

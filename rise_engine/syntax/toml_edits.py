@@ -1,6 +1,6 @@
-"""Changing entries of a TOML file and nothing else: comments, order, alignment, quotes and line ends stay.
+"""Changes entries of a TOML file and nothing else: comments, order, alignment, quotes and line ends stay.
 
-Each function gives the whole new text; what differs becomes splices (`syntax.changes.edits_between`).
+Each function returns the whole new text; `syntax.changes.edits_between` turns the difference into edits.
 """
 
 from __future__ import annotations
@@ -17,11 +17,11 @@ from rise_engine.syntax.changes import EditRefused
 from rise_engine.syntax.toml import KeyPath, TomlPair, TomlSection, TomlValue, read_sections, toml_key, toml_value
 
 _PAIRS_IN_A_LINE = ("keys",)
-"""Tables whose entries are tables in a line each: `n = { rule = "Next" }`."""
+"""Tables whose entries are written as one-line tables: `n = { rule = "Next" }`."""
 
 
 class _TomlEntry(Struct, frozen=True):
-    """A pair, or an element of an array, with what holds it."""
+    """A pair or an element of an array, with its holder."""
 
     holder: TomlSection | TomlValue
     index: int
@@ -29,7 +29,7 @@ class _TomlEntry(Struct, frozen=True):
 
 
 class TomlText:
-    """A TOML file's text, its values, and where each is written."""
+    """A TOML file's text, its values, and the place of each."""
 
     def __init__(self, text: str) -> None:
         """:raises EditRefused: it is not TOML."""
@@ -53,7 +53,7 @@ class TomlText:
             self._note((*path, str(at)), value, at, item)
 
     def find(self, path: Sequence[str]) -> tuple[bool, Any]:
-        """Whether there is an entry, and its value."""
+        """Return whether there is an entry, and its value."""
         value: Any = self.values
         for part in path:
             if isinstance(value, dict) and part in value:
@@ -65,12 +65,12 @@ class TomlText:
         return True, value
 
     def written(self, path: KeyPath) -> str:
-        """A value as it stands in the file; empty for a table with a header."""
+        """A value as written in the file; empty for a table with a header."""
         entry = self.entries.get(path)
         return "" if entry is None else self.text[entry.value.start : entry.value.end]
 
     def line_end(self, at: int) -> int:
-        """Where the line ends, its comment included."""
+        """The offset of the end of the line, after its comment."""
         end = self.text.find("\n", at)
         end = len(self.text) if end < 0 else end
         return end - 1 if self.text.endswith("\r", at, end) else end
@@ -79,7 +79,7 @@ class TomlText:
         return self.text.rfind("\n", 0, at) + 1
 
     def sections_below(self, path: KeyPath) -> list[TomlSection]:
-        """Those of a table and of what is in it."""
+        """The sections of a table and of everything in it."""
         return [section for section in self.sections if section.parts and section.path[: len(path)] == path]
 
 
@@ -87,15 +87,15 @@ class TomlText:
 
 
 def set_value(text: str, path: KeyPath, value: Any) -> str:
-    """The text with a value at a path, added where there is none.
+    """Set the value at a path, or add it if there is none.
 
-    :raises EditRefused: it is not TOML, the value is none that TOML has, or the path leads through another value.
+    :raises EditRefused: the text is not TOML, TOML has no such value, or the path leads through another value.
     """
     toml = TomlText(text)
     found, old = toml.find(path)
     if not found:
         return _add(toml, path, value)
-    if repr(old) == repr(value):  # not ==: 1, 1.0 and true are not the same
+    if repr(old) == repr(value):  # not ==: 1, 1.0 and true differ here
         return text
     is_element = isinstance(toml.find(path[:-1])[1], list)
     if isinstance(old, dict) and isinstance(value, dict) and (value or is_element):
@@ -122,7 +122,7 @@ def _set_members(text: str, path: KeyPath, old: Mapping[str, Any], new: Mapping[
 
 
 def _set_items(text: str, path: KeyPath, old: Sequence[Any], new: Sequence[Any]) -> str:
-    """Element by element; of a list from which some are missing, those go that are no more there."""
+    """Set a list element by element. If it gets shorter, remove elements from the first difference on."""
     if len(new) < len(old):
         same = next((at for at, (one, other) in enumerate(zip(old, new, strict=False)) if one != other), len(new))
         for _ in range(len(old) - len(new)):
@@ -133,7 +133,7 @@ def _set_items(text: str, path: KeyPath, old: Sequence[Any], new: Sequence[Any])
 
 
 def _add(toml: TomlText, path: KeyPath, value: Any) -> str:
-    """A path that is not there yet."""
+    """Add a value at a path that does not exist yet."""
     above = next(path[:size] for size in range(len(path) - 1, -1, -1) if toml.find(path[:size])[0])
     rest = path[len(above) :]
     if not above and len(rest) > 1:
@@ -171,7 +171,7 @@ def _add(toml: TomlText, path: KeyPath, value: Any) -> str:
 
 
 def _last_dotted(toml: TomlText, path: KeyPath) -> tuple[TomlSection, TomlPair] | None:
-    """The last pair whose dotted key makes the table at `path`."""
+    """The last pair whose dotted key creates the table at `path`."""
     found = None
     for section in toml.sections:
         for pair in section.pairs:
@@ -182,7 +182,7 @@ def _last_dotted(toml: TomlText, path: KeyPath) -> tuple[TomlSection, TomlPair] 
 
 
 def _add_pair(toml: TomlText, section: TomlSection, names: KeyPath, value: Any, behind: TomlPair | None = None) -> str:
-    """A new line behind the last pair of a section, or behind its header."""
+    """Add a line after the last pair of a section, or after its header."""
     key = ".".join(map(toml_key, names))
     last = behind or (section.pairs[-1] if section.pairs else None)
     if last is None and not section.parts:
@@ -196,7 +196,7 @@ def _add_pair(toml: TomlText, section: TomlSection, names: KeyPath, value: Any, 
 
 
 def _add_first_line(toml: TomlText, line: str) -> str:
-    """Before any table: behind a comment about the file, which ends with an empty line."""
+    """Add a line before any table, but after a comment about the file, which ends with an empty line."""
     at = 0
     comment = re.match(r"(?:#[^\n]*\n)+[ \t]*\r?\n", toml.text)
     if comment is not None:
@@ -207,7 +207,7 @@ def _add_first_line(toml: TomlText, line: str) -> str:
 
 
 def _key_width(toml: TomlText, section: TomlSection) -> int:
-    """How wide keys are where the author has put their `=` below each other; 0: nowhere."""
+    """The width of keys if the author has aligned their `=`; otherwise 0."""
     widths = set()
     padded = False
     for pair in section.pairs:
@@ -225,7 +225,7 @@ def _add_section(
     is_list: bool = False,
     before: TomlSection | None = None,
 ) -> str:
-    """A table with a header of its own, behind the last one that begins as it does, or at the end of the file."""
+    """Add a table with its own header after the last table of the same name, or at the end of the file."""
     if not isinstance(values, Mapping):
         raise EditRefused(f"an element of `{path[0]}` is a table, not {json.dumps(values)}")
     names = tuple(name for at, name in enumerate(path) if not _is_element(toml, path[:at]))
@@ -248,12 +248,12 @@ def _add_section(
 
 
 def _is_element(toml: TomlText, holder: KeyPath) -> bool:
-    """Whether what stands at the next part of a path is an element of a list."""
+    """Whether the next part of a path is an element of a list."""
     return bool(holder) and isinstance(toml.find(holder)[1], list)
 
 
 def _add_inline(toml: TomlText, holder: TomlValue, key: str, value: Any) -> str:
-    """A last element of an array, or a last pair of an inline table."""
+    """Add a last element to an array, or a last pair to an inline table."""
     text = toml.text
     entry = toml_value(value) if holder.kind == "array" else f"{toml_key(key)} = {toml_value(value)}"
     spans = _spans(holder)
@@ -268,7 +268,7 @@ def _add_inline(toml: TomlText, holder: TomlValue, key: str, value: Any) -> str:
     indent = re.match(r"[ \t]*", text[line_start : last[0]])
     assert indent is not None
     closing = holder.end - 1
-    if line_end > closing:  # `]` stands on the last element's line
+    if line_end > closing:  # `]` is on the last element's line
         return f"{text[: last[1]]},{toml.newline}{indent.group()}{entry}{text[last[1] :]}"
     comma, end = ("", ",") if has_comma else (",", "")
     line = f"{toml.newline}{indent.group()}{entry}{end}"
@@ -285,9 +285,9 @@ def _spans(holder: TomlValue) -> list[tuple[int, int]]:
 
 
 def remove_value(text: str, path: KeyPath) -> str:
-    """The text without an entry, and without the header of a table that has no other.
+    """Remove an entry, and the header of a table that has no other entry.
 
-    :raises EditRefused: it is not TOML, or there is no such entry.
+    :raises EditRefused: the text is not TOML, or there is no such entry.
     """
     toml = TomlText(text)
     if not path or not toml.find(path)[0]:
@@ -303,7 +303,7 @@ def remove_value(text: str, path: KeyPath) -> str:
         is_last = len(gone) == len(section.pairs) and section.parts and not section.is_list
         if gone and is_last and re.search(r"\n[ \t]*#", text[section.start : section.end]) is None:
             stretches.append(_section_stretch(toml, section))
-        elif gone and is_last:  # comments of their own stay
+        elif gone and is_last:  # keep comments that have their own lines
             stretches.append(_line_stretch(toml, section.start, section.header_end))
             stretches += [_line_stretch(toml, pair.start, pair.value.end) for pair in gone]
         else:
@@ -314,7 +314,7 @@ def remove_value(text: str, path: KeyPath) -> str:
 
 
 def _line_stretch(toml: TomlText, start: int, end: int) -> tuple[int, int]:
-    """Whole lines, with their end."""
+    """The range of whole lines, with their end."""
     end = toml.line_end(end)
     while end < len(toml.text) and toml.text[end] in "\r\n":
         end += 1
@@ -324,7 +324,7 @@ def _line_stretch(toml: TomlText, start: int, end: int) -> tuple[int, int]:
 
 
 def _section_stretch(toml: TomlText, section: TomlSection) -> tuple[int, int]:
-    """A section from its header to its last pair, and the empty lines that kept it apart from what stands before."""
+    """The range of a section from its header to its last pair, with the empty lines before it."""
     start, end = _line_stretch(toml, section.start, section.end)
     before = toml.text[:start]
     kept = before.rstrip(" \t\r\n")
@@ -355,7 +355,7 @@ def _remove_inline(toml: TomlText, holder: TomlValue, index: int) -> str:
 
 
 def _remove_line(toml: TomlText, start: int, end: int) -> str:
-    """An element of an array that has comments: it goes with the rest of its own line."""
+    """Remove an element of an array that has comments, together with the rest of its line."""
     comma = re.match(r"[ \t]*,?", toml.text[end:])
     assert comma is not None
     first, last = toml.line_start(start), toml.line_end(end)
@@ -370,15 +370,15 @@ def _remove_line(toml: TomlText, start: int, end: int) -> str:
 
 
 def rename_key(text: str, path: KeyPath, name: str) -> str:
-    """The text with another name for an entry, wherever the file writes it.
+    """Rename an entry everywhere in the file.
 
-    :raises EditRefused: it is not TOML, there is no such entry, it is an element of a list, or the name is taken.
+    :raises EditRefused: the text is not TOML, there is no such entry, it is a list element, or the name is taken.
     """
     return rename_keys(text, {path: name})
 
 
 def rename_keys(text: str, names: Mapping[KeyPath, str]) -> str:
-    """As `rename_key`, of several entries at once, which may take each other's names."""
+    """Like `rename_key`, for several entries at once, which may swap their names."""
     toml = TomlText(text)
     written: list[tuple[int, int, bool, str]] = []
     for path, name in names.items():
@@ -402,7 +402,7 @@ def rename_keys(text: str, names: Mapping[KeyPath, str]) -> str:
 
 
 def _written_names(toml: TomlText, path: KeyPath) -> Iterator[tuple[int, int, bool]]:
-    """Where the last part of a path is written, and whether a `=` may be aligned behind it."""
+    """The places where the last part of a path is written, and whether a `=` may be aligned after it."""
     at = len(path) - 1
     for section in toml.sections:
         if section.path[: len(path)] == path:

@@ -1,10 +1,10 @@
-"""XML as a tree that knows where everything stands in its text, so that what nobody changes keeps its characters.
+"""XML as a tree that knows the place of everything in its text, so that unchanged parts keep their characters.
 
-expat makes the tree: it tells the offset of every element. lxml is asked about what expat cannot read, for the words in
-which the mistake is told, and about what the two do not agree on: prefixes of names, and elements very deep.
+expat builds the tree and gives the offset of every element. lxml checks what expat cannot read, so that its words
+describe the mistake, and what the two disagree on: prefixes of names, and deeply nested elements.
 
-Whatever a text holds, reading it takes time in proportion to its length: no pattern here goes back over what it has
-passed, and what is asked often of one element is worked out once.
+Reading takes time in proportion to the length of any text: no pattern backtracks over what it has passed, and
+results that are often needed for one element are computed once.
 """
 
 from __future__ import annotations
@@ -33,7 +33,7 @@ _PIECE = re.compile(
 _MAYBE_TEXT = re.compile(r">[ \t\r\n]*+[^< \t\r\n]")
 _ATTRIBUTE = re.compile(r"(?<=\s)([^\s=/<>\"']++)\s*+=\s*+(?:\"([^\"]*)\"|'([^']*)')")
 _CHARACTER = re.compile(rf"{ENTITY.pattern}|\r\n")
-"""What is one character of a value and several of the file."""
+"""One character of a value that takes several in the file."""
 _LINE_END = re.compile(r"\r\n?|\n")
 _CRLF = re.compile(r"\r\n")
 _DOCTYPE = re.compile(r"(?:\s++|<\?(?>.*?\?>)|<!--(?>.*?-->))*+<!DOCTYPE", re.DOTALL)
@@ -41,21 +41,21 @@ _DECLARED = re.compile(r"""\s*+<\?xml[^>]*?\sencoding\s*=\s*["']([^"']*)["']""")
 _USUAL_DECLARATION = re.compile(r"""<\?xml version=["']1\.0["'](?: encoding=["'][Uu][Tt][Ff]-?8["'])? ?\?>""")
 _PREFIX = re.compile(r"<[^\s<>/!?]*:|(?<=\s)[^\s=/<>\"']*:[^\s=/<>\"']*+\s*+=\s*+[\"']|(?<=\s)xmlns\b")
 _DEEP = 200
-"""Elements in each other. libxml2 takes 256."""
+"""How deep elements are nested before lxml checks them. libxml2 allows 256."""
 _LONG = 40_000
-"""Characters of a name. libxml2 takes 50,000."""
+"""Characters of a name before lxml checks it. libxml2 allows 50,000."""
 
 
 class XmlSyntaxError(RiseError, ValueError):
-    """A text that is no XML, or none that is read here: what is wrong with it first, as a sentence, and where."""
+    """A text that is no XML, or none that is read here: the first mistake as a sentence, and its place."""
 
     def __init__(self, code: str, offset: int, message: str, *, is_final: bool = False) -> None:
         super().__init__(message)
         self.code = code
-        """Of a finding."""
+        """The code of a diagnostic."""
         self.offset = offset
         self.is_final = is_final
-        """Whether nothing can be repaired."""
+        """Whether no repair is possible."""
 
 
 class Element(list["Element"]):
@@ -70,11 +70,11 @@ class Element(list["Element"]):
         self.start = start
         """Where its start tag begins in the text of its tree."""
         self.close = start
-        """Where its end tag begins; of `<empty/>`, where it begins or ends itself."""
+        """Where its end tag begins; for `<empty/>`, the offset that expat reports."""
         self.text = ""
-        """What stands before its first child. Comments leave no trace."""
+        """The text before its first child. Comments leave no trace."""
         self.tail = ""
-        """What stands behind it, before the next element."""
+        """The text after it, before the next element."""
         self.tree = tree
         self.parent = parent
 
@@ -98,17 +98,17 @@ class Element(list["Element"]):
 
     @property
     def inner_start(self) -> int:
-        """Behind its start tag."""
+        """After its start tag."""
         return match_end(_TAG, self.tree.text, self.start)
 
     @property
     def inner_end(self) -> int:
-        """Where its end tag begins; of `<empty/>`, behind it."""
+        """Where its end tag begins; for `<empty/>`, after it."""
         return self.inner_start if self.is_closed else self.close
 
     @property
     def end(self) -> int:
-        """Behind it."""
+        """After its last character."""
         return self.inner_start if self.is_closed else self.tree.text.index(">", self.close) + 1
 
     @property
@@ -122,31 +122,31 @@ class Element(list["Element"]):
         return self.tree.text[self.start : self.end]
 
     def walk(self) -> Iterator[Element]:
-        """It and all that it holds, in file order."""
+        """Yield it and everything that it contains, in file order."""
         rest = [self]
         while rest:
             element = rest.pop()
             yield element
             rest += element[::-1]
 
-    # --- what is written in it ----------------------------------------------------------------------------------------
+    # --- its written content ------------------------------------------------------------------------------------------
 
     def written_attributes(self) -> dict[str, WrittenAttribute]:
-        """Where its attributes stand, by name, in file order."""
+        """The places of its attributes, by name, in file order."""
         return _attributes_at(self.tree.text, self.start)
 
     def gaps(self) -> list[tuple[int, int]]:
-        """The stretches between its tags and those of its children."""
+        """The ranges between its tags and those of its children."""
         starts = [self.inner_start, *(child.end for child in self)]
         return list(zip(starts, [*(child.start for child in self), self.inner_end], strict=True))
 
     def marks(self) -> set[PieceKind]:
-        """What stands in it besides text and elements."""
+        """The kinds of pieces in it other than text and elements."""
         found = {piece.kind for gap in self.gaps() for piece in pieces(self.tree.text, *gap)}
         return found - {"text"}
 
     def text_span(self) -> tuple[int, int]:
-        """Where its text stands, without the blanks around it; inside the marks of a CDATA section that is all."""
+        """The range of its text without the blanks around it, or within the marks of its only CDATA section."""
         text = self.tree.text
         start, end = without_blanks(text, self.inner_start, self.inner_end)
         if self._is_cdata(start, end):
@@ -162,7 +162,7 @@ class Element(list["Element"]):
         return self.tree.text.startswith(CDATA, start, end) and self.tree.text.find("]]>", start) == end - 3
 
     def text_obstacle(self) -> str:
-        """Why its text cannot be replaced without losing something; empty: it can."""
+        """Why replacing its text would lose something; empty: it would not."""
         if self:
             return f"`<{self[0].tag}>` is in it"
         marks = self.marks()
@@ -172,42 +172,42 @@ class Element(list["Element"]):
             return "an XML instruction is in it"
         return "text and CDATA are side by side in it" if "CDATA" in marks and not self.is_cdata else ""
 
-    # --- where the characters of what is read stand -------------------------------------------------------------------
+    # --- places of characters -----------------------------------------------------------------------------------------
 
     def attribute_at(self, offset: int) -> WrittenAttribute | None:
-        """The attribute in whose value, or at whose end, a character stands."""
+        """The attribute whose value, or end of value, contains an offset."""
         attributes = self.written_attributes().values()
         return next((each for each in attributes if each.value_start <= offset <= each.value_end), None)
 
     def attribute_offset(self, name: str) -> int:
-        """Where an attribute's name stands; without it, where the element begins."""
+        """Where an attribute's name begins; if there is none, where the element begins."""
         found = self.written_attributes().get(name)
         return found.name_start if found else self.start
 
     def value_offset(self, name: str, index: int = 0) -> int:
-        """Where the character number `index` (from 0) of an attribute's value stands."""
+        """Where the character number `index` (from 0) of an attribute's value is."""
         found = self.written_attributes().get(name)
         if found is None:
             return self.start
         return _value_offset_map(self.tree.text, found.value_start, found.value_end).offset(index)
 
     def text_offset(self, index: int = 0) -> int:
-        """Where the character number `index` of its text (up to its first child) stands."""
+        """Where the character number `index` of its text (up to its first child) is."""
         return _text_offset_map(self.tree.text, self.start).offset(index)
 
     def tail_offset(self, index: int) -> int:
-        """Where the character number `index` of what stands behind it stands."""
+        """Where the character number `index` of its tail is."""
         return _text_offset_map(self.tree.text, self.close).offset(index)
 
 
 class XmlTree:
-    """A text that is well-formed, and its elements."""
+    """A well-formed text and its elements."""
 
     def __init__(self, text: str, name: str = "") -> None:
         """
         :param text: without byte order mark.
-        :param name: of the file that it stands in.
-        :raises XmlSyntaxError: it is not well-formed, has a DOCTYPE, or is in another encoding by its own account.
+        :param name: of the file with this text.
+        :raises XmlSyntaxError: it is not well-formed, has a DOCTYPE, or declares another encoding.
         """
         _check_prolog(text)
         self.text = text
@@ -221,11 +221,11 @@ class XmlTree:
         return [0, *(found.end() for found in _LINE_END.finditer(self.text))]
 
     def line(self, offset: int) -> int:
-        """The number of the line, from 1, in which a character stands. Lines end with LF, CRLF or CR."""
+        """The number of the line, from 1, of an offset. Lines end with LF, CRLF or CR."""
         return bisect_right(self._line_starts, offset)
 
     def element_at(self, offset: int) -> Element:
-        """The innermost element that a character stands in; beside all of them, the outermost one."""
+        """The innermost element that contains an offset; the outermost element if none does."""
         found = self.root
         while (index := bisect_right(found, offset, key=lambda child: child.start)) and offset < found[index - 1].end:
             found = found[index - 1]
@@ -233,7 +233,7 @@ class XmlTree:
 
 
 class WrittenAttribute(NamedTuple):
-    """An attribute as it stands in its start tag."""
+    """An attribute as written in its start tag."""
 
     name: str
     start: int
@@ -246,12 +246,12 @@ class WrittenAttribute(NamedTuple):
 
     @property
     def end(self) -> int:
-        """Behind its closing quotation mark."""
+        """After its closing quotation mark."""
         return self.value_end + 1
 
 
 class XmlPiece(NamedTuple):
-    """What stands beside elements."""
+    """A piece of a text that is not an element."""
 
     kind: PieceKind
     start: int
@@ -259,7 +259,7 @@ class XmlPiece(NamedTuple):
 
 
 def pieces(text: str, start: int, end: int) -> Iterator[XmlPiece]:
-    """The texts, comments, instructions and CDATA sections of a stretch without tags."""
+    """The texts, comments, instructions and CDATA sections of a range without tags."""
     while start < end and (found := _PIECE.match(text, start, end)) is not None:
         kind: PieceKind = found.lastgroup  # type: ignore[assignment]  # the names of its groups
         yield XmlPiece(kind, start, found.end())
@@ -267,21 +267,21 @@ def pieces(text: str, start: int, end: int) -> Iterator[XmlPiece]:
 
 
 def comments_of(text: str) -> Iterator[str]:
-    """The comments of a well-formed text in their order, with single blanks."""
+    """The comments of a well-formed text in order, with single blanks."""
     for found in _PIECE.finditer(text):
         if found.lastgroup == "comment":
             yield " ".join(found.group().split())
 
 
 def without_blanks(text: str, start: int, end: int) -> tuple[int, int]:
-    """A stretch without the blanks at its ends."""
+    """A range without the blanks at its ends."""
     inner = text[start:end]
     end = start + len(inner.rstrip(BLANKS))
     return min(start + len(inner) - len(inner.lstrip(BLANKS)), end), end
 
 
 def read_entity(written: str) -> str:
-    """The character that an entity stands for; anything else as it is."""
+    """The character that an entity stands for; anything else unchanged."""
     found = ENTITY.fullmatch(written)
     if found is None:
         return written
@@ -320,7 +320,7 @@ def _read(tree: XmlTree) -> Element:
     done = offset = deepest = 0
 
     def current_offset() -> int:
-        """The offset in `text` of what is being read."""
+        """The offset in `text` of the current event."""
         nonlocal done, offset
         at = parser.CurrentByteIndex
         if ascii_only:
@@ -374,17 +374,17 @@ def _read(tree: XmlTree) -> Element:
 
 
 def _ask_lxml(text: str) -> XmlSyntaxError | None:
-    from rise_engine.syntax.xml_errors import find_syntax_error  # lxml takes long to import, and is rarely asked
+    from rise_engine.syntax.xml_errors import find_syntax_error  # lxml is slow to import and rarely needed
 
     found = find_syntax_error(text)
     return None if found is None else XmlSyntaxError(*found)
 
 
 def _odd_name(text: str, before: bytes, error: expat.ExpatError) -> XmlSyntaxError:
-    """What lxml accepts and expat does not: a character that no name can have."""
+    """The error for a character that no name can have, which lxml accepts and expat does not."""
     at = len(before.decode(errors="ignore"))
     character = text[at : at + 1]
-    if character.isascii():  # nothing is known that leads here
+    if character.isascii():  # no known text leads here
         message = f"this is not well-formed XML: {expat.ErrorString(error.code)}"
     else:
         shown = f"`{character}`, {character_name(character)}," if character.isprintable() else character_name(character)
@@ -396,7 +396,7 @@ def _odd_name(text: str, before: bytes, error: expat.ExpatError) -> XmlSyntaxErr
 
 
 class _OffsetMap:
-    """Which character of a value stands where in the text: stretches in which one follows the other."""
+    """Maps each character of a value to its offset in the text, in runs of consecutive characters."""
 
     def __init__(self) -> None:
         self.length = 0
@@ -406,7 +406,7 @@ class _OffsetMap:
         self.end = 0
 
     def add(self, text: str, start: int, end: int, units: re.Pattern[str]) -> None:
-        """What stands from `start` to `end` goes on with the value."""
+        """Append the characters from `start` to `end` of the text to the value."""
         for unit in units.finditer(text, start, end):
             self._add_run(start, unit.start())
             self._add_run(unit.start(), unit.start() + 1)
@@ -427,12 +427,12 @@ class _OffsetMap:
         return self.offsets[which] + index - self.starts[which]
 
 
-# Of one element many places may be asked for in a row: each of these remembers what it worked out last.
+# Several places of one element may be needed in a row: each function remembers its latest result.
 
 
 @lru_cache(maxsize=1)
 def _attributes_at(text: str, start: int) -> dict[str, WrittenAttribute]:
-    """The attributes of the start tag that begins there, by name."""
+    """The attributes of the start tag that begins at `start`, by name."""
     found = {}
     for each in _ATTRIBUTE.finditer(text, start, match_end(_TAG, text, start)):
         which = 2 if each.group(2) is not None else 3
@@ -447,7 +447,7 @@ def _attributes_at(text: str, start: int) -> dict[str, WrittenAttribute]:
 
 @lru_cache(maxsize=1)
 def _value_offset_map(text: str, start: int, end: int) -> _OffsetMap:
-    """The value of an attribute."""
+    """The offsets of an attribute's value."""
     stretches = _OffsetMap()
     stretches.add(text, start, end, _CHARACTER)
     return stretches
@@ -455,7 +455,7 @@ def _value_offset_map(text: str, start: int, end: int) -> _OffsetMap:
 
 @lru_cache(maxsize=1)
 def _text_offset_map(text: str, tag: int) -> _OffsetMap:
-    """What stands behind the tag that begins there, up to the next one, comments left out."""
+    """The offsets of the text after the tag that begins at `tag`, up to the next tag, without comments."""
     stretches = _OffsetMap()
     at = match_end(_TAG, text, tag)
     while True:

@@ -1,4 +1,4 @@
-"""What libxml2 says about a file that is not well-formed, as a sentence with the place where the author must look."""
+"""libxml2's message about a file that is not well-formed, as a sentence with the place where the author must look."""
 
 from __future__ import annotations
 
@@ -18,11 +18,11 @@ _SENTENCES = {
     "Specification mandates value": 'this attribute has no value; write name="value"',
     "Double hyphen": "a comment cannot have `--` inside it; only `-->` ends it",
 }
-"""What a part of libxml2's message means."""
+"""Our sentence for a part of libxml2's message."""
 
 
 def parse_error(text: str) -> etree.XMLSyntaxError | None:
-    """What lxml finds first. :raises ValueError: the text holds half a character, or something else that is none."""
+    """The first error that lxml finds, or None. :raises ValueError: the text holds half a character, or the like."""
     parser = etree.XMLParser(resolve_entities=False, no_network=True, load_dtd=False, huge_tree=False)
     try:
         etree.fromstring(text.encode(), parser)
@@ -32,14 +32,14 @@ def parse_error(text: str) -> etree.XMLSyntaxError | None:
 
 
 def find_syntax_error(text: str) -> tuple[str, int, str] | None:
-    """What is wrong first, if something is: the code of a finding, the offset, and a sentence."""
+    """The first mistake, or None: the code of a diagnostic, the offset, and a sentence."""
     error = parse_error(text)
     return None if error is None else describe_syntax_error(error, text)
 
 
 def describe_syntax_error(error: etree.XMLSyntaxError, text: str) -> tuple[str, int, str]:
-    """An error of lxml in a text: the code of a finding, the offset, and a sentence."""
-    message = _POSITION.sub("", error.msg or "")  # error.error_log holds those of all files so far
+    """Describe an error of lxml in a text: the code of a diagnostic, the offset, and a sentence."""
+    message = _POSITION.sub("", error.msg or "")  # error.error_log collects the errors of all files so far
     line, column = error.position
     offset = _offset(text, line or 1, column or 1)
     code = "not-well-formed"
@@ -68,7 +68,7 @@ def describe_syntax_error(error: etree.XMLSyntaxError, text: str) -> tuple[str, 
 
 
 def _offset(text: str, line: int, column: int) -> int:
-    """libxml2 counts bytes in a line, from 1, and stands behind what it complains about."""
+    """The offset of a position. libxml2 counts bytes in a line, from 1, and points behind the mistake."""
     lines = text.split("\n")
     line = min(line, len(lines))
     content = lines[line - 1].encode()[: max(column - 1, 0)].decode("utf-8", "replace")

@@ -1,7 +1,7 @@
 """The usual layout of files of acts and rules: indentation, one blank between attributes, a line for each element.
 
-Nothing that is read changes, and no comment goes. What holds text, and what lies within it, stays as it is written;
-what an author has put in one line and fits there stays in one line.
+It changes nothing that is read and keeps all comments. Elements with text keep their content as written. Elements that
+an author has put in one line stay there if they fit.
 """
 
 from __future__ import annotations
@@ -12,32 +12,32 @@ from rise_engine.base.text import BLANKS
 from rise_engine.syntax.xml import Element, XmlTree, pieces
 
 WIDTH = 120
-"""Columns of a line, where that can be had."""
+"""The longest line where possible, in columns."""
 _INDENT = "  "
 ACT_WRAPPERS = ("Dialogs", "AgentDialogs", "CommunicationRobotActs")
-"""Elements that hold the acts of a file."""
+"""The wrapper elements of a file's acts."""
 RULE_WRAPPERS = ("InteractionRules",)
 WRAPPERS = (*ACT_WRAPPERS, *RULE_WRAPPERS)
-"""Their children begin at the margin, with an empty line between those that take several lines."""
+"""Their children are not indented, with an empty line between those that take several lines."""
 
 
 class _Node:
-    """An element, or something beside elements: a comment, an instruction, a text, a CDATA section."""
+    """An element, or a piece between elements: a comment, an instruction, a text, a CDATA section."""
 
     def __init__(self, gap: str, written: str, element: Element | None = None) -> None:
         self.gap = gap
         """The blanks before it."""
         self.written = written
-        """Of an element, its start tag."""
+        """For an element, its start tag."""
         self.element = element
         self.children: list[_Node] = []
         self.end_gap = ""
         """Before the end tag."""
         self.end = ""
         self.inner = ""
-        """All between the tags, as written."""
+        """Everything between the tags, as written."""
         self.is_verbatim = True
-        """Whether its content stays as it is: it holds text, or no element."""
+        """Whether its content stays as written: it holds text, or no element."""
         self.height = 0
         if element is not None:
             self._read(element)
@@ -62,7 +62,7 @@ class _Node:
 
 
 def _beside(text: str, start: int, end: int) -> tuple[list[_Node], bool, str]:
-    """What stands in a stretch without tags, whether it is text, and the blanks at its end."""
+    """The pieces of a range without tags, whether it has text, and the blanks at its end."""
     found: list[_Node] = []
     gap, is_text = "", False
     for piece in pieces(text, start, end):
@@ -77,9 +77,9 @@ def _beside(text: str, start: int, end: int) -> tuple[list[_Node], bool, str]:
 
 
 def format_xml(text: str) -> str:
-    """A file in the usual layout; a second time, it stays as it is.
+    """A file in the usual layout. Formatting it again changes nothing.
 
-    :param text: without byte order mark. Line ends of any kind; the most frequent one is taken for all.
+    :param text: without byte order mark, with line ends of any kind. The most frequent line end is used throughout.
     :raises XmlSyntaxError: it is not well-formed.
     """
     newline = max(
@@ -129,14 +129,14 @@ def _write(node: _Node, indent: str, lines: list[str], *, first: bool, tall_befo
 
 
 def _can_follow(line: str, written: str, node: _Node) -> bool:
-    """Whether a leaf stays behind the one before it, on its line: both are leaves, and there is room."""
+    """Whether a leaf stays on the line of the leaf before it: both are leaves, and there is room."""
     last = line.rstrip()
     behind_leaf = bool(re.search(r"(</[^>]*>|/>|-->)$", last)) and "\n" not in last
     return behind_leaf and not node.written.endswith("/>") and len(line) + len(node.gap) + len(written) <= WIDTH
 
 
 def _one_line(node: _Node, indent: str) -> str | None:
-    """An element in one line: one without elements, or with those that the author has put there and that fit."""
+    """An element in one line, if it has no elements, or if the author has put them in one line and they fit."""
     tag = _tag(node, indent)
     if not node.end:
         return tag
@@ -158,7 +158,7 @@ def _inner(node: _Node) -> str:
 
 
 def _tag(node: _Node, indent: str) -> str:
-    """A start tag: one blank between attributes; over several lines only where it does not fit in one."""
+    """A start tag with one blank between attributes. It takes several lines only if it does not fit in one."""
     element = node.element
     assert element is not None, "only elements have tags"
     text, closing = element.tree.text, "/>" if element.is_closed else ">"
@@ -176,7 +176,7 @@ def _tag(node: _Node, indent: str) -> str:
 
 
 def _moved(comment: str, gap: str, indent: str) -> str:
-    """A comment whose first line stands elsewhere now: its other lines move as far."""
+    """A comment whose first line has moved: its other lines move as far."""
     column = len(gap.rpartition("\n")[2].expandtabs(2))
     by = len(indent) - column
     first, *rest = comment.split("\n")

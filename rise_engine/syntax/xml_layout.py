@@ -1,7 +1,7 @@
-"""Where in a file a new element goes and what stands around it, and what goes with an element that goes.
+"""Where a new element goes in a file, what surrounds it, and what is removed together with an element.
 
-A new element takes the indentation and the line end of its neighbours, and has a line of its own only if they have. A
-comment behind an element on its line belongs to that element; so do comments in the lines directly above it.
+A new element takes the indentation and line end of its neighbours, and has its own line only if they do. A comment
+after an element on its line belongs to that element, and so do comments in the lines directly above it.
 """
 
 from __future__ import annotations
@@ -25,28 +25,28 @@ DEFAULT_UNIT = "  "
 
 
 class WritingGap(Struct, frozen=True):
-    """A place for something new."""
+    """A place for something new in a file."""
 
     file: str
     start: int
     end: int
-    """What stands from `start` to `end` goes: of `<empty/>` the end, elsewhere nothing."""
+    """The range that is replaced: the end of `<empty/>`, otherwise nothing."""
     before: str
-    """What is written before the new thing, and after it."""
+    """The characters to write before and after the new element."""
     after: str
     indent: str
-    """Of the line in which it begins."""
+    """The indentation of the line in which it begins."""
     unit: str
     line_end: str
     own_line: bool
-    """Whether it has lines of its own."""
+    """Whether it gets its own lines."""
 
     def put(self, written: str) -> Splice:
-        """Put there what is written already."""
+        """Put text there that is already written."""
         return Splice(self.file, self.start, self.end, self.before + written + self.after)
 
     def write(self, element: NewElement, *, flat: bool = False) -> str:
-        """An element as it would stand there: what it holds in lines of its own, unless it is `flat`."""
+        """Write an element for this place, with its content in lines of their own unless it is `flat`."""
         return element.write(self.indent, self.unit, self.line_end, flat=flat or not self.own_line)
 
     def insert(self, element: NewElement, *, flat: bool = False) -> Splice:
@@ -58,7 +58,7 @@ class WritingGap(Struct, frozen=True):
 
 
 def line_start(text: str, at: int) -> int:
-    """Where the line begins in which a character stands."""
+    """Where the line of an offset begins."""
     return max(text.rfind("\n", 0, at), text.rfind("\r", 0, at)) + 1
 
 
@@ -69,36 +69,36 @@ def next_line(text: str, at: int) -> int:
 
 
 def _line_before(element: Element) -> str:
-    """What stands before an element in its line."""
+    """The part of its line before an element."""
     text = element.tree.text
     return text[line_start(text, element.start) : element.start]
 
 
 def begins_line(element: Element) -> bool:
-    """Whether nothing but blanks stands before an element in its line."""
+    """Whether only blanks precede an element in its line."""
     return not _line_before(element).strip(" \t")
 
 
 def _line_rest(element: Element) -> int:
-    """Behind the comments that stand behind an element in its line; -1: something else stands there."""
+    """The offset after the comments that follow an element in its line; -1 if something else follows."""
     text = element.tree.text
     found = _REST_OF_LINE.match(text, element.end)
     return len(text[: found.end()].rstrip(" \t")) if found else -1
 
 
 def has_own_lines(element: Element) -> bool:
-    """Whether an element shares its lines with nothing but comments behind it."""
+    """Whether an element shares its lines only with comments after it."""
     return begins_line(element) and _line_rest(element) >= 0
 
 
 def indent_of(element: Element) -> str:
-    """The blanks at the beginning of the line in which an element begins."""
+    """The blanks at the beginning of an element's line."""
     line = _line_before(element)
     return line[: len(line) - len(line.lstrip(" \t"))]
 
 
 def line_end_near(element: Element) -> str:
-    """The line end that stands next to an element: behind its line, or else before it."""
+    """The line end next to an element: after its line, or else before it."""
     text = element.tree.text
     found = _LINE_END.search(text, element.end)
     if found:
@@ -114,7 +114,7 @@ def is_one_line(element: Element) -> bool:
 
 @lru_cache(maxsize=64)
 def indent_unit(tree: XmlTree) -> str:
-    """By how much what an element holds stands further right: as the file has it first, else two blanks."""
+    """The indentation of one level: the first that the file uses, or else two blanks."""
     for element in tree.root.walk():
         parent = element.parent
         if parent is not None and begins_line(element) and begins_line(parent):
@@ -125,7 +125,7 @@ def indent_unit(tree: XmlTree) -> str:
 
 
 def lead_start(element: Element) -> int:
-    """Where the line begins that an element begins, or the first of the comments directly above it."""
+    """Where the line of an element begins, or the first of the comments directly above it."""
     text = element.tree.text
     start = line_start(text, element.start)
     floor = element.parent.inner_start if element.parent is not None else 0
@@ -138,7 +138,7 @@ def lead_start(element: Element) -> int:
     return start
 
 
-# --- something new ------------------------------------------------------------------------------------------------
+# --- inserting ----------------------------------------------------------------------------------------------------
 
 
 def _gap(near: Element, start: int, end: int, before: str, after: str, indent: str, *, own_line: bool) -> WritingGap:
@@ -149,10 +149,10 @@ def _gap(near: Element, start: int, end: int, before: str, after: str, indent: s
 
 
 def gap_behind(element: Element, *, blank_line: bool = False, alone_apart: bool = False) -> WritingGap:
-    """Behind a sibling.
+    """The place after a sibling.
 
-    :param blank_line: leave a line empty where the siblings stand in lines of their own with empty lines between.
-    :param alone_apart: leave it also behind the only one.
+    :param blank_line: leave an empty line if the siblings have their own lines with empty lines between them.
+    :param alone_apart: leave it also after an only child.
     """
     indent = indent_of(element)
     if has_own_lines(element):
@@ -165,7 +165,7 @@ def gap_behind(element: Element, *, blank_line: bool = False, alone_apart: bool 
 
 
 def gap_before(element: Element) -> WritingGap:
-    """Before a sibling, and before the comments that belong to it."""
+    """The place before a sibling, and before the comments that belong to it."""
     indent = indent_of(element)
     if has_own_lines(element):
         at = lead_start(element)
@@ -174,7 +174,7 @@ def gap_before(element: Element) -> WritingGap:
 
 
 def gap_in(parent: Element) -> WritingGap:
-    """In an element that holds no other: behind the comments in it, if there are."""
+    """The place in an element without children, after any comments in it."""
     text, line_end, outer = parent.tree.text, line_end_near(parent), indent_of(parent)
     own_line, indent = has_own_lines(parent), outer
     before = behind = ""
@@ -197,7 +197,7 @@ def gap_in(parent: Element) -> WritingGap:
 
 
 def _last_line_indent(text: str, at: int) -> str:
-    """Of a comment that ends there: the blanks before its beginning."""
+    """The indentation of a comment that ends at an offset."""
     opening = text.rfind("<!--", 0, at)
     line = text[line_start(text, opening) : opening]
     return line if not line.strip(" \t") else line[: len(line) - len(line.lstrip(" \t"))]
@@ -208,7 +208,7 @@ def _siblings(element: Element) -> list[Element]:
 
 
 def _is_set_apart(element: Element) -> bool:
-    """Whether an empty line parts an element from the sibling before it, or the first from the one behind it."""
+    """Whether an empty line separates an element from the sibling before it, or the first from the second."""
     siblings = _siblings(element)
     at = siblings.index(element)
     if len(siblings) < 2:
@@ -218,7 +218,7 @@ def _is_set_apart(element: Element) -> bool:
 
 
 def _separator(element: Element) -> str:
-    """What stands between siblings that share a line."""
+    """The blanks between siblings that share a line."""
     siblings, text = _siblings(element), element.tree.text
     at = siblings.index(element)
     for left, right in zip(siblings[max(at - 1, 0) :], siblings[max(at, 1) :], strict=False):
@@ -229,7 +229,7 @@ def _separator(element: Element) -> str:
 
 
 def wrap(root: Element, wrapper: str, written: str | NewElement) -> list[Splice]:
-    """Put a wrapper around the only element of a file, and something behind it."""
+    """Put a wrapper around the only element of a file, and something after that element."""
     line_end = line_end_near(root) if begins_line(root) else ""
     if isinstance(written, NewElement):
         written = written.write("", indent_unit(root.tree), line_end, flat=not line_end)
@@ -240,11 +240,11 @@ def wrap(root: Element, wrapper: str, written: str | NewElement) -> list[Splice]
     ]
 
 
-# --- something that goes ------------------------------------------------------------------------------------------
+# --- removing -----------------------------------------------------------------------------------------------------
 
 
 def removal(first: Element, last: Element | None = None) -> Splice:
-    """Takes siblings out, with their lines if these hold nothing else. Comments stay."""
+    """Remove siblings, and their lines if these hold nothing else. Comments stay."""
     text, start, end = first.tree.text, first.start, (last or first).end
     begins, behind = begins_line(first), _ONLY_BLANKS.match(text, end)
     if begins and behind is not None:
@@ -264,7 +264,7 @@ def removal(first: Element, last: Element | None = None) -> Splice:
 
 
 def removals(elements: list[Element]) -> list[Splice]:
-    """Takes elements out, of which some may be neighbours: their stretches are joined where they meet."""
+    """Remove elements, which may be neighbours: their ranges are joined where they meet."""
     splices: list[Splice] = []
     for element in elements:
         gone = removal(element)
@@ -274,7 +274,7 @@ def removals(elements: list[Element]) -> list[Splice]:
 
 
 def _end_of_line_before(text: str, start: int) -> int:
-    """The last character of the line before one, its line end left out."""
+    """The last character of the line before `start`, without its line end."""
     return start - 2 if text[:start].endswith("\r\n") else start - 1
 
 
@@ -287,32 +287,32 @@ def _blanks_at(text: str, at: int) -> int:
 
 
 def collapse(parent: Element) -> Splice | None:
-    """An element that would hold nothing more, written `<empty/>`; None while a comment or text stands in it."""
+    """Write an element that would become empty as `<empty/>`; None if it contains a comment or text."""
     if parent.marks() or parent.text.strip() or any(child.tail.strip() for child in parent):
         return None
     return Splice(parent.tree.name, parent.inner_start - 1, parent.end, "/>")
 
 
 def removal_or_collapse(element: Element, last: Element | None = None) -> Splice:
-    """Takes siblings out; where their parent would hold nothing more, it is written `<empty/>`."""
+    """Remove siblings. If their parent would become empty, write it as `<empty/>`."""
     parent = element.parent
     is_all = parent is not None and parent[0] is element and parent[-1] is (last or element)
     emptied = collapse(parent) if is_all and parent is not None else None
     return emptied or removal(element, last)
 
 
-# --- something that moves -----------------------------------------------------------------------------------------
+# --- moving -------------------------------------------------------------------------------------------------------
 
 
 def _block(first: Element, last: Element) -> tuple[int, int]:
-    """The lines of siblings with the comments that belong to them."""
+    """The lines of siblings and of the comments that belong to them."""
     return lead_start(first), next_line(first.tree.text, max(_line_rest(last), last.end))
 
 
 def move_siblings(
     first: Element, last: Element, to_first: Element, to_last: Element, *, behind: bool
 ) -> tuple[Splice, Splice]:
-    """Put the siblings `first` to `last` before or behind the siblings `to_first` to `to_last`, with their lines and
+    """Move the siblings `first` to `last` before or behind the siblings `to_first` to `to_last`, with their lines and
     the comments that belong to them."""
     text, file = first.tree.text, first.tree.name
     if all(has_own_lines(each) for each in (first, last, to_first, to_last)):

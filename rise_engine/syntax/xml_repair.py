@@ -1,8 +1,8 @@
-"""The commonest mistakes in hand-written XML, found and repaired in memory so that the rest of the file can be checked.
+"""Finds the commonest mistakes in hand-written XML and repairs them in memory, so that the rest can be checked.
 
 These are a raw `<` or `&` in a condition or a text, a double quotation mark inside a value in double quotation marks,
-and a blank that XML does not know (from a word processor or a web page) where only blanks can stand. Each gets a
-finding of its own with the corrected text.
+and a blank that XML does not know (from a word processor or a web page) where only blanks are allowed. Each gets its
+own diagnostic with the corrected text.
 """
 
 from __future__ import annotations
@@ -31,14 +31,14 @@ _LINE_ENDS = re.compile(r"[ \t]*+[\r\n]\s*+")
 _GAP = re.compile(rf"{GAP}*+")
 _EQUALS = re.compile(rf"{GAP}*+={GAP}*+")
 _FARTHEST = 2000
-"""Characters in which the end of a value with quotation marks in it is looked for."""
+"""How far, in characters, the end of a value with quotation marks in it is searched for."""
 _SHOWN = 300
-"""Characters of a corrected text in a message, so that messages stay readable whatever a file holds."""
+"""The longest corrected text in a message, in characters."""
 _QUOTE_ENTITIES = {'"': "&quot;", "'": "&apos;"}
 
 
 class Mistake(NamedTuple):
-    """Something that is wrong in a text: the code of a finding, where it stands, and a sentence."""
+    """A mistake in a text: the code of a diagnostic, its offset, and a sentence."""
 
     code: str
     offset: int
@@ -46,18 +46,18 @@ class Mistake(NamedTuple):
 
 
 class RepairedText:
-    """A text without the mistakes that this module knows, with the way back to the offsets of the original."""
+    """A text without the mistakes that this module knows, with a map back to the offsets of the original."""
 
     def __init__(self, original: str) -> None:
         repairer = _Repairer(original)
         self._edits = sorted(repairer.find_edits())
         self.mistakes = repairer.mistakes
-        """What was repaired, or could not be read further, each at its place in the original."""
+        """What was repaired, or could not be read, each with its offset in the original."""
         self._starts: list[int] = []
-        """Where in the repaired text each edit begins."""
+        """The offset in the repaired text at which each edit begins."""
         pieces: list[str] = []
         position = length = 0
-        for start, end, new in self._edits:  # two may meet in one character, where a text is very wrong
+        for start, end, new in self._edits:  # two may meet in one character if a text is very wrong
             pieces += (original[position:start], new)
             length += start - position
             self._starts.append(length)
@@ -66,7 +66,7 @@ class RepairedText:
         self.text = "".join((*pieces, original[position:]))
 
     def original_offset(self, offset: int) -> int:
-        """Where an offset of `text` was before the repair."""
+        """The offset in the original of an offset in `text`."""
         index = bisect_right(self._starts, offset) - 1
         if index < 0:
             return offset
@@ -76,14 +76,14 @@ class RepairedText:
 
 
 class _Repairer:
-    """Walks over a text that is not well-formed."""
+    """Scans a text that is not well-formed."""
 
     def __init__(self, text: str) -> None:
         self.text = text
         self.mistakes: list[Mistake] = []
         self.edits: list[TextEdit] = []
         self.searched_until: dict[str, int] = {}
-        """How far the text has been searched, in vain, for the end of a value in these quotation marks."""
+        """How far we have searched in vain for the end of a value in these quotation marks."""
 
     def report_error(self, code: str, offset: int, message: str) -> None:
         self.mistakes.append(Mistake(code, offset, message))
@@ -92,10 +92,10 @@ class _Repairer:
         self.edits.append(TextEdit(start, end, new))
 
     def find_edits(self) -> list[TextEdit]:
-        """What has to be replaced; each mistake is noted."""
+        """Find all replacements, and note each mistake."""
         text = self.text
         position = 0
-        run_start = 0  # where the present stretch of text between tags begins
+        run_start = 0  # where the current range of text between tags begins
         run_bad: list[tuple[int, str]] = []
         while (mark := _MARK.search(text, position)) is not None:
             start = mark.start()
@@ -128,13 +128,13 @@ class _Repairer:
         return self.edits
 
     def skip_blanks(self, start: int, instead: str) -> int:
-        """Step over blanks, those that XML does not know too; they are reported and replaced."""
+        """Skip blanks. Blanks that XML does not know are reported and replaced."""
         end = match_end(_GAP, self.text, start)
         self.replace_odd_blanks(start, end, instead)
         return end
 
     def replace_odd_blanks(self, start: int, end: int, instead: str) -> None:
-        """Replace the blanks that XML does not know; one finding for them all."""
+        """Replace the blanks that XML does not know, with one diagnostic for all of them."""
         first = position = find_unseen(self.text, start, end)
         if first < 0:
             return
@@ -146,13 +146,13 @@ class _Repairer:
             position = find_unseen(self.text, position + 1, end)
 
     def repair_outside_root(self, start: int, end: int) -> None:
-        """What stands before the outermost element or behind it, when it is nothing but odd blanks."""
+        """Remove odd blanks before or after the outermost element if nothing else is there."""
         gap = _GAP.match(self.text, start, end)
         if gap is not None and gap.end() == end:
             self.replace_odd_blanks(start, end, "")
 
     def repair_start_tag(self, start: int) -> int:
-        """Read a start tag tolerantly, repairing its attribute values. Returns the offset behind it."""
+        """Read a start tag tolerantly and repair its attribute values. Returns the offset after it."""
         text = self.text
         position = match_end(_NAME, text, self.skip_blanks(start + 1, ""))
         while True:
@@ -178,7 +178,7 @@ class _Repairer:
             position = end + 1
 
     def repair_typographic_value(self, opening: int) -> int:
-        """Repair a value in typographic quotation marks, or one that they close: where it ends; -1 for others."""
+        """Repair a value in typographic quotation marks, or one that they close. Returns its end; -1 for others."""
         text = self.text
         curly = bool(straight_quote(text[opening : opening + 1]))
         if not curly and text[opening : opening + 1] not in ('"', "'"):
@@ -188,7 +188,7 @@ class _Repairer:
         straight = straight_quote(text[opening]) or text[opening]
         for found in _ANY_QUOTE.finditer(text, opening + 1, last):
             if not curly and found.group() == straight:
-                return -1  # it is closed as it should be
+                return -1  # it is closed correctly
             if not curly and not straight_quote(found.group()):
                 continue
             if not _CURLY_ENDS.match(text, found.end()):
@@ -202,7 +202,7 @@ class _Repairer:
         return -1
 
     def escape_value(self, start: int, end: int, quote: str) -> None:
-        """Replace what cannot stand in a value that has just got its quotation marks."""
+        """Replace the characters that are not allowed in a value that has just got its quotation marks."""
         entities = {"<": "&lt;", quote: _QUOTE_ENTITIES[quote]}
         for position in range(start, end):
             character = self.text[position]
@@ -212,10 +212,10 @@ class _Repairer:
                 self.replace(position, position + 1, "&amp;")
 
     def find_value_end(self, start: int, quote: str) -> int:
-        """The offset of the quotation mark that closes a value, or -1 when it is never closed.
+        """The offset of the quotation mark that closes a value, or -1 if it is never closed.
 
-        A mark that is followed by neither the tag's end nor another attribute was meant as part of the value. That is
-        looked for in the same line, and not for ever.
+        A mark that is followed by neither the tag's end nor another attribute was meant as part of the value. We search
+        the same line for a better one, up to a limit.
         """
         text = self.text
         first = end = text.find(quote, start)
@@ -231,7 +231,7 @@ class _Repairer:
         return end
 
     def repair_value(self, name: str, opening: int, end: int) -> None:
-        """Replace what cannot stand in a value; a finding for its characters and one for its quotation marks."""
+        """Replace what is not allowed in a value: a diagnostic for its characters and one for its quotation marks."""
         text = self.text
         quote = text[opening]
         bad: list[tuple[int, str]] = []
@@ -261,7 +261,7 @@ class _Repairer:
                 self.replace(offset, offset + 1, _QUOTE_ENTITIES[quote])
 
     def repair_stretch(self, start: int, end: int, bad: list[tuple[int, str]]) -> None:
-        """Replace the wrong characters of one stretch of text; one finding for them all."""
+        """Replace the wrong characters of one range of text, with one diagnostic for all of them."""
         if bad:
             corrected = _corrected_excerpt(self.text, start, end, bad)
             self.replace_unescaped(bad, " ".join(corrected.split()), "")
@@ -282,13 +282,13 @@ class _Repairer:
 
 
 def _first_of_name(text: str, opening: int) -> int:
-    """Where the name of a tag should begin: directly behind its `<`, or behind a character that nobody sees there."""
+    """Where the name of a tag should begin: directly after its `<`, or after an invisible character there."""
     end = match_end(_GAP, text, opening + 1)
     return end if find_unseen(text, opening + 1, opening + 2) > 0 else opening + 1
 
 
 def _read_reference(text: str, start: int, bad: list[tuple[int, str]]) -> int:
-    """Step over a `&`; a wrong one is added to `bad`."""
+    """Skip a `&` reference; a wrong one is added to `bad`."""
     if (reference := _REFERENCE.match(text, start)) is not None:
         return reference.end()
     bad.append((start, "&amp;"))
@@ -296,7 +296,7 @@ def _read_reference(text: str, start: int, bad: list[tuple[int, str]]) -> int:
 
 
 def _corrected_excerpt(text: str, start: int, end: int, bad: list[tuple[int, str]]) -> str:
-    """A stretch of text with its wrong characters replaced; of a long one, what stands around the first of them."""
+    """A range of text with its wrong characters replaced; for a long one, the surroundings of the first of them."""
     if end - start > _SHOWN:
         first = bad[0][0] if bad else start
         start = max(start, first - _SHOWN // 3)

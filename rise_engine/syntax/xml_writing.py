@@ -1,4 +1,4 @@
-"""New pieces of XML: elements, values and texts, and the smallest change that makes one text another."""
+"""New XML: elements, values and texts, and the smallest change that turns one text into another."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ _VALUE_UNIT = re.compile(rf"{ENTITY.pattern}|\r\n|.", re.DOTALL)
 
 
 class NewElement(Struct, frozen=True):
-    """An element that is to be written."""
+    """A new element, to be written."""
 
     tag: str
     attributes: Mapping[str, str] = {}
@@ -25,7 +25,7 @@ class NewElement(Struct, frozen=True):
     children: tuple[NewElement, ...] = ()
 
     def write(self, indent: str, unit: str, line_end: str, *, flat: bool) -> str:
-        """What it holds stands in lines of its own, `unit` further in, unless it is `flat`."""
+        """Write it. Its children get their own lines, indented by `unit`, unless it is `flat`."""
         opening = f"<{self.tag}" + "".join(f" {name}={quoted(value)}" for name, value in self.attributes.items())
         if self.children:
             inside, outside = ("", "") if flat else (line_end + indent + unit, line_end + indent)
@@ -41,13 +41,13 @@ def check_characters(text: str) -> None:
 
 
 def escape_text(text: str) -> str:
-    """A text between tags."""
+    """Escape a text between tags."""
     check_characters(text)
     return text.replace("&", "&amp;").replace("<", "&lt;").replace("]]>", "]]&gt;").replace("\r", "&#13;")
 
 
 def escape_value(text: str, quote: str) -> str:
-    """A value between quotation marks of this kind."""
+    """Escape a value between quotation marks of this kind."""
     check_characters(text)
     text = text.replace("&", "&amp;").replace("<", "&lt;")
     text = text.replace("\n", "&#10;").replace("\r", "&#13;").replace("\t", "&#9;")
@@ -55,13 +55,13 @@ def escape_value(text: str, quote: str) -> str:
 
 
 def quoted(value: str) -> str:
-    """A value with quotation marks: double ones, but around a text in which only such stand."""
+    """A value with quotation marks: double ones, unless only double ones occur in it."""
     quote = "'" if '"' in value and "'" not in value else '"'
     return f"{quote}{escape_value(value, quote)}{quote}"
 
 
 def one_line(text: str) -> str:
-    """A text as it is read: without blanks around it, and a line break is a blank."""
+    """A text as it is read: without blanks around it, and with line breaks as blanks."""
     text = text.strip()
     return " ".join(text.split()) if "\n" in text or "\r" in text else text
 
@@ -70,7 +70,7 @@ def one_line(text: str) -> str:
 
 
 def set_text(element: Element, text: str) -> Splice:
-    """Make a text the text of an element, which holds nothing else (`Element.text_obstacle`)."""
+    """Set the text of an element that contains nothing else (`Element.text_obstacle`)."""
     text = one_line(text)
     check_characters(text)
     file, written = element.tree.name, element.tree.text
@@ -87,7 +87,7 @@ def set_text(element: Element, text: str) -> Splice:
 
 
 def set_value(element: Element, name: str, value: str) -> Splice:
-    """Give an attribute that is there another value. Its quotation marks stay where they can."""
+    """Set an existing attribute. Its quotation marks stay if possible."""
     check_characters(value)
     written, file = element.written_attributes()[name], element.tree.name
     quote, other = written.quote, "'" if written.quote == '"' else '"'
@@ -100,13 +100,13 @@ def set_value(element: Element, name: str, value: str) -> Splice:
 
 
 class _Notation(Struct, frozen=True):
-    """How a kind of text is written."""
+    """How one kind of text is written."""
 
     unit: re.Pattern[str]
-    """What stands for one stretch of the text that is read."""
+    """Matches the written form of one unit of the text."""
     escape: Callable[[str], str]
     read: Callable[[str, bool], str]
-    """A unit as it is read; the second says whether the text goes over several lines."""
+    """Returns the value of a unit. The second argument says whether the text has several lines."""
 
 
 def _read_text(unit: str, broken: bool) -> str:
@@ -126,7 +126,7 @@ _CDATA = _Notation(_TEXT_UNIT, lambda piece: piece, _read_cdata)
 
 
 def _smallest(file: str, start: int, raw: str, new: str, notation: _Notation) -> Splice:
-    """What differs between a written text and a new one, and nothing before and after it."""
+    """Replace only the part that differs between a written text and a new one."""
     units = [found.group() for found in notation.unit.finditer(raw)]
     broken = "\n" in raw or "\r" in raw
     read = [notation.read(unit, broken) for unit in units]
@@ -151,10 +151,10 @@ def _smallest(file: str, start: int, raw: str, new: str, notation: _Notation) ->
 
 
 def set_attributes(element: Element, values: Mapping[str, str | None], order: Sequence[str]) -> list[Splice]:
-    """Give an element these attributes; those that are not named stay as they are.
+    """Set attributes of an element; those that are not named stay unchanged.
 
-    :param values: None: the attribute goes. A value that is there already changes nothing.
-    :param order: of all attributes that there may be: a new one stands behind the last one before it.
+    :param values: None removes the attribute. An attribute that has the value already is not changed.
+    :param order: all possible attributes: a new one goes after the last one that precedes it here.
     """
     written, file = element.written_attributes(), element.tree.name
     gone = {name for name, value in values.items() if value is None and name in written}
@@ -166,7 +166,7 @@ def set_attributes(element: Element, values: Mapping[str, str | None], order: Se
     ]
     replaced: dict[str, str] = {}
     kept = [order.index(each) for each in written if each in order and each not in gone]
-    for name in list(new):  # one thing instead of another takes its place
+    for name in list(new):  # an attribute that replaces another takes its place
         if (old := _place_of_gone(name, gone - replaced.keys(), kept, order)) is not None:
             replaced[old] = f"{name}={quoted(new.pop(name))}"
     for name in sorted(gone, key=list(written).index):
@@ -183,7 +183,7 @@ def set_attributes(element: Element, values: Mapping[str, str | None], order: Se
 
 
 def _place_of_gone(name: str, gone: Set[str], kept: list[int], order: Sequence[str]) -> str | None:
-    """The attribute that goes whose place a new one takes: the first, if nothing that stays belongs between them."""
+    """The removed attribute whose place a new one takes: the first, if none that stays belongs between them."""
     rank = order.index(name)
     for each in sorted(gone, key=order.index):
         between = range(*sorted((rank, order.index(each))))
@@ -193,5 +193,5 @@ def _place_of_gone(name: str, gone: Set[str], kept: list[int], order: Sequence[s
 
 
 def _blanks(element: Element, attribute: WrittenAttribute) -> str:
-    """What stands before an attribute: a blank, or a line end with indentation."""
+    """The blanks before an attribute: one blank, or a line end with indentation."""
     return element.tree.text[attribute.start : attribute.name_start]
