@@ -349,8 +349,7 @@ def _first_beyond(contents: JournalContents, tape: _JournalTape, since: int) -> 
 
 
 def _load_other_scenario(path: Path, info: SessionInfo, notes: list[str]) -> Scenario:
-    """Load a scenario that the caller named. It takes the recorded one's name, because only its behavior is
-    compared."""
+    """Load a scenario that the caller named. It keeps the recorded name, because only its behaviour is compared."""
     loaded = load(path, robot=info.robot, mode=info.mode, **spoken_as(info))
     if loaded.scenario is None:
         raise SessionError(f"the scenario {path} does not load: {loaded.errors[0]}")
