@@ -274,7 +274,7 @@ def _text(text: str) -> str:
 
 
 def _value(value: Json) -> str:
-    """A value in TOML, in one line."""
+    """Write a value in TOML, in one line."""
     if isinstance(value, Mapping):
         return _table(value)
     if isinstance(value, list):
