@@ -163,6 +163,7 @@ def find_missing(
     :param took_part: participants with their runs.
     :param people: the rows of participants.csv.
     """
+    diagnostics = Diagnostics()
     settings = questionnaire.settings
     there = {(each.participant, each.run) for each in questionnaire.rows}
     lines = {each.participant: each.line for each in people}
