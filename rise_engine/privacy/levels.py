@@ -167,8 +167,7 @@ def without_dates(sentence: str) -> str:
 
 
 def _is_typed(kind: str, source: str) -> bool:
-    """Whether people may have typed it. A program's note may be what it heard; the engine's own notes are never
-    typed."""
+    """Whether people may have typed it. Notes of programs may be what they heard; the engine's own are never typed."""
     return source != ENGINE if kind in ("note", "cue") else _PERSON.match(source) is not None
 
 
@@ -198,12 +197,10 @@ def count_words(what: str, text: str) -> str:
 
 
 def told_coded(folder: Path, level: LevelFilter) -> list[CodedFile]:
-    """Return a session's annotations at a level below full, for coded.json of a shared session, without the files.
-
-    Empty when they cannot be read.
+    """Return a session's annotations for coded.json of a shared session. Empty when they cannot be read.
 
     :param folder: the session's folder.
-    :param level: the level's filter.
+    :param level: the filter of a level below full.
     """
     told: list[CodedFile] = []
     try:

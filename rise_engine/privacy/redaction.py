@@ -326,8 +326,7 @@ class _Redaction:
 
 
 def find_words(folder: Path, words: Words) -> list[str]:
-    """Find the words in a session's folder, including its name. Returns sentences: file, lines, and whose text it
-    is."""
+    """List where the words are in a session's folder, including its name: file, lines, and whose text it is."""
     found = []
     if words.find(folder.name):
         found.append(f"the folder's own name ({folder.name}): rename the folder")

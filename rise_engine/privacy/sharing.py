@@ -199,8 +199,7 @@ class _Sharing:
 
     def _new_filter(self) -> LevelFilter:
         """Make the filter for the new records. It also hides what the old filter hides: where the scenario itself uses
-        such a
-        word, both hide it."""
+        such a word, both hide it."""
         values = PrivateValues(self._scenario, self._keys)
         for record in self._contents.read_records():
             values.note(record)
@@ -213,8 +212,7 @@ class _Sharing:
         return new
 
     def _shared_lines(self, new: LevelFilter) -> Iterator[bytes]:
-        """Give the lines of the new journal. Raises SessionError if the new records differ from the old ones at the
-        level."""
+        """Give the lines of the new journal. Raises SessionError if its records differ from the old at the level."""
         for _, _, line in self._changed().lines(self._old.apply, new.apply):
             if isinstance(line, JournalHeader):
                 line = JournalHeader(FORMAT, f"rise-tui {self._info.versions.get('rise-tui', '')}".strip())

@@ -45,10 +45,9 @@ class Journal:
         """Open the journal and start its thread. Raises OSError, and SessionError when it cannot be locked.
 
         `size`: 0 makes a new file, else an existing one continues there. `lock`: the lock of an existing journal, if
-        the
-        caller has it already; the journal owns it from now on. `changed` is called on the writer's thread when
-        `durable` or
-        `error` changes, and must not block. `now` gives the session's time in seconds for the file `clock`.
+        the caller has it already; the journal owns it from now on. `changed` is called on the writer's thread when
+        `durable` or `error` changes, and must not block. `now` gives the session's time in seconds for the file
+        `clock`.
         """
         self.path = path
         self.on_change = changed

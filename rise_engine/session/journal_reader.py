@@ -122,10 +122,8 @@ class JournalContents(Struct):
             yield from _read_valid_lines(file, self.size, JournalContents(self.path))
 
     def follow(self, on_progress: ProgressCallback | None = None) -> Iterator[tuple[int, bytes, JournalLine]]:
-        """Give the lines of a journal that was not read before, and fill in the other fields on the way.
-
-        The fields are complete after the last line. Parameters and errors as in `read_journal`.
-        """
+        """Give the lines of a journal that was not read before. The other fields are filled in on the way, and are
+        complete after the last line. Parameters and errors as in `read_journal`."""
         progress = ReadingProgress(on_progress)
         with _open_journal(self.path) as file:
             end = file.seek(0, SEEK_END)
@@ -157,8 +155,7 @@ def read_journal(path: Path, on_progress: ProgressCallback | None = None) -> Jou
     `on_progress` gets a sentence about the progress about twice a second, if this takes long. Returns counts, the
     damaged, missing or torn parts, and methods to read the lines again; the lines stay in the file. The file is not
     changed, so the session may still run. Raises SessionError when there is no journal, it cannot be read, nothing in
-    it
-    is valid, or a newer version wrote it.
+    it is valid, or a newer version wrote it.
 
         >>> from tempfile import TemporaryDirectory
         >>> from rise_engine.kernel.inputs import Note

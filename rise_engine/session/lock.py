@@ -87,8 +87,7 @@ class JournalLock:
         `here`: a person has confirmed that the computer which had the session last no longer runs it.
 
         Raises JournalLockedError when an engine runs the session. Raises SessionError when an engine on another
-        computer
-        may run it, and when the journal is missing or cannot be written.
+        computer may run it, and when the journal is missing or cannot be written.
         """
         self._note = journal.with_name(HOLDER_FILE)
         self._descriptor, locked = _acquire(journal)
@@ -157,10 +156,8 @@ def read_holder(folder: Path) -> LockHolder | None:
 
 
 def forget_holder(folder: Path) -> None:
-    """Remove the note of an engine that is gone, because it names a user and a computer.
-
-    The note stays while somebody has the session, and where it is the only sign of who may have it.
-    """
+    """Remove the note of an engine that is gone, because it names a user and a computer. It stays while somebody has
+    the session, and where it is the only sign of who may have it."""
     holder = read_holder(folder)
     if holder is not None and holder.is_this_computer and not is_locked(folder / "journal.jsonl"):
         with suppress(OSError):

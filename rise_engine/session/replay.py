@@ -209,8 +209,7 @@ class Replay:
         """The timers that are set, with the session times at which they are due."""
 
     def steps(self) -> Iterator[ReplayedStep]:
-        """Replay each step and compare its records by their numbers. Raises SessionError, also when an input is
-        missing."""
+        """Replay each step and compare its records by number. Raises SessionError, also when an input is missing."""
         contents, tape = self.contents, self._tape
         wall, line = "", 0
         while self.difference is None and (found := tape.next_input()) is not None:

@@ -1,9 +1,8 @@
 """Random numbers for a study's plan: the same seed gives the same numbers on every Python and in every language.
 
 Python promises this only for `random()` and `seed()`, not for `shuffle`. Here a number is made by SHA-256 from the
-seed,
-the purpose and the position; ten lines in any language repeat it (docs/reference/study.md). A plan uses them for orders
-of conditions and for the choice of the cell that balances strata best.
+seed, the purpose and the position; ten lines in any language repeat it (docs/reference/study.md). A plan uses them for
+orders of conditions and for the choice of the cell that balances strata best.
 """
 
 from __future__ import annotations

@@ -50,8 +50,7 @@ def still_good(check: StudyCheck, earlier: Sequence[LogEntry], now: datetime) ->
     """Decide whether an earlier result of a check is still valid.
 
     It is if the check has `every`, passed last within that time, and had the same text. Later skips do not matter,
-    later
-    failures do. Checks of one participant never stay valid.
+    later failures do. Checks of one participant never stay valid.
 
     :return: the check, with `good_since` if it is.
     """

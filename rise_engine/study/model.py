@@ -118,8 +118,7 @@ class RecordingSettings(Struct, frozen=True):
     """None: there are no marks."""
     folder: str = ""
     """Absolute folder for recorders that name their own file; each session gets a folder in it. Empty: the session's
-    own
-    folder."""
+    own folder."""
     consent: str = "recording"
     """The consent that a participant must have given before a recording: `recording` is the column
     consent_recording."""

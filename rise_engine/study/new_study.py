@@ -89,8 +89,7 @@ def _fill(folder: Path, new: NewStudy) -> None:
 
 def _copy_scenario(source: Path, to: Path, scenario: Path) -> None:
     """Copy every file except hidden ones and links out of the scenario. Permissions are not copied, because the copy
-    must
-    be writable."""
+    must be writable."""
     to.mkdir()
     for path in sorted(source.iterdir()):
         if path.name.startswith(".") or why_not_read(scenario, path.relative_to(scenario)):

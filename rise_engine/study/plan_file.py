@@ -212,8 +212,7 @@ class _PlanReader:
         )
 
     def read_number(self, row: CsvRow, column: str, otherwise: int, least: int) -> int | None:
-        """Read a whole number. A list without this column gets `otherwise`. None, with a diagnostic, for a wrong
-        one."""
+        """Read a whole number. A list without this column has `otherwise`. None, with a diagnostic, for an error."""
         if column not in self.table.columns:
             return otherwise
         text = row.values[column]

@@ -74,8 +74,7 @@ def license_url(license: str) -> str:
 
 
 def package_facts(report: Mapping[str, str]) -> dict[str, Any]:
-    """Return the entries for datapackage.json: the standard's `licenses` and `contributors`, and `ethics` and
-    `funding`.
+    """Return datapackage.json's `licenses` and `contributors` (from the standard), and `ethics` and `funding`.
 
     :param report: `[report]` of study.toml.
     """

@@ -290,9 +290,8 @@ def outcome_fields(entry: SessionEntry, report: OutcomeReport, seconds: float) -
 
 
 def refuse_running_elsewhere(session: StudySession, *, here: bool = False) -> None:
-    """Make sure that no engine has a session that somebody gives up or judges, also on another computer.
-
-    The locks of other computers may not be visible here.
+    """Make sure that no engine has a session that somebody gives up or judges, also on another computer, whose locks
+    may be invisible here.
 
     :param session: a session that did not end.
     :param here: a person has confirmed that it no longer runs on the other computer.

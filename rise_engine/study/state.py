@@ -119,10 +119,8 @@ class StudyStatus(Struct, frozen=True):
         return next((each.state for each in self.standing.participants if each.participant == participant), None)
 
     def levels_of(self, row: Slot, participant: Participant | None) -> dict[str, str]:
-        """Return the between levels of a row: from the plan, drawn when it was taken, or as they would be drawn now.
-
-        `participant`: for whom they would be drawn; None: anybody.
-        """
+        """Return the between levels of a row: from the plan, drawn when it was taken, or as they would be drawn now
+        for this participant (None: for anybody)."""
         if row.levels or self.study.assignment.between != "minimise":
             return dict(row.levels)
         drawn = self.places.levels.get(row.slot)

@@ -69,11 +69,8 @@ def folders_in(sessions: Path) -> list[Path]:
 
 
 def owner_of(folder: Path) -> str:
-    """Return a session's participant, or an empty text if unknown.
-
-    The sources, in this order: a reassignment in the study's log, session.toml with the journal's labels, the journal,
-    the folder's name.
-    """
+    """Return a session's participant, or an empty text if unknown. Sources, in this order: a reassignment in the
+    study's log, session.toml with the journal's labels, the journal, the folder's name."""
     if (moved := reassignment_of(folder)) is not None:
         return moved.participant
     try:

@@ -205,8 +205,7 @@ def _concerns(entry: LogEntry, participant: str, own: set[str]) -> bool:
 
 def _without_name(entry: LogEntry, participant: str, name: str) -> dict[str, Any]:
     """Return an entry's fields with another name instead of theirs. Pseudonyms of digits only are not replaced in
-    written
-    texts, where they may be ordinary numbers."""
+    written texts, where they may be ordinary numbers."""
     if not participant.isdigit():
         entry = entry.with_written(partial(name_pattern(participant).sub, name))
     return {
