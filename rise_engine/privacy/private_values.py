@@ -57,7 +57,7 @@ Kind = TypeVar("Kind", bound=AnyRecord)
 
 
 class PrivateValues:
-    """A record of the values that private keys have had. It hides them in records."""
+    """A collector of the values that private keys have had, which hides them in records."""
 
     def __init__(self, scenario: Scenario, private: Iterable[str] = ()) -> None:
         """`private`: private keys in addition to the scenario's."""

@@ -91,8 +91,8 @@ def redact(
     session last, no longer runs it. `try_only`: nothing is changed. `disk`: does the writing, for tests.
     `before`: gets the report before anything is changed.
 
-    Raises SessionError, with the session unchanged, when it runs (JournalLockedError), its journal is torn or damaged,
-    the words decide what happened (with the place), or the disk fails.
+    Raises SessionError when the session runs (JournalLockedError), its journal is torn or damaged, the words decide
+    what happened (with the place), or the disk fails. The session is unchanged then.
     """
     disk = disk or Disk()
     read_info(folder, compare=False)  # fails if this is not a session

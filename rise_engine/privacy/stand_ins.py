@@ -97,11 +97,8 @@ class StandIns:
         return self._stand_in(slot, value)
 
     def _stand_in(self, slot: str, found: str | int | float) -> str | int:
-        """Return the stand-in of a number or text.
-
-        A number gets a number: a scenario can compute with it, and a different outcome is noticed. In a text, each word
-        gets a word, so that a first name alone has the same stand-in as in the full name.
-        """
+        """Return the stand-in. A number gets a number: a scenario can compute with it, and a new outcome is noticed.
+        Each word of a text gets a word, so that a first name has the same stand-in alone and in the full name."""
         if isinstance(found, str):
             return " ".join(str(self._give(slot, word.casefold(), number=False)) for word in found.split())
         return self._give(slot, f"{found:g}", number=True)

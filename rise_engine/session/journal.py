@@ -29,7 +29,7 @@ BATCH = 4_000_000
 
 
 class Journal:
-    """The journal of a running session. The engine's thread owns everything except the writer's thread."""
+    """The journal of a running session. Only the engine's thread may use it; the writer's thread is its own."""
 
     def __init__(
         self,
@@ -44,10 +44,9 @@ class Journal:
     ) -> None:
         """Open the journal and start its thread. Raises OSError, and SessionError when it cannot be locked.
 
-        `size`: 0 makes a new file, else an existing one continues there. `lock`: the lock of an existing journal, if
-        the caller has it already; the journal owns it from now on. `changed` is called on the writer's thread when
-        `durable` or `error` changes, and must not block. `now` gives the session's time in seconds for the file
-        `clock`.
+        `size`: 0 makes a new file, else an existing one continues there. `lock`: an existing lock of the journal,
+        which owns it from now on. `changed` is called on the writer's thread when `durable` or `error` changes, and
+        must not block. `now` gives the session's time in seconds for the file `clock`.
         """
         self.path = path
         self.on_change = changed
@@ -86,7 +85,7 @@ class Journal:
 
     @property
     def lag(self) -> float:
-        """Seconds since lines wait without progress. 0 when nothing waits."""
+        """Seconds for which lines have waited without progress. 0 when nothing waits."""
         return 0.0 if self.durable == self.appended else time.monotonic() - self._last_progress
 
     def close(self, timeout: float = 5.0) -> bool:

@@ -280,9 +280,8 @@ def unfinished_shadow(folder: Path, wizard: str) -> Shadow | None:
 
 
 def replace_words(line: bytes, replace: Callable[[str], str]) -> bytes:
-    """Replace what people typed in a line: the wizard's name, notes, and what would have been said or set.
-
-    The names of acts, events and rules come from the scenario and stay.
+    """Replace what people typed in a line: the wizard's name, notes, and what would have been said or set. The names
+    of acts, events and rules come from the scenario and stay.
 
     :param replace: maps an old text to a new one.
     :return: the same line when nothing changes or it cannot be read (the caller then finds the word in it).

@@ -86,9 +86,8 @@ def prove_balance(study: Study, slots: Sequence[Slot]) -> Balance:
 
 
 def block_problems(study: Study, slots: Sequence[Slot]) -> list[str]:
-    """Explain why the cells will be less balanced than possible when `n` are complete.
-
-    Only blocks are checked. Strata are assumed to have equal numbers, rounded down to whole ones.
+    """Explain why the cells will be less balanced than possible when `n` are complete. Only blocks are checked. Strata
+    are assumed to have equal numbers, rounded down to whole ones.
 
     :param study: the study.
     :param slots: its plan.

@@ -45,8 +45,7 @@ class Chance:
     def integer_below(self, count: int) -> int:
         """Draw a whole number from 0 to `count` - 1, all equally likely; `count` is from 1 to 2**64.
 
-        Values in the incomplete last `count` numbers below 2**64 are drawn again, because they would favour small
-        results.
+        Values in the incomplete last `count` numbers below 2**64 are drawn again: they would favour small results.
         """
         limit = _VALUES - _VALUES % count
         while (value := self._next()) >= limit:

@@ -47,10 +47,8 @@ def pending_checks(
 
 
 def still_good(check: StudyCheck, earlier: Sequence[LogEntry], now: datetime) -> PendingCheck:
-    """Decide whether an earlier result of a check is still valid.
-
-    It is if the check has `every`, passed last within that time, and had the same text. Later skips do not matter,
-    later failures do. Checks of one participant never stay valid.
+    """Decide whether an earlier result of a check is still valid: the check has `every`, passed last within that time,
+    and had the same text. Later skips do not matter, failures do. Checks of one participant never stay valid.
 
     :return: the check, with `good_since` if it is.
     """

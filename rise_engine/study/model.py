@@ -94,7 +94,7 @@ class MarkerSettings(Struct, frozen=True):
     """What is sent to LSL while the session runs (`lsl` in `[recording]`)."""
 
     scope: Literal["machine", "link", "site"] = "machine"
-    """How far away it is visible."""
+    """The part of the network that can see it."""
     payload: Literal["short", "json"] = "short"
 
 

@@ -196,10 +196,8 @@ def _with_outcome(entry: SessionEntry, outcome: LogEntry | None) -> SessionEntry
 def missing_entries(
     sessions: Iterable[StudySession], log: Sequence[LogEntry], after: Collection[str] = ()
 ) -> list[MissingEntry]:
-    """List what the folders show and the log lacks, in the order in which it happened.
-
-    These are sessions that began and hold a slot, checks after them, and outcomes. A session that was judged before its
-    engine was gone is over.
+    """List what the folders show and the log lacks, in the order in which it happened: that sessions began and hold a
+    slot, checks after them, and outcomes. A session that was judged before its engine vanished is over.
 
     :param sessions: from `read_sessions`.
     :param log: all entries.

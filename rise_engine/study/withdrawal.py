@@ -1,8 +1,8 @@
 """Withdrawal: erases one participant's data from a study for good. Only a salted hash and a free slot remain.
 
-It can be killed at any moment and run again. Under the log's lock, it writes a list of what to erase, moves the session
-folders out of `sessions` (so that nobody logs them again), and rewrites the log without the participant. Then it erases
-everything on the list, which can take long, and finally the list. The next run completes an interrupted one.
+It can be killed at any moment and run again. Under the log's lock, it writes a list of what to erase. It moves the
+session folders out of `sessions`, so that nobody logs them again, and rewrites the log without the participant. Then it
+erases everything on the list, which can take long, and finally the list. The next run completes an interrupted one.
 """
 
 from __future__ import annotations

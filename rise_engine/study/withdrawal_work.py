@@ -44,9 +44,8 @@ class KnownBy(Struct):
 
 
 def why_not_export(study: Path, export: str) -> str:
-    """Say why people must deal with an export because of its place, or return an empty text.
-
-    The study may be a copy, and files elsewhere may belong to others.
+    """Say why people must deal with an export because of its place, or return an empty text. The study may be a copy,
+    and files elsewhere may belong to others.
 
     :param study: the study's folder.
     :param export: its path, absolute or relative to the study.

@@ -1,7 +1,7 @@
 """Agreement of people who judged the same things: percent, kappa, alpha, ICC, limits of agreement.
 
-It has five formulas from the literature, and the tests compare them with published data sets and four libraries (two
-are under the GPL, so none can be a dependency). An undefined statistic has a sentence instead of a number:
+There are five formulas from the literature. Tests compare them with published data sets and four libraries, which
+cannot be dependencies (two are under the GPL). An undefined statistic has a sentence instead of a number:
 `Estimate.value` is None, and `Estimate.why` gives the reason.
 
 Sources: Cohen 1960 (kappa), Fleiss, Cohen and Everitt 1969 (its error), Krippendorff 2004 (alpha), McGraw and Wong 1996
@@ -255,10 +255,7 @@ def _f_share(value: float, above: float, below: float) -> float:
 
 
 def _beta_share(x: float, a: float, b: float) -> float:
-    """Compute the regularised incomplete beta function by its continued fraction, where that converges fast.
-
-    Source: DLMF 8.17.22.
-    """
+    """Compute the regularised incomplete beta function by its continued fraction (DLMF 8.17.22), in its fast range."""
     if x <= 0:
         return 0.0
     if x >= 1:

@@ -51,9 +51,8 @@ def read_annotations(
 
 
 def robot_speech(acts: Iterable[PlayedAct], end: float) -> Spans:
-    """Return when the robot spoke, in order: from the confirmation of a speech action to its end.
-
-    Pieces that overlap or follow at once are joined.
+    """Return when the robot spoke, in order: from the confirmation of a speech action to its end. Pieces that overlap
+    or follow at once are joined.
 
     :param acts: the session's acts.
     :param end: the session's end, which also ends unfinished speech.

@@ -232,9 +232,8 @@ class CodedAnnotation(Struct, frozen=True, kw_only=True):
     robot_overlap_s: float | None = None
     """Seconds in which the robot spoke meanwhile. None: its tier is not the participant's speech."""
     gap_s: float | None = None
-    """Seconds from the end of the robot's last speech that began before it, to its own begin. Negative: the robot still
-    spoke. None: the robot had not spoken, the session had no engine in between, or the tier is not the
-    participant's."""
+    """Seconds from the end of the robot's speech before it, to its begin. Negative: the robot still spoke. None: the
+    robot had not spoken, the session had no engine in between, or the tier is not the participant's speech."""
 
 
 class Outage(Struct, frozen=True, kw_only=True):

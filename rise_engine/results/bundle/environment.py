@@ -123,9 +123,8 @@ def _url_hash(data: bytes) -> str:
 
 
 def environment_text(recorded: dict[str, set[str]]) -> str:
-    """List the versions of the program, of Python and of every dependency, for comparison with other environments.
-
-    Each dependency has the SHA-256 of the list of its files.
+    """List the versions of the program, of Python and of every dependency. For comparison, each dependency has the
+    SHA-256 of the list of its files.
 
     :param recorded: the versions in the sessions, by program.
     """

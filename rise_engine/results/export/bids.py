@@ -167,8 +167,7 @@ class _Dataset:
         self._write_json(self._root / "participants.json", sidecar(columns))
 
     def _write_questionnaires(self) -> None:
-        """Write the answers. BIDS allows one row per participant, so a questionnaire after each run has a table per
-        run."""
+        """Write the answers. BIDS has one row per participant, so answers after each run have a table for each run."""
         context = self._context
         participant = Column(
             "participant_id",

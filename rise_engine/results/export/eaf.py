@@ -166,8 +166,7 @@ def _write_tiers(xml: etree._IncrementalFileWriter, tiers: Iterable[Tier], numbe
 
 
 def _date(started: str) -> str:
-    """Return the date for XML Schema. A zone that it does not allow (only whole minutes, up to 14 hours) becomes
-    UTC."""
+    """Return the date for XML Schema. It allows zones of whole minutes, up to 14 hours; others become UTC."""
     try:
         date = datetime.fromisoformat(started)
     except ValueError:

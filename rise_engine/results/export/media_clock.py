@@ -4,9 +4,8 @@ media time = offset + rate * session time (`rise_engine.session.media`). An anno
 clock. Annotations are scaled by its rate, because no annotation format can say that a camera runs fast. If a format
 lets each file begin elsewhere (ELAN, BORIS), the other files are aligned with the first one.
 
-While a session has no engine, its time stands still, but cameras go on. What happened after a recovery is therefore
-moved by the time that passed on the computer's clock. A file is aligned with the part of the session that has its
-marks.
+While a session has no engine, its time stands still, but cameras go on. So events after a recovery are moved by the
+time that passed on the computer's clock. A file is aligned with the part of the session that has its marks.
 """
 
 from __future__ import annotations

@@ -231,8 +231,7 @@ def _moments(data: SessionData) -> Iterator[TierSpan]:
 
 
 def _is_inner(point: Point) -> bool:
-    """Whether an event comes from a rule or the engine, whose tiers show its cause, or is a cue, which has its own
-    tier."""
+    """Whether an event is shown elsewhere: the tiers of rules show what raised it, and cues have their own tier."""
     inner = point.source == ENGINE or point.source.startswith("rule:")
     return point.kind == "event" and (inner or point.name.lstrip("/") in CUE_TOPICS)
 

@@ -201,8 +201,7 @@ class _Note:
         self._noted: LogEntry | None = None
 
     def write(self, format: str, level: ExportLevel, *, folder: bool) -> str:
-        """Write the entry first of all. Returns why it failed, or an empty text. Raises ExportError after a
-        withdrawal."""
+        """Write the entry. Returns why it failed, or an empty text. Raises ExportError after a withdrawal."""
         fields = {"path": self._path, "format": format, "level": level, **self._who()}
         try:
             with LockedLog(self.study) as log:

@@ -4,10 +4,9 @@ Extensible Data Format 1.0 (https://github.com/sccn/xdf/wiki/Specifications): `X
 a tag and its content. There is one file header. Each stream has a header, its samples, and a footer that counts them.
 Boundaries before each stream's samples, and at least every ten seconds, let readers continue in a damaged file.
 
-There are two streams. `rise`, type `Markers`: the same markers as in the live stream
-(`rise_engine.results.analysis.markers`). `rise-records`, type `Records`: every record as JSON. Stamps are session
-seconds. Both streams and the file share this clock, so their clock offsets are 0. Without offsets, readers would take
-the streams for unsynchronised ones.
+There are two streams. `rise`, type `Markers`, has the markers of the live stream
+(`rise_engine.results.analysis.markers`); `rise-records`, type `Records`, has every record as JSON. Stamps are session
+seconds. The file and both streams share this clock, so their offsets are 0; without any, they would look unsynchronised.
 """
 
 from __future__ import annotations
