@@ -23,7 +23,7 @@ from rise_engine.scenario.template import spoken_text
 WITHIN_WORDS = 3
 """The least number of letters with which a value is also found within longer words (`Anna` in `Annas`)."""
 WITHIN_NUMBERS = 5
-"""The same for values without letters: a telephone number is recognizable anywhere, `34` is not."""
+"""The same for values without letters: a telephone number is recognisable anywhere, `34` is not."""
 _VALUE_FIELDS = frozenset({"value", "old"})
 _UNSPACED = "\u2e80"
 """The first character of the scripts without spaces between words."""

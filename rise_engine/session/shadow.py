@@ -206,9 +206,9 @@ class ShadowWriter:
 
     @classmethod
     def begin(cls, folder: Path, wizard: str, *, speed: float = 1.0, disk: Disk | None = None) -> ShadowWriter:
-        """A new file in the session's folder, with its header.
+        """Make a new file in the session's folder, with its header.
 
-        :raises SessionError: the disk does not take it.
+        :raises SessionError: it cannot be written.
         """
         disk = disk or Disk()
         began = datetime.now().astimezone().isoformat(timespec="seconds")

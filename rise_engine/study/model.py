@@ -99,7 +99,7 @@ class MarkerSettings(Struct, frozen=True):
 
 
 class SyncSettings(Struct, frozen=True):
-    """Synchronization marks in recordings (`sync` in `[recording]`)."""
+    """Sync marks in recordings (`sync` in `[recording]`)."""
 
     start: bool = True
     end: bool = True

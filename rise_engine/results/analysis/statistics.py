@@ -83,10 +83,9 @@ def summarise(values: Iterable[float]) -> Summary | None:
 
 
 def median_interval(values: Iterable[float]) -> tuple[float, float] | None:
-    """Compute the 95 % interval of a median by order statistics: from the k-th of n ordered values to the k-th last.
-
-    k is the largest number for which a binomial of n and 1/2 is below k with at most 2.5 %. It covers at least 95 % for
-    every distribution.
+    """Compute the 95 % interval of a median by order statistics: from the k-th of n ordered values to the k-th last. k
+    is the largest number for which a binomial of n and 1/2 is below k with at most 2.5 %. The interval covers at least
+    95 % for every distribution.
 
     :return: its ends; None for fewer than 6 values, whose range is too narrow.
 

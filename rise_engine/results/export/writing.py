@@ -105,7 +105,6 @@ def export_context(folders: Iterable[Path], level: ExportLevel) -> ExportContext
 
 
 def _factors_of(folder: Path) -> Iterable[str]:
-    """Return the factors of a session."""
     try:
         return read_info(folder).factors
     except SessionError:

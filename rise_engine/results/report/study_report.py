@@ -83,7 +83,6 @@ class StudyReportInput(Struct, frozen=True):
 
     @property
     def sheet(self) -> list[SheetItem]:
-        """The reporting sheet."""
         if self.shows_conditions:
             return reporting_sheet(self.study, self.standing, self.figures, self.withdrawn, self.left_out)
         without_cells = replace(self.standing, cells=())
