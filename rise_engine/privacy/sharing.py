@@ -50,7 +50,7 @@ _BY_NUMBER = frozenset(
     {"cancelTask", "moveTask", "markMistake", "goOn", "repeatAct", "stopRuleOfAct", "releaseStop"}
     | {"cancelOpenGoals", "releaseOpenGoals"}
 )
-"""Functions whose behaviour is the number of a task, or rules by their names."""
+"""Functions whose behaviour is the number of a task, or names of rules."""
 _BY_NAME = frozenset(
     {
         "startCommunicationRobotAct",

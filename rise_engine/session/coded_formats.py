@@ -45,7 +45,7 @@ class CodedClock(Struct, frozen=True):
     """Session times at which the session had no engine, each with its length."""
 
     def to_session(self, at: float) -> float:
-        """Return the session time of an annotation time. Times within a gap become the gap's begin."""
+        """Return the session time of an annotation time. Times within a gap become the gap's start."""
         passed, away = (at - self.shift) / self.rate, 0.0
         for begin, seconds in self.gaps:
             if passed < begin + away:
@@ -307,7 +307,7 @@ def _observation(name: str, known: list[str], wanted: str, session: str) -> str:
 
 
 def _pair(name: str, rows: Iterable[tuple[float, str, str, str, str, str]], document: CodedDocument) -> None:
-    """Pair the begins and ends of states. They alternate for each subject, behaviour and modifiers."""
+    """Pair the starts and ends of states. They alternate for each subject, behaviour and modifiers."""
     begun: dict[tuple[str, str, str], tuple[float, str]] = {}
     for at, subject, code, modifiers, comment, kind in sorted(rows, key=lambda row: row[0]):
         tier = f"{subject}: {code}" if subject else code

@@ -110,8 +110,8 @@ class JournalLock:
     def move_to(self, path: Path) -> Iterator[None]:
         """Within a `with` statement, let the file `path` replace the journal.
 
-        `path` is locked before others know of it. The old journal is unlocked at the end, unless the body raises
-        OSError.
+        `path` is locked before others know of it. The old journal is unlocked at the end, unless the body fails with
+        OSError. Raises OSError.
         """
         descriptor = os.open(path, os.O_RDWR | os.O_CLOEXEC)
         if file_system(path) not in MANDATORY:

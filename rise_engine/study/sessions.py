@@ -1,6 +1,6 @@
 """The session folders of a study, and the entries that a killed program did not write to its log (`study.jsonl`).
 
-The folder decides about a session: its `session.toml`, the begin and end of its journal, and the outcome in it.
+The folder decides about a session: its `session.toml`, the start and end of its journal, and the outcome in it.
 `missing_entries` compares this with the log. The next program that opens the study writes the missing entries under the
 log's lock, so that a kill at any moment loses nothing.
 """

@@ -24,7 +24,7 @@ def read_annotations(
     end: float,
     problems: list[str],
 ) -> tuple[CodedAnnotation, ...]:
-    """Read the annotations, in the order of their begins.
+    """Read the annotations, in the order in which they begin.
 
     :param folder: the session's folder.
     :param level: the level's filter.

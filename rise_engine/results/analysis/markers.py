@@ -142,7 +142,7 @@ def live_words(scenario: Scenario, hide: Callable[[str], str]) -> MarkerWords:
 
 
 def recorded_markers(data: SessionData) -> list[tuple[float, str]]:
-    """Return the markers of a recorded session in order: wall-clock seconds since its begin, and words."""
+    """Return the markers of a recorded session in order: wall-clock seconds since its start, and words."""
     words = MarkerWords(specs_of(data.scenario))
     return [(at, each) for at, record in records_by_wall_clock(data) for each in words.words(record)]
 

@@ -232,7 +232,7 @@ class CodedAnnotation(Struct, frozen=True, kw_only=True):
     robot_overlap_s: float | None = None
     """Seconds in which the robot spoke meanwhile. None: its tier is not the participant's speech."""
     gap_s: float | None = None
-    """Seconds from the end of the robot's speech before it, to its begin. Negative: the robot still spoke. None: the
+    """Seconds from the end of the robot's speech before it, to its start. Negative: the robot still spoke. None: the
     robot had not spoken, the session had no engine in between, or the tier is not the participant's speech."""
 
 
@@ -330,7 +330,7 @@ class SessionData(Struct, frozen=True, kw_only=True):
     media: tuple[MediaFile, ...] = ()
     """The session's files, only at the level `full`."""
     coded: tuple[CodedAnnotation, ...] = ()
-    """Added annotations in the order of their begins."""
+    """Added annotations in the order in which they begin."""
     repairs: Repairs = Repairs()
     scenario: Scenario | None = None
     """The scenario that it ran. None: it cannot be loaded."""

@@ -159,7 +159,7 @@ def _media(clock: MediaClock) -> tuple[dict[str, list[str]], dict[str, dict[str,
         info["hasAudio"][path] = True
         if player == 1:
             info["display"][path] = "Nothing"  # no spectrogram; BORIS would add this, and then ask whether to save
-        info["offset"][str(player)] = round(0.0 - linked.origin, 3)  # its begin in the time of the first file
+        info["offset"][str(player)] = round(0.0 - linked.origin, 3)  # its start in the time of the first file
     return files, info if files else {}
 
 

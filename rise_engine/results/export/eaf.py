@@ -130,7 +130,7 @@ def _properties(data: SessionData, clock: MediaClock, annotations: int) -> list[
 
 
 def _time_slots(tiers: Iterable[Tier]) -> tuple[list[int], list[int]]:
-    """Return the times of all slots in order, as ELAN requires, and the slot numbers of each annotation's begin and
+    """Return the times of all slots in order, as ELAN requires, and the slot numbers of each annotation's start and
     end, one annotation after the other."""
     annotations = (annotation for tier in tiers for annotation in tier.annotations)
     moments: list[tuple[int, bool, int]] = []

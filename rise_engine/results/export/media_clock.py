@@ -122,7 +122,7 @@ def session_clock(data: SessionData, warnings: list[str]) -> MediaClock:
 
 
 def warn_of_lost(data: SessionData, lost: int, warnings: list[str]) -> None:
-    """Warn how many annotations are before the recording's begin."""
+    """Warn how many annotations are before the start of the recording."""
     if lost:
         warnings.append(
             f"{data.facts.session}: the recording begins later than the session, so {pluralize(lost, 'annotation')} "
@@ -186,7 +186,7 @@ def _rate_is_measured(file: MediaFile) -> bool:
 
 
 def _offset(file: MediaFile, gaps: tuple[Outage, ...]) -> float:
-    """Return the media time at the session's begin, also for a file that began after a gap and was aligned there."""
+    """Return the media time at the session's start, also for a file that began after a gap and was aligned there."""
     assert file.offset is not None
     laid_at = file.marks[0].session_at if file.marks else max(0.0, -file.offset)
     return file.offset - file.rate * seconds_away(gaps, laid_at)

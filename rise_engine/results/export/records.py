@@ -1,4 +1,4 @@
-"""The unchanged records of sessions for analyses, as JSON lines or as a table.
+"""The records of sessions themselves, for analyses, as JSON lines or as a table.
 
 Everything readable is exported, also from a running, torn or damaged session. Unreadable parts are reported, and
 nothing is invented.

@@ -144,7 +144,7 @@ def new_export(
 ) -> Iterator[NewExport]:
     """Make a file or folder with data of sessions. It appears whole if the `with` statement succeeds, or not at all.
 
-    The log of each study in it notes it first, so that withdrawals and redactions know of it even if it is killed.
+    The log of each study in it notes it first, so that withdrawals and redactions know of it even after a kill.
     Therefore read its data within the statement. At the end, the log gets the export's hash, because a withdrawal
     erases only unchanged exports.
 

@@ -6,7 +6,7 @@ Boundaries before each stream's samples, and at least every ten seconds, let rea
 
 There are two streams. `rise`, type `Markers`, has the markers of the live stream
 (`rise_engine.results.analysis.markers`); `rise-records`, type `Records`, has every record as JSON. Stamps are session
-seconds. The file and both streams share this clock, so their offsets are 0. Without any, they would look unrelated.
+seconds. The file and both streams share this clock, so their offsets are 0. Without any, they count as unsynchronised.
 """
 
 from __future__ import annotations

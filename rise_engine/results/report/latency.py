@@ -127,7 +127,7 @@ class LatencyPart(Struct, frozen=True):
 
     name: str
     about: str
-    """Its begin and end."""
+    """Its start and end."""
     values: tuple[float, ...]
 
     @property

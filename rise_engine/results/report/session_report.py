@@ -87,7 +87,7 @@ def colophon(what: str, level: str) -> str:
 
 
 def problem_paragraphs(problems: Sequence[str], level: ExportLevel) -> Iterable[Paragraph]:
-    """Report what could not be read. The sentences contain file names with dates, so only the level full shows them."""
+    """Report what could not be read. The sentences name files, dates and folders, so only the level full has them."""
     if level == "full":
         yield from (Paragraph(problem, "warning") for problem in problems)
     elif problems:
