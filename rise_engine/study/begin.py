@@ -365,7 +365,6 @@ def _next_run(state: StudyStatus, participant: str) -> int | None:
 
 
 def _run_of_condition(study: Study, request: BeginRequest, problems: list[str]) -> PlannedRun | None:
-    """Return a run of the requested condition."""
     try:
         return planned_run(study, parse_condition(study, request.condition), run=request.run or 1)
     except ValueError as error:

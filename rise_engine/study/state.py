@@ -161,9 +161,6 @@ class OpenStudy:
     """
 
     def __init__(self, folder: Path) -> None:
-        """
-        :param folder: the study's folder.
-        """
         self.folder = folder
         self.log = LockedLog(folder)
         self.state: StudyStatus

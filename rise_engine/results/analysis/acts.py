@@ -50,7 +50,6 @@ class ActCollector:
         self._causes = CauseCollector(self._tasks)
 
     def add(self, record: AnyRecord) -> None:
-        """Add the next record."""
         add_record(self._tasks, record)
         self._causes.add(record)
         if isinstance(record, CueRecord):

@@ -19,7 +19,6 @@ class OutageCollector:
         self._before: AnyRecord | None = None
 
     def add(self, record: AnyRecord) -> None:
-        """Add the next record."""
         before, self._before = self._before, record
         if before is None or not isinstance(record, SessionRecord) or record.status != "recovered":
             return

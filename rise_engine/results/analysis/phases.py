@@ -64,7 +64,6 @@ class PhaseCollector:
         self.stepped_back = 0
 
     def add(self, record: AnyRecord) -> None:
-        """Add the next record."""
         if isinstance(record, TaskRecord):
             if record.function == "startInteractionRule" and record.status == "ACTIVE":
                 self._sources[started_rule(record.behavior)] = record.source
@@ -123,7 +122,6 @@ class PointCollector:
         """Whether the last stop was the engine's own at the session's end, which is not a person's stop."""
 
     def add(self, record: AnyRecord) -> None:
-        """Add the next record."""
         if isinstance(record, MistakeRecord):
             if (before := self._marks.pop(record.task, None)) is not None:
                 self._points[before] = replace(self._points[before], name="")

@@ -88,7 +88,6 @@ class SessionRecords:
         self.name = self._name()
 
     def __iter__(self) -> Iterator[AnyRecord]:
-        """Do the same as `read`."""
         return self.read()
 
     def read(self) -> Iterator[AnyRecord]:

@@ -118,7 +118,6 @@ class _Spans:
         self._key: Json = None
 
     def add(self, record: AnyRecord) -> None:
-        """Add the next record."""
         if record.t > self._t:
             self._settle()
             self._t = record.t
@@ -136,7 +135,6 @@ class _Spans:
             self.repeated.append(record.t)
 
     def close(self, end: float) -> None:
-        """End the record."""
         self._settle()
         self._end(end, "record")
 

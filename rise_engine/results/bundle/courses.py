@@ -64,7 +64,6 @@ class TaskNames:
         self._counts: dict[tuple[str, str, str], int] = {}
 
     def add(self, record: AnyRecord) -> None:
-        """Add a record."""
         if isinstance(record, TaskRecord) and record.id not in self._names:
             what = (record.source, record.function, record.behavior)
             self._counts[what] = self._counts.get(what, 0) + 1

@@ -67,7 +67,6 @@ class LookAt:
         self._people, self._alone = len(rows), sum(counts[row] == 1 for row in rows)
 
     def add_warnings(self, name: str, warnings: Sequence[str]) -> None:
-        """Add the warnings of an export."""
         self._warnings += [f"{name}: {each}" for each in warnings]
 
     def sentences(self, root: Path, people: Mapping[str, str], license: str) -> list[str]:

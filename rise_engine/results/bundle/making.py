@@ -257,7 +257,6 @@ class _Bundle:
     # --- about all of it ---
 
     def _contents(self, root: Path) -> list[str]:
-        """List the contents, one line each."""
         counts: Counter[str] = Counter()
         for path in root.rglob("*"):
             if path.is_file():
