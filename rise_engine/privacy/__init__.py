@@ -1,1 +1,1 @@
-"""What of a session is about people: private values, export levels, redaction, sessions for others."""
+"""Protection of people in a session's data: private values, export levels, redaction, sharing."""

@@ -1,8 +1,8 @@
-"""A session whose inputs are changed: what a fresh kernel makes of them, beside what was recorded.
+"""Sessions with changed inputs: a fresh kernel runs them, and its records are compared with the recorded ones.
 
-Redaction and sharing take something from the inputs. Each record that the kernel makes of what is left must be the
-recorded one, under a mask. So whatever decides anything (a condition, the length of a text) is noticed at the first
-record that differs.
+Redaction and sharing remove something from the inputs. Each record that the kernel then makes must equal the recorded
+one under a mask. If the removed part decided anything (a condition, the length of a text), the first record that
+differs shows it.
 """
 
 from __future__ import annotations
@@ -24,20 +24,20 @@ from rise_engine.session.replay import compare_replay
 from rise_engine.session.scenario_copies import offer_changed
 
 _OWN_SENTENCES = frozenset({"reason", "error"})
-"""Fields of records in which the program says something about what happened, and quotes what was asked for."""
+"""Fields of records in which the program itself speaks about what happened, and quotes what was requested."""
 
 ChangeInput: TypeAlias = Callable[[bytes, InputLine], AnyInput]
-"""From an input's line in the journal to what takes its place; the same input when nothing changes."""
+"""Maps an input's line in the journal to the new input, or to the same input when nothing changes."""
 Mask: TypeAlias = Callable[[dict[str, Any]], dict[str, Any]]
-"""From a record as JSON has it to what of it must stay the same."""
+"""Maps a record as JSON to the part that must stay the same."""
 Explain: TypeAlias = Callable[[int, str], SessionError]
-"""From a line of the journal, and what is different there, to the error."""
+"""Makes the error from the line in the journal and a description of the difference."""
 
 
 class ChangedSession:
     """A session in `folder` whose inputs are changed.
 
-    :param kernel: a fresh one.
+    :param kernel: a fresh kernel.
     :param contents: the whole journal, without damage.
     :param change: makes the new inputs.
     :param explain: makes the error when something else would have happened.
@@ -53,17 +53,17 @@ class ChangedSession:
         self._explain = explain
 
     def records(self) -> Iterator[AnyRecord]:
-        """What the kernel makes, not compared. Raises SessionError: an input cannot be carried out."""
+        """Give the kernel's records without comparing them. Raises SessionError: an input cannot be carried out."""
         for number, line, found in self._contents.lines():
             if isinstance(found, InputLine):
                 yield from self._handle(number, InputLine(found.n, self._change(line, found)))
 
     def lines(self, before: Mask, after: Mask) -> Iterator[tuple[bytes, JournalLine, JournalLine]]:
-        """Each line of the journal, without its end; what it holds, and what it holds now.
+        """Give each line of the journal without its end, with its old and its new content.
 
-        :param before: what must stay the same of a recorded record.
-        :param after: the same of a new one.
-        :raises SessionError: there is another record, or an input cannot be carried out.
+        :param before: the mask of recorded records.
+        :param after: the mask of new records.
+        :raises SessionError: a record differs, or an input cannot be carried out.
         """
         waiting: deque[AnyRecord] = deque()
         number = 0
@@ -89,13 +89,13 @@ class ChangedSession:
         try:
             offer_changed(self._kernel, self._folder, line.input)
             records, _ = self._kernel.handle(line.input)
-        except Exception as error:  # what the kernel never met before must not leave a trace of what is gone
+        except Exception as error:  # a failure of the kernel must not show a trace of what was removed
             raise self._explain(number, f"input {line.n} cannot be carried out ({error})") from error
         return records
 
 
 def why_not_replayed(folder: Path) -> str:
-    """Why a session does not replay as it is, with this version of the program; empty when it does."""
+    """Return why an unchanged session does not replay with this version of the program, or an empty text."""
     try:
         comparison = compare_replay(folder)
     except SessionError as error:
@@ -104,14 +104,14 @@ def why_not_replayed(folder: Path) -> str:
 
 
 def _different_field(recorded: AnyRecord, made: AnyRecord, before: Mask, after: Mask) -> str:
-    """The first field in which two records differ, as far as they are told."""
+    """Return the first field that differs between two records under their masks."""
     old, new = encode_record(recorded), encode_record(made)
     if old == new and before is after:
         return ""
     was, now = before(msgspec.json.decode(old)), after(msgspec.json.decode(new))
     for name in dict.fromkeys([*was, *now]):
         if name in _OWN_SENTENCES or (name == "text" and was.get("source") == ENGINE):
-            continue  # "did you mean" depends on what was written, and nothing depends on that
+            continue  # "did you mean" depends on the typed words, and nothing depends on it
         if name not in was or name not in now or was[name] != now[name]:
             return name
     return ""

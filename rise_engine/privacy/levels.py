@@ -1,10 +1,10 @@
-"""How much of a session an export tells: everything, what can be shared with other researchers, or what can be public.
+"""How much of a session an export shows: everything, what researchers may share, or what may be public.
 
 full     everything, as it was recorded
-shared   no time of day and no date, no notes and no reasons that people typed, `{person_name}` for private keys,
-         speech that used them as its act has it, W1, W2, ... for wizards, no paths of recordings; of what
-         participants said, and of comments in annotations, only how many words it had
-public   as shared, and of what wizards said freely only how many words it had
+shared   no times of day and dates, no notes and reasons that people typed, `{person_name}` for private keys,
+         speech with private values as in its act, W1, W2, ... for wizards, no paths of recordings; for what
+         participants said, and for comments in annotations, only the number of words
+public   as shared, and only the number of words for what wizards said freely
 """
 
 from __future__ import annotations
@@ -30,28 +30,28 @@ _STARTED = re.compile(r"^\d{4}-\d{2}-\d{2}_\d{6}_")
 _PERSON = re.compile(r"^(wizard|observer):(.*)$", re.DOTALL)
 _NOBODY = frozenset({"command-line"})
 _COUNTED = re.compile(r"\[(?:note|free text|free speech), \d+ words?\]")
-"""What was counted before: in a session that was shared."""
+"""Texts that are already counted, in a shared session."""
 _TYPED = {"note": "text", "cue": "text", "check": "reason", "outcome": "reason", "recording": "reason"}
-"""By kind of record, the field into which people type."""
+"""For each kind of record, the field into which people type."""
 _SAID_BY_PROGRAM = frozenset({"check", "note", "session", "recording", "robot"})
-"""Kinds of records whose sentences can tell a date: when a plan was made, what a clock showed."""
+"""Kinds of records whose sentences can contain a date, such as when a plan was made or what a clock showed."""
 _SENTENCES = ("text", "value", "reason", "detail")
 _DATE = re.compile(
     r"\b\d{4}-\d{2}-\d{2}(?:[T _]\d{2}:?\d{2}(?::?\d{2}(?:[.,]\d+)?)?(?:\s?(?:UTC|Z|[+-]\d{2}:?\d{2})\b)?)?(?!\d)"
 )
 OLDEST = 89
-"""Years: BIDS has participants who are older at this age, so that nobody is known by it."""
+"""Years. BIDS gives this age to participants who are older, so that age does not identify anybody."""
 _AGES = frozenset({"age", "alter", "edad"})
-"""Columns of ages, in small letters."""
+"""Names of age columns in lower case."""
 
 
 class LevelFilter:
-    """What a session's records become at a level. First `note` every record, then `apply` to each."""
+    """A filter that shows a session's records at a level. First `note` every record, then `apply` it to each."""
 
     def __init__(
         self, level: ExportLevel, private: PrivateValues | None, wizards: Mapping[str, str] | None = None
     ) -> None:
-        """`private`: of the session's scenario; needed for all but `full`. `wizards`: what to call each, by name."""
+        """`private`: of the session's scenario; not needed for `full`. `wizards`: the code of each wizard, by name."""
         self.level = level
         self._private = private
         self._people: dict[str, str] = {}
@@ -59,27 +59,27 @@ class LevelFilter:
         self._names: re.Pattern[str] | None = None
 
     def session_name(self, folder: str) -> str:
-        """The session's name in a table: without its date, unless everything is told."""
+        """Return the session's name for a table, without its date at the levels below full."""
         return folder if self.level == "full" else _STARTED.sub("", folder)
 
     @property
     def people(self) -> dict[str, str]:
-        """What each wizard and observer is called, by name; known after `note`."""
+        """The code of each wizard and observer, by name. Complete after `note`."""
         return dict(self._people)
 
     def name_of_coder(self, name: str) -> str:
-        """What somebody who has annotated the session is called at this level."""
+        """Return the name or code of a person who annotated the session."""
         if self.level == "full" or not name:
             return name
         self._note_person("coder", name)
         return self._people.get(name, name)
 
     def count_typed_words(self, text: str) -> str:
-        """What somebody typed that is in no record (a reason in the study's log), as this level tells it."""
+        """Show a typed text that is in no record (such as a reason in the study's log) as this level allows."""
         return text if self.level == "full" or not text else count_words("free text", text)
 
     def note(self, records: Iterable[AnyRecord]) -> None:
-        """Take in everything: what is private, and who the people are."""
+        """Collect private values and people from all records."""
         if self._private is None or self.level == "full":
             return
         for record in records:
@@ -92,7 +92,7 @@ class LevelFilter:
             self._names = re.compile(rf"(?<!\w)(?:{'|'.join(map(re.escape, longest))})(?!\w)(?:#\d+)?")
 
     def apply(self, values: dict[str, Any]) -> dict[str, Any]:
-        """A record as JSON has it, at this level."""
+        """Return a record as JSON, as this level shows it."""
         if self._private is None or self.level == "full":
             return values
         values = _without_typed(values["kind"], values)
@@ -102,10 +102,9 @@ class LevelFilter:
         return {**self._private.hide_fields(values), "wall": ""}
 
     def apply_to_input(self, values: dict[str, Any], *, rejected: bool = False) -> dict[str, Any]:
-        """An input as JSON has it, without what people typed and without their names; what is private is left to
-        `PrivateValues`.
+        """Return an input as JSON without typed texts and people's names. `PrivateValues` hides the private values.
 
-        :param values: its fields.
+        :param values: the input's fields.
         :param rejected: whether it is a task that was rejected.
         """
         if self.level == "full":
@@ -148,7 +147,7 @@ class LevelFilter:
 
 
 def _without_typed(kind: str, values: dict[str, Any]) -> dict[str, Any]:
-    """A record, or an input, whose fields have the same names, without what somebody may have typed."""
+    """Remove what people may have typed from a record, or from an input whose fields have the same names."""
     typed = _TYPED.get(kind, "")
     if typed and values.get(typed) and _is_typed(kind, values["source"]):
         values = {**values, typed: count_words("note" if kind == "note" else "free text", values[typed])}
@@ -163,12 +162,12 @@ def _without_typed(kind: str, values: dict[str, Any]) -> dict[str, Any]:
 
 
 def without_dates(sentence: str) -> str:
-    """A sentence of the program's without the dates, and the times of day beside them, that stand in it."""
+    """Replace the dates, and times of day beside them, in a sentence of the program."""
     return _DATE.sub("[date]", sentence)
 
 
 def _is_typed(kind: str, source: str) -> bool:
-    """Whether somebody may have typed it: a note of a program can be what it heard, and the engine's own never is."""
+    """Whether people may have typed it. Notes of programs may be what they heard; the engine's own are never typed."""
     return source != ENGINE if kind in ("note", "cue") else _PERSON.match(source) is not None
 
 
@@ -189,7 +188,7 @@ def _without_free_speech(values: dict[str, Any]) -> dict[str, Any]:
 
 
 def count_words(what: str, text: str) -> str:
-    """How many words somebody typed, instead of them; what is counted already stays.
+    """Replace a typed text by its number of words. A text that is already counted stays.
 
     >>> count_words("note", "she looks away"), count_words("free text", "[note, 3 words]")
     ('[note, 3 words]', '[note, 3 words]')
@@ -198,11 +197,10 @@ def count_words(what: str, text: str) -> str:
 
 
 def told_coded(folder: Path, level: LevelFilter) -> list[CodedFile]:
-    """The annotations of a session as a level below full tells them, for coded.json of a session that is given to
-    others: without the files. What cannot be read is left out.
+    """Return a session's annotations for coded.json of a shared session. Empty when they cannot be read.
 
-    :param folder: the session's.
-    :param level: which.
+    :param folder: the session's folder.
+    :param level: the filter of a level below full.
     """
     told: list[CodedFile] = []
     try:
@@ -225,7 +223,7 @@ def told_coded(folder: Path, level: LevelFilter) -> list[CodedFile]:
 
 
 def told_span(span: CodedSpan, file: CodedFile, level: LevelFilter) -> CodedSpan:
-    """An annotation as a level tells it: of what the participant said, and of comments, how many words it had."""
+    """Show an annotation at a level: participants' speech and comments become their number of words."""
     return replace(
         span,
         annotator=level.name_of_coder(span.annotator),
@@ -235,7 +233,7 @@ def told_span(span: CodedSpan, file: CodedFile, level: LevelFilter) -> CodedSpan
 
 
 def cut_age(column: str, value: str) -> str:
-    """A value of participants.csv as others get it: nobody is older than OLDEST.
+    """Limit a value of participants.csv for shared data: ages above OLDEST become OLDEST.
 
     >>> [cut_age("age", "91"), cut_age("Alter", "89.5"), cut_age("age", "34"), cut_age("stage", "91")]
     ['89', '89', '34', '91']

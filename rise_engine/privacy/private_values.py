@@ -1,8 +1,8 @@
-"""What private memory keys hold, kept out of records that are given to others: `{person_name}` stands there instead.
+"""Hides the values of private memory keys in records for others: `{person_name}` replaces them.
 
-Two nets. By structure: the key's own records, conditions that read it, and every action whose act fills it in, which is
-shown as the act has it. By value: wherever a value that the key has had stands in a text, as a whole or as a name out
-of it. A number is only looked for as a word of its own.
+There are two ways. By structure: the key's own records, conditions that read it, and actions that an act fills with it,
+which are shown as in the act. By value: any text that contains a value the key has had, as a whole or as a name from
+it. A number is only found as a separate word.
 """
 
 from __future__ import annotations
@@ -21,12 +21,12 @@ from rise_engine.scenario.model import ActionCall, Scenario
 from rise_engine.scenario.template import spoken_text
 
 WITHIN_WORDS = 3
-"""Letters that a value has at least, for it to be looked for within longer words, too (`Anna` in `Annas`)."""
+"""The least number of letters with which a value is also found within longer words (`Anna` in `Annas`)."""
 WITHIN_NUMBERS = 5
-"""The same for what has no letters: a telephone number is one wherever it stands, and `34` is not."""
+"""The same for values without letters: a telephone number is recognisable anywhere, `34` is not."""
 _VALUE_FIELDS = frozenset({"value", "old"})
 _UNSPACED = "\u2e80"
-"""From here on lie the scripts that write no blanks between words."""
+"""The first character of the scripts without spaces between words."""
 NAMES_FIELDS = frozenset(
     {
         *("kind", "seq", "t", "wall", "status", "id", "function", "calling_type", "source", "position", "ref", "task"),
@@ -49,7 +49,7 @@ NAMES_FIELDS = frozenset(
         "result",
     }
 )
-"""Fields of records that hold what the scenario, the study or the program calls something, and no text."""
+"""Fields of records with names from the scenario, the study or the program, not texts."""
 _QUOTED = re.compile(r"`[^`]*`|'[^']*'")
 _NAME = re.compile(r"[^\W\d_][^\W_]*(?:[-'’][^\W_]+)*")
 
@@ -57,10 +57,10 @@ Kind = TypeVar("Kind", bound=AnyRecord)
 
 
 class PrivateValues:
-    """Follows what private keys hold, and hides it."""
+    """A collector of the values that private keys have had, which hides them in records."""
 
     def __init__(self, scenario: Scenario, private: Iterable[str] = ()) -> None:
-        """`private`: further keys, beside those that the scenario names."""
+        """`private`: private keys in addition to the scenario's."""
         self._scenario = scenario
         self.keys = scenario.private | frozenset(private)
         self._slots = {key: f"{{{key}}}" for key in self.keys}
@@ -71,22 +71,22 @@ class PrivateValues:
             self._note_value(key, scenario.memory[key])
 
     def note(self, record: AnyRecord) -> None:
-        """Take in what a record says that a private key holds."""
+        """Collect the values of a private key from a record."""
         if self.keys and isinstance(record, MemoryRecord):
             self.note_memory(record.key, record.value)
             self.note_memory(record.key, record.old)
 
     def note_memory(self, key: str, value: Any) -> None:
-        """Take in what a memory key holds, which may be private."""
+        """Collect the value of a memory key if the key is private."""
         if (head := _head(key)) in self.keys:
             self._note_value(head, value)
 
     def read(self, key: str, value: Any) -> Any:
-        """What somebody may see who asks for a memory key."""
+        """Return the value of a memory key as outsiders may see it."""
         return self.hide_value(self._read_value(key, value))
 
     def hide(self, record: Kind) -> Kind:
-        """A record as others may see it; the same one when there is nothing to hide."""
+        """Return a record as others may see it, or the same object when nothing is hidden."""
         if not self.keys:
             return record
         self.note(record)
@@ -95,7 +95,7 @@ class PrivateValues:
         return record if hidden == values else msgspec.convert(hidden, type(record))
 
     def hide_fields(self, values: dict[str, Any]) -> dict[str, Any]:
-        """As `hide`, for a record as JSON has it."""
+        """Do the same as `hide` for a record as JSON."""
         if not self.keys:
             return values
         match values["kind"]:
@@ -116,15 +116,14 @@ class PrivateValues:
         return {name: self._hide_field(name, each) for name, each in values.items()}
 
     def hide_value(self, value: Any) -> Any:
-        """A JSON value in whose texts no value of a private key stands."""
+        """Replace the values of private keys in the texts of a JSON value by their keys."""
         return self.replace_values(value, lambda slot, found: slot)
 
     def replace_values(self, value: Any, stand_in: Callable[[str, str | int | float], Any]) -> Any:
-        """A JSON value in whose texts something else stands wherever a private key's value did.
+        """Replace the values of private keys in a JSON value.
 
         :param value: a JSON value.
-        :param stand_in: gets the key as `{person_name}` and what was found, a text or a number; for a text it gives
-            one.
+        :param stand_in: gets the key as `{person_name}` and the found text or number; must return a text for a text.
         """
         if self._values and isinstance(value, str):
             if self._pattern is None:
@@ -145,13 +144,13 @@ class PrivateValues:
         return value
 
     def is_hidden(self, key: str) -> bool:
-        """Whether a memory key, or one in its value, is private."""
+        """Whether a memory key is private, or is a part of a private key."""
         return _head(key) in self.keys
 
     def _hide_field(self, name: str, value: Any) -> Any:
-        """Of a record: a number that is no memory value is a time or a count, and stays one."""
+        """Hide values in a record's field. A number outside memory values is a time or a count and stays."""
         if name == "key" and _head(value) not in self._scenario.known_keys:
-            return self.hide_value(value)  # somebody has made it while the session ran, perhaps of a value
+            return self.hide_value(value)  # made while the session ran, perhaps from a value
         if name in NAMES_FIELDS or (isinstance(value, int | float) and name not in _VALUE_FIELDS):
             return value
         return self.hide_value(value)
@@ -162,7 +161,7 @@ class PrivateValues:
         return self._slots[head] if value is not None and (head := _head(name)) in self.keys else value
 
     def _parameters(self, values: dict[str, Any]) -> dict[str, Any]:
-        """Of an action: those that a private key fills are shown as the act has them."""
+        """Show an action's parameters that a private key fills as the act has them."""
         parameters: dict[str, Any] = values["parameters"]
         act = self._scenario.acts.get(values["act"]) if values["act"] != SAY else None
         action = next((each for each in act.actions if each.id == values["action"]), None) if act is not None else None
@@ -183,7 +182,7 @@ class PrivateValues:
         return any(self.is_hidden(slot.key) for each in call.parameters.values() for slot in each.slots)
 
     def _assignment(self, values: dict[str, Any]) -> dict[str, Any]:
-        """`person_name = "Anna"`: also when it could not be read, and so never became a value."""
+        """Hide the values in `person_name = "Anna"`, also in one that could not be read and set no value."""
         behavior: str = values["behavior"]
         named = [key for key in sorted(self.keys) if re.search(rf"(?<![\w.]){re.escape(key)}(?!\w)", behavior)]
         if not named:
@@ -201,7 +200,7 @@ class PrivateValues:
         return {**values, "behavior": "; ".join(written), "reason": reason}
 
     def _quoted(self, found: re.Match[str]) -> str:
-        """What the engine quotes in a note may be what somebody typed before it was known to be private."""
+        """Hide the engine's quotes in notes: people may have typed them before the value was known to be private."""
         return found[0] if found[0][1:-1] in self._scenario.known_keys else "`…`"
 
     # --- by value ---
@@ -228,12 +227,12 @@ class PrivateValues:
 
 
 def _head(key: str) -> str:
-    """The whole memory key that `key`, with its parts, belongs to."""
+    """Return the whole memory key of which `key` is a part."""
     return key.partition(".")[0].partition("[")[0]
 
 
 def _texts(value: Any) -> Iterator[str]:
-    """Everything in a value that could be said; `true` and `false` say nothing of anybody."""
+    """Give each spoken text in a value. `true` and `false` do not identify anybody."""
     if isinstance(value, dict):
         for each in value.values():
             yield from _texts(each)
@@ -245,7 +244,7 @@ def _texts(value: Any) -> Iterator[str]:
 
 
 def _could_be(call: ActionCall, parameters: dict[str, Any]) -> bool:
-    """Whether an action's parameters can have come of this call."""
+    """Whether this call can have made an action's parameters."""
     for name, template in call.parameters.items():
         if name in parameters and isinstance(parameters[name], str) and template.parts:
             pattern = "".join(re.escape(each) if isinstance(each, str) else ".*" for each in template.parts)

@@ -1,8 +1,8 @@
-"""Redaction: words leave a session's record, and the session still replays.
+"""Redaction: removes words from a session's record, and the session still replays.
 
-The words go from the inputs; a fresh kernel makes the records of what is left, and each must be the old one without the
-words (`rise_engine.privacy.changed_session`); where one differs, nothing is changed. The new journal is written beside
-the old one, replayed once more as it stands there, and only then put in its place. Nothing of the old one is kept.
+The words are removed from the inputs. A fresh kernel makes the records again, and each must be the old one without the
+words (`rise_engine.privacy.changed_session`). If one differs, nothing is changed. The new journal is written beside the
+old one, replayed from the file, and only then moved into place. Nothing of the old one is kept.
 """
 
 from __future__ import annotations
@@ -34,44 +34,44 @@ from rise_engine.session.shadow import SHADOW_FOLDER, replace_words, shadow_file
 from rise_engine.session.unfinished_files import has_other_names
 
 NEW_SUFFIX = ".redacting"
-"""Of the new files, until they are put in place (they hold none of the words), and of what is just being erased."""
+"""The suffix of new files until they are in place. They contain none of the words."""
 _KEPT_BY_RECOVERY = re.compile(r"journal\.(torn-\d+|damaged-\d+\.jsonl)")
 _OWN_WORDS: frozenset[str] = frozenset({*get_args(TaskFunction), "None", "Blocking", "Interrupt"})
 _FIXED_FIELDS = frozenset({"input", "n", "t", "versions", "study_hash", "purpose", "status", "result", "mark"})
-"""Of inputs: what the program says, not people."""
+"""Fields of inputs that the program writes, not people."""
 _OWN_SOURCES = frozenset({"engine", "file", "study", "condition"})
 _OF_STUDY = frozenset({"participant", "condition", "factors", "study"})
-"""Fields of inputs and of session.toml by which a study knows its session; they are no text there."""
+"""Fields of inputs and session.toml that identify the session in a study and are not texts."""
 _REDACTED_LINE = re.compile(r"^redacted = \[(.*)\]$")
 _BY = re.compile(r'(?<=by = )"(?:[^"\\]|\\.)*"')
 _INFO_FIELDS = frozenset({"participant", "condition", "wizard", "scenario_folder", "ros_args"})
-"""Of session.toml: what is people's. The title and the robot are the scenario's, which is not changed."""
+"""Entries of session.toml with people's texts. Title and robot come from the scenario, which is not changed."""
 _INFO_TABLES = frozenset({"[machine]", "[factors]", "[memory]"})
 
 
 class RedactionReport(Struct):
-    """What redacting a session has done, or would do."""
+    """The changes of a redaction, done or planned."""
 
     lines: int = 0
-    """Of the journal that are others now."""
+    """Changed lines of the journal."""
     info_lines: int = 0
-    """Of session.toml."""
+    """Changed lines of session.toml."""
     shadow_lines: int = 0
-    """Of what second wizards did (`rise_engine.session.shadow`)."""
+    """Changed lines of second wizards' files (`rise_engine.session.shadow`)."""
     coded_files: int = 0
-    """Annotation files (`rise_engine.session.coded`) that are others now."""
+    """Changed annotation files (`rise_engine.session.coded`)."""
     log_lines: int = 0
-    """Of the study's log (`study.jsonl`)."""
+    """Changed lines of the study's log (`study.jsonl`)."""
     longer_words: dict[str, int] = field(default_factory=dict)
-    """Longer words of the inputs in which one of the words stood, and how often."""
+    """Longer words of the inputs that contain one of the words, and how often."""
     erased: list[str] = field(default_factory=list)
-    """Files beside the journal that held the words and are gone."""
+    """Deleted files beside the journal that contained the words."""
     remains: list[str] = field(default_factory=list)
-    """Where the words still stand, in sentences."""
+    """Sentences that say where the words still are."""
 
     @property
     def changed(self) -> bool:
-        """Whether anything is another than before, or would be."""
+        """Whether anything was changed, or would be."""
         return bool(self.lines or self.info_lines or self.shadow_lines or self.coded_files or self.log_lines)
 
 
@@ -85,17 +85,17 @@ def redact(
     disk: Disk | None = None,
     before: Callable[[RedactionReport], None] | None = None,
 ) -> RedactionReport:
-    """Replace words in the record of the session in `folder`: in its journal and its session.toml.
+    """Replace words in the record of the session in `folder`: journal, session.toml, shadows and annotations.
 
-    `by`: who does it, for session.toml. `here`: a person has decided that another computer, which had the session
-    last, does not run it any more. `try_only`: nothing is changed. `disk`: what writes, for tests.
-    `before`: is told what will be changed, before anything is.
+    `by`: the person who redacts, for session.toml. `here`: a person has confirmed that another computer, which had the
+    session last, no longer runs it. `try_only`: nothing is changed. `disk`: does the writing, for tests.
+    `before`: gets the report before anything is changed.
 
-    Raises SessionError, and then the session is as it was: it runs (JournalLockedError), its journal is torn or
-    damaged, the words decide what happened (SessionError, with the place), or the disk does not take it.
+    Raises SessionError when the session runs (JournalLockedError), its journal is torn or damaged, the words decide
+    what happened (with the place), or the disk fails. The session is unchanged then.
     """
     disk = disk or Disk()
-    read_info(folder, compare=False)  # whether it is a session at all
+    read_info(folder, compare=False)  # fails if this is not a session
     lock = JournalLock(folder / JOURNAL, here=here)
     try:
         return _Redaction(folder, words, disk, lock).run(by, before or (lambda report: None), try_only=try_only)
@@ -111,7 +111,7 @@ def redact(
 
 
 class _Redaction:
-    """One redaction of a session whose journal is locked."""
+    """A redaction of a session whose journal is locked."""
 
     def __init__(self, folder: Path, words: Words, disk: Disk, lock: JournalLock) -> None:
         self._folder = folder
@@ -122,17 +122,17 @@ class _Redaction:
         self._new = folder / (JOURNAL + NEW_SUFFIX)
         self._new_info = folder / (INFO + NEW_SUFFIX)
         self._new_beside: dict[Path, Path] = {}
-        """Each new file of a second wizard, and of those who annotated, and the one whose place it takes."""
+        """New files of second wizards and annotators, each with the file that it replaces."""
         self._report = RedactionReport()
         self._longer: Counter[str] = Counter()
         self._fixed = _FIXED_FIELDS
 
     def run(self, by: str, before: Callable[[RedactionReport], None], *, try_only: bool) -> RedactionReport:
-        for path in self._folder.glob(f"*{NEW_SUFFIX}"):  # of one that was interrupted
+        for path in self._folder.glob(f"*{NEW_SUFFIX}"):  # from an interrupted redaction
             path.unlink()
         contents = read_journal(self._path)
         self._refuse_damaged(contents)
-        info = read_info(self._folder, compare=False)  # one that was interrupted has changed one of them
+        info = read_info(self._folder, compare=False)  # an interrupted redaction changed only one of the two
         if info.study:
             self._refuse_pseudonym(info)
             self._fixed = _FIXED_FIELDS | _OF_STUDY
@@ -182,7 +182,7 @@ class _Redaction:
     # --- the journal ---
 
     def _new_lines(self, contents: JournalContents, info: SessionInfo) -> Iterator[bytes]:
-        """Of the new journal. Raises SessionError at the first record that differs."""
+        """Give the lines of the new journal. Raises SessionError at the first record that differs."""
 
         def mask(record: dict[str, Any]) -> dict[str, Any]:
             return {name: self._words.mask(each) for name, each in record.items()}
@@ -192,7 +192,7 @@ class _Redaction:
         for line, found, new in changed.lines(mask, mask):
             after = encode_line(new)
             if after == encode_line(found):
-                after = line + b"\n"  # another release may have written the same in other words
+                after = line + b"\n"  # another release may have written the same record differently
             self._report.lines += after[:-1] != line
             yield after
 
@@ -220,7 +220,7 @@ class _Redaction:
         return self._words.replace_in(value)
 
     def _difference(self, line: int, what: str) -> SessionError:
-        """Why nothing was changed: the words decide something, or the session never replayed."""
+        """Explain why nothing was changed: the words decide something, or the session never replayed."""
         if why := why_not_replayed(self._folder):
             return SessionError(f"{why}; redact it with the version that wrote it. Nothing was changed")
         sentence = f"{JOURNAL}:{line}: without the words {what}: they decide what happened, so the session would not "
@@ -232,7 +232,7 @@ class _Redaction:
         return SessionError(sentence + ". What must not be kept and cannot be redacted has to be deleted")
 
     def _prove_replay(self, info: SessionInfo) -> None:
-        """Raises SessionError unless what stands in the new file now replays identically."""
+        """Raise SessionError unless the new file replays identically."""
         replay = Replay(Kernel(load_session_scenario(self._folder, info, []), info.seed), self._new)
         for _ in replay.steps():
             pass
@@ -243,7 +243,7 @@ class _Redaction:
     # --- session.toml ---
 
     def _write_info(self, by: str) -> bool:
-        """The new one, beside the old one; false when nothing changes in the session at all."""
+        """Write the new session.toml beside the old one. False when nothing changes in the whole session."""
         table, lines = "", []
         for line in (self._folder / INFO).read_text(encoding="utf-8").split("\n"):
             table = line if line.startswith("[") else table
@@ -275,7 +275,7 @@ class _Redaction:
     # --- what second wizards did ---
 
     def _write_shadows(self) -> None:
-        """The new ones, beside the journal. Nothing in them decides what happened, so there is nothing to prove."""
+        """Write the new files beside the journal. They decide nothing that happened, so they need no proof."""
         for path in shadow_files(self._folder):
             if is_locked(path):
                 raise SessionError(f"{path} is being written by a console: leave that first. Nothing was changed")
@@ -288,7 +288,7 @@ class _Redaction:
                 self._report.shadow_lines += changed
 
     def _write_coded(self) -> None:
-        """The new annotation files, beside the journal."""
+        """Write the new annotation files beside the journal."""
         for path, data in redacted_files(self._folder, self._words.replace).items():
             target = self._folder / f"{CODED_FOLDER}-{path.name}{NEW_SUFFIX}"
             self._new_beside[target] = path
@@ -298,7 +298,7 @@ class _Redaction:
     # --- into place ---
 
     def _put_in_place(self, new: Path, path: Path) -> None:
-        """Atomically."""
+        """Move a new file into place atomically."""
         kept = has_other_names(path)
         if path == self._path:
             with self._lock.move_to(new):
@@ -313,7 +313,7 @@ class _Redaction:
             )
 
     def _erase_kept_files(self) -> None:
-        """What a recovery kept beside the journal is of the old one."""
+        """Erase what a recovery kept of the old journal, if it contains the words."""
         for path in sorted(self._folder.iterdir()):
             if _KEPT_BY_RECOVERY.fullmatch(path.name) and path.is_file() and self._stands_in(path):
                 path.unlink()
@@ -326,7 +326,7 @@ class _Redaction:
 
 
 def find_words(folder: Path, words: Words) -> list[str]:
-    """Where the words stand in a session's folder, its name included, in sentences: file, lines, whose text it is."""
+    """List where the words are in a session's folder, including its name: file, lines, and whose text it is."""
     found = []
     if words.find(folder.name):
         found.append(f"the folder's own name ({folder.name}): rename the folder")

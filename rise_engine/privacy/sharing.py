@@ -1,10 +1,10 @@
-"""A session as it can be given to others: told as far as an export level tells it, and it still replays.
+"""A session for others: it shows only what an export level shows, and it still replays.
 
-What people typed, who they are and what is private goes from the inputs; a fresh kernel makes the records of what is
-left (`rise_engine.privacy.changed_session`). Told at the level, these must be the records of the session told at the
-level. So a shared session says no more than the level's exports do, beside the scenario.
+Typed texts, people's names and private values are removed from the inputs. A fresh kernel makes the records again
+(`rise_engine.privacy.changed_session`). At the level, these must equal the old records. A shared session therefore
+shows no more than the level's exports do, apart from the scenario.
 
-There are no times of day in it: `wall` is empty, and session.toml has no date, no paths and no machine.
+It has no times of day: `wall` is empty, and session.toml has no date, no paths and no machine.
 """
 
 from __future__ import annotations
@@ -50,7 +50,7 @@ _BY_NUMBER = frozenset(
     {"cancelTask", "moveTask", "markMistake", "goOn", "repeatAct", "stopRuleOfAct", "releaseStop"}
     | {"cancelOpenGoals", "releaseOpenGoals"}
 )
-"""Functions whose behaviour names a task, or rules by their names."""
+"""Functions whose behaviour is the number of a task, or names of rules."""
 _BY_NAME = frozenset(
     {
         "startCommunicationRobotAct",
@@ -63,14 +63,14 @@ _BY_NAME = frozenset(
 
 
 class SharedSession(Struct):
-    """What came of sharing a session."""
+    """The result of sharing a session."""
 
     people: dict[str, str] = field(default_factory=dict)
-    """What each wizard and observer is called in it, by name."""
+    """The code of each wizard and observer, by name."""
     changed: int = 0
-    """Inputs that are others now."""
+    """The number of changed inputs."""
     own_values: list[str] = field(default_factory=list)
-    """Private keys that have a start value in the scenario's own files, which are shared as they are."""
+    """Private keys with a start value in the scenario's own files, which are shared unchanged."""
 
 
 def share_session(
@@ -81,20 +81,20 @@ def share_session(
     private: Iterable[str] = (),
     wizards: Mapping[str, str] | None = None,
 ) -> SharedSession:
-    """Write the session in `folder` to the new folder `target`, as `level` tells it.
+    """Write the session in `folder` to the new folder `target`, at an export level.
 
     :param level: `shared` or `public`.
-    :param private: further private memory keys, beside those that the session's scenario names.
-    :param wizards: what to call each wizard, by name.
-    :raises SessionError: it is damaged, it does not replay, or it would be another session without what is private.
-        Nothing is left at `target`, then.
+    :param private: private memory keys in addition to the scenario's.
+    :param wizards: the code of each wizard, by name.
+    :raises SessionError: the session is damaged, does not replay, or would go differently without what is private.
+        Nothing is left at `target` then.
     :raises OSError: it cannot be written.
     """
     return _Sharing(folder, level, tuple(private), wizards or {}).write(target)
 
 
 class _Sharing:
-    """One session that is being shared."""
+    """The work of sharing one session."""
 
     def __init__(self, folder: Path, level: ExportLevel, private: tuple[str, ...], wizards: Mapping[str, str]) -> None:
         self._folder = folder
@@ -118,7 +118,7 @@ class _Sharing:
         self._report = SharedSession(self._old.people, own_values=self._own_values)
 
     def _note_everything(self, values: PrivateValues) -> None:
-        """What is private, who the people are, and which tasks were rejected; also of inputs that left no record."""
+        """Collect private values, people and rejected tasks, also from inputs that left no record."""
         self._old.note(self._contents.read_records())
         task: tuple[int, Submit] | None = None
         for _, _, found in self._contents.lines():
@@ -172,7 +172,7 @@ class _Sharing:
             if input.function == "assignValue":
                 return {**body, "behavior": self._stand_ins.replace_assignment(body["behavior"])}
             return {**body, "behavior": self._stand_ins.replace(body["behavior"])}
-        if isinstance(input, Note) and input.source == ENGINE:  # it may quote what was typed before it became a value
+        if isinstance(input, Note) and input.source == ENGINE:  # may quote what was typed before it became a value
             return {**body, "text": self._private.hide_fields({"kind": "note", **body})["text"]}
         fields = ("text", "reason", "detail", "value", "confirmed", "unconfirmed", "unstoppable")
         return {
@@ -181,7 +181,7 @@ class _Sharing:
         }
 
     def _is_name(self, task: Submit) -> bool:
-        """Whether its behaviour is the scenario's word or a number, and no text."""
+        """Whether a task's behaviour is a name from the scenario or a number, not a text."""
         if task.function in _BY_NUMBER:
             return True
         known = self._scenario.acts if "Act" in task.function else self._scenario.rules
@@ -198,8 +198,8 @@ class _Sharing:
         )
 
     def _new_filter(self) -> LevelFilter:
-        """Tells the new records as the level does. It also knows what the old filter hides: where the scenario itself
-        says such a word, both hide it."""
+        """Make the filter for the new records. It also hides what the old filter hides: where the scenario itself uses
+        such a word, both hide it."""
         values = PrivateValues(self._scenario, self._keys)
         for record in self._contents.read_records():
             values.note(record)
@@ -212,7 +212,7 @@ class _Sharing:
         return new
 
     def _shared_lines(self, new: LevelFilter) -> Iterator[bytes]:
-        """The new journal. Raises SessionError unless it tells what the old one tells."""
+        """Give the lines of the new journal. Raises SessionError if its records differ from the old at the level."""
         for _, _, line in self._changed().lines(self._old.apply, new.apply):
             if isinstance(line, JournalHeader):
                 line = JournalHeader(FORMAT, f"rise-tui {self._info.versions.get('rise-tui', '')}".strip())
@@ -244,7 +244,7 @@ class _Sharing:
         info = self._info
         return replace(
             info,
-            format=FORMAT,  # as its journal, which this version has written
+            format=FORMAT,  # this version has written its journal
             scenario_folder="",
             started="",
             ros_args=(),

@@ -1,5 +1,5 @@
-"""What stands in the inputs of a shared session for what is private: other values that are as equal to one another as
-the real ones were, so that a condition which only compares them is not moved."""
+"""Stand-ins for private values in the inputs of a shared session. Equal values get equal stand-ins, so that
+conditions which only compare them have the same result."""
 
 from __future__ import annotations
 
@@ -14,35 +14,35 @@ from rise_engine.expression.errors import EvaluationError
 from rise_engine.privacy.private_values import PrivateValues
 
 _FIRST_NUMBER = 90_001
-"""Five digits: a number that is found wherever it stands (`private_values.WITHIN_NUMBERS`)."""
+"""Five digits, so that it is found within longer words too (`private_values.WITHIN_NUMBERS`)."""
 _LITERAL = re.compile(r""""(?:[^"\\]|\\.)*"|'(?:[^'\\]|\\.)*'|(?<![\w.])(?:\d+\.\d+|\d{2,})(?!\w)""")
-"""A text, or a number of two digits and more, in an expression."""
+"""A text, or a number of at least two digits, in an expression."""
 _NO_NAME = re.compile(r"[^A-Za-z0-9]+")
 
 
 class StandIns:
-    """Gives every value of a private key another, the same one each time."""
+    """A table that gives each value of a private key its stand-in, always the same one."""
 
     def __init__(self, private: PrivateValues, known_keys: Collection[str]) -> None:
-        """`private`: which has taken in everything that the keys held. `known_keys`: all keys of the scenario."""
+        """`private`: has collected all values of the keys. `known_keys`: all keys of the scenario."""
         self._private = private
         self._known_keys = known_keys
         self._given: dict[tuple[bool, str], tuple[str, str | int]] = {}
 
     def values(self) -> list[tuple[str, str | int]]:
-        """Those that were given, with the key of each as `{person_name}`."""
+        """Return all stand-ins, each with its key as `{person_name}`."""
         return list(self._given.values())
 
     def replace(self, value: Any) -> Any:
-        """A JSON value in whose texts and numbers nothing private stands."""
+        """Replace private values in the texts and numbers of a JSON value."""
         return self._private.replace_values(value, self._stand_in)
 
     def replace_memory(self, memory: dict[str, Any]) -> dict[str, Any]:
-        """Values of memory keys by their names, those of private keys among them."""
+        """Replace the values of memory keys, given by name, some of them private."""
         return {key: self._replace_all(key, value) for key, value in memory.items()}
 
     def replace_assignment(self, behavior: str) -> str:
-        """The behaviour of assignValue: `person_name = "Anna"`, also when it cannot be read."""
+        """Replace values in the behaviour of assignValue: `person_name = "Anna"`, also when it cannot be read."""
         try:
             assignments = Assignment.parse_all(behavior)
         except ExpressionError:
@@ -60,7 +60,7 @@ class StandIns:
         (assignment,) = assignments
         left, equals, _ = behavior.partition("=")
         word = assignment.bare_word
-        if word is not None:  # a text that somebody did not quote, unless it is a key; then nobody typed a value
+        if word is not None:  # an unquoted text, unless it is a key: then no value was typed
             return behavior if word in self._known_keys else f"{left}{equals} {self._replace_all(assignment.key, word)}"
         value = _constant(assignment)
         if value is None:
@@ -68,7 +68,7 @@ class StandIns:
         return f"{left}{equals} {json.dumps(self._replace_all(assignment.key, value[0]), ensure_ascii=False)}"
 
     def _replace_literals(self, slot: str, text: str, start: int) -> str:
-        """What is written in an expression that reads something else, too, or that cannot be computed."""
+        """Replace the literals in an expression that also reads something, or cannot be computed."""
 
         def replace(found: re.Match[str]) -> str:
             written = found[0]
@@ -79,7 +79,7 @@ class StandIns:
         return text[:start] + _LITERAL.sub(replace, text[start:])
 
     def _replace_all(self, key: str, value: Any) -> Any:
-        """Of a private key nothing stays; of another, what no private key held."""
+        """Replace the whole value of a private key. In other keys, replace what private keys held."""
         if not self._private.is_hidden(key):
             return self.replace(value)
         slot = f"{{{key.partition('.')[0].partition('[')[0]}}}"
@@ -91,14 +91,14 @@ class StandIns:
         if isinstance(value, list):
             return [self._hide(slot, each) for each in value]
         if value is None or value == "":
-            return value  # nothing is nobody's
+            return value  # an empty value does not identify anybody
         if isinstance(value, bool):
             return self._stand_in(slot, json.dumps(value))
         return self._stand_in(slot, value)
 
     def _stand_in(self, slot: str, found: str | int | float) -> str | int:
-        """For a number a number: a scenario that reckons with it goes on, and is noticed when it comes to something
-        else. For a text a word for each of its words: who is called by the first name has the first one there, too."""
+        """Return the stand-in. A number gets a number: a scenario can compute with it, and a new outcome is noticed.
+        Each word of a text gets a word, so that a first name has the same stand-in alone and in the full name."""
         if isinstance(found, str):
             return " ".join(str(self._give(slot, word.casefold(), number=False)) for word in found.split())
         return self._give(slot, f"{found:g}", number=True)
@@ -113,7 +113,7 @@ class StandIns:
 
 
 def _constant(assignment: Assignment) -> tuple[Any] | None:
-    """The value of a right side that reads nothing; None: it reads something, so nobody typed a value."""
+    """Return the value of a right side that reads nothing. None: it reads something, so no value was typed."""
     expression = assignment.expression
     if expression is not None and (expression.keys or expression.draws):
         return None

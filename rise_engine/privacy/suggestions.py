@@ -1,7 +1,7 @@
-"""Words of a session that could be names: what a person looks through before redacting it. Nothing is decided here.
+"""Words of a session that could be names, for a person to check before redaction. It decides nothing.
 
-No list of names and no model: what people typed is compared with what the scenario says. So nouns of German, which
-begin with a capital, are listed unless the scenario has them; that is better than a name that is not.
+It uses no list of names and no model, but compares typed texts with the scenario's. German nouns, which begin with a
+capital, are listed unless the scenario has them. This is better than missing a name.
 """
 
 from __future__ import annotations
@@ -23,7 +23,7 @@ from rise_engine.session.replay import load_session_scenario
 _WORD = re.compile(r"[^\W\d_][^\W_]*(?:[-'’][^\W\d_][^\W_]*)*")
 _ADDRESS = re.compile(r"[\w.+-]+@[\w-]+(?:\.[\w-]+)+|\+?\d[\d /-]{6,}\d")
 _FREE_TEXT = ("text", "reason", "value")
-"""Fields of inputs that people type into."""
+"""Fields of inputs into which people type."""
 
 
 class NameSuggestion(Struct, frozen=True):
@@ -32,11 +32,11 @@ class NameSuggestion(Struct, frozen=True):
     word: str
     why: str
     count: int
-    """How often it stands in what was typed."""
+    """How often it occurs in typed texts."""
 
 
 def suggest_words(folder: Path) -> list[NameSuggestion]:
-    """Words in the session in `folder` that could name somebody, the likeliest first. Raises SessionError."""
+    """Return words in the session in `folder` that could be names, the likeliest first. Raises SessionError."""
     info = read_info(folder)
     contents = read_journal(folder / JOURNAL)
     scenario = load_session_scenario(folder, info, [])

@@ -1,1 +1,1 @@
-"""What came of sessions and studies: analysis, exports, reports and bundles."""
+"""The results of sessions and studies: analysis, exports, reports and bundles."""

@@ -1,7 +1,7 @@
-"""`coded.json` and `coded/` in a session's folder: what people have annotated of it, in ELAN or BORIS, and given back.
+"""`coded.json` and `coded/` in a session's folder: annotations that people made in ELAN or BORIS and added.
 
-The files lie in `coded/` as they were given; `coded.json` says how their time comes from the session's, and what of
-them is told. Annotations are read from the files each time.
+`coded/` has the files unchanged. `coded.json` says how their time relates to the session's, and which tiers the tables
+show. Annotations are read from the files each time.
 """
 
 from __future__ import annotations
@@ -22,47 +22,47 @@ from rise_engine.session.media import change_list, list_bytes, read_list
 CODED_FILE, CODED_FOLDER = "coded.json", "coded"
 MAX_BYTES = 200_000_000
 ClockSource: TypeAlias = Literal["file", "media", "given"]
-"""How an annotation file was laid against the session's clock. file: it says so itself, as this program wrote it;
-media: by the recording that it was made with; given: somebody said it."""
+"""How the time of an annotation file was aligned. file: the file says it, as this program wrote it; media: by the
+recording that was annotated; given: a person gave it."""
 
 
 class CodedFile(Struct, frozen=True, kw_only=True):
     """One annotation file of a session."""
 
     name: str
-    """In `coded/`."""
+    """The file's name in `coded/`."""
     sha256: str
     clock: CodedClock
     clock_by: ClockSource
     tiers: tuple[str, ...]
-    """Those that are told."""
+    """The tiers that are used."""
     speech: tuple[str, ...] = ()
-    """Of them, those that hold what the participant said."""
+    """The tiers among them that hold the participant's speech."""
     annotator: str = ""
-    """Who annotated, where a tier does not say it."""
+    """The person who annotated, where a tier does not name one."""
     observation: str = ""
-    """Of a file of BORIS: which one is the session's."""
+    """For a BORIS file: the session's observation."""
     added: str = ""
     """ISO 8601 with offset."""
     spans: tuple[CodedSpan, ...] = ()
-    """In a session that was given to others: the annotations, in session seconds, in the place of the file."""
+    """Only in a shared session: the annotations in session seconds, instead of the file."""
 
 
 def read_coded(folder: Path) -> tuple[CodedFile, ...]:
-    """The annotation files of a session, in the order in which they were added.
+    """Read the list of a session's annotation files, in the order in which they were added.
 
-    :param folder: the session's.
+    :param folder: the session's folder.
     :raises SessionError: coded.json cannot be read.
     """
     return read_list(folder / CODED_FILE, CodedFile)
 
 
 def read_spans(folder: Path, file: CodedFile) -> list[CodedSpan]:
-    """The annotations of a session's file, in session seconds.
+    """Read the annotations of one file, in session seconds.
 
-    :param folder: the session's.
-    :param file: as coded.json has it.
-    :raises SessionError: it cannot be read, or is another one than was added.
+    :param folder: the session's folder.
+    :param file: the file's entry in coded.json.
+    :raises SessionError: the file cannot be read, or has changed since it was added.
     """
     if not file.sha256:
         return list(file.spans)
@@ -82,7 +82,7 @@ def read_spans(folder: Path, file: CodedFile) -> list[CodedSpan]:
 
 
 def read_bytes(path: Path) -> bytes:
-    """An annotation file. Raises SessionError."""
+    """Read an annotation file. Raises SessionError."""
     try:
         if path.stat().st_size > MAX_BYTES:
             raise SessionError(f"{path} is larger than {MAX_BYTES // 1_000_000} MB, which no annotation file is")
@@ -92,12 +92,12 @@ def read_bytes(path: Path) -> bytes:
 
 
 def add_coded(folder: Path, file: CodedFile, data: bytes) -> bool:
-    """Keep an annotation file in a session's folder, in the place of one of the same name.
+    """Copy an annotation file into a session's folder. It replaces a file of the same name.
 
-    :param folder: the session's.
-    :param file: what is said of it.
-    :param data: what it holds.
-    :return: whether there was one of that name.
+    :param folder: the session's folder.
+    :param file: the file's entry for coded.json.
+    :param data: the file's contents.
+    :return: whether it replaced a file.
     :raises SessionError: it cannot be written.
     """
     before: list[CodedFile] = []
@@ -115,9 +115,9 @@ def add_coded(folder: Path, file: CodedFile, data: bytes) -> bool:
 def remove_coded(folder: Path, name: str) -> None:
     """Delete an annotation file of a session.
 
-    :param folder: the session's.
-    :param name: the file's.
-    :raises SessionError: there is none of that name, or it cannot be deleted.
+    :param folder: the session's folder.
+    :param name: the file's name.
+    :raises SessionError: there is no file of that name, or it cannot be deleted.
     """
 
     def take_out(files: list[CodedFile]) -> list[CodedFile]:
@@ -131,7 +131,7 @@ def remove_coded(folder: Path, name: str) -> None:
 
 
 def coded_paths(folder: Path) -> list[Path]:
-    """coded.json and the files of which it tells; none where there is none."""
+    """Return the paths of coded.json and the files that it lists. Empty where there are none."""
     try:
         files = read_coded(folder)
     except SessionError:
@@ -141,11 +141,11 @@ def coded_paths(folder: Path) -> list[Path]:
 
 
 def redacted_files(folder: Path, change: Callable[[str], str]) -> dict[Path, bytes]:
-    """A session's annotation files and coded.json, as far as they are others without some words.
+    """Return the new contents of the annotation files and coded.json that a change of texts affects.
 
-    :param folder: the session's.
-    :param change: from a text to another one.
-    :raises SessionError: one cannot be read.
+    :param folder: the session's folder.
+    :param change: maps an old text to a new one.
+    :raises SessionError: one of them cannot be read.
     """
     found: dict[Path, bytes] = {}
     files: list[CodedFile] = []

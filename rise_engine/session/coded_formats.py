@@ -1,7 +1,6 @@
-"""Annotation files as people give them back: ELAN's `.eaf`, projects of BORIS, and the tables of events that BORIS
-exports.
+"""Readers of annotation files that people give back: ELAN's `.eaf`, BORIS projects, and event tables from BORIS.
 
-What this program wrote into such a file itself (`rise-engine export`) is passed over; how the file's time comes from
+Tiers and behaviours that `rise-engine export` wrote into such a file are skipped. The relation of the file's time to
 the session's is read back from it.
 """
 
@@ -23,13 +22,13 @@ from rise_engine.base.errors import SessionError
 from rise_engine.base.nearest_name import did_you_mean
 
 OWN_ANNOTATOR, OWN_TYPE = "rise-tui", "rise"
-"""Who made a tier of ELAN that this program wrote, and its linguistic type."""
+"""Annotator and linguistic type of the ELAN tiers that this program wrote."""
 OWN_PROJECT = "Made by rise-tui from what the sessions recorded."
-"""What a project of BORIS that this program wrote says of itself."""
+"""The description of the BORIS projects that this program wrote."""
 OWN_CATEGORIES = ("acts", "robot", "rules", "session")
-"""Of the behaviours that this program writes for BORIS."""
+"""The categories of the behaviours that this program writes for BORIS."""
 CLOCK, SESSION = "rise time", "rise session"
-"""What an exported file calls its clock, and the session that it is of."""
+"""The names under which an exported file gives its clock and its session."""
 SUFFIXES = (".eaf", ".boris", ".csv", ".tsv")
 _NUMBER = r"(-?\d+(?:\.\d+)?)"
 _CLOCK_TEXT = re.compile(rf"annotation seconds = {_NUMBER} \+ {_NUMBER} \* session seconds")
@@ -38,15 +37,15 @@ _BORIS_STATE = "state event"
 
 
 class CodedClock(Struct, frozen=True):
-    """annotation time = shift + rate * (session time + the gaps before it), in seconds."""
+    """The relation of times: annotation time = shift + rate * (session time + the gaps before it), in seconds."""
 
     shift: float = 0.0
     rate: float = 1.0
     gaps: tuple[tuple[float, float], ...] = ()
-    """Session times at which the session had no engine, and for how long."""
+    """Session times at which the session had no engine, each with its length."""
 
     def to_session(self, at: float) -> float:
-        """The session time of an annotation time. What happened without an engine is when that began."""
+        """Return the session time of an annotation time. Times within a gap become the gap's start."""
         passed, away = (at - self.shift) / self.rate, 0.0
         for begin, seconds in self.gaps:
             if passed < begin + away:
@@ -57,7 +56,7 @@ class CodedClock(Struct, frozen=True):
         return round(passed - away, 6)
 
     def text(self) -> str:
-        """As a file tells it."""
+        """Return the clock as a file states it."""
         gaps = (f"; {seconds:.6f} s more from session second {at:.6f} on" for at, seconds in self.gaps)
         return f"annotation seconds = {self.shift:.6f} + {self.rate:.9f} * session seconds" + "".join(gaps)
 
@@ -75,27 +74,27 @@ class CodedSpan(Struct, frozen=True):
 
 
 class CodedDocument(Struct):
-    """What an annotation file holds."""
+    """The contents of an annotation file."""
 
     spans: list[CodedSpan]
     tiers: list[str]
-    """Those that people have made, also empty ones."""
+    """The tiers that people made, also empty ones."""
     clock: CodedClock | None = None
-    """How its time comes from the session's; None: it does not say."""
+    """How its time relates to the session's. None: the file does not say."""
     session: str = ""
-    """The session that it is of; empty: it does not say."""
+    """The session's name. Empty: the file does not say."""
     media: tuple[tuple[str, float], ...] = ()
-    """The names of the recordings that it was made with, and their own seconds where annotations are at 0."""
+    """The names of the annotated recordings, and the recording's own seconds at annotation time 0."""
     problems: list[str] = []
-    """What could not be read, in sentences."""
+    """Sentences about what could not be read."""
 
 
 def read_coded_document(name: str, data: bytes, observation: str = "", session: str = "") -> CodedDocument:
     """Read an annotation file.
 
-    :param name: the file's; its end says what it is.
-    :param data: what it holds.
-    :param observation: which of several in a file of BORIS; empty: that of the session, or the only one.
+    :param name: the file's name; its suffix gives the format.
+    :param data: the file's contents.
+    :param observation: the observation to read from a BORIS file; empty: the session's, or the only one.
     :param session: the session's name.
     :raises SessionError: it cannot be read.
     """
@@ -110,11 +109,11 @@ def read_coded_document(name: str, data: bytes, observation: str = "", session: 
 
 
 def replace_words(name: str, data: bytes, replace: Callable[[str], str]) -> bytes:
-    """An annotation file in which what people wrote is replaced. What cannot be read stays as it is.
+    """Replace what people wrote in an annotation file. A file that cannot be read stays unchanged.
 
-    :param name: the file's.
-    :param data: what it holds.
-    :param replace: from a text to another one.
+    :param name: the file's name.
+    :param data: the file's contents.
+    :param replace: maps an old text to a new one.
     """
     try:
         match PurePath(name).suffix.lower():
@@ -191,7 +190,7 @@ def _origin(descriptor: etree._Element) -> float:
 
 
 def _place_unaligned(tier: etree._Element, times: dict[str, float]) -> None:
-    """ELAN's subdivisions have slots without a time: they lie at equal distances between those that have one."""
+    """Give times to the time slots of ELAN's subdivisions: equal distances between the slots that have a time."""
     order: list[str] = []
     for each in tier.iter("ALIGNABLE_ANNOTATION"):
         for slot in (each.get("TIME_SLOT_REF1", ""), each.get("TIME_SLOT_REF2", "")):
@@ -231,7 +230,7 @@ def _read_dependents(
     placed: dict[str, tuple[float, float]],
     document: CodedDocument,
 ) -> None:
-    """Annotations without times of their own have those of the one that they belong to, however deep that is."""
+    """Give annotations without times those of their parent annotation, at any depth."""
     while waiting:
         later = []
         for each, tier, annotator in waiting:
@@ -255,7 +254,7 @@ def _value(annotation: etree._Element) -> str:
 
 
 def parse_clock(text: str) -> CodedClock | None:
-    """How a file says that its time comes from the session's (`CodedClock.text`); None: it does not say.
+    """Read the clock from a file's text (`CodedClock.text`). None: there is none.
 
     >>> parse_clock(CodedClock(-1.5, 1.00005, ((12.0, 3.25),)).text())
     CodedClock(shift=-1.5, rate=1.00005, gaps=((12.0, 3.25),))
@@ -294,7 +293,7 @@ def _read_project(name: str, data: bytes, observation: str, session: str) -> Cod
 
 
 def _observation(name: str, known: list[str], wanted: str, session: str) -> str:
-    """Which observation of a file is the session's. Raises SessionError."""
+    """Choose the session's observation in a file. Raises SessionError."""
     for each in filter(None, (wanted, session)):
         if each in known:
             return each
@@ -308,7 +307,7 @@ def _observation(name: str, known: list[str], wanted: str, session: str) -> str:
 
 
 def _pair(name: str, rows: Iterable[tuple[float, str, str, str, str, str]], document: CodedDocument) -> None:
-    """Begin and end of states: of one subject, behaviour and modifiers they come in turn."""
+    """Pair the starts and ends of states. They alternate for each subject, behaviour and modifiers."""
     begun: dict[tuple[str, str, str], tuple[float, str]] = {}
     for at, subject, code, modifiers, comment, kind in sorted(rows, key=lambda row: row[0]):
         tier = f"{subject}: {code}" if subject else code
@@ -340,7 +339,7 @@ def _decode(name: str, data: bytes) -> str:
 
 
 def _read_table(name: str, data: bytes, observation: str, session: str) -> CodedDocument:
-    """*Export events > Tabular events* or *Aggregated events* of BORIS: comma or tab, a row for each event."""
+    """Read *Export events > Tabular events* or *Aggregated events* of BORIS: commas or tabs, one event a row."""
     text = _decode(name, data)
     lines = csv.reader(io.StringIO(text, newline=""), delimiter="\t" if "\t" in text.partition("\n")[0] else ",")
     header: list[str] = []
@@ -412,7 +411,7 @@ def _seconds(name: str, line: int, row: dict[str, str], column: str) -> float:
 
 
 def tiers_taken(document: CodedDocument, wanted: Iterable[str]) -> Iterator[str]:
-    """The tiers that somebody means, by their names; all without any. Raises SessionError for an unknown one."""
+    """Give the named tiers, or all tiers if none are named. Raises SessionError for an unknown name."""
     for each in wanted:
         if each not in document.tiers:
             near = did_you_mean(each, document.tiers, limit=0)

@@ -1,12 +1,12 @@
-"""A session's folder: what it ran, kept beside what happened.
+"""A session's folder: what the session ran, and what happened in it.
 
     2026-11-21_141503_P07_lablinking_real/
         session.toml     what ran: who, scenario and its hash, mode, robot, seed, speed, versions, machine
         scenario/        a copy of every file that was read, the robot's profile included
         journal.jsonl    what happened (rise_engine.session.journal_format)
 
-Folders lie in `$RISE_SESSIONS`, or else in `~/rise-sessions`; those of a study lie in its `sessions`. None is ever
-written over.
+The folders are in `$RISE_SESSIONS`, by default `~/rise-sessions`. Those of a study are in its `sessions`. No folder is
+ever overwritten.
 """
 
 from __future__ import annotations
@@ -48,56 +48,55 @@ _ABANDONED = "abandoned"
 
 
 class SessionInfo(Struct, frozen=True):
-    """`session.toml`."""
+    """The contents of `session.toml`."""
 
     title: str
     mode: Literal["debug", "real"]
-    """debug: the robot was simulated; this is no data of a participant."""
+    """debug: the robot was simulated; these are not a participant's data."""
     robot: str
     seed: int
     scenario_hash: str
     scenario_folder: str
-    """Where the scenario was read from (the copy lies beside this file)."""
+    """The folder from which the scenario was read. Its copy is beside this file."""
     started: str
     """ISO 8601 with offset."""
     format: int = FORMAT
     speed: float = 1.0
     faults: tuple[str, ...] = ()
-    """What the simulated robot was asked to do wrong."""
+    """The errors that the simulated robot was asked to make."""
     ros: RosTransport = "auto"
-    """By what ROS 2 was to be spoken."""
+    """The requested connection to ROS 2."""
     ros_args: tuple[str, ...] = ()
     participant: str = ""
     condition: str = ""
     wizard: str = ""
-    """Who began it, as consoles name themselves (`anna`); empty: a program, or an older version."""
+    """Who started it, as consoles name themselves (`anna`). Empty: a program, or an older version."""
     study: str = ""
-    """The study's id; empty: the session is of no study."""
+    """The study's id. Empty: the session belongs to no study."""
     study_hash: str = ""
     slot: int = 0
-    """The row of the study's plan; 0: the session takes none."""
+    """The row of the study's plan. 0: the session has none."""
     run: int = 0
     attempt: int = 0
     purpose: Purpose | Literal[""] = ""
-    """These are as in `rise_engine.kernel.records.SessionRecord`."""
+    """From `study` on, these are as in `rise_engine.kernel.records.SessionRecord`."""
     language: str = ""
-    """The language that was asked for (`--language`); empty: everything is said as the acts have it."""
+    """The requested language (`--language`). Empty: everything is said as the acts have it."""
     allow_untranslated: bool = False
-    """Whether what was not translated was said as the acts have it."""
+    """Whether untranslated sentences were said as the acts have them."""
     factors: dict[str, Any] = field(default_factory=dict)
     versions: dict[str, str] = field(default_factory=dict)
     machine: dict[str, str] = field(default_factory=dict)
 
 
 def sessions_folder() -> Path:
-    """Where sessions are kept, unless somebody says otherwise."""
+    """Return the default folder for sessions."""
     named = os.environ.get("RISE_SESSIONS")
     return Path(named).expanduser() if named else Path.home() / "rise-sessions"
 
 
 def find_session(text: str) -> Path:
-    """The folder of the session that somebody means with `text`: its path (also that of its journal or session.toml),
-    or its name in the sessions folder.
+    """Find a session by its path (or that of its journal or session.toml), or by its name in the sessions folder.
 
     Raises SessionError, with the nearest right name.
     """
@@ -140,14 +139,14 @@ def create_session(
     allow_untranslated: bool = False,
     versions: Mapping[str, str],
 ) -> Path:
-    """Make the folder of a new session, without its journal. `files` as `LoadResult.files`. Raises SessionError.
+    """Make the folder of a new session, without its journal. `files` as in `LoadResult.files`. Raises SessionError.
 
-    `begun`: the first input of a session of a study; participant and condition are taken from it, too.
-    `language`, `allow_untranslated`: as the scenario was loaded with them.
+    `begun`: the first input of a study's session; it replaces participant and condition.
+    `language`, `allow_untranslated`: as for loading the scenario.
     """
     started = datetime.now().astimezone()
     begun = begun or SessionStarted(participant=participant, condition=condition)
-    real = scenario.mode == "real"  # what is about people who run it stays out of what is about participants
+    real = scenario.mode == "real"  # participants' data must not name the people who run the session
     info = SessionInfo(
         title=scenario.title,
         mode=scenario.mode,
@@ -183,12 +182,12 @@ def create_session(
 
 
 def read_info(folder: Path, *, compare: bool = True) -> SessionInfo:
-    """What `session.toml` in a session's folder says, as far as the journal says the same.
+    """Read `session.toml` in a session's folder, and compare it with the journal.
 
-    :param folder: the session's.
-    :param compare: False: where they disagree, what the journal says is taken, and nobody is told.
-    :raises RelabelledError: the journal says something else of the session.
-    :raises SessionError: there is none, it cannot be read, or a newer version wrote it.
+    :param folder: the session's folder.
+    :param compare: False: silently use the journal's values where the two differ.
+    :raises RelabelledError: the journal has other values.
+    :raises SessionError: there is no `session.toml`, it cannot be read, or a newer version wrote it.
     """
     info, labels = _read_info(folder), read_labels(folder / JOURNAL)
     values = asdict(info)
@@ -202,7 +201,7 @@ def read_info(folder: Path, *, compare: bool = True) -> SessionInfo:
 
 
 def info_differences(folder: Path) -> list[str]:
-    """What `session.toml` says of a session otherwise than its journal, in sentences; none when it cannot be read."""
+    """List the differences between `session.toml` and the journal in sentences. Empty when it cannot be read."""
     try:
         told = asdict(_read_info(folder))
     except SessionError:
@@ -229,12 +228,12 @@ def _read_info(folder: Path) -> SessionInfo:
 
 
 def spoken_as(info: SessionInfo) -> dict[str, Any]:
-    """The arguments of `load` with which a session's scenario is said as it was then."""
+    """Return the arguments of `load` that give a session's scenario the same spoken texts again."""
     return {"language": info.language or None, "allow_untranslated": info.allow_untranslated}
 
 
 def load_scenario_copy(folder: Path, info: SessionInfo) -> Scenario:
-    """The scenario as the session ran it. Raises SessionError when the copy is missing or was changed."""
+    """Load the scenario as the session ran it. Raises SessionError when the copy is missing or was changed."""
     copy = folder / SCENARIO_COPY
     if not copy.is_dir():
         raise SessionError(
@@ -253,7 +252,7 @@ def load_scenario_copy(folder: Path, info: SessionInfo) -> Scenario:
 
 
 def has_ended(folder: Path) -> bool:
-    """Whether the session came to its end in order: its journal's last input says so. False when that is unknown."""
+    """Whether the last input in the journal ended the session. False when this is unknown."""
     try:
         with (folder / JOURNAL).open("rb") as file:
             file.seek(max(0, file.seek(0, os.SEEK_END) - 4_096))
@@ -263,9 +262,9 @@ def has_ended(folder: Path) -> bool:
 
 
 def find_unfinished(scenario_folder: str | None = None, root: Path | None = None) -> list[Path]:
-    """Sessions of a scenario, or of all, that did not end in order and that no engine runs, the latest first.
+    """Find sessions of one or all scenarios that did not end in order and that no engine runs. The latest is first.
 
-    `root`: the folder in which they lie, as a study's `sessions`; without it, that of `sessions_folder`.
+    `root`: the folder with the sessions, such as a study's `sessions`. Default: `sessions_folder`.
     """
     return [
         folder
@@ -275,17 +274,17 @@ def find_unfinished(scenario_folder: str | None = None, root: Path | None = None
 
 
 def running_sessions(scenario_folder: str | None = None, root: Path | None = None) -> dict[Path, LockHolder | None]:
-    """Sessions of a scenario, or of all, that an engine runs, the latest first, and who says that it does.
+    """Find sessions of one or all scenarios that an engine runs, with the noted holders. The latest is first.
 
-    Wherever that engine has its socket: asked is the lock of the journal. `root` as in `find_unfinished`; without it,
-    the sessions of the study in which the scenario's folder lies count, too.
+    The journal's lock decides, so the engine's socket may be anywhere. `root` as in `find_unfinished`; without it, the
+    sessions of the study around the scenario's folder are searched too.
     """
     roots = [root] if root is not None else [sessions_folder(), *_study_sessions(scenario_folder)]
     return {folder: read_holder(folder) for folder, runs in _not_ended(scenario_folder, roots) if runs}
 
 
 def _study_sessions(scenario_folder: str | None) -> list[Path]:
-    """Where the sessions of a study lie whose scenario this is."""
+    """Return where the sessions of this scenario's study are."""
     if scenario_folder is None:
         return []
     around = list(Path(os.path.realpath(scenario_folder)).parents)[:3]
@@ -293,7 +292,7 @@ def _study_sessions(scenario_folder: str | None) -> list[Path]:
 
 
 def _not_ended(scenario_folder: str | None, roots: Iterable[Path]) -> list[tuple[Path, bool]]:
-    """The latest first, and whether an engine runs each."""
+    """Find sessions that have not ended, the latest first, and whether an engine runs each."""
     found: list[tuple[Path, bool]] = []
     folders: list[Path] = []
     where = os.path.realpath(scenario_folder) if scenario_folder is not None else None
@@ -301,7 +300,7 @@ def _not_ended(scenario_folder: str | None, roots: Iterable[Path]) -> list[tuple
         with suppress(OSError):
             folders += [Path(entry.path) for entry in os.scandir(root) if entry.is_dir()]
     for folder in folders:
-        # The cheapest question first: after a year there are hundreds, and nearly all have ended.
+        # The cheapest test first: after a year there are hundreds of sessions, and nearly all have ended.
         if has_ended(folder):
             continue
         try:
@@ -314,7 +313,7 @@ def _not_ended(scenario_folder: str | None, roots: Iterable[Path]) -> list[tuple
 
 
 def describe_session(folder: Path) -> str:
-    """What session it is and how far it came, in a sentence."""
+    """Describe in a sentence which session it is and how far it came."""
     try:
         info = read_info(folder)
         last = (folder / JOURNAL).stat().st_mtime
@@ -332,17 +331,17 @@ def describe_session(folder: Path) -> str:
 
 
 def belongs_to(info: SessionInfo, participant: str, condition: str) -> bool:
-    """Whether a session is this participant's, in this condition; empty: whoever's, whichever."""
+    """Whether a session is of this participant and condition. Empty: any."""
     return participant in ("", info.participant) and condition in ("", info.condition)
 
 
 def participant_text(participant: str, condition: str) -> str:
-    """A participant and a condition in words, as far as they are named: `P07, condition calm`."""
+    """Name a participant and a condition, as far as they are given: `P07, condition calm`."""
     return ", ".join(filter(None, (participant, condition and f"condition {condition}"))) or "nobody named"
 
 
 def duration_text(seconds: float) -> str:
-    """A length of time in words: `40 s`, `12 min`, `1 h 5 min`."""
+    """Write a duration in words: `40 s`, `12 min`, `1 h 5 min`."""
     minutes = round(max(0.0, seconds) / 60)
     if minutes < 1:
         return f"{max(0, round(seconds))} s"
@@ -350,7 +349,7 @@ def duration_text(seconds: float) -> str:
 
 
 def has_begun(folder: Path) -> bool:
-    """Whether anything happened in it."""
+    """Whether the session has at least one input."""
     try:
         with (folder / JOURNAL).open("rb") as file:
             return b'\n{"n":' in file.read(4_096)
@@ -359,13 +358,13 @@ def has_begun(folder: Path) -> bool:
 
 
 def mark_abandoned(folder: Path) -> None:
-    """Nobody is asked again whether an unfinished session is to be recovered. It can still be, by name."""
+    """Stop asking whether to recover an unfinished session. It can still be recovered by name."""
     (folder / _ABANDONED).touch(0o600)
     forget_holder(folder)
 
 
 def is_abandoned(folder: Path) -> bool:
-    """Whether somebody has chosen not to go on with it."""
+    """Whether somebody decided not to continue it."""
     return (folder / _ABANDONED).exists()
 
 
@@ -385,9 +384,9 @@ def _make_folder(root: Path, name: str) -> Path:
 
 
 def _folder_name(started: datetime, begun: SessionStarted, scenario: Scenario) -> str:
-    """Date, participant, study or scenario, mode; and for what does not count although it ran in real mode, why.
+    """Name a folder by date, participant, study or scenario, mode, and why a real session does not count.
 
-    Not the scenario of a study's session: where a condition has one of its own, its title would tell the condition.
+    A study's session is not named after its scenario, whose title could tell the condition.
     """
     rehearsal = begun.purpose if begun.purpose in ("pilot", "training") else ""
     what = _ascii_name(begun.study or scenario.title).lower() or "session"
@@ -401,7 +400,7 @@ def _ascii_name(text: str) -> str:
 
 
 def write_info(path: Path, info: SessionInfo) -> None:
-    """Whole or not at all: whoever looks at a study believes it."""
+    """Write the file whole or not at all, because checks of a study rely on it."""
     write_whole(path, _info_toml(info).encode("utf-8"))
 
 
@@ -410,7 +409,7 @@ def _machine() -> dict[str, str]:
 
 
 def without_home(folder: str) -> str:
-    """A path in which the login of its owner does not stand, as far as it lies in their home: `~/study`."""
+    """Shorten a path in the home folder to `~/study`, so that it does not show the owner's login."""
     home = str(Path.home())
     return f"~{folder[len(home) :]}" if home != "/" and folder.startswith(f"{home}/") else folder
 
@@ -429,5 +428,5 @@ def _info_toml(info: SessionInfo) -> str:
 
 
 def _toml_value(value: Any) -> str:
-    """A TOML value: strings, numbers and lists are written as in JSON, where DEL needs an escape too."""
+    """Write a TOML value. Strings, numbers and lists are as in JSON, but DEL needs an escape too."""
     return json.dumps(escape_all_surrogates(value), ensure_ascii=False).replace("\x7f", "\\u007f")

@@ -1,9 +1,9 @@
-"""Writing a journal: a thread of its own makes lines durable, as many at a time as have come (natural group commit).
+"""Writes a journal: a separate thread makes lines durable, each time all that are waiting (natural group commit).
 
-The engine hands over and goes on; it is told when what it handed over is on the disk. When the disk fails, nothing is
-dropped: the thread tries again, each time with a freshly opened file and all that was not yet known to be durable,
-because a synchronisation that failed once proves nothing when it succeeds later. As long as a journal is open it is
-locked (`rise_engine.session.lock`), also when its file has been opened or written anew.
+The engine hands lines over, goes on, and is told when they are on the disk. When the disk fails, nothing is dropped.
+The thread opens the file again and writes all lines that are not known to be durable, because a sync that succeeds
+after a failed one proves nothing. An open journal is locked (`rise_engine.session.lock`), also after its file was
+reopened or rewritten.
 """
 
 from __future__ import annotations
@@ -21,15 +21,15 @@ from rise_engine.base.files import Disk, error_message
 from rise_engine.session.lock import JournalLock
 
 RETRY_SECONDS = 1.0
-"""How long after a failure the disk is tried again."""
+"""Seconds between a failure of the disk and the next try."""
 CLOCK_SECONDS = 1.0
-"""How often the session's time is noted in the file `clock`, which says how late it was when an engine vanished."""
+"""Seconds between writes to the file `clock`, which has the session's time in case the engine vanishes."""
 BATCH = 4_000_000
-"""Bytes after which a batch is written although more is waiting."""
+"""Bytes after which a batch is written even if more lines wait."""
 
 
 class Journal:
-    """The journal of a running session. Everything but the thread belongs to the engine's thread."""
+    """The journal of a running session. Only the engine's thread may use it; the writer's thread is its own."""
 
     def __init__(
         self,
@@ -42,18 +42,18 @@ class Journal:
         disk: Disk | None = None,
         retry: float = RETRY_SECONDS,
     ) -> None:
-        """`size`: 0 makes a new file, else an existing one goes on there. `lock`: of an existing one, for who has taken
-        it before; the journal's from now on. Raises OSError, and SessionError when it cannot be locked.
+        """Open the journal and start its thread. Raises OSError, and SessionError when it cannot be locked.
 
-        `changed` is called on the writer's thread whenever `durable` or `error` has changed; it must not block.
-        `now` gives the session's time in seconds, noted in the file `clock`.
+        `size`: 0 makes a new file, else an existing one continues there. `lock`: an existing lock of the journal,
+        which owns it from now on. `changed` is called on the writer's thread when `durable` or `error` changes, and
+        must not block. `now` gives the session's time in seconds for the file `clock`.
         """
         self.path = path
         self.on_change = changed
         self.error = ""
-        """Why nothing becomes durable at the moment, for a person; empty while all is well."""
+        """Why lines are not becoming durable at the moment, for a person. Empty while all is well."""
         self.durable = 0
-        """How many of the `append`s are on the disk."""
+        """The number of `append` calls whose lines are on the disk."""
         self.appended = 0
         self._now = now
         self._disk = disk or Disk()
@@ -61,13 +61,13 @@ class Journal:
         self._size = size
         self._queue: SimpleQueue[bytes | None] = SimpleQueue()
         self._last_progress = 0.0
-        """When something became durable, or began to wait after all was (monotonic clock)."""
+        """When lines last became durable, or began to wait after all were durable (monotonic clock)."""
         self._last_seen_in_place = 0.0
         """When the file was last seen in its place."""
         self._give_up = threading.Event()
         self._descriptor = self._disk.open(path, create=size == 0)
         self._file = os.fstat(self._descriptor)
-        """Which file it is, also when it can no longer be asked."""
+        """The file's identity, still known when the file cannot be asked."""
         self.lock = lock or JournalLock(path)
         if size == 0:
             self._disk.sync_folder(path.parent)
@@ -76,7 +76,7 @@ class Journal:
         self._thread.start()
 
     def append(self, lines: bytes) -> int:
-        """Hand over whole lines; they are durable when `durable` has reached the number that this returns."""
+        """Hand over whole lines. They are durable when `durable` reaches the returned number."""
         if self.durable == self.appended:
             self._last_progress = time.monotonic()
         self.appended += 1
@@ -85,16 +85,16 @@ class Journal:
 
     @property
     def lag(self) -> float:
-        """Seconds for which something waits and nothing has become durable; 0 when nothing waits."""
+        """Seconds for which lines have waited without progress. 0 when nothing waits."""
         return 0.0 if self.durable == self.appended else time.monotonic() - self._last_progress
 
     def close(self, timeout: float = 5.0) -> bool:
-        """Wait (blocking) until all is durable. False when the disk did not take it within `timeout` seconds."""
+        """Wait (blocking) until all is durable. False when the disk needs more than `timeout` seconds."""
         self._queue.put(None)
         self._thread.join(timeout)
         self._give_up.set()
         self._thread.join(1.0)
-        if not self._thread.is_alive():  # else it may still write: the lock goes with the process
+        if not self._thread.is_alive():  # else it may still write, and the lock ends with the process
             self.lock.release()
         return self.durable == self.appended
 
@@ -128,7 +128,7 @@ class Journal:
             os.close(self._clock)
 
     def _commit(self, data: bytes) -> bool:
-        """True when it is durable; False when the engine cannot wait any longer."""
+        """Write lines durably. False when the engine cannot wait any longer."""
         while True:
             try:
                 if time.monotonic() - self._last_seen_in_place > CLOCK_SECONDS:
@@ -146,9 +146,9 @@ class Journal:
                 return True
 
     def _restore_if_removed(self) -> None:
-        """A file that somebody has removed takes everything, and then nothing is left of it: write it anew.
+        """Write the journal anew if somebody removed its file, which would vanish with all its lines.
 
-        Looked at once a second and not at each commit: what was written meanwhile is still in the removed file.
+        The check runs once a second instead of at each commit: lines written meanwhile are still in the removed file.
         """
         with suppress(FileNotFoundError):
             if os.path.samestat(self.path.stat(follow_symlinks=False), os.fstat(self._descriptor)):
@@ -163,7 +163,7 @@ class Journal:
                 for at in range(0, self._size, BATCH):
                     self._disk.write(fresh, os.pread(self._descriptor, min(BATCH, self._size - at), at), at)
                 self._disk.sync(fresh)
-                os.link(copy, self.path)  # unlike a renaming, this never puts itself in the place of another file
+                os.link(copy, self.path)  # unlike a rename, a link never replaces another file
         except OSError:
             self._disk.close(fresh)
             raise
@@ -173,10 +173,10 @@ class Journal:
         self._disk.sync_folder(self.path.parent)
 
     def _reopen(self) -> None:
-        """Take the file in hand anew after an error, as network file systems want it; never another file."""
+        """Open the file again after an error, as network file systems need it. Never opens another file."""
         try:
             fresh = self._disk.open(self.path, create=False)
-        except OSError:  # the next write says what is wrong
+        except OSError:  # the next write reports the error
             return
         stale = fresh
         if os.path.samestat(os.fstat(fresh), self._file):
@@ -190,7 +190,7 @@ class Journal:
             self.on_change()
 
     def _write_clock(self) -> None:
-        with suppress(OSError):  # the next commit says what is wrong
+        with suppress(OSError):  # the next commit reports the error
             self._restore_if_removed()
         if self._now is not None:
             with suppress(OSError):

@@ -1,10 +1,10 @@
-"""The lines of a journal: a header, then for each step the input and its records, each line with a check sum.
+"""The lines of a journal: a header, then the input and the records of each step. Each line has a checksum.
 
     {"journal":1,"program":"rise-tui 0.2.0","crc":"0f3a..."}
     {"n":1,"input":"session_started","t":0.0,...,"crc":"..."}
     {"kind":"session","seq":1,"t":0.0,"wall":"...",...,"crc":"..."}
 
-Records are those of every other output (semantics.md 11). Inputs are what replay feeds to a fresh kernel. `crc` is
+The records are the same as in every other output (semantics.md 11). Replay feeds the inputs to a fresh kernel. `crc` is
 the CRC-32 (IEEE 802.3) of all bytes of the line before `,"crc"`, as eight hexadecimal digits.
 """
 
@@ -24,9 +24,9 @@ from rise_engine.kernel.inputs import AnyInput
 from rise_engine.kernel.records import AnyRecord
 
 JOURNAL = "journal.jsonl"
-"""The file, in a session's folder."""
+"""The file's name in a session's folder."""
 FORMAT = 1
-"""Goes up, after a release, when programs of that release could not read what is written."""
+"""The format's number. It increases when programs of an earlier release could not read what is written."""
 
 
 class JournalHeader(Struct, frozen=True):
@@ -53,7 +53,7 @@ _read_input = msgspec.json.Decoder(AnyInput).decode
 _read_record = msgspec.json.Decoder(AnyRecord).decode
 
 _CHECKSUM_BYTES = len(b',"crc":"01234567"}')
-"""At the end of a line."""
+"""The length of the checksum at the end of a line."""
 
 JournalLine: TypeAlias = JournalHeader | InputLine | AnyRecord
 
@@ -68,34 +68,34 @@ class LineError(RiseError):
 
 
 def encode_header(program: str) -> bytes:
-    """The first line, with its line end. `program`: name and version of who writes the journal."""
+    """Encode the first line, with its line end. `program`: name and version of the program that writes the journal."""
     return with_checksum(msgspec.json.encode(JournalHeader(FORMAT, program)))
 
 
 def encode_input(number: int, input: AnyInput) -> bytes:
-    """The line of input `number`, with its line end.
+    """Encode input `number` as a line, with its line end.
 
-    Raises UnicodeEncodeError when a text in it holds half characters, which no file can.
+    Raises UnicodeEncodeError when a text in it has lone surrogates, which no file can hold.
     """
     return with_checksum(b'{"n":%d,' % number + msgspec.json.encode(input)[1:])
 
 
 def encode_record(record: AnyRecord) -> bytes:
-    """A record as JSON without a line end, the same bytes in the journal, on the socket, on ROS and in exports.
+    """Encode a record as JSON without a line end. The journal, the socket, ROS and exports all have the same bytes.
 
-    Half characters, which no output can hold, are written as `\\udcff`.
+    Lone surrogates, which no output can hold, are written as `\\udcff`.
     """
     return encode(record)
 
 
 def with_checksum(encoded: bytes) -> bytes:
-    """The line, with its line end, for a JSON object such as `encode_record` gives."""
+    """Make a line, with its line end, from a JSON object such as `encode_record` gives."""
     body = encoded[:-1]
     return b'%b,"crc":"%08x"}\n' % (body, crc32(body))
 
 
 def encode_line(line: JournalLine) -> bytes:
-    """A line, with its line end, from what `read_line` gives."""
+    """Encode the result of `read_line` as a line, with its line end."""
     match line:
         case JournalHeader():
             return with_checksum(msgspec.json.encode(line))
@@ -105,12 +105,12 @@ def encode_line(line: JournalLine) -> bytes:
 
 
 def join_step(line: bytes, encoded: Iterable[bytes]) -> bytes:
-    """All lines of a step: its `encode_input`, then those of its encoded records."""
+    """Join all lines of a step: the line from `encode_input`, then those of the encoded records."""
     return b"".join((line, *map(with_checksum, encoded)))
 
 
 def read_line(data: bytes) -> JournalLine:
-    """What a line (without its line end) holds. Raises LineError."""
+    """Decode a line without its line end. Raises LineError."""
     body = data[:-_CHECKSUM_BYTES]
     if data[-_CHECKSUM_BYTES:] != b',"crc":"%08x"}' % crc32(body):
         if re.fullmatch(rb',"crc":".{8}"}', data[-_CHECKSUM_BYTES:], re.DOTALL) is None:

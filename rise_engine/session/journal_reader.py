@@ -1,10 +1,10 @@
-"""Reading a journal: its inputs and records, what is torn off its end, and what is damaged or missing in between.
+"""Reads a journal: its inputs and records, its torn end, and damaged or missing lines before that.
 
-Every whole line has a check sum and a number of its own kind (`n` of inputs, `seq` of records), so a line that was
-changed, lost, doubled or moved is noticed. Nothing is repaired here (`recovery` does that).
+Each whole line has a checksum and its own number (`n` of inputs, `seq` of records). Changed, lost, doubled and moved
+lines are therefore found. Repairs are in `recovery`.
 
-A session of three hours has a million lines, so they are never all in memory: `read_journal` goes through the file once
-and says what is there and whether it can be believed, and whoever wants the lines goes through it again.
+A session of three hours has a million lines, so they are never all in memory. `read_journal` reads the file once and
+says what is there and what is valid. Callers that need the lines read the file again.
 """
 
 from __future__ import annotations
@@ -31,31 +31,31 @@ from rise_engine.session.journal_format import (
 )
 
 ProgressCallback = Callable[[str], object]
-"""Gets a sentence about how far something has come, about twice a second."""
+"""Gets a sentence about the progress, about twice a second."""
 
 _PROGRESS_LINES = 1_000
 """Lines between two looks at the clock."""
 PROGRESS_SECONDS = 0.5
-"""Between two sentences."""
+"""Seconds between two sentences."""
 _OUT_OF_PLACE = "its number was there before: it stands here a second time, or in the wrong place"
 
 
 class ReadingProgress:
-    """How far a long reading has come, for somebody who waits."""
+    """Progress reports of a long read."""
 
     def __init__(self, on_progress: ProgressCallback | None = None) -> None:
         self._on_progress = on_progress
         self._next = monotonic() + PROGRESS_SECONDS
 
     def report(self, sentence: Callable[[], str]) -> None:
-        """Call it now and then; `sentence` is only made when it is time for one."""
+        """Report the progress if it is time for it; only then is `sentence` called. Call this often."""
         if self._on_progress is not None and monotonic() > self._next:
             self._on_progress(sentence())
             self._next = monotonic() + PROGRESS_SECONDS
 
 
 class NumberGap(Struct, frozen=True):
-    """Numbers that are not there although later ones are."""
+    """Missing numbers that have later numbers after them."""
 
     what: Literal["input", "record"]
     first: int
@@ -63,7 +63,7 @@ class NumberGap(Struct, frozen=True):
     before: int
     """The line that has the next number."""
     damaged: tuple[int, ...]
-    """Unreadable lines where it was; none when lines were taken out."""
+    """Unreadable lines in this place. Empty when lines were removed."""
 
     def __str__(self) -> str:
         """As a sentence without its end: `line 17 is damaged, and it was input 6`."""
@@ -80,50 +80,50 @@ class NumberGap(Struct, frozen=True):
 
 
 class JournalContents(Struct):
-    """What is in a journal and how far it can be read; the lines themselves are in the file."""
+    """The contents of a journal and how far they can be read. The lines themselves stay in the file."""
 
     path: Path
     header: JournalHeader | None = None
-    """None: the first line is damaged, but later ones are not."""
+    """None: the first line is damaged, but later ones are valid."""
     inputs: int = 0
-    """Readable ones."""
+    """The number of readable inputs."""
     records: int = 0
-    """Readable ones."""
+    """The number of readable records."""
     last_input: int = 0
-    """The highest number of an input; `inputs` when none is missing."""
+    """The highest input number. Equal to `inputs` when none is missing."""
     last_seq: int = 0
-    """The highest number of a record."""
+    """The highest record number."""
     size: int = 0
     """Bytes up to the end of the last valid line."""
     torn: bytes = b""
-    """What comes after that: an incomplete line, or damaged ones without anything valid after them."""
+    """The bytes after that: an incomplete line, or damaged lines with nothing valid after them."""
     damaged: dict[int, str] = field(default_factory=dict)
-    """Unreadable lines that have valid ones after them: what is wrong with each, by line number."""
+    """Unreadable lines before the last valid one, with what is wrong, by line number."""
     gaps: list[NumberGap] = field(default_factory=list)
-    """Missing inputs and records, in the order of the file. None for those that were torn off the end."""
+    """Missing inputs and records in the order of the file, without those torn off its end."""
     last_record: AnyRecord | None = None
     input_t: float = 0.0
     """Session time of the last input."""
     ended: bool = False
-    """Whether the session came to its end in order."""
+    """Whether the session ended in order."""
 
     @property
     def seconds(self) -> float:
-        """Session time of the last thing that is known."""
+        """Session time of the last known input or record."""
         return max(self.input_t, self.last_record.t if self.last_record is not None else 0.0)
 
     def read_records(self) -> Iterator[AnyRecord]:
-        """Every record that can be read, in the order of the file. Raises SessionError when it cannot be read now."""
+        """Give each readable record in the order of the file. Raises SessionError when the file cannot be read now."""
         return (found for _, _, found in self.lines() if not isinstance(found, JournalHeader | InputLine))
 
     def lines(self) -> Iterator[tuple[int, bytes, JournalLine]]:
-        """Every readable line: its number, the line without its end, and what it holds. Raises as `read_records`."""
+        """Give each readable line: its number, the line without its end, its content. Raises as `read_records`."""
         with _open_journal(self.path) as file:
             yield from _read_valid_lines(file, self.size, JournalContents(self.path))
 
     def follow(self, on_progress: ProgressCallback | None = None) -> Iterator[tuple[int, bytes, JournalLine]]:
-        """The lines of a journal of which only the path is known so far; everything else is known as far as they have
-        been given, and all of it after the last one. Parameters and errors as of `read_journal`."""
+        """Give the lines of a journal that was not read before. The other fields are filled in on the way, and are
+        complete after the last line. Parameters and errors as in `read_journal`."""
         progress = ReadingProgress(on_progress)
         with _open_journal(self.path) as file:
             end = file.seek(0, SEEK_END)
@@ -150,12 +150,12 @@ class JournalContents(Struct):
 
 
 def read_journal(path: Path, on_progress: ProgressCallback | None = None) -> JournalContents:
-    """Go through the journal in the file `path` once: what is in it, and how far it can be believed.
+    """Read the journal in the file `path` once: what is in it, and what is valid.
 
-    `on_progress` gets a sentence about how far it has come, about twice a second, when that takes long. Returns counts,
-    what is damaged, missing or torn, and the means to go through the lines again; the lines themselves stay in the
-    file. Nothing in the file is changed, so it may belong to a session that runs. Raises SessionError when there is no
-    journal, when it cannot be read, when nothing in it is one, and when a newer version has written it.
+    `on_progress` gets a sentence about the progress about twice a second, if this takes long. Returns counts, the
+    damaged, missing or torn parts, and methods to read the lines again; the lines stay in the file. The file is not
+    changed, so the session may still run. Raises SessionError when there is no journal, it cannot be read, nothing in
+    it is valid, or a newer version wrote it.
 
         >>> from tempfile import TemporaryDirectory
         >>> from rise_engine.kernel.inputs import Note
@@ -180,7 +180,7 @@ def read_journal(path: Path, on_progress: ProgressCallback | None = None) -> Jou
 
 @contextmanager
 def _open_journal(path: Path) -> Iterator[IO[bytes]]:
-    """Raises SessionError when there is none, and when it cannot be read."""
+    """Open a journal. Raises SessionError when there is none or it cannot be read."""
     try:
         with path.open("rb") as file:
             yield file
@@ -191,10 +191,9 @@ def _open_journal(path: Path) -> Iterator[IO[bytes]]:
 
 
 def _read_valid_lines(file: IO[bytes], end: int, contents: JournalContents) -> Iterator[tuple[int, bytes, JournalLine]]:
-    """Go through a journal from its beginning: the valid lines before the offset `end`, with their numbers, without
-    their line ends, and what they hold.
+    """Give the valid lines of a journal before the offset `end`: number, line without its end, content.
 
-    `contents` gets what is known up to the line that is given, and what is damaged or missing before.
+    `contents` is updated up to the given line, and notes what is damaged or missing before it.
     """
     suspect: dict[int, str] = {}
     """Unreadable lines with nothing valid after them so far."""
@@ -202,7 +201,7 @@ def _read_valid_lines(file: IO[bytes], end: int, contents: JournalContents) -> I
     for number, line in enumerate(file, 1):
         offset += len(line)
         if offset > end or not line.endswith(b"\n"):
-            break  # the beginning of a line
+            break  # an incomplete line
         line = line[:-1]
         try:
             found = read_line(line)
@@ -245,6 +244,6 @@ def _read_valid_lines(file: IO[bytes], end: int, contents: JournalContents) -> I
 def _note_gap(
     contents: JournalContents, what: Literal["input", "record"], first: int, last: int, since: int, before: int
 ) -> None:
-    """Note that these numbers are missing between the lines `since` and `before`."""
+    """Note that the numbers `first` to `last` are missing between the lines `since` and `before`."""
     damaged = takewhile(lambda number: number > since, reversed(contents.damaged))
     contents.gaps.append(NumberGap(what, first, last, before, tuple(damaged)[::-1]))

@@ -1,7 +1,7 @@
-"""What a session is labelled with: who took part, in which condition, with what. Its journal's first record says it.
+"""A session's labels: who took part, in which condition, with what. The first record of its journal has them.
 
-`session.toml` and a study's `study.jsonl` say the same in other places. Whoever reads a session compares them with that
-record by `label_differences`; a difference is an error, so that nobody can give a session another label.
+`session.toml` and a study's `study.jsonl` repeat them. Readers of a session compare these with the record
+(`label_differences`). A difference is an error, so that nobody can relabel a session.
 """
 
 from __future__ import annotations
@@ -23,9 +23,9 @@ _LABELS = (
     *IDENTITY,
     *("mode", "robot", "seed", "scenario", "scenario_hash", "injected_faults"),
 )
-"""Fields of a session's record that say what the session is."""
+"""The labels among the fields of a session's record."""
 _CALLED = {"scenario": "title", "injected_faults": "faults"}
-"""How other files call them, where they have another name."""
+"""Other names of labels in other files."""
 
 
 class RelabelledError(SessionError):
@@ -33,10 +33,10 @@ class RelabelledError(SessionError):
 
 
 def read_labels(journal: Path) -> dict[str, Any] | None:
-    """The first record of a session's journal, as it stands there: an older journal has fewer fields.
+    """Read the first record of a session's journal. An older journal has fewer fields.
 
     :param journal: the file.
-    :return: its fields; None when there is no such record, or none that can be read.
+    :return: the record's fields; None when there is no readable one.
     """
     try:
         with journal.open("rb") as file:
@@ -56,11 +56,11 @@ def read_labels(journal: Path) -> dict[str, Any] | None:
 
 
 def label_differences(labels: Mapping[str, Any] | None, told: Mapping[str, Any], file: str) -> list[str]:
-    """What another file says of a session otherwise than its journal, in sentences that name both.
+    """List where another file differs from a session's journal, in sentences that name both values.
 
-    :param labels: as `read_labels` gives them; what an older journal does not say is not compared.
-    :param told: what the other file says; what it does not say is not compared.
-    :param file: that one, as people know it.
+    :param labels: from `read_labels`; labels that an older journal lacks are not compared.
+    :param told: the other file's values; labels that it lacks are not compared.
+    :param file: the other file's name.
 
     >>> label_differences({"condition": "calm", "slot": None}, {"condition": "lively", "slot": 0}, "session.toml")
     ['session.toml says condition = "lively", but journal.jsonl says condition = "calm"']
@@ -73,21 +73,21 @@ def label_differences(labels: Mapping[str, Any] | None, told: Mapping[str, Any],
 
 
 def labels_for(labels: Mapping[str, Any] | None, told: Mapping[str, Any]) -> dict[str, Any]:
-    """What the journal says of a session, under the names that another file has for it.
+    """Return the journal's labels under the names of another file.
 
-    :param labels: as `read_labels` gives them.
-    :param told: what the other file says.
+    :param labels: from `read_labels`.
+    :param told: the other file's values.
     """
     by_name = {_CALLED.get(label, label): label for label in _LABELS if labels is not None and label in labels}
     return {name: labels[label] for name, label in by_name.items() if labels is not None and name in told}
 
 
 def refuse_differences(folder: Path, differences: Iterable[str]) -> None:
-    """Nothing is read from a session about which two files disagree.
+    """Refuse to read a session when two files disagree about it.
 
-    :param folder: the session's.
-    :param differences: as `label_differences` gives them.
-    :raises RelabelledError: there is one.
+    :param folder: the session's folder.
+    :param differences: from `label_differences`.
+    :raises RelabelledError: there is a difference.
     """
     if found := list(differences):
         raise RelabelledError(
@@ -97,7 +97,7 @@ def refuse_differences(folder: Path, differences: Iterable[str]) -> None:
 
 
 def _plain(value: Any) -> Any:
-    """As a journal has it."""
+    """Return a value as a journal has it."""
     if isinstance(value, str):
         return escape_surrogates(value)
     return list(value) if isinstance(value, tuple) else value
@@ -114,7 +114,7 @@ _PSEUDONYM = re.compile(r"[A-Za-z0-9]+")
 
 
 def pseudonym_problem(participant: str) -> str:
-    """Why a real session cannot be recorded under this, or empty. Nobody named is right.
+    """Return why a real session cannot be recorded under this name, or an empty text. An empty name is allowed.
 
     >>> pseudonym_problem("P07")
     ''

@@ -1,10 +1,9 @@
-"""Which engine has a session: a lock on the journal itself, and a note beside it that says whose it is.
+"""The lock that gives a session to one engine, and the note that names this engine.
 
-The lock is the operating system's (flock). It belongs to the journal's file, not to a name or to somebody's
-environment, and it goes with the process that holds it, however that ends. A copy of the folder is another file and not
-locked. The note, `engine.json`, locks nothing: it says who holds the lock and where that session is reached, so that
-another program can say so, or attach. Where a file system may not tell this computer of the locks of another one, the
-note says which computer had the session last, and then a person has to decide.
+The lock is the operating system's (flock) and belongs to the journal's file. It goes when the process that holds it
+ends, however that happens. A copy of the folder is not locked. The note, `engine.json`, locks nothing: it says who
+holds the lock and where the session is reached, so that other programs can report this or attach. Some file systems do
+not show this computer the locks of another computer. There, the note names the last computer, and a person decides.
 """
 
 from __future__ import annotations
@@ -30,10 +29,9 @@ from rise_engine.base.files import error_message, has_no_locks, is_locked, take_
 
 HOLDER_FILE = "engine.json"
 TRIES, TRY_SECONDS = 500, 0.01
-"""How often it is tried, while others only look whether a session runs (they hold its lock for a moment, with others),
-or are just beginning one."""
+"""How often the lock is tried. Programs that ask whether a session runs, or that begin one, hold it for a moment."""
 RUNS = 20
-"""So many times the lock is held by one alone: that is an engine."""
+"""After so many tries with an exclusive lock, the holder must be an engine."""
 ONE_MACHINE = frozenset(
     {
         *("bcachefs", "btrfs", "ext2", "ext3", "ext4", "f2fs", "jfs", "reiserfs", "xfs", "zfs"),
@@ -41,15 +39,15 @@ ONE_MACHINE = frozenset(
         *("exfat", "fuseblk", "hfs", "hfsplus", "msdos", "ntfs", "ntfs3", "udf", "vfat"),
     }
 )
-"""File systems on which every program that can open a file sees its locks. Of any other, nobody knows."""
+"""File systems on which every program that can open a file sees its locks. For all others, this is not known."""
 MANDATORY = frozenset({"cifs", "smb3", "smbfs"})
-"""File systems on which a lock would keep this very process from writing by another descriptor: no lock there."""
+"""File systems on which a lock stops this very process from writing through another descriptor. No lock there."""
 
 _held_locks: WeakSet[JournalLock] = WeakSet()
 
 
 class LockHolder(Struct, frozen=True):
-    """The engine that has a session, or had it last, as `engine.json` says it."""
+    """The engine that has a session, or had it last, as written in `engine.json`."""
 
     pid: int
     host: str
@@ -57,11 +55,11 @@ class LockHolder(Struct, frozen=True):
     since: str
     """ISO 8601 with offset."""
     socket: str = ""
-    """Where the session is reached, absolute; empty while the engine is starting."""
+    """The absolute path at which the session is reached. Empty while the engine is starting."""
 
     @property
     def is_this_computer(self) -> bool:
-        """Whether it is on this computer."""
+        """Whether the engine is on this computer."""
         return self.host == platform.node()
 
     def __str__(self) -> str:
@@ -73,7 +71,7 @@ class LockHolder(Struct, frozen=True):
 
 
 class JournalLockedError(SessionError):
-    """An engine runs the session; the text says which, and how it is reached and ended."""
+    """An engine runs the session; the text says which, and how to attach to it and end it."""
 
     def __init__(self, folder: Path, holder: LockHolder | None) -> None:
         super().__init__(running_message(folder, holder))
@@ -84,12 +82,12 @@ class JournalLock:
     """The right to write a journal, held until `release` or the end of this process."""
 
     def __init__(self, journal: Path, *, here: bool = False) -> None:
-        """Take it, without waiting. Read nothing of the journal before.
+        """Take the lock without waiting. Call this before you read the journal.
 
-        `here`: a person has decided that the computer which had the session last does not run it any more.
+        `here`: a person has confirmed that the computer which had the session last no longer runs it.
 
-        Raises JournalLockedError when an engine runs the session; SessionError when one on another computer may;
-        SessionError when there is no journal, or it may not be written.
+        Raises JournalLockedError when an engine runs the session. Raises SessionError when an engine on another
+        computer may run it, and when the journal is missing or cannot be written.
         """
         self._note = journal.with_name(HOLDER_FILE)
         self._descriptor, locked = _acquire(journal)
@@ -102,22 +100,22 @@ class JournalLock:
         self.write_holder()
 
     def write_holder(self, socket: str = "") -> None:
-        """Say beside the journal who has it, and where the session is reached."""
+        """Write the note: who has the journal, and where the session is reached."""
         now = datetime.now().astimezone().isoformat(timespec="seconds")
         holder = LockHolder(os.getpid(), platform.node(), user_name(), now, socket)
-        with suppress(OSError):  # a full disk, say: it can be locked all the same
+        with suppress(OSError):  # with a full disk, for example, the lock still works
             write_whole(self._note, msgspec.json.format(msgspec.json.encode(holder), indent=2) + b"\n")
 
     @contextmanager
     def move_to(self, path: Path) -> Iterator[None]:
-        """Within it the file `path` takes the journal's place: it is locked as long as nobody else knows of it, and the
-        one before is unlocked at the end, unless that raises OSError.
+        """Within a `with` statement, let the file `path` replace the journal.
 
-        Raises OSError.
+        `path` is locked before others know of it. The old journal is unlocked at the end, unless the body fails with
+        OSError. Raises OSError.
         """
         descriptor = os.open(path, os.O_RDWR | os.O_CLOEXEC)
         if file_system(path) not in MANDATORY:
-            with suppress(OSError):  # where nothing can be locked
+            with suppress(OSError):  # on file systems without locks
                 take_lock(descriptor)
         try:
             yield
@@ -128,10 +126,10 @@ class JournalLock:
         os.close(before)
 
     def release(self) -> None:
-        """Unlock the journal: nobody has the session now. Does nothing the second time."""
+        """Unlock the journal, so that nobody has the session. A second call does nothing."""
         if self._descriptor >= 0:
             with suppress(OSError):
-                self._note.unlink()  # while the lock is held, nobody else writes one
+                self._note.unlink()  # nobody else writes a note while the lock is held
             self._close()
 
     def _close(self) -> None:
@@ -141,7 +139,7 @@ class JournalLock:
 
 
 def _close_in_child() -> None:
-    """A process that was forked off would hold the lock after this one has gone."""
+    """Close the locks in a forked process, which could otherwise outlive this one and still hold them."""
     for lock in tuple(_held_locks):
         lock._close()
 
@@ -150,7 +148,7 @@ os.register_at_fork(after_in_child=_close_in_child)
 
 
 def read_holder(folder: Path) -> LockHolder | None:
-    """Who has a session, or had it when an engine or a computer went away; None: nobody is named."""
+    """Read who has a session, or who had it when an engine or computer failed. None: there is no readable note."""
     try:
         return msgspec.json.decode((folder / HOLDER_FILE).read_bytes(), type=LockHolder)
     except (OSError, msgspec.DecodeError, UnicodeDecodeError):
@@ -158,8 +156,8 @@ def read_holder(folder: Path) -> LockHolder | None:
 
 
 def forget_holder(folder: Path) -> None:
-    """Remove the note of an engine that has gone: it names a user and a computer. Not while somebody has the session,
-    and not where only the note says who may have it."""
+    """Remove the note of an engine that is gone, because it names a user and a computer. It stays while somebody has
+    the session, and where it is the only sign of who may have it."""
     holder = read_holder(folder)
     if holder is not None and holder.is_this_computer and not is_locked(folder / "journal.jsonl"):
         with suppress(OSError):
@@ -167,7 +165,7 @@ def forget_holder(folder: Path) -> None:
 
 
 def running_message(folder: Path, holder: LockHolder | None) -> str:
-    """That a session runs, where, and how it is reached and ended."""
+    """Say that a session runs and where, and how to attach to it and end it."""
     if holder is None:
         return f"the session {folder.name} is running: another program has locked its journal"
     sentence = f"the session {folder.name} is running: {holder}"
@@ -181,17 +179,17 @@ def running_message(folder: Path, holder: LockHolder | None) -> str:
 
 @contextmanager
 def one_at_a_time(sessions: Path) -> Iterator[None]:
-    """Of engines that begin a session at once, one waits for the other, so that each sees what the other one runs.
+    """Let engines that begin a session take turns, so that each one sees which sessions the others run.
 
-    Short: only to look and to lock. Raises SessionError.
+    Hold this only to look and to lock. Raises SessionError.
     """
     try:
         descriptor = os.open(sessions, os.O_RDONLY | os.O_DIRECTORY | os.O_CLOEXEC)
-    except OSError:  # whoever makes a folder in it says what is wrong
+    except OSError:  # the next attempt to make a folder here reports the error
         yield
         return
     try:
-        with suppress(OSError):  # folders on NFS; the journals' locks are there all the same
+        with suppress(OSError):  # folders on NFS cannot be locked; the journals still can
             if not wait_until(lambda: take_lock(descriptor), TRIES * TRY_SECONDS, TRY_SECONDS):
                 raise SessionError(f"another engine is just beginning a session in {sessions}; try again")
         yield
@@ -200,9 +198,9 @@ def one_at_a_time(sessions: Path) -> Iterator[None]:
 
 
 def file_system(path: Path, mounts: str | None = None) -> str:
-    """Of which kind it is, as Linux calls it; empty when that is not known.
+    """Read the type of the file system of `path`, as Linux names it. Empty: not known.
 
-    `mounts`: as in /proc/self/mountinfo (proc_pid_mountinfo(5)), which is read otherwise.
+    `mounts`: text in the format of /proc/self/mountinfo (proc_pid_mountinfo(5)). Default: this file.
     """
     if mounts is None:
         try:
@@ -217,13 +215,13 @@ def file_system(path: Path, mounts: str | None = None) -> str:
             continue
         mount_point = re.sub(r"\\([0-7]{3})", lambda octal: chr(int(octal[1], 8)), parts[4])
         inside = real == mount_point or real.startswith(mount_point.rstrip("/") + "/")
-        if inside and len(mount_point) >= len(found):  # the latest of one mount point lies on top
+        if inside and len(mount_point) >= len(found):  # the last mount at a mount point hides the earlier ones
             found, kind = mount_point, rest.split()[0]
     return kind
 
 
 def user_name() -> str:
-    """Whose process this is."""
+    """Read the name of this process's user."""
     try:
         return getpass.getuser()
     except (KeyError, OSError):
@@ -231,7 +229,7 @@ def user_name() -> str:
 
 
 def _acquire(journal: Path) -> tuple[int, bool]:
-    """A descriptor of the journal that holds its lock; False with it where nothing can be locked."""
+    """Open and lock the journal. Returns the descriptor, and False where the file system has no locks."""
     alone = 0
     for _ in range(TRIES):
         try:

@@ -1,4 +1,4 @@
-"""`media.json` in a session's folder: the recordings that belong to it, and where they lie against its clock.
+"""`media.json` in a session's folder: its recordings, and how their time relates to the session's.
 
 media time = offset + rate * session time          (both in seconds)
 """
@@ -19,15 +19,15 @@ from rise_engine.base.files import error_message, sync, take_lock, wait_until, w
 from rise_engine.ports.recorder import MediaKind
 
 WAIT_SECONDS = 10.0
-"""How long somebody waits for another program that writes it just now. That takes milliseconds."""
+"""How long to wait for another program that is writing the list, which takes milliseconds."""
 _Item = TypeVar("_Item")
 
 
 def read_list(path: Path, item: type[_Item]) -> tuple[_Item, ...]:
-    """What stands in a list, in its order; nothing when there is no such file.
+    """Read a list in its order. Empty when there is no such file.
 
     :param path: the file.
-    :param item: what it holds.
+    :param item: the type of its items.
     :raises SessionError: it cannot be read.
     """
     try:
@@ -41,17 +41,17 @@ def read_list(path: Path, item: type[_Item]) -> tuple[_Item, ...]:
 
 
 def list_bytes(items: Sequence[object]) -> bytes:
-    """A list as it stands in its file."""
+    """Encode a list as it is written in its file."""
     return msgspec.json.format(msgspec.json.encode(items), indent=1) + b"\n"
 
 
 def change_list(path: Path, item: type[_Item], change: Callable[[list[_Item]], list[_Item]]) -> None:
-    """Replace a list by what `change` makes of it, in one step.
+    """Replace a list by the result of `change`, in one step.
 
     :param path: the file.
-    :param item: what it holds.
-    :param change: gets what stands there.
-    :raises SessionError: it cannot be read or written; then nothing is changed.
+    :param item: the type of its items.
+    :param change: gets the current list.
+    :raises SessionError: it cannot be read or written. Nothing is changed then.
     """
     try:
         with _locked(path):
@@ -66,10 +66,10 @@ def change_list(path: Path, item: type[_Item], change: Callable[[list[_Item]], l
 
 @contextmanager
 def _locked(path: Path) -> Iterator[None]:
-    """Nobody else changes the list meanwhile. The lock is the folder's own, so that no file is left of it."""
+    """Lock the list against other programs. The lock is on the folder, so that it leaves no file behind."""
     descriptor = os.open(path.parent, os.O_RDONLY | os.O_CLOEXEC)
     try:
-        with suppress(OSError):  # a file system without locks: then the last one who writes wins
+        with suppress(OSError):  # without locks, the last program that writes wins
             if not wait_until(lambda: take_lock(descriptor), WAIT_SECONDS):
                 raise SessionError(f"{path} is held by another program: try again")
         yield
@@ -79,37 +79,37 @@ def _locked(path: Path) -> Iterator[None]:
 
 MEDIA_FILE = "media.json"
 AlignedBy: TypeAlias = Literal["", "marks", "given", "start"]
-"""How a file was laid against the session's clock. marks: by marks that were found in it; given: somebody said it;
-start: by when its recorder was started, which is no time of the first frame; empty: not at all."""
+"""How a file was aligned. marks: by marks found in it; given: by a person; start: by the start of its recorder, which
+is not the time of the first frame; empty: not at all."""
 
 
 class FoundMark(Struct, frozen=True):
-    """A mark of the session (`SyncRecord`) that was found in a file, or a moment that somebody has given."""
+    """A mark of the session (`SyncRecord`) that was found in a file, or a moment that a person gave."""
 
     number: int
-    """0: a moment that somebody has given, and that is no mark."""
+    """The mark's number. 0: a moment that a person gave."""
     session_at: float
     media_at: float
     strength: float
-    """How far it stands above all else in the file, as a ratio; below 3 it is not believed. 0: it was given."""
+    """The ratio by which it exceeds all else in the file. Below 3, it is not trusted. 0: a person gave it."""
 
 
 class MediaFile(Struct, frozen=True, kw_only=True):
-    """One file, or one folder of a bag."""
+    """One file, or the folder of one bag."""
 
     path: str
-    """Absolute, or relative to the session's folder when it lies in there."""
+    """Relative to the session's folder if it is inside, else absolute."""
     kind: MediaKind
     name: str = ""
-    """Of the recorder that made it; empty: somebody added it."""
+    """The recorder that made it. Empty: a person added it."""
     bytes: int | None = None
     sha256: str = ""
     duration: float | None = None
     """Seconds."""
     offset: float | None = None
-    """Media time at session time 0: negative when it began after the session. None: not known."""
+    """Media time at session time 0, negative if the recording began after the session. None: not known."""
     rate: float = 1.0
-    """Seconds of the file for one second of the session."""
+    """Seconds of the file per second of the session."""
     aligned_by: AlignedBy = ""
     marks: tuple[FoundMark, ...] = ()
     added: str = ""
@@ -117,44 +117,43 @@ class MediaFile(Struct, frozen=True, kw_only=True):
     fps: float | None = None
     """Frames per second; None: not known, or no video."""
     within: float | None = None
-    """Seconds by which all this is wrong at most between the marks, as far as the marks' own times are known; None: not
-    known."""
+    """The largest error between the marks in seconds, as far as the marks' own times are known. None: not known."""
 
     @property
     def drift_ppm(self) -> float:
-        """How much faster its clock runs, in millionths."""
+        """How much faster the file's clock runs, in parts per million."""
         return (self.rate - 1.0) * 1e6
 
     @property
     def drift_within_ppm(self) -> float | None:
-        """Millionths by which that is wrong at most; None: not known, or it was not measured."""
+        """The largest error of the drift in parts per million. None: not known, or the drift was not measured."""
         if len(self.marks) < 2 or self.within is None:
             return None
         return 2e6 * self.within / abs(self.marks[-1].session_at - self.marks[0].session_at)
 
     @property
     def has_drift(self) -> bool:
-        """Whether it was measured, and is more than the marks of a short session can be wrong by."""
+        """Whether a drift was measured that exceeds its possible error in a short session."""
         within = self.drift_within_ppm
         return len(self.marks) > 1 and (within is None or abs(self.drift_ppm) > within)
 
 
 def read_media(folder: Path) -> tuple[MediaFile, ...]:
-    """What stands in a session's media.json, in its order; nothing when there is none.
+    """Read a session's media.json in its order. Empty when there is none.
 
-    :param folder: the session's.
+    :param folder: the session's folder.
     :raises SessionError: it cannot be read.
     """
     return read_list(folder / MEDIA_FILE, MediaFile)
 
 
 def register_media(folder: Path, file: MediaFile) -> MediaFile | None:
-    """Put a file into a session's media.json, in the place of what stands there about the same file.
+    """Add a file to a session's media.json. It replaces an entry on the same file.
 
-    :param folder: the session's.
-    :param file: a path within that folder is made relative to it.
-    :return: what stood there before.
-    :raises SessionError: it cannot be read or written; then nothing is changed.
+    :param folder: the session's folder.
+    :param file: the entry; a path within the folder is made relative to it.
+    :return: the replaced entry.
+    :raises SessionError: the list cannot be read or written. Nothing is changed then.
     """
     file = msgspec.structs.replace(file, path=stored_path(folder, file.path))
     before: list[MediaFile] = []
@@ -170,12 +169,12 @@ def register_media(folder: Path, file: MediaFile) -> MediaFile | None:
 
 
 def remove_media(folder: Path, named: str) -> MediaFile:
-    """Take a file out of a session's media.json; the file itself stays where it is.
+    """Remove a file from a session's media.json. The file itself stays.
 
-    :param folder: the session's.
-    :param named: its path, also as it stands there, or its name, if no other file has that.
-    :return: what stood there.
-    :raises SessionError: there is none of that name, or several; or it cannot be written. Then nothing is changed.
+    :param folder: the session's folder.
+    :param named: its path, also as in the list, or its name if no other file has that name.
+    :return: the removed entry.
+    :raises SessionError: no file or several files match, or the list cannot be written. Nothing is changed then.
     """
     removed: list[MediaFile] = []
 
@@ -188,7 +187,7 @@ def remove_media(folder: Path, named: str) -> MediaFile:
 
 
 def find_media(folder: Path, files: list[MediaFile], named: str) -> MediaFile:
-    """The file that somebody means, by its path, the end of it, or its recorder. Raises SessionError."""
+    """Find a file by its path, its file name or its recorder. Raises SessionError."""
     path = stored_path(folder, named)
     exact = [each for each in files if each.path in (named, path)]
     found = exact or [each for each in files if named in (Path(each.path).name, each.name)]
@@ -201,12 +200,12 @@ def find_media(folder: Path, files: list[MediaFile], named: str) -> MediaFile:
 
 
 def media_path(folder: Path, file: MediaFile) -> Path:
-    """Where a file of a session lies, absolute."""
+    """Return the absolute path of a session's file."""
     return (folder / file.path).absolute()
 
 
 def stored_path(folder: Path, path: str) -> str:
-    """A path as media.json has it: relative for what lies in the session's folder, else absolute."""
+    """Return a path as media.json has it: relative if it is in the session's folder, else absolute."""
     absolute = Path(os.path.normpath(Path(os.path.expanduser(path)).absolute()))  # noqa: PTH111  # no RuntimeError
     root = Path(os.path.normpath(folder.absolute()))
     if Path(path).is_absolute() or absolute.exists() or not (root / path).exists():

@@ -1,8 +1,8 @@
-"""Recovery: an unfinished session as it was when its engine went away, made again from the inputs in its journal.
+"""Recovery: restores an unfinished session from the inputs in its journal, as it was when its engine stopped.
 
-First everything is worked out and checked; only then the folder is touched. Whatever is cut off or written anew is kept
-beside it (`journal.torn-1`, `journal.damaged-1.jsonl`, ...): nothing is ever thrown away. The journal is locked before
-anything of it is read, so that no engine runs the session meanwhile.
+The folder changes only after everything is computed and checked. What is cut off or rewritten is kept beside the
+journal (`journal.torn-1`, `journal.damaged-1.jsonl`, ...), so nothing is lost. The journal is locked before it is read,
+so that no engine runs the session meanwhile.
 """
 
 from __future__ import annotations
@@ -26,30 +26,30 @@ from rise_engine.session.replay import Replay, load_session_scenario
 
 CLOCK = "clock"
 _LATEST = 1e9
-"""Seconds (some 30 years): a clock file that says more is damaged."""
+"""Seconds (about 30 years). A clock file with a larger value is damaged."""
 
 
 class RecoveredSession(Struct):
-    """What an engine needs to go on."""
+    """Everything that an engine needs to continue a session."""
 
     scenario: Scenario
     info: SessionInfo
     kernel: Kernel
     view: SessionView
     t: float
-    """Session time to go on from: nothing is known to have happened later."""
+    """Session time to continue from. Nothing is known to have happened later."""
     timers: dict[int, float]
-    """The kernel's timers, and when they are due (session time)."""
+    """The kernel's timers, with the session times at which they are due."""
     inputs: int
-    """How many there are; the next one has the next number."""
+    """The number of inputs. The next input gets the next number."""
     size: int
-    """Bytes that the journal has now, all valid."""
+    """The journal's size in bytes, all valid."""
     unwritten_lines: bytes
-    """Records of the last input that are not in the journal: what to append first."""
+    """Records of the last input that the journal lacks. Append them first."""
     report: list[str]
     """What was found and done, in sentences for a person."""
     last_wall: str = ""
-    """The wall-clock label of the last record that is known; empty: none is."""
+    """The wall-clock label of the last known record. Empty: there is none."""
     last_t: float = 0.0
     """That record's session time."""
 
@@ -61,20 +61,20 @@ def recover(
     lock: JournalLock | None = None,
     on_progress: ProgressCallback | None = None,
 ) -> RecoveredSession:
-    """Bring the unfinished session in `folder` back to where it was, and repair its journal.
+    """Restore the unfinished session in `folder` to its last state, and repair its journal.
 
-    `disk`: what writes, for tests that let it fail. `lock`: of the journal, for who goes on with it; without it, the
-    journal is locked for this time only. `on_progress` gets a sentence about how far it has come, about twice a second,
-    when that takes long. Returns the kernel and the view as they were after the last input, session time in seconds,
-    timers that are still to run, and a report in sentences. Raises SessionError when the session runs
-    (JournalLockedError), has ended or cannot be recovered; its journal is as it was, then.
+    `disk`: does the writing, for tests that let it fail. `lock`: the journal's lock, for a caller that continues the
+    session; without it, the journal is locked during the call only. `on_progress` gets a sentence on the progress about
+    twice a second, if recovery takes long. Returns the kernel and the view after the last input, the session time in
+    seconds, the timers that still run, and a report in sentences. Raises SessionError when the session runs
+    (JournalLockedError), has ended or cannot be recovered. The journal is unchanged then.
 
         recovered = recover(find_session("2026-11-21_141503_lablinking_debug"))
         print(*recovered.report, sep="\\n")
     """
     if lock is not None:
         return _recover(folder, disk or Disk(), lock, on_progress)
-    read_info(folder)  # whether it is a session at all
+    read_info(folder)  # fails if this is not a session
     lock = JournalLock(folder / JOURNAL)
     try:
         return _recover(folder, disk or Disk(), lock, on_progress)
@@ -85,7 +85,7 @@ def recover(
 def _recover(folder: Path, disk: Disk, lock: JournalLock, on_progress: ProgressCallback | None) -> RecoveredSession:
     path = folder / JOURNAL
     info = read_info(folder)
-    if has_ended(folder) and (known := read_journal(path, on_progress)).ended:  # without working all of it out
+    if has_ended(folder) and (known := read_journal(path, on_progress)).ended:  # saves the replay
         raise _nothing_to_recover(folder, known)
     report: list[str] = []
     scenario = load_session_scenario(folder, info, report)
@@ -146,9 +146,9 @@ def _repair_journal(
     lock: JournalLock,
     report: list[str],
 ) -> int:
-    """Make a journal whole that is torn or damaged; its size then. Raises OSError.
+    """Repair a torn or damaged journal, and return its new size. Raises OSError.
 
-    `replay`: the replay that has shown what is missing; `fresh_replay`: one that has not begun, to make that.
+    `replay`: the finished replay, which shows what is missing. `fresh_replay`: a new one, which makes it again.
     """
     path = contents.path
     if contents.torn:
@@ -185,7 +185,7 @@ def _repair_journal(
 def _intact_lines(
     contents: JournalContents, replay: Replay, fresh_replay: Replay, info: SessionInfo
 ) -> Iterator[bytes]:
-    """The journal without damage: valid lines as they are, the others made again."""
+    """Give the lines of the repaired journal: valid lines unchanged, the others made again."""
     if contents.header is None:
         program = " ".join(("rise-tui", info.versions.get("rise-tui", ""))).strip()
         yield encode_header(program)
@@ -203,9 +203,9 @@ def _intact_lines(
 
 
 def _replace_journal(path: Path, lines: Iterable[bytes], disk: Disk, lock: JournalLock) -> int:
-    """Put a journal of these lines in the place of the one that is there; its size."""
+    """Replace the journal by one of these lines, and return its size."""
     fresh = path.with_name(f"{path.name}.new")
-    fresh.unlink(missing_ok=True)  # of a repair that was interrupted
+    fresh.unlink(missing_ok=True)  # from an interrupted repair
     size = disk.write_new(fresh, lines)
     with lock.move_to(fresh):
         fresh.replace(path)
@@ -214,7 +214,7 @@ def _replace_journal(path: Path, lines: Iterable[bytes], disk: Disk, lock: Journ
 
 
 def _save_aside(journal: Path, name: str, data: Iterable[bytes], disk: Disk) -> str:
-    """Write `data` to a new file beside the journal, durably; its name."""
+    """Write `data` durably to a new file beside the journal, and return its name."""
     number = 1
     while (kept := journal.with_name(f"{journal.stem}.{name.format(number)}")).exists():
         number += 1
@@ -224,7 +224,7 @@ def _save_aside(journal: Path, name: str, data: Iterable[bytes], disk: Disk) -> 
 
 
 def _read_clock(folder: Path) -> float:
-    """The session's time as the engine last noted it; 0 when that cannot be read."""
+    """Read the session time that the engine last noted. 0 when it cannot be read."""
     try:
         noted = float((folder / CLOCK).read_bytes())
     except (OSError, ValueError):

@@ -1,6 +1,6 @@
-"""Replay: the recorded inputs once more, through a fresh kernel. What comes out must be what was recorded.
+"""Replay: a fresh kernel gets the recorded inputs again and must give the same records.
 
-`compare_replay` is what `rise-engine replay` shows; `Replay` serves recovery too.
+`rise-engine replay` shows the result of `compare_replay`. Recovery also uses `Replay`.
 """
 
 from __future__ import annotations
@@ -29,9 +29,9 @@ from rise_engine.session.journal_reader import JournalContents, ProgressCallback
 from rise_engine.session.scenario_copies import offer_changed
 
 _BLOCK_LINES = 64
-"""Lines that are read at once: a processor that reads and works out by turns takes an eighth longer."""
+"""Lines that are read at once. Reading and replaying line by line takes an eighth longer."""
 NO_RECORD = "(no record)"
-"""Stands for a field when a whole record is there on one side only."""
+"""Replaces the field when a whole record exists on one side only."""
 
 
 CANNOT_REPLAY = (
@@ -41,18 +41,18 @@ CANNOT_REPLAY = (
 
 
 class ReplayDifference(Struct, frozen=True):
-    """The first record in which a replay is not what was recorded."""
+    """The first record that differs between the recording and the replay."""
 
     file: str
     line: int
-    """Of the record."""
+    """The record's line."""
     seq: int
     input: int
-    """The number of the input that caused it, as far as that is known."""
+    """The number of the input that caused the record, as far as it is known."""
     kind: str
     field: str
     recorded: Any
-    """As JSON has it."""
+    """As a JSON value."""
     replayed: Any
 
     def __str__(self) -> str:
@@ -64,21 +64,21 @@ class ReplayDifference(Struct, frozen=True):
 
 
 class ReplayComparison(Struct, frozen=True):
-    """What came of a replay."""
+    """The result of a replay."""
 
     inputs: int
-    """How many were replayed."""
+    """The number of replayed inputs."""
     records: int
-    """How many were compared, up to the difference if there is one."""
+    """The number of compared records, up to the difference if there is one."""
     seconds: float
     """Session time of the last input or record."""
     difference: ReplayDifference | None = None
     damaged: dict[int, str] = {}
-    """Lines that could not be compared because they cannot be read."""
+    """Lines that cannot be read and were not compared, with the reason."""
     missing: int = 0
-    """Records that the replay gives and the journal does not have, those torn off its end not counted."""
+    """Records that the replay gives and the journal lacks, without those torn off its end."""
     notes: list[str] = []
-    """What else there is to know: an unfinished session, a torn end, another scenario."""
+    """Further remarks: an unfinished session, a torn end, another scenario."""
 
     @property
     def identical(self) -> bool:
@@ -86,7 +86,7 @@ class ReplayComparison(Struct, frozen=True):
 
     @property
     def why(self) -> str:
-        """What is different, in words; empty when nothing is."""
+        """The differences in words. Empty when there are none."""
         if self.difference is not None:
             return str(self.difference)
         found = [f"line {line} cannot be read ({reason})" for line, reason in self.damaged.items()]
@@ -95,13 +95,12 @@ class ReplayComparison(Struct, frozen=True):
 
 
 def compare_replay(folder: Path, scenario: Path | None = None) -> ReplayComparison:
-    """Run the recorded inputs of the session in `folder` through a fresh kernel, and compare what comes out with what
-    was recorded, byte for byte.
+    """Replay the inputs of the session in `folder` and compare the records with the recorded ones, byte for byte.
 
     `scenario`: a scenario folder to use instead of the session's own copy. Returns how much was compared and the first
-    difference, if there is one; `identical` says it in a word. Nothing in the folder is changed, and the session may
-    run. Raises SessionError when it cannot be replayed: no session, an input that is lost, a scenario that does not
-    load.
+    difference, if there is one; `identical` is true when there is none. The folder is not changed, and the session may
+    still run. Raises SessionError when the session cannot be replayed: there is no session, an input is lost, or the
+    scenario does not load.
 
         comparison = compare_replay(find_session("2026-11-21_141503_lablinking_debug"))
         print("identical" if comparison.identical else comparison.difference)
@@ -134,18 +133,18 @@ def compare_replay(folder: Path, scenario: Path | None = None) -> ReplayComparis
     )
 
 
-# --- what recovery needs too ----------------------------------------------------------------------------------------
+# --- also used by recovery ------------------------------------------------------------------------------------------
 
 
 def require_inputs(contents: JournalContents) -> None:
-    """Raises SessionError when an input in the middle is not there."""
+    """Raise SessionError when an input in the middle of the journal is missing."""
     lost = next((gap for gap in contents.gaps if gap.what == "input"), None)
     if lost is not None:
         raise SessionError(f"{contents.path}: {lost}. {CANNOT_REPLAY}")
 
 
 def load_session_scenario(folder: Path, info: SessionInfo, notes: list[str]) -> Scenario:
-    """The scenario that the session ran: its copy, or else the scenario's own folder while that is still the same."""
+    """Load the session's copy of the scenario, or the scenario's own folder if it is still the same."""
     try:
         return load_scenario_copy(folder, info)
     except SessionError as error:
@@ -164,63 +163,63 @@ def load_session_scenario(folder: Path, info: SessionInfo, notes: list[str]) -> 
 
 
 class RecordedLine(Struct, frozen=True):
-    """A record as it stands in the journal."""
+    """A record as written in the journal."""
 
     line: int
     """The line number."""
     text: bytes
-    """The line, without its end."""
+    """The line without its end."""
     record: AnyRecord
 
 
 class ReplayedStep(Struct, frozen=True):
-    """A step as the replay gives it."""
+    """A step of the replay."""
 
     n: int
     text: bytes
-    """The input's line, without its end."""
+    """The input's line without its end."""
     records: list[AnyRecord]
-    """With the `wall` that was recorded, where it was."""
+    """The step's records, with the recorded `wall` if there is one."""
     written: list[RecordedLine | None]
-    """Each as it stands in the journal; None: it does not."""
+    """The recorded line of each record. None: the journal does not have it."""
 
 
 class Replay:
-    """The inputs of a journal through a fresh kernel, step by step, up to the first difference.
+    """A replay of a journal's inputs through a fresh kernel, step by step, up to the first difference.
 
-    Iterate over it to its end; one step at a time is in memory.
+    Iterate over `steps` to the end. Only one step is in memory at a time.
     """
 
     def __init__(self, kernel: Kernel, path: Path, on_progress: ProgressCallback | None = None) -> None:
         self._kernel = kernel
         self._folder = path.parent
         self.contents = JournalContents(path)
-        """What is in the journal; after the last step, all of it is known."""
+        """The contents of the journal, complete after the last step."""
         self._tape = _JournalTape(self.contents, on_progress)
         self.inputs = 0
-        """How many were replayed."""
+        """The number of replayed inputs."""
         self.compared = 0
-        """How many records were the same, before the difference if there is one."""
+        """The number of records that were the same, before the difference if there is one."""
         self.difference: ReplayDifference | None = None
         self.missing = 0
-        """Records that the journal does not have although later lines are there."""
+        """The number of records that the journal lacks although it has later lines."""
         self.unwritten: list[AnyRecord] = []
-        """Records of the last input that were never written, or torn off."""
+        """Records of the last input that were torn off or never written."""
         self.timers: dict[int, float] = {}
-        """Timers that are set, and when they are due (session time)."""
+        """The timers that are set, with the session times at which they are due."""
 
     def steps(self) -> Iterator[ReplayedStep]:
-        """Each step, compared by the numbers of its records. Raises SessionError, also when an input is not there."""
+        """Replay each step and compare its records by number. Raises SessionError, also when an input is missing."""
         contents, tape = self.contents, self._tape
         wall, line = "", 0
         while self.difference is None and (found := tape.next_input()) is not None:
             line, text, input = found
-            self.missing += len(self.unwritten)  # an input came after them
+            self.missing += len(self.unwritten)  # a later input exists, so they are not just a torn end
             self.unwritten = []
             records = self._handle(line, input)
             self.inputs += 1
             written = [tape.record(record.seq) for record in records]
-            # What has to be made again is of the same moment as its siblings, or else of the moment before.
+            # A missing record gets the `wall` of the same step, or else of the step before.
             wall = next((recorded.record.wall for recorded in written if recorded is not None), wall)
             for record, recorded in zip(records, written, strict=True):
                 record.wall = wall if recorded is None else recorded.record.wall
@@ -241,14 +240,14 @@ class Replay:
             self.difference = _first_beyond(contents, tape, line)
 
     def _handle(self, line: int, input: InputLine) -> list[AnyRecord]:
-        """The records of a step; what it does about timers goes into `timers`."""
+        """Replay one input and return its records. Updates `timers`."""
         timers = self.timers
         if isinstance(input.input, TimerElapsed):
             timers.pop(input.input.timer, None)
         offer_changed(self._kernel, self._folder, input.input)
         try:
             records, commands = self._kernel.handle(input.input)
-        except Exception as error:  # whatever it is: whoever has this journal needs to know what to do with it
+        except Exception as error:  # any failure: the owner of this journal must learn what to do with it
             raise SessionError(
                 f"{self.contents.path}:{line}: input {input.n} makes the engine fail, which is a mistake in this "
                 f"program ({type(error).__name__}: {error}). What was recorded can be exported (rise-engine export)"
@@ -262,10 +261,10 @@ class Replay:
 
 
 class _JournalTape:
-    """The inputs in their order, and the records by their ascending numbers, from one way through the journal.
+    """The inputs in order and the records by ascending number, from one pass through the journal.
 
-    Usually a record stands after its input. Where it does not (somebody moved lines), it is read on to it, and what
-    lies between is kept.
+    A record usually follows its input. If lines were moved, the tape reads on to the wanted line and keeps the lines
+    between.
     """
 
     def __init__(self, contents: JournalContents, on_progress: ProgressCallback | None) -> None:
@@ -275,26 +274,26 @@ class _JournalTape:
         self._records: deque[RecordedLine] = deque()
 
     def next_input(self) -> tuple[int, bytes, InputLine] | None:
-        """With its line number and its line. Raises SessionError when one before it is not there."""
+        """Return the next input with its line number and line. Raises SessionError when an earlier input is missing."""
         while not self._inputs:
             if not self._read():
                 return None
         return self._inputs.popleft()
 
     def record(self, seq: int) -> RecordedLine | None:
-        """Ask for all of them in ascending order."""
+        """Take the record `seq`, if the journal has it. Ask for all records in ascending order."""
         found = self.peek_record()
         return self._records.popleft() if found is not None and found.record.seq == seq else None
 
     def peek_record(self) -> RecordedLine | None:
-        """The next record; it stays."""
+        """Return the next record without taking it."""
         while not self._records:
             if not self._read():
                 return None
         return self._records[0]
 
     def read_rest(self) -> None:
-        """Go through the journal to its end, for what is known of it then."""
+        """Read to the end of the journal, so that its contents are complete."""
         for _ in self._lines:
             pass
 
@@ -317,10 +316,10 @@ def _first_difference(
     after = encode_record(replayed)
     if with_checksum(after)[:-1] == written.text:
         return None
-    before = encode_record(written.record)  # not the line: another release may have written the same in other words
+    before = encode_record(written.record)  # not the line: another release may have written the same record differently
     if before == after:
         return None
-    old, new = msgspec.json.decode(before), msgspec.json.decode(after)  # what JSON cannot hold is null in both
+    old, new = msgspec.json.decode(before), msgspec.json.decode(after)  # null on both sides for what JSON cannot hold
     for name in dict.fromkeys([*old, *new]):
         if name not in old or name not in new or msgspec.json.encode(old[name]) != msgspec.json.encode(new[name]):
             return ReplayDifference(
@@ -330,9 +329,9 @@ def _first_difference(
 
 
 def _first_beyond(contents: JournalContents, tape: _JournalTape, since: int) -> ReplayDifference:
-    """The first recorded record after those that the replay gives. `since`: the line of the last input.
+    """Return the first recorded record that the replay does not give. `since`: the line of the last input.
 
-    Raises SessionError when a damaged line may be the input that caused it: no number after it tells.
+    Raises SessionError when a damaged line may be the missing input: no later number can show whether it is.
     """
     written = tape.peek_record()
     assert written is not None
@@ -349,7 +348,7 @@ def _first_beyond(contents: JournalContents, tape: _JournalTape, since: int) -> 
 
 
 def _load_other_scenario(path: Path, info: SessionInfo, notes: list[str]) -> Scenario:
-    """A scenario that was asked for. It is compared by what it does, so it goes under the recorded one's name."""
+    """Load a scenario that the caller named. It keeps the recorded name, because only its behaviour is compared."""
     loaded = load(path, robot=info.robot, mode=info.mode, **spoken_as(info))
     if loaded.scenario is None:
         raise SessionError(f"the scenario {path} does not load: {loaded.errors[0]}")

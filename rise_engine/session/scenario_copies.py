@@ -1,6 +1,6 @@
-"""The files that a session has run: those that it was begun with, and those that it has taken over while it ran.
+"""The scenario files that a session ran: those at its start, and those that it took over while it ran.
 
-scenario/      at the beginning
+scenario/      at the start
 scenario.2/    from the first `scenario_changed` in its journal on, and so forth
 """
 
@@ -24,15 +24,15 @@ from rise_engine.session.folder import SCENARIO_COPY, SessionInfo, load_scenario
 
 
 def copy_folders(folder: Path) -> list[Path]:
-    """The folders of a session in which files of its scenario lie, the first ones first."""
+    """Return the session's folders with scenario files, in the order in which they were used."""
     later = (path for path in folder.glob(f"{SCENARIO_COPY}.*") if path.suffix[1:].isdigit() and path.is_dir())
     return [folder / SCENARIO_COPY, *sorted(later, key=lambda path: int(path.suffix[1:]))]
 
 
 def write_copy(folder: Path, files: Mapping[str, bytes]) -> Path:
-    """Keep files of a changed scenario in a session's folder, durably; the folder that they are in.
+    """Write the files of a changed scenario durably to a new folder of a session, and return this folder.
 
-    :param files: as `LoadResult.files`.
+    :param files: as in `LoadResult.files`.
     :raises SessionError: they cannot be written.
     """
     number = 2
@@ -50,17 +50,17 @@ def write_copy(folder: Path, files: Mapping[str, bytes]) -> Path:
 
 
 def remove_copy(copy: Path) -> None:
-    """Take files away that were not taken over after all."""
+    """Remove a copy that the session did not take over in the end."""
     with suppress(OSError):
         shutil.rmtree(copy)
 
 
 def load_changed_copy(folder: Path, input: ScenarioChanged, before: Scenario) -> Scenario:
-    """The scenario that a session has taken over.
+    """Load the scenario that a session took over.
 
-    :param folder: the session's.
-    :param before: what it ran until then, whose robot and mode it keeps.
-    :raises SessionError: the files are not there, or not those.
+    :param folder: the session's folder.
+    :param before: the scenario until then; its robot and mode are kept.
+    :raises SessionError: the files are missing or have another hash.
     """
     copy = folder / input.copy
     if Path(input.copy).name != input.copy or not copy.is_dir():
@@ -79,18 +79,18 @@ def load_changed_copy(folder: Path, input: ScenarioChanged, before: Scenario) ->
 
 
 def offer_changed(kernel: Kernel, folder: Path, input: AnyInput) -> None:
-    """Before an input is given to a kernel that replays: give it the scenario that the input takes over, if it does.
+    """Give a replaying kernel the scenario that its next input takes over, if it takes one over.
 
-    :raises SessionError: that cannot be had.
+    :raises SessionError: this scenario cannot be loaded, or it followed a scenario other than the kernel's.
     """
     if isinstance(input, ScenarioChanged):
         kernel.offered = load_changed_copy(folder, input, kernel.scenario)
-        if kernel.scenario.hash != input.was:  # replayed with another scenario, which goes under the recorded name
+        if kernel.scenario.hash != input.was:  # the replay uses another scenario under the recorded name
             raise SessionError(f"the session took over files after others than these ({input.was[:12]}...)")
 
 
 def load_copy_with_hash(folder: Path, info: SessionInfo, hash: str) -> Scenario:
-    """Of the scenarios that a session has run, the one with this hash. Raises SessionError."""
+    """Load the scenario with this hash among those that the session ran. Raises SessionError."""
     first = load_scenario_copy(folder, info)
     if first.hash == hash:
         return first

@@ -1,7 +1,7 @@
-"""`shadow/N.jsonl` in a session's folder: what another wizard would have done, to whom the session's cues were played.
+"""`shadow/N.jsonl` in a session's folder: what another wizard would have done in reply to the session's cues.
 
-One file for each time that somebody sat down, one JSON object a line (docs/reference/shadow.md). Nothing is written
-over: whoever goes on later appends, whoever begins anew gets the next number. Times are the session's, in seconds.
+Each sitting has one file, with one JSON object a line (docs/reference/shadow.md). Nothing is overwritten: resuming
+appends, and starting again gets the next number. Times are session seconds.
 """
 
 from __future__ import annotations
@@ -24,12 +24,12 @@ SHADOW_FOLDER = "shadow"
 SHADOW_FORMAT = 1
 _MOST = 10_000
 _TYPED = frozenset({"say", "assignValue", "markCue"})
-"""Tasks whose behaviour somebody may have typed."""
+"""Tasks whose behaviour a person may have typed."""
 NO_ANSWERS = frozenset(
     {"nextFiller", "markCue", "undoCue", "markMistake", "moveTask"}
     | {"releaseStop", "cancelOpenGoals", "releaseOpenGoals"}
 )
-"""Tasks of a wizard that do not answer a cue: they bridge it, mark it, or see to what is there already."""
+"""Wizard tasks that do not answer a cue: they bridge it, mark it, or deal with earlier tasks."""
 
 
 class ShadowHeader(Struct, tag_field="kind", tag="shadow", frozen=True, kw_only=True):
@@ -37,28 +37,28 @@ class ShadowHeader(Struct, tag_field="kind", tag="shadow", frozen=True, kw_only=
 
     format: int = SHADOW_FORMAT
     wizard: str
-    """As consoles name people: `ben`."""
+    """The wizard's name as in consoles: `ben`."""
     began: str
     """ISO 8601 with offset."""
     speed: float = 1.0
-    """Session seconds in a second. At another speed than 1 latencies say nothing."""
+    """Session seconds per second. Latencies mean something only at speed 1."""
     version: str = __version__
 
 
 class ShadowPlay(Struct, tag_field="kind", tag="play", frozen=True):
-    """From here on the session was played."""
+    """The session plays from here on."""
 
     t: float
 
 
 class ShadowPause(Struct, tag_field="kind", tag="pause", frozen=True):
-    """Here it was halted, or the wizard left."""
+    """The session was paused here, or the wizard left."""
 
     t: float
 
 
 class ShadowCue(Struct, tag_field="kind", tag="cue", frozen=True):
-    """A cue was shown; what the first wizard did about it was not, until this one had answered or it was over."""
+    """A cue was shown. The first wizard's reply was hidden until this wizard answered or the cue was over."""
 
     t: float
     cue: int
@@ -66,27 +66,27 @@ class ShadowCue(Struct, tag_field="kind", tag="cue", frozen=True):
 
 
 class ShadowKey(Struct, tag_field="kind", tag="key", frozen=True, kw_only=True):
-    """A key was pressed (or a row chosen, or something said); it was sent nowhere."""
+    """A key press, a chosen row or something said. It was not sent anywhere."""
 
     t: float
-    """When it was pressed."""
+    """The session time of the key press."""
     function: str
-    """As of a task: `startCommunicationRobotAct`, `say`, ..."""
+    """As in a task: `startCommunicationRobotAct`, `say`, ..."""
     behavior: str = ""
     calling_type: str = ""
     cue: int | None = None
-    """The cue that was open; null: none."""
+    """The open cue. None: there was none."""
     filler: bool = False
-    """It would only have bridged the time."""
+    """Whether it would only have bridged the time."""
 
     @property
     def answers(self) -> bool:
-        """Whether it is what the wizard decided to do about the cue."""
+        """Whether this is the wizard's decision on the cue."""
         return self.cue is not None and not self.filler and self.function not in NO_ANSWERS
 
 
 class ShadowMark(Struct, tag_field="kind", tag="mark", frozen=True):
-    """The wizard judges something that the first one did."""
+    """The wizard's judgement of something that the first wizard did."""
 
     t: float
     task: int
@@ -101,7 +101,7 @@ class ShadowNote(Struct, tag_field="kind", tag="note", frozen=True):
 
 
 class ShadowEnd(Struct, tag_field="kind", tag="end", frozen=True):
-    """All of the session was shown."""
+    """The end: the whole session was shown."""
 
     t: float
 
@@ -113,26 +113,26 @@ _decoder = msgspec.json.Decoder(ShadowLine)
 
 
 class Shadow(Struct, frozen=True, kw_only=True):
-    """What is in one file."""
+    """The contents of one file."""
 
     path: Path
     header: ShadowHeader
     lines: tuple[ShadowLine, ...]
-    """After the header."""
+    """All lines after the header."""
     problems: tuple[str, ...] = ()
-    """What could not be read, in sentences."""
+    """Sentences about lines that could not be read."""
 
     @property
     def complete(self) -> bool:
-        """Whether all of the session was shown."""
+        """Whether the whole session was shown."""
         return any(isinstance(line, ShadowEnd) for line in self.lines)
 
     @property
     def resume_at(self) -> tuple[float, int]:
-        """Where somebody goes on: the session time, and the `seq` of the cue that is shown again (0: none).
+        """Where to resume: the session time, and the `seq` of the cue that is shown again (0: none).
 
-        A cue that was shown and had no answer when the wizard left is shown again, and what was pressed since counts no
-        more; everything before stays as it is.
+        A cue that was shown and not answered when the wizard left is shown again, and keys pressed since then do not
+        count. Everything before is kept.
         """
         at, open_cue = 0.0, 0
         for line in self.lines:
@@ -150,9 +150,9 @@ class Shadow(Struct, frozen=True, kw_only=True):
 
 
 def read_shadow(path: Path) -> Shadow:
-    """One file. A line that cannot be read, as the last one of a program that was killed, is left out and told.
+    """Read one file. Lines that cannot be read, such as a torn last line, are left out and reported.
 
-    :raises SessionError: it cannot be read at all, or does not begin as such a file.
+    :raises SessionError: the file cannot be read at all, or its first line is not a header.
     """
     try:
         text = path.read_bytes()
@@ -175,7 +175,7 @@ def read_shadow(path: Path) -> Shadow:
 
 
 def shadow_files(folder: Path) -> list[Path]:
-    """The files of a session's folder, the first one first; none where there is none."""
+    """Return the files of a session's folder in the order of their numbers. Empty where there are none."""
     try:
         found = [path for path in (folder / SHADOW_FOLDER).iterdir() if path.suffix == ".jsonl"]
     except OSError:
@@ -184,7 +184,7 @@ def shadow_files(folder: Path) -> list[Path]:
 
 
 def read_shadows(folder: Path) -> tuple[list[Shadow], list[str]]:
-    """All of a session that can be read, and sentences about what cannot."""
+    """Read all files of a session. Returns those that can be read, and sentences about the others."""
     shadows, problems = [], []
     for path in shadow_files(folder):
         try:
@@ -198,7 +198,7 @@ def read_shadows(folder: Path) -> tuple[list[Shadow], list[str]]:
 
 
 class ShadowWriter:
-    """One file that is being written, by one process alone. Each line is on the disk when `append` returns."""
+    """A writer of one file, which it locks. Each line is on the disk when `append` returns."""
 
     def __init__(self, path: Path, descriptor: int, disk: Disk, size: int) -> None:
         self.path = path
@@ -206,9 +206,9 @@ class ShadowWriter:
 
     @classmethod
     def begin(cls, folder: Path, wizard: str, *, speed: float = 1.0, disk: Disk | None = None) -> ShadowWriter:
-        """A new file in the session's folder, with its header.
+        """Make a new file in the session's folder, with its header.
 
-        :raises SessionError: the disk does not take it.
+        :raises SessionError: it cannot be written.
         """
         disk = disk or Disk()
         began = datetime.now().astimezone().isoformat(timespec="seconds")
@@ -225,7 +225,7 @@ class ShadowWriter:
                 try:
                     writer.append(ShadowHeader(wizard=wizard, began=began, speed=speed))
                     disk.sync_folder(path.parent)
-                except OSError:  # nobody is to find a file that says nothing
+                except OSError:  # leave no empty file behind
                     writer.close()
                     path.unlink(missing_ok=True)
                     raise
@@ -236,9 +236,9 @@ class ShadowWriter:
 
     @classmethod
     def resume(cls, path: Path, *, disk: Disk | None = None) -> ShadowWriter:
-        """Go on with a file; what is in it stays, also a line that was torn.
+        """Continue a file. Its contents stay, even a torn line.
 
-        :raises SessionError: somebody else writes it now, or it cannot be opened.
+        :raises SessionError: somebody else is writing it, or it cannot be opened.
         """
         disk = disk or Disk()
         try:
@@ -260,31 +260,31 @@ class ShadowWriter:
         return cls(path, descriptor, disk, size)
 
     def append(self, line: ShadowLine) -> None:
-        """Write a line, durably. Raises OSError; then nothing of it counts."""
+        """Write a line durably. Raises OSError; the line does not count then."""
         data = msgspec.json.encode(line) + b"\n"
         self._disk.write(self._descriptor, data, self._size)
         self._disk.sync(self._descriptor)
         self._size += len(data)
 
     def close(self) -> None:
-        """Nothing more comes. May be called twice."""
+        """Close the file. A second call does nothing."""
         if self._descriptor >= 0:
             self._disk.close(self._descriptor)
             self._descriptor = -1
 
 
 def unfinished_shadow(folder: Path, wizard: str) -> Shadow | None:
-    """The latest of this wizard, if it does not go to the session's end; None: there is nothing to go on with."""
+    """Return this wizard's latest shadow if it is not complete. None: there is nothing to resume."""
     own = [each for each in read_shadows(folder)[0] if each.header.wizard == wizard]
     return own[-1] if own and not own[-1].complete else None
 
 
 def replace_words(line: bytes, replace: Callable[[str], str]) -> bytes:
-    """A line in which what people typed is replaced: the wizard's name, what would have been said or set, notes. The
-    names of acts, events and rules are the scenario's.
+    """Replace what people typed in a line: the wizard's name, notes, and what would have been said or set. The names
+    of acts, events and rules come from the scenario and stay.
 
-    :param replace: from a text to another one.
-    :return: the line itself when nothing changes, or when it cannot be read (then whoever asks finds the word there).
+    :param replace: maps an old text to a new one.
+    :return: the same line when nothing changes or it cannot be read (the caller then finds the word in it).
     """
     try:
         found = _decoder.decode(line)

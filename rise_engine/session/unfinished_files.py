@@ -1,7 +1,7 @@
-"""Something new that is put in its place only when it is whole, and what a killed program has left of it.
+"""New files and folders that move into place only when they are complete, and the leftovers of killed programs.
 
-Until then it lies beside its place, in a folder for its owner alone: `.p07.csv.unfinished-x1y2`. Whoever writes it has
-that folder locked, so that nobody takes for a leftover what is being written. Leftovers are erased (`erase_folder`).
+Until then, they are in a private folder beside their place: `.p07.csv.unfinished-x1y2`. The program that writes them
+locks this folder, so that nobody mistakes it for a leftover. Leftovers are erased (`erase_folder`).
 """
 
 from __future__ import annotations
@@ -22,14 +22,14 @@ _CANNOT_LINK = frozenset({errno.EPERM, errno.ENOTSUP, errno.EOPNOTSUPP, errno.EN
 
 @contextmanager
 def unfinished(path: Path) -> Iterator[Path]:
-    """A path for whoever makes a new file or folder, within a `with` statement; what is made there is put at `path`
-    when the statement ends without an error, and erased when it ends with one.
+    """Give a path for a new file or folder within a `with` statement. It moves to `path` if the statement succeeds.
 
-    What is there already is never replaced. Everything is for its owner alone, and survives a power cut.
+    After an error, it is erased. An existing file is never replaced. The result is readable by its owner only and
+    survives a power cut.
 
-    :param path: where it is to be; nothing is there yet.
-    :return: the path at which it is to be made; nothing is there, either.
-    :raises FileExistsError: something is there, or was put there meanwhile.
+    :param path: the final place; nothing may exist there.
+    :return: the path to write to; nothing exists there yet.
+    :raises FileExistsError: something exists at `path`, or appeared there meanwhile.
     :raises OSError: it cannot be made.
 
     >>> folder = Path(tempfile.mkdtemp())
@@ -52,9 +52,9 @@ def unfinished(path: Path) -> Iterator[Path]:
 
 @contextmanager
 def private_folder(path: Path) -> Iterator[Path]:
-    """A folder for its owner alone beside `path`, within a `with` statement; it goes with all that is in it.
+    """Make a private folder beside `path` for a `with` statement, and erase it with its contents at the end.
 
-    What killed programs have left of such a folder for this path goes first. Raises OSError.
+    Leftovers of killed programs for this path are erased first. Raises OSError.
     """
     erase_unfinished(path)
     work, lock = _locked_folder(path)
@@ -66,14 +66,14 @@ def private_folder(path: Path) -> Iterator[Path]:
 
 
 def _locked_folder(path: Path) -> tuple[Path, int]:
-    """A new folder, and the descriptor that has it locked. One that somebody took for a leftover is made again."""
+    """Make a folder and lock it; returns the lock's descriptor too. Tries again if another program erased it."""
     while True:
         work = Path(tempfile.mkdtemp(prefix=_prefix(path), dir=path.parent))
         try:
             lock = os.open(work, os.O_RDONLY | os.O_CLOEXEC)
         except FileNotFoundError:
             continue
-        with suppress(OSError):  # where nothing can be locked, nothing is cleared up after a kill, either
+        with suppress(OSError):  # without locks, leftovers of a kill are not cleared up either
             take_lock(lock, wait=True)
         if work.exists():
             return work, lock
@@ -81,21 +81,21 @@ def _locked_folder(path: Path) -> tuple[Path, int]:
 
 
 def erase_unfinished(path: Path, erase: Callable[[Path], object] | None = None) -> list[Path]:
-    """Erase what killed programs have left of something that was to be at `path`.
+    """Erase the leftovers of killed programs that were writing to `path`.
 
-    :param path: where it was to be.
-    :param erase: what erases a folder; None: it is deleted.
-    :return: what is being written just now, and was left.
+    :param path: the final place.
+    :param erase: erases a folder; None: it is deleted.
+    :return: the folders that were left because a program is writing in them.
     """
     try:
         beside = [Path(each.path) for each in os.scandir(path.parent) if each.name.startswith(_prefix(path))]
-    except OSError:  # who makes something there is told so
+    except OSError:  # the next attempt to make something here reports the error
         return []
     return _erase_unlocked(beside, erase)
 
 
 def erase_all_unfinished(root: Path, erase: Callable[[Path], object] | None = None) -> list[Path]:
-    """As `erase_unfinished`, for whatever was to be anywhere below a folder. Raises OSError, if `erase` does."""
+    """Do the same as `erase_unfinished` for everything below a folder. Raises OSError if `erase` does."""
     found: list[Path] = []
     for where, folders, _ in os.walk(root):
         found += [Path(where, name) for name in folders if _IS_UNFINISHED.fullmatch(name)]
@@ -130,7 +130,7 @@ def _is_free(lock: int) -> bool:
 
 
 _IS_UNFINISHED = re.compile(r"\..+\.unfinished-[a-z0-9_]{8}")
-"""As `_locked_folder` names them."""
+"""The names that `_locked_folder` gives."""
 
 
 def _prefix(path: Path) -> str:
@@ -138,7 +138,7 @@ def _prefix(path: Path) -> str:
 
 
 def _secure(made: Path) -> None:
-    """For its owner alone, and on the disk."""
+    """Make everything private to its owner and sync it to the disk."""
     if not made.is_dir():
         made.chmod(0o600)
         sync(made)
@@ -154,7 +154,7 @@ def _secure(made: Path) -> None:
 
 
 def _put(here: Path, path: Path) -> None:
-    """Unlike a renaming, a link never puts itself in the place of another file."""
+    """Move the result into place. A link, unlike a rename, never replaces an existing file."""
     if here.is_dir():
         if os.path.lexists(path):
             raise FileExistsError(errno.EEXIST, os.strerror(errno.EEXIST), str(path))
@@ -171,14 +171,14 @@ def _put(here: Path, path: Path) -> None:
 
 
 def has_other_names(path: Path) -> bool:
-    """Whether the file has further names (hard links): then it stays under those, because they may be a backup's."""
+    """Whether the file has further names (hard links), which may be a backup's. It stays available under those."""
     return path.lstat().st_nlink > 1
 
 
 def erase_folder(folder: Path) -> int:
-    """Remove every file in a folder and below, then the folder; how many files there were. Links are not followed.
+    """Delete a folder with all files below it, and return the number of files. Links are not followed.
 
-    What is gone already is passed over, so that one that was interrupted can be called again. Raises OSError.
+    Missing files are skipped, so that an interrupted call can be repeated. Raises OSError.
     """
     if folder.is_symlink():
         folder.unlink()

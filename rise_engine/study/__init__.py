@@ -1,1 +1,1 @@
-"""A study: its design, its plan, who takes part, and what became of every session (docs/reference/study.md)."""
+"""A study: its design, its plan, its participants, and the results of its sessions (docs/reference/study.md)."""

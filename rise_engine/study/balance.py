@@ -1,4 +1,4 @@
-"""The proof that a plan is balanced, and where it is not: counted from its rows, however they came about."""
+"""How balanced a plan is, and where it is not. The rows are counted, whatever method made them."""
 
 from __future__ import annotations
 
@@ -14,38 +14,38 @@ from rise_engine.study.model import Slot, Study
 from rise_engine.study.plan import make_plan
 
 _FEW = 8
-"""How many numbers a line lists."""
+"""The most numbers that a line lists in full."""
 
 
 class Counts(Struct, frozen=True):
-    """How often each of some things comes in a row of rows."""
+    """How often each of several names occurs in a list of rows."""
 
     counts: dict[str, int]
     equal_after: tuple[int, ...]
-    """After how many rows all of them have come equally often."""
+    """The numbers of rows after which all have occurred equally often."""
     largest_difference: int
-    """Between the most and the least frequent, at the worst moment."""
+    """The largest difference between the most and the least frequent after any row."""
 
     @property
     def is_equal(self) -> bool:
-        """Whether they have all come equally often in the end."""
+        """Whether all occur equally often in the end."""
         return len(set(self.counts.values())) <= 1
 
 
 class OrderBalance(Struct, frozen=True):
-    """The orders of the runs within one cell of one stratum."""
+    """The balance of the orders of runs within one cell of one stratum."""
 
     stratum: str
     cell: str
     rows: int
     positions: Counts
-    """Of `run at place`."""
+    """Counts of `run at place`."""
     carry_over: Counts
-    """Of `run after run`."""
+    """Counts of `run after run`."""
 
 
 class StratumBalance(Struct, frozen=True):
-    """The cells of one stratum."""
+    """The balance of the cells of one stratum."""
 
     stratum: str
     rows: int
@@ -58,13 +58,13 @@ class Balance(Struct, frozen=True):
     strata: tuple[StratumBalance, ...]
     orders: tuple[OrderBalance, ...]
     lines: tuple[str, ...]
-    """The same in sentences, with what is not balanced."""
+    """The same in sentences, including what is not balanced."""
 
 
 def prove_balance(study: Study, slots: Sequence[Slot]) -> Balance:
-    """Count how often cells, places and pairs of runs come in a plan.
+    """Count how often cells, places and pairs of runs occur in a plan.
 
-    :param study: the study, which says the cells, the runs and the strata there are.
+    :param study: the study, which defines the cells, runs and strata.
     :param slots: the plan.
     """
     strata: list[StratumBalance] = []
@@ -86,12 +86,12 @@ def prove_balance(study: Study, slots: Sequence[Slot]) -> Balance:
 
 
 def block_problems(study: Study, slots: Sequence[Slot]) -> list[str]:
-    """Why the cells will not be as equally full as they could be when `n` are complete, as sentences without full stop.
+    """Explain why the cells will be less balanced than possible when `n` are complete. Only blocks are checked. Strata
+    are assumed to have equal numbers, rounded down to whole ones.
 
-    Where there are strata, as many of each are reckoned with; where that is no whole number, with the next lower one.
-
-    :param study: the study; its blocks are looked at, and no other way of assignment.
+    :param study: the study.
     :param slots: its plan.
+    :return: sentences without a full stop.
     """
     names = [condition_name(cell) for cell in cells(study)]
     if study.assignment.between != "blocks" or len(names) < 2:
@@ -120,8 +120,8 @@ def block_problems(study: Study, slots: Sequence[Slot]) -> list[str]:
 
 
 def with_blocks_that_fit(study: Study) -> Study:
-    """The study with blocks of one or two of each cell, so that nobody can tell the last cell of one, where they come
-    out even at `n` and there is room for several of them; else with blocks in which each cell comes once."""
+    """Return the study with blocks of one or two of each cell, which hide the last cell of a block. If these are uneven
+    at `n`, or few of them fit, each cell comes once in a block."""
     room = study.n // len(strata_of(study)) >= 4 * len(cells(study))
     for block in ((1, 2), (1, 1, 2)) if room else ():
         tried = replace(study, assignment=replace(study.assignment, block=block))
@@ -149,7 +149,7 @@ def _order_balance(stratum: str, cell: str, rows: Sequence[Slot], each: Sequence
 
 
 def count_rows(rows: Iterable[Sequence[str]], known: Iterable[str]) -> Counts:
-    """How often each of `known` comes in the rows, and after which rows all have come equally often.
+    """Count how often each of `known` occurs in the rows, and after which rows all have occurred equally often.
 
     >>> count_rows([["a"], ["b"], ["b"], ["a"], ["a"]], ["a", "b"]).equal_after
     (2, 4)
@@ -231,7 +231,7 @@ def _order_lines(study: Study, orders: Sequence[OrderBalance]) -> Iterable[str]:
 
 
 def _last_set_lines(study: Study, orders: Sequence[OrderBalance]) -> Iterable[str]:
-    """Whether the sets of orders are whole when `n` are complete, where that can be foretold."""
+    """Warn if the last set of orders is incomplete when `n` are complete, where this can be predicted."""
     cell_number = len(cells(study))
     in_cell, rest = divmod(study.n, cell_number)
     if (
@@ -247,7 +247,7 @@ def _last_set_lines(study: Study, orders: Sequence[OrderBalance]) -> Iterable[st
 
 
 def _alike(orders: Sequence[OrderBalance]) -> list[tuple[tuple[tuple[int, ...], tuple[int, ...], int], str]]:
-    """Cells with the same findings, together."""
+    """Group the cells with the same results."""
     groups: dict[tuple[tuple[int, ...], tuple[int, ...], int], list[str]] = {}
     for order in orders:
         key = (order.positions.equal_after, order.carry_over.equal_after, order.rows)
@@ -269,7 +269,7 @@ def _order_sentence(what: str, equal_after: tuple[int, ...]) -> str:
 
 
 def _numbers(numbers: Sequence[Hashable]) -> str:
-    """`2, 4, 6 ... 30`."""
+    """List numbers: `2, 4, 6 ... 30`."""
     if len(numbers) <= _FEW:
         *rest, last = map(str, numbers)
         return f"{', '.join(rest)} and {last}" if rest else last

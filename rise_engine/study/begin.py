@@ -1,7 +1,7 @@
-"""Who begins which session of a study: from what was asked for to what the plan gives them, or why not.
+"""Decides whether a session of a study can begin, and what the plan gives it.
 
-`plan_session` decides and writes nothing. `SessionPlan` says what the session is, down to its first input; whoever
-begins it writes `taken`, the folder and `session` under the log's lock (`rise_engine.run.server.study_session`).
+`plan_session` decides and writes nothing. `SessionPlan` describes the session, including its first input. The caller
+writes `taken`, the folder and `session` under the log's lock (`rise_engine.run.server.study_session`).
 """
 
 from __future__ import annotations
@@ -33,9 +33,9 @@ from rise_engine.study.standing import BEGINNABLE, missing_consent, when_text
 from rise_engine.study.state import StudyStatus
 
 LANGUAGE = "language"
-"""A factor, a stratum or a column of this name says in which language the robot speaks."""
+"""A factor, stratum or column of this name gives the language that the robot speaks."""
 WITH_PERSON: frozenset[Purpose] = frozenset({"counted", "pilot"})
-"""Sessions in which a person takes part, who must have consented."""
+"""Purposes of sessions with a person, who must have consented."""
 
 
 class CannotBegin(StudyError):
@@ -46,49 +46,49 @@ class CannotBegin(StudyError):
         self.running = running
         """Whether a session of the study runs."""
         self.unfinished = unfinished
-        """The participant's session that did not end, when nothing else is in the way."""
+        """The participant's session that did not end, if it is the only obstacle."""
 
 
 class BeginRequest(Struct, frozen=True):
-    """What somebody asks for."""
+    """The session that somebody asks for."""
 
     participant: str = ""
     run: int = 0
-    """0: the next."""
+    """0: the next run."""
     purpose: Purpose = "counted"
     condition: str = ""
-    """For a rehearsal, which; else it must be theirs."""
+    """The condition of a rehearsal. For other purposes, it must be the participant's."""
     mode: Mode | None = None
     """None: the study's."""
     checks: tuple[CheckReport, ...] | None = ()
-    """What came of the study's checks; None: they are still to be made, and not asked for."""
+    """The results of the study's checks. None: they are made later, so do not require them."""
     seed: int | None = None
 
 
 class SessionPlan(Struct, frozen=True):
-    """A session of a study, before there is a folder of it."""
+    """A session of a study before its folder exists."""
 
     participant: str
     purpose: Purpose
     mode: Mode
     run: PlannedRun
     slot: int | None
-    """The row that it holds; None: it takes none."""
+    """The row that it holds. None: it has no row."""
     attempt: int
     seed: int
     takes_slot: bool = False
-    """Whether the row is taken only now."""
+    """Whether this session takes the row."""
     drawn: dict[str, str] = {}
-    """The between levels, where they are drawn when the row is taken."""
+    """The between levels, if they are drawn when the row is taken."""
     language: str = ""
-    """The language that the study says for the session; it counts where the scenario has translations."""
+    """The language that the study gives the session, used if the scenario has translations."""
 
     def spoken_in(self, asked: str, scenario: LoadResult) -> str:
-        """In which language the session is; empty: as the acts of its scenario have it.
+        """Return the session's language. Empty: as the acts of its scenario have it.
 
-        :param asked: the language that somebody names for it, or empty.
-        :param scenario: its scenario, loaded in no language.
-        :raises CannotBegin: it counts, and the study says another language.
+        :param asked: the language that somebody requests, or empty.
+        :param scenario: its scenario, loaded without a language.
+        :raises CannotBegin: the session counts, and the study gives another language.
         """
         given = self.language if scenario.translations else ""
         if asked and given and asked != given and self.purpose == "counted":
@@ -98,7 +98,7 @@ class SessionPlan(Struct, frozen=True):
         return asked or given
 
     def first_input(self, study: Study) -> SessionStarted:
-        """The session's first input, without versions."""
+        """Return the session's first input, without versions."""
         return SessionStarted(
             participant=self.participant,
             condition=self.run.condition,
@@ -116,8 +116,8 @@ class SessionPlan(Struct, frozen=True):
 def plan_session(state: StudyStatus, request: BeginRequest) -> SessionPlan:
     """Decide what the session is.
 
-    :param state: the study as it stands, read under the lock by who is going to begin it.
-    :param request: what was asked for.
+    :param state: the study's current state, read under the lock by the caller that will begin the session.
+    :param request: the session that somebody asks for.
     :raises CannotBegin: with all reasons.
     """
     study = state.study
@@ -130,15 +130,15 @@ def plan_session(state: StudyStatus, request: BeginRequest) -> SessionPlan:
 
 
 def _language(run: PlannedRun, participant: Participant | None) -> str:
-    """What the study calls `language`, for a session: a factor, a stratum or a further column of participants.csv."""
+    """Return a session's `language`: from a factor, a stratum or a further column of participants.csv."""
     of_person = {} if participant is None else {**participant.columns, **participant.strata}
     return str({**of_person, **run.factors}.get(LANGUAGE, "")).strip()
 
 
 def turn_warning(state: StudyStatus, plan: SessionPlan) -> str:
-    """That somebody else is next: `P07 (en) is next; you are about to open P08 (de)`.
+    """Warn that another participant is next: `P07 (en) is next; you are about to open P08 (de)`.
 
-    Empty: it is this participant's turn, or the session does not count.
+    Empty if it is this participant's turn or the session does not count.
     """
     following = state.standing.next
     if plan.purpose != "counted" or following in ("", plan.participant):
@@ -150,7 +150,7 @@ def turn_warning(state: StudyStatus, plan: SessionPlan) -> str:
 
 
 def unfinished_sessions_of(state: StudyStatus, request: BeginRequest) -> list[StudySession]:
-    """The participant's sessions of this purpose (and run) that did not end, the earliest first."""
+    """Return the participant's unfinished sessions of this purpose (and run), the earliest first."""
     return [
         each
         for each in state.sessions
@@ -161,12 +161,12 @@ def unfinished_sessions_of(state: StudyStatus, request: BeginRequest) -> list[St
 
 
 def to_give_up(state: StudyStatus, request: BeginRequest) -> list[StudySession]:
-    """The sessions that are given up when a new one begins in spite of them. A rehearsal is in nobody's way."""
+    """Return the sessions that a new one makes the participant give up. Rehearsals never block a session."""
     return unfinished_sessions_of(state, replace(request, run=0)) if request.purpose == "counted" else []
 
 
 def running_problem(state: StudyStatus, participant: str) -> str:
-    """That a session of the study runs, and whose; or empty."""
+    """Say that a session of the study runs, and whose. Empty if none runs."""
     running = next((each.entry for each in state.sessions if each.entry.status == "running"), None)
     if running is None:
         return ""
@@ -186,7 +186,7 @@ def _plan_counted(state: StudyStatus, request: BeginRequest) -> SessionPlan:
         problems.append("a session that counts has the plan's seed: do not give another")
     standing = next((each for each in state.standing.participants if each.participant == name), None)
     may_begin = standing is None or standing.state in BEGINNABLE or standing.state == "no-consent"
-    if request.checks is not None and may_begin:  # else nobody is to make them
+    if request.checks is not None and may_begin:  # else the session cannot begin, and no checks are needed
         problems += check_problems(state, request.checks)
     if participant is None or standing is None:
         raise CannotBegin(*problems, running=bool(running))
@@ -227,7 +227,7 @@ def _planned_run(
     request: BeginRequest,
     problems: list[str],
 ) -> tuple[PlannedRun, dict[str, str]] | None:
-    """What the plan gives them, and the levels that are drawn for it; None, with the problem, when it gives nothing."""
+    """Return the participant's run and the levels drawn for it. None, with a problem added, if the plan has none."""
     if standing.state not in BEGINNABLE:
         return None
     row = state.row_for(participant)
@@ -269,7 +269,7 @@ def _find_participant(
 
 
 def _hindrance(standing: ParticipantStanding) -> str:
-    """Why somebody cannot begin, in a sentence."""
+    """Say in a sentence why somebody cannot begin."""
     name = standing.participant
     match standing.state:
         case "excluded":
@@ -287,9 +287,9 @@ def _hindrance(standing: ParticipantStanding) -> str:
 
 
 def check_problems(state: StudyStatus, reports: Sequence[CheckReport]) -> list[str]:
-    """What must be looked at before a session that counts, and was not, or failed.
+    """List the problems of the checks before a session that counts: checks that are missing or failed.
 
-    :param reports: what came of the checks; the last one of an id counts.
+    :param reports: the results; the last one of an id counts.
     """
     study = state.study
     given = {each.id: each for each in reports}
@@ -312,7 +312,7 @@ def check_problems(state: StudyStatus, reports: Sequence[CheckReport]) -> list[s
 
 
 def _plan_rehearsal(state: StudyStatus, request: BeginRequest) -> SessionPlan:
-    """What does not count takes no row, and runs as the row that the participant would get, or as was asked for."""
+    """Plan a session that does not count. It takes no row, and runs as the participant's row or as requested."""
     study, name = state.study, request.participant
     problems: list[str] = []
     if running := running_problem(state, name):
@@ -365,7 +365,6 @@ def _next_run(state: StudyStatus, participant: str) -> int | None:
 
 
 def _run_of_condition(study: Study, request: BeginRequest, problems: list[str]) -> PlannedRun | None:
-    """A run of the condition that was asked for."""
     try:
         return planned_run(study, parse_condition(study, request.condition), run=request.run or 1)
     except ValueError as error:

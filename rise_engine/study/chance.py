@@ -1,8 +1,8 @@
-"""The chance of a study's plan: the same numbers from the same seed, on every Python and in every other language.
+"""Random numbers for a study's plan: the same seed gives the same numbers on every Python and in every language.
 
-Python promises that only of `random()` and `seed()`, not of `shuffle`. Here a number is what SHA-256 makes of the seed,
-of what it is drawn for and of its place in the row; ten lines in any language repeat it (docs/reference/study.md).
-What a plan draws with it: orders of conditions, and the group that evens out strata best.
+Python promises this only for `random()` and `seed()`, not for `shuffle`. Here a number is made by SHA-256 from the
+seed, the purpose and the position; ten lines in any language repeat it (docs/reference/study.md). A plan uses them for
+orders of conditions and for the choice of the cell that balances strata best.
 """
 
 from __future__ import annotations
@@ -21,7 +21,7 @@ _VALUES = 2**64
 
 
 class Chance:
-    """Numbers that depend on nothing but a seed and the names of what they are drawn for.
+    """A sequence of numbers that depend only on a seed and on names for their purpose.
 
     Value k (0, 1, 2, ...) is the first 8 bytes, as a big-endian number, of SHA-256 of `seed/name/.../k` in UTF-8.
 
@@ -31,8 +31,8 @@ class Chance:
 
     def __init__(self, seed: int, *names: object) -> None:
         """
-        :param seed: the study's, or that of a row of its plan.
-        :param names: what is drawn, in words and numbers; other names, other numbers.
+        :param seed: the study's seed, or that of a row of its plan.
+        :param names: words and numbers for the purpose; other names give other numbers.
         """
         self._prefix = "/".join(map(str, (seed, *names)))
         self._drawn = 0
@@ -43,9 +43,9 @@ class Chance:
         return int.from_bytes(sha256(text.encode()).digest()[:8], "big")
 
     def integer_below(self, count: int) -> int:
-        """A whole number from 0 to `count` - 1, each as likely as the others; `count` is from 1 to 2**64.
+        """Draw a whole number from 0 to `count` - 1, all equally likely; `count` is from 1 to 2**64.
 
-        Values of the incomplete last `count` numbers below 2**64 are drawn again: they would make small ones likelier.
+        Values in the incomplete last `count` numbers below 2**64 are drawn again: they would favour small results.
         """
         limit = _VALUES - _VALUES % count
         while (value := self._next()) >= limit:
@@ -53,11 +53,11 @@ class Chance:
         return value % count
 
     def choose(self, items: Sequence[_Item]) -> _Item:
-        """One of them; there is at least one."""
+        """Draw one of the items. There must be at least one."""
         return items[self.integer_below(len(items))]
 
     def shuffle(self, items: Sequence[_Item]) -> list[_Item]:
-        """The same items in another order, every order as likely: Fisher and Yates, from the end."""
+        """Return the items in random order, every order equally likely (Fisher and Yates, from the end)."""
         mixed = list(items)
         for at in range(len(mixed) - 1, 0, -1):
             other = self.integer_below(at + 1)
@@ -66,15 +66,15 @@ class Chance:
 
 
 SEEDS = 2**31
-"""A session's seed and that of a row are below this, as every seed that the program draws itself."""
+"""The limit of seeds of sessions and rows. All seeds that the program draws are below it."""
 
 
 def session_seed(seed: int, slot: int, run: int) -> int:
-    """The seed of one session of a study.
+    """Return the seed of one session of a study.
 
-    :param seed: the study's.
-    :param slot: the row of the plan; 0 for a session that has none.
-    :param run: which session of the participant, from 1.
+    :param seed: the study's seed.
+    :param slot: the row of the plan; 0 for a session without a row.
+    :param run: the number of the participant's session, from 1.
     """
     return Chance(seed, "session", slot, run).integer_below(SEEDS)
 
@@ -82,13 +82,13 @@ def session_seed(seed: int, slot: int, run: int) -> int:
 # --- orders -----------------------------------------------------------------------------------------------------------
 
 Order = tuple[int, ...]
-"""Which run comes first, second, ...: each of 0 to n - 1 once."""
+"""Which run comes first, second, and so on: each of 0 to n - 1 once."""
 
 
 def williams(number: int) -> list[Order]:
-    """Williams' design (1949): every run comes once at every place, and follows every other one equally often.
+    """Make Williams' design (1949): every run comes once at every place, and follows every other run equally often.
 
-    With an even number of runs these are as many orders as runs, otherwise twice as many.
+    An even number of runs needs as many orders as runs, an odd number twice as many.
 
     >>> williams(4)
     [(0, 1, 3, 2), (1, 2, 0, 3), (2, 3, 1, 0), (3, 0, 2, 1)]
@@ -99,7 +99,7 @@ def williams(number: int) -> list[Order]:
 
 
 def latin(number: int) -> list[Order]:
-    """A cyclic Latin square: every run comes once at every place, but always behind the same other one.
+    """Make a cyclic Latin square: every run comes once at every place, but always after the same other run.
 
     >>> latin(3)
     [(0, 1, 2), (1, 2, 0), (2, 0, 1)]
@@ -108,10 +108,10 @@ def latin(number: int) -> list[Order]:
 
 
 def order_set(method: WithinMethod, number: int) -> list[Order]:
-    """One complete set of orders; of `random`, which has no sets, every order.
+    """Make one complete set of orders. For `random`, which has no sets, all orders.
 
-    :param method: how they are made (`within` in study.toml).
-    :param number: how many runs each participant has.
+    :param method: `within` in study.toml.
+    :param number: the number of runs of each participant.
     """
     if method == "williams":
         return williams(number)
@@ -123,12 +123,12 @@ def order_set(method: WithinMethod, number: int) -> list[Order]:
 
 
 def make_orders(method: WithinMethod, runs: Sequence[str], seed: int, *names: object) -> Iterator[tuple[str, ...]]:
-    """Orders of these runs without end, whole set after whole set.
+    """Give orders of these runs without end, one whole set after another.
 
-    :param method: as of `order_set`; not `random`, whose rows are drawn each for itself.
-    :param runs: what is put in order.
-    :param seed: the study's.
-    :param names: of whom these orders are: the stratum and the cell.
+    :param method: as for `order_set`, but not `random`, which draws each row separately.
+    :param runs: the names of the runs.
+    :param seed: the study's seed.
+    :param names: the stratum and the cell that get these orders.
     """
     rows = order_set(method, len(runs))
     for number in count():
@@ -140,7 +140,7 @@ def make_orders(method: WithinMethod, runs: Sequence[str], seed: int, *names: ob
 # --- minimisation -----------------------------------------------------------------------------------------------------
 
 BEST_OUT_OF = (4, 5)
-"""How often the cell that balances best is taken. Always would mean that whoever knows the others can foretell it."""
+"""How often the best-balancing cell is taken. If always, anybody who knows the others could predict it."""
 
 
 def cell_for(
@@ -149,17 +149,17 @@ def cell_for(
     strata: Mapping[str, str],
     slot: Slot,
 ) -> dict[str, str]:
-    """The levels of the between factors for somebody who takes a slot now.
+    """Choose the levels of the between factors for a participant who takes a slot now.
 
-    For each cell it is asked how unequal the cells would be if this participant came into it: over all who have their
-    values, column by column, and over everybody; unequal means the largest count less the smallest. Of the cells where
-    the sum is smallest one is drawn, four times out of five; otherwise one of the rest. The same arguments give the
+    For each cell, compute how unequal the cells would be with this participant in it: once over everybody, and once for
+    each stratum column over those with the same value. Inequality is the largest count minus the smallest. One of the
+    cells with the smallest sum is drawn four times out of five, otherwise one of the rest. The same arguments give the
     same cell.
 
-    :param study: the study, whose method is `minimise`.
-    :param taken_so_far: strata and levels of everybody who holds a slot and counts, in any order.
-    :param strata: those of the participant.
-    :param slot: the row that they take; its seed is where the chance comes from.
+    :param study: the study, with the method `minimise`.
+    :param taken_so_far: strata and levels of all who hold a slot and count, in any order.
+    :param strata: the participant's strata.
+    :param slot: the row that they take; its seed is used for the draw.
     """
     every = cells(study)
     groups: list[tuple[str, str] | None] = [None, *((column, strata[column]) for column in study.assignment.strata)]

@@ -1,4 +1,4 @@
-"""Reading `[[check]]` of study.toml: kinds of checks, their programs, lengths of time and sizes."""
+"""Reader of `[[check]]` in study.toml: kinds of checks, their programs, durations and sizes."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ _SIZES = {name.casefold(): factor for name, factor in SIZE_UNITS.items()}
 
 
 def parse_length(text: str) -> float | None:
-    """Seconds of a length of time as it is written; None when it is none.
+    """Return the seconds of a written duration. None when it is not one.
 
     >>> parse_length("30 d"), parse_length("90min"), parse_length("a while")
     (2592000.0, 5400.0, None)
@@ -35,7 +35,7 @@ def parse_length(text: str) -> float | None:
 
 
 def parse_size(text: str) -> int | None:
-    """Bytes of a size as it is written; None when it is none.
+    """Return the bytes of a written size. None when it is not one.
 
     >>> parse_size("20 GB"), parse_size("1.5gb"), parse_size("much")
     (20000000000, 1500000000, None)
@@ -47,10 +47,10 @@ def parse_size(text: str) -> int | None:
 
 
 def program_problem(arguments: Sequence[str], folder: str | Path) -> str:
-    """Why a program of a study cannot be started, in a sentence; empty: it can, as far as one can see without doing so.
+    """Say in a sentence why a study's program cannot be started. Empty: nothing prevents it, as far as can be seen.
 
     :param arguments: the check's `run`.
-    :param folder: the study's.
+    :param folder: the study's folder.
     """
     if not arguments or not arguments[0]:
         return "`run` names no program"
@@ -81,7 +81,7 @@ def _names_in(folder: Path) -> list[str]:
 
 
 def _interpreter_problem(name: str, path: Path) -> str:
-    """What is wrong with the first line of a script; empty: nothing, or it is no script."""
+    """Say what is wrong with a script's first line. Empty: nothing, or it is not a script."""
     try:
         with path.open("rb") as file:
             head = file.read(256)
@@ -114,10 +114,10 @@ AUTOMATIC: dict[str, str] = {
     "replay": "the last session replays identically",
     "explored": "what can happen in this condition and language was looked at, and nothing gets stuck or fails",
 }
-"""Each automatic check and what it looks at, in words that stand on screens and in records."""
+"""Each automatic check with what it confirms, in words for screens and records."""
 OF_THE_PARTICIPANT = frozenset({"consent", "participant"})
-"""Those about one participant: that they passed for another one says nothing (so `every` is not for them), and nobody
-can skip them in a session that counts."""
+"""Checks of one participant. Passing them says nothing about the next participant, so `every` does not apply, and
+they cannot be skipped in a session that counts."""
 
 
 _KEYS = ("id", "ask", "auto", "run", "when", "min", "every", "blocks", "limit")
@@ -129,10 +129,10 @@ _FORM = 'a check has exactly one of ask = "...", auto = "..." and run = ["..."]'
 
 
 def read_checks(study: TomlTable, folder: Path) -> tuple[StudyCheck, ...]:
-    """Every check of a study, in the order in which they are made.
+    """Read every check of a study, in the order in which they are made.
 
     :param study: the whole study.toml.
-    :param folder: the study's, where its own programs lie.
+    :param folder: the study's folder, which has its own programs.
     """
     listed = study.values.get("check", [])
     if not isinstance(listed, list) or not all(isinstance(each, dict) for each in listed):

@@ -1,5 +1,4 @@
-"""Which checks of a study are still to be made, which can be skipped, and which are due: pure, from what was found
-earlier."""
+"""Which checks of a study must still be made, can be skipped, or are due, according to earlier results."""
 
 from __future__ import annotations
 
@@ -18,17 +17,17 @@ _DEBRIEF = "debrief"
 
 
 class PendingCheck(Struct, frozen=True):
-    """A check that belongs to a session, and whether it has to be made for it."""
+    """A check before or after a session, and whether it must be made."""
 
     check: StudyCheck
     good_since: str = ""
-    """When it passed, ISO 8601, if that is still good (`every`); empty: it has to be made."""
+    """When it passed (ISO 8601), if this is still valid (`every`). Empty: it must be made."""
     value: str = ""
-    """What was found then."""
+    """The earlier result's value."""
 
 
 def check_text(check: StudyCheck) -> str:
-    """What is looked at, as people and records have it: the sentence, what the program does, or the command."""
+    """Return a check in words: its sentence, what the program checks, or the command."""
     if check.ask:
         return check.ask
     return AUTOMATIC.get(check.auto, check.auto) if check.auto else shlex.join(check.run)
@@ -37,21 +36,21 @@ def check_text(check: StudyCheck) -> str:
 def pending_checks(
     study: Study, when: Literal["before", "after"], earlier: Sequence[LogEntry], now: datetime
 ) -> tuple[PendingCheck, ...]:
-    """The checks before or after a session, in the order of the file, with those that are still good (`still_good`).
+    """Return the checks before or after a session in the order of the file, with those that are still valid.
 
-    :param study: whose checks.
+    :param study: the study with the checks.
     :param when: which of them.
-    :param earlier: what study.jsonl says, in its order.
-    :param now: aware of its time zone.
+    :param earlier: the entries of study.jsonl in their order.
+    :param now: a time with a time zone.
     """
     return tuple(still_good(check, earlier, now) for check in study.checks if check.when == when)
 
 
 def still_good(check: StudyCheck, earlier: Sequence[LogEntry], now: datetime) -> PendingCheck:
-    """A check with `every` is still good when it passed last within that time, and looked at the same then. What was
-    skipped since changes nothing; a failure since does. That one participant has consented says nothing about the next.
+    """Decide whether an earlier result of a check is still valid: the check has `every`, passed last within that time,
+    and had the same text. Later skips do not matter, failures do. Checks of one participant never stay valid.
 
-    :return: with `good_since`, if it is.
+    :return: the check, with `good_since` if it is.
     """
     made = (
         entry
@@ -63,7 +62,7 @@ def still_good(check: StudyCheck, earlier: Sequence[LogEntry], now: datetime) ->
         return PendingCheck(check)
     try:
         age = now - datetime.fromisoformat(last.at)
-    except (ValueError, TypeError):  # not a time, or one without its zone: somebody wrote it by hand
+    except (ValueError, TypeError):  # not a time, or one without a zone, in an edited file
         return PendingCheck(check)
     if not timedelta(0) <= age <= timedelta(seconds=check.valid):
         return PendingCheck(check)
@@ -71,7 +70,7 @@ def still_good(check: StudyCheck, earlier: Sequence[LogEntry], now: datetime) ->
 
 
 def skip_problem(check: StudyCheck, purpose: Purpose, reason: str) -> str:
-    """Why a check cannot be skipped with that reason, as a sentence; empty: it can."""
+    """Say in a sentence why a check cannot be skipped with this reason. Empty: it can."""
     if check.auto in OF_THE_PARTICIPANT and purpose == "counted":
         what = "consent" if check.auto == "consent" else "whether the participant may take part"
         return f"{check.id}: {what} cannot be skipped in a session that counts"
@@ -81,7 +80,7 @@ def skip_problem(check: StudyCheck, purpose: Purpose, reason: str) -> str:
 
 
 def due_after_checks(study: Study, sessions: Iterable[SessionEntry], entries: Iterable[LogEntry]) -> list[str]:
-    """What nobody has looked at after a session that counts, a sentence for each. It is only said: no data is lost."""
+    """List checks not made after counted sessions, one sentence each. They are only reminders: no data is lost."""
     after = [check for check in study.checks if check.when == "after"]
     made = made_after(entries)
     return [
@@ -95,7 +94,7 @@ def due_after_checks(study: Study, sessions: Iterable[SessionEntry], entries: It
 
 
 def asks_debriefing(id: str, text: str = "") -> bool:
-    """Whether a check says that the participant was debriefed: its id, or its sentence, has that word.
+    """Whether a check confirms a debriefing: its id or its sentence contains that word.
 
     >>> asks_debriefing("participant-debriefed"), asks_debriefing("end", "Debriefing is done"), asks_debriefing("lamp")
     (True, True, False)
@@ -104,8 +103,7 @@ def asks_debriefing(id: str, text: str = "") -> bool:
 
 
 def checks_after(entries: Iterable[LogEntry]) -> dict[str, dict[str, str]]:
-    """What came of the checks after each session, as the log has it: results by id, by the session's folder. The last
-    one counts."""
+    """Return the results of checks after each session: by the session's folder, then by id. The last one counts."""
     found: dict[str, dict[str, str]] = {}
     for entry in entries:
         if entry.kind == "checked" and entry.get("when") == "after":
@@ -114,12 +112,12 @@ def checks_after(entries: Iterable[LogEntry]) -> dict[str, dict[str, str]]:
 
 
 def attempt_text(session: SessionEntry) -> str:
-    """`, attempt 2`; empty for the first."""
+    """Return `, attempt 2`, or an empty text for the first attempt."""
     return f", attempt {session.attempt}" if session.attempt > 1 else ""
 
 
 def made_after(entries: Iterable[LogEntry]) -> frozenset[tuple[str, str]]:
-    """What was looked at after sessions and has not failed: the session's folder, and the check's id."""
+    """Return the checks after sessions that have not failed: the session's folder and the check's id."""
     return frozenset(
         (session, id)
         for session, results in checks_after(entries).items()

@@ -1,4 +1,4 @@
-"""A table that people may have edited: columns by name, rows with places. What must not be in it: personal data."""
+"""Tables that people may have edited: columns by name, rows with places, and a search for personal data."""
 
 from __future__ import annotations
 
@@ -21,14 +21,14 @@ _ENCODING_REMEDY = "in Excel or LibreOffice, save it as `CSV UTF-8`"
 
 
 class CsvRow(Struct, frozen=True):
-    """One row, by the names of the columns."""
+    """One row: its values by column name."""
 
     values: dict[str, str]
     record: TableRecord
 
 
 class CsvTable:
-    """The columns and rows of a file. Rows of another length than the header are told and left out."""
+    """The columns and rows of a file. Rows that differ in length from the header are reported and left out."""
 
     def __init__(self, reader: CsvReader, header: TableRecord, columns: list[str], rows: list[CsvRow]) -> None:
         self.columns = columns
@@ -38,12 +38,12 @@ class CsvTable:
         self._header = header
 
     def column_location(self, column: str) -> SourceLocation:
-        """Where a column's name stands; of one that there is not, where the header does."""
+        """Return the place of a column's name, or of the header if there is no such column."""
         at = self.columns.index(column) if column in self.columns else 0
         return self._reader.source.location(self._reader.value_at(self._header, at))
 
     def location(self, row: CsvRow, column: str) -> SourceLocation:
-        """Where the value of a column stands in a row."""
+        """Return the place of a column's value in a row."""
         at = self.columns.index(column) if column in self.columns else 0
         return self._reader.source.location(self._reader.value_at(row.record, at))
 
@@ -51,11 +51,11 @@ class CsvTable:
         self.diagnostics.error(code, self.location(row, column), message)
 
     def check_columns(self, needed: Iterable[str], allowed: Iterable[str], remedy: str) -> None:
-        """Report columns that are not there, and those that nobody reads.
+        """Report missing and unknown columns.
 
-        :param needed: which there must be.
-        :param allowed: which else there can be.
-        :param remedy: the end of the sentence about a column that nobody reads.
+        :param needed: the required columns.
+        :param allowed: further allowed columns.
+        :param remedy: the end of the sentence about an unknown column.
         """
         needed = list(needed)
         missing = [column for column in needed if column not in self.columns]
@@ -75,9 +75,9 @@ class CsvTable:
 def read_csv(
     folder: Path, name: str, diagnostics: Diagnostics, held: Held | None = None, *, most_columns: int = MAX_COLUMNS
 ) -> CsvTable | None:
-    """The table in a file of a study, or None after findings.
+    """Read the table in a file of a study. None, with diagnostics, if it has errors.
 
-    Comma, semicolon or tab between the values, with or without byte order mark, with the line ends of Windows or Unix.
+    Values are separated by comma, semicolon or tab. A byte order mark and line ends of Windows or Unix are accepted.
     """
     tree = FileTree(folder, held, closed=True)
     source = FileReader(folder, diagnostics, tree).read(folder / name, MAX_BYTES, remedy=_ENCODING_REMEDY)
@@ -138,13 +138,13 @@ _ENDINGS = {
     "address": "an address",
     "strasse": "an address",
 }
-"""What the last part of a word tells: Vorname, surname, Privatadresse."""
+"""Word endings that reveal the kind: Vorname, surname, Privatadresse."""
 _MAIL = re.compile(r"[^\s@<>,;:]+@[^\s@<>,;:]+\.[^\s@<>,;:.]{2,}")
 _HUMP = re.compile(r"(?<=[a-z])(?=[A-Z])")
 
 
 def personal_column(column: str) -> str:
-    """What a column of that name seems to hold of a person, or empty.
+    """Return what personal data a column of that name seems to hold, or an empty text.
 
     >>> personal_column("Nachname"), personal_column("E-Mail"), personal_column("handedness")
     ('a name', 'a mail address', '')
@@ -160,7 +160,7 @@ def personal_column(column: str) -> str:
 
 
 def mail_address_in(text: str) -> str:
-    """A part of the text that looks like a mail address, or empty.
+    """Return a part of the text that looks like a mail address, or an empty text.
 
     >>> mail_address_in("ask maria.m@uni.example first")
     'maria.m@uni.example'
@@ -170,5 +170,5 @@ def mail_address_in(text: str) -> str:
 
 
 def _plain(text: str) -> str:
-    """Without accents; `ß` is `ss`, and umlauts lose their dots."""
+    """Remove accents and umlauts' dots; `ß` becomes `ss`."""
     return "".join(each for each in normalize("NFD", text.replace("ß", "ss")) if not combining(each))

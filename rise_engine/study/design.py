@@ -1,4 +1,4 @@
-"""What follows from a study's design: its cells, the runs of a participant, its strata, and the hash of it all."""
+"""The consequences of a study's design: cells, runs of a participant, strata, and hashes."""
 
 from __future__ import annotations
 
@@ -14,31 +14,31 @@ from rise_engine.scenario.model import Json
 from rise_engine.study.model import Factor, Study
 
 PLAN_COLUMNS = ("slot", "order", "seed")
-"""Columns that every plan.csv has, beside its strata and between factors."""
+"""Columns that every plan.csv has beside strata and between factors."""
 SAID_LATER = frozenset({"wizards", "report", "retention", "participants", "questionnaire"})
-"""Tables of study.toml that no session depends on."""
+"""Tables of study.toml that do not affect any session."""
 
 
 def factors_of(study: Study, kind: str) -> tuple[Factor, ...]:
-    """The factors of one kind, `between` or `within`, in the order of the file."""
+    """Return the factors of one kind, `between` or `within`, in the order of the file."""
     return tuple(factor for factor in study.factors if factor.kind == kind)
 
 
 def cells(study: Study) -> list[dict[str, str]]:
-    """Every combination of levels of the between factors, by factor; one that is empty where there is none."""
+    """Return all combinations of between levels, by factor. One empty combination if there is no factor."""
     return _combinations(factors_of(study, "between"))
 
 
 def runs(study: Study) -> list[str]:
-    """What each participant does: every combination of levels of the within factors, joined by `+`; one empty text
-    where there is none."""
+    """Return each participant's runs: all combinations of within levels, joined by `+`. One empty text if there is no
+    factor."""
     return ["+".join(combination.values()) for combination in _combinations(factors_of(study, "within"))]
 
 
 def strata_of(study: Study) -> list[dict[str, str]]:
-    """Every combination of values of the columns within which the plan is balanced; one that is empty without any.
+    """Return all combinations of the strata within which the plan is balanced. One empty combination if there are none.
 
-    With `minimise` the plan itself has none: the cell is found when somebody takes the slot.
+    With `minimise` the plan has no strata, because the cell is chosen when somebody takes the slot.
     """
     if study.assignment.between == "minimise":
         return [{}]
@@ -50,7 +50,7 @@ def strata_of(study: Study) -> list[dict[str, str]]:
 
 
 def condition_name(levels: dict[str, str]) -> str:
-    """The name of a condition: its levels joined by `+`.
+    """Return the name of a condition: its levels joined by `+`.
 
     >>> condition_name({"hesitation": "yes", "noise": "loud"})
     'yes+loud'
@@ -59,7 +59,7 @@ def condition_name(levels: dict[str, str]) -> str:
 
 
 def stratum_name(strata: dict[str, str]) -> str:
-    """A stratum for people and for chance; empty where there is only one.
+    """Return the name of a stratum, also used for drawing. Empty where there is only one.
 
     >>> stratum_name({"language": "de", "age": "18-25"})
     'language=de/age=18-25'
@@ -76,19 +76,19 @@ def _combinations(factors: tuple[Factor, ...]) -> list[dict[str, str]]:
 
 
 def with_hashes(study: Study, values: Mapping[str, Json]) -> Study:
-    """The study with the hash of its file and that of its design.
+    """Return the study with the hashes of its file and its design.
 
-    :param values: study.toml, as TOML has it.
+    :param values: the values of study.toml.
     """
     return replace(study, hash=content_hash(values), design_hash=design_hash(study))
 
 
 def content_hash(values: Mapping[str, Json]) -> str:
-    """SHA-256 of what study.toml says, without comments and without what people may add after the sessions
-    (`SAID_LATER`, and descriptions of levels). So the study.toml of a bundle, which names no wizards, has the same.
+    """Return the SHA-256 of study.toml without comments, `SAID_LATER` and descriptions of levels.
 
-    :param values: study.toml, as TOML has it.
+    People may add these after the sessions. So the study.toml of a bundle, which names no wizards, has the same hash.
 
+    :param values: the values of study.toml.
     >>> content_hash({"n": 4, "report": {"story": "Tea"}}) == content_hash({"n": 4}) != content_hash({"n": 5})
     True
     """
@@ -99,7 +99,7 @@ def content_hash(values: Mapping[str, Json]) -> str:
 
 
 def _without_descriptions(factors: Json) -> Json:
-    """`[factors]` without what is said about levels for readers."""
+    """Remove the levels' descriptions from `[factors]`."""
     if not isinstance(factors, dict):
         return factors
     told: dict[str, Json] = {}
@@ -116,7 +116,7 @@ def _plain_level(level: Json) -> Json:
 
 
 def design_hash(study: Study) -> str:
-    """SHA-256 of all that the plan and its conditions are made of; titles, labels and checks may change."""
+    """Return the SHA-256 of everything that the plan depends on. Titles, labels and checks may change."""
     return _hash_of(design_of(study))
 
 
@@ -126,7 +126,7 @@ def _hash_of(values: Json) -> str:
 
 
 def design_of(study: Study) -> dict[str, Json]:
-    """What the plan and its conditions are made of, by the keys and tables of study.toml."""
+    """Return what the plan and its conditions depend on, by the keys and tables of study.toml."""
     assignment = to_builtins(study.assignment)
     del assignment["hidden"]
     factors = {
@@ -150,10 +150,10 @@ def design_of(study: Study) -> dict[str, Json]:
 
 
 def changed_parts(before: Mapping[str, Json], study: Study) -> list[str]:
-    """The keys and tables of study.toml in which the design is another than it was.
+    """Return the keys and tables of study.toml in which the design has changed.
 
-    :param before: the design as it was, of `design_of`.
-    :param study: as it is now.
+    :param before: the earlier result of `design_of`.
+    :param study: the study now.
     """
     now = design_of(study)
     return [part for part in dict.fromkeys([*before, *now]) if before.get(part) != now.get(part)]

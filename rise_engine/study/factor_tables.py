@@ -1,4 +1,4 @@
-"""Reading `[factors.NAME]` of study.toml, and checking what their levels set against the scenarios."""
+"""Reader of `[factors.NAME]` in study.toml, and the check of the levels' memory values against the scenarios."""
 
 from __future__ import annotations
 
@@ -23,10 +23,10 @@ _LEVELS_FORM = "`levels` is a table: levels.yes.memory = { hesitation = true }"
 
 
 def read_factors(table: TomlTable, reserved: Collection[str]) -> tuple[Factor, ...]:
-    """Every factor, in the order of the file.
+    """Read every factor, in the order of the file.
 
     :param table: `[factors]`.
-    :param reserved: names that none can have, because plan.csv has another column of that name.
+    :param reserved: names that are not allowed, because plan.csv has other columns of these names.
     """
     factors: list[Factor] = []
     for name, values in table.values.items():
@@ -53,12 +53,12 @@ def _read_factor(table: TomlTable) -> Factor:
 
 
 def _is_misspelt(table: TomlTable, key: str) -> bool:
-    """Whether a key is there in another spelling, which is told already."""
+    """Whether the key is there in another spelling, which is already reported."""
     return any(nearest_name(name, (key,)) for name in table.values if name not in _FACTOR_KEYS)
 
 
 def _has_unknown_keys(table: TomlTable) -> bool:
-    """Whether something that a level sets may stand under a misspelt key."""
+    """Whether a level has a misspelt key that may hold what it sets."""
     levels = table.values.get("levels", {})
     values = levels.values() if isinstance(levels, dict) else ()
     return any(isinstance(each, dict) and each.keys() - set(_LEVEL_KEYS) for each in values)
@@ -119,7 +119,7 @@ def _read_level(levels: TomlTable, name: str, label: str) -> Level:
 
 
 def _check_difference(table: TomlTable, levels: tuple[Level, ...]) -> None:
-    """Levels between which the robot knows no difference: then the condition would be a label."""
+    """Report levels in which the robot does the same, so that the condition would be only a label."""
     for at, level in enumerate(levels):
         same = next((each for each in levels[:at] if what_it_does(each) == what_it_does(level)), None)
         if same is not None:
@@ -131,12 +131,12 @@ def _check_difference(table: TomlTable, levels: tuple[Level, ...]) -> None:
 
 
 def what_it_does(level: Level) -> tuple[str, bytes]:
-    """What two levels have in common in which the robot does the same; `1` and `true` are not the same."""
+    """Return a value that is equal for levels in which the robot does the same. `1` and `true` differ."""
     return level.scenario, encode(level.memory, order="sorted")
 
 
 def _check_overlaps(table: TomlTable, factors: list[Factor]) -> None:
-    """What two factors both set: nobody could say which of them holds."""
+    """Report what two factors both set, because neither has priority."""
     setters: dict[str, str] = {}
     for factor in factors:
         keys = dict.fromkeys(key for level in factor.levels for key in level.memory)
@@ -154,11 +154,11 @@ def _check_overlaps(table: TomlTable, factors: list[Factor]) -> None:
 
 
 def check_levels(study: Study, table: TomlTable, scenarios: Mapping[str, Scenario]) -> None:
-    """Report memory keys of levels that the scenario does not know, and values of another type than at the start.
+    """Report unknown memory keys of levels, and values that differ in type from the start value.
 
     :param study: the study.
-    :param table: its study.toml, where findings are told.
-    :param scenarios: those that could be loaded, by their absolute folder.
+    :param table: its study.toml, which gets the diagnostics.
+    :param scenarios: the scenarios that could be loaded, by absolute folder.
     """
     for factor in study.factors:
         for level in factor.levels:
@@ -170,7 +170,7 @@ def check_levels(study: Study, table: TomlTable, scenarios: Mapping[str, Scenari
 
 
 def memory_key_problem(scenario: Scenario, key: str) -> str:
-    """Why a value that is set before a session begins would not be of use under this key, or empty."""
+    """Say why a value set under this key before a session would have no effect. Empty: it has one."""
     head = key.partition(".")[0]
     if head in scenario.tables:
         return f"`{head}` is a table, tables/{head}.csv; nothing sets it"
@@ -184,7 +184,7 @@ def memory_key_problem(scenario: Scenario, key: str) -> str:
 
 
 def memory_type_problem(scenario: Scenario, key: str, value: Json) -> str:
-    """That a value is of another type than the key's start value, or empty."""
+    """Say that a value differs in type from the key's start value. Empty: it does not."""
     start = lookup(scenario.memory, key)[1]
     if start is None or value is None or _kind(start) == _kind(value):
         return ""
@@ -192,7 +192,7 @@ def memory_type_problem(scenario: Scenario, key: str, value: Json) -> str:
 
 
 def _scenarios_of(study: Study, factor: Factor, level: Level) -> Iterator[str]:
-    """The scenarios that can run in this level, as study.toml names them."""
+    """Give the scenarios that can run in this level, as named in study.toml."""
     if level.scenario:
         yield level.scenario
         return

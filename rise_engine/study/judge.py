@@ -1,4 +1,4 @@
-"""What people say about a session afterwards: how it counts, whose it is, and who does not take part any more."""
+"""Decisions after a session: whether it counts, whose it is, and which participants are excluded."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ from rise_engine.study.standing import describe_entry, in_stratum
 from rise_engine.study.state import OpenStudy, StudyStatus
 
 COMMAND_LINE = "command-line"
-"""Who says it, where nobody gives a name."""
+"""The source of a decision when nobody gives a name."""
 
 
 def judge_session(
@@ -29,18 +29,18 @@ def judge_session(
     source: str = COMMAND_LINE,
     here: bool = False,
 ) -> StudySession:
-    """Write how a session counts that ended without outcome, whose engine has gone, or that was judged wrongly.
+    """Record how a session counts: one without outcome, one whose engine has gone, or one that was misjudged.
 
     :param open: the study, locked.
-    :param participant: whose session.
+    :param participant: the session's participant.
     :param status: how it counts.
-    :param reason: why; needed unless it is complete and nobody has judged it yet.
-    :param session: the name of its folder; empty: the one without outcome, or else their last one.
-    :param source: who says it.
-    :param here: another computer had the session last, and somebody has looked: it does not run there any more.
+    :param reason: why; required unless the status is complete and the session has no outcome yet.
+    :param session: the name of its folder; empty: the participant's session without outcome, or else their last one.
+    :param source: who decides.
+    :param here: a person has confirmed that another computer, which had the session last, no longer runs it.
     :return: the session as it was before.
-    :raises StudyError: with every reason why not.
-    :raises rise_engine.study.study_log.StudyLogError: it cannot be written.
+    :raises StudyError: with every reason against it.
+    :raises rise_engine.study.study_log.StudyLogError: the log cannot be written.
     """
     target = session_to_judge(open.state, participant, session)
     problems = _outcome_problems(open.state, target, status, reason)
@@ -60,19 +60,19 @@ def judge_session(
 def reassign_session(
     open: OpenStudy, session: str, participant: str, reason: str, *, source: str = COMMAND_LINE
 ) -> Reassignment:
-    """Give a session that was run under the wrong participant to the one who heard it.
+    """Give a session that was run under the wrong participant to the one who took part.
 
-    The row of the plan goes with it when nobody has done anything else in it, and when it is one for them. The log says
-    so; the session's own record stays as it is.
+    The plan's row goes with it if it fits the participant and was not used otherwise. The log records this; the
+    session's own record stays unchanged.
 
     :param open: the study, locked.
     :param session: the name of its folder.
-    :param participant: who heard it.
+    :param participant: the one who took part.
     :param reason: why.
-    :param source: who says it.
-    :return: whose it is now.
-    :raises StudyError: with every reason why not.
-    :raises rise_engine.study.study_log.StudyLogError: it cannot be written.
+    :param source: who decides.
+    :return: the new assignment.
+    :raises StudyError: with every reason against it.
+    :raises rise_engine.study.study_log.StudyLogError: the log cannot be written.
     """
     state = open.state
     _check_known(state, participant)
@@ -117,7 +117,7 @@ def reassign_session(
 
 
 def _row_that_goes(state: StudyStatus, session: StudySession, participant: str) -> tuple[int | None, str]:
-    """The row that a session takes along; None and the reason: it stays with whoever holds it."""
+    """Return the row that goes with a session; or None and the reason why its holder keeps it."""
     entry = session.entry
     counted = [each.entry for each in state.sessions if each.entry.purpose == "counted"]
     others = [each for each in counted if each.participant == entry.participant and each.folder != entry.folder]
@@ -137,15 +137,15 @@ def _row_that_goes(state: StudyStatus, session: StudySession, participant: str) 
 
 
 def exclude_participant(open: OpenStudy, participant: str, reason: str, *, source: str = COMMAND_LINE) -> int | None:
-    """Write that somebody does not count any more; their row goes to the next of their stratum.
+    """Record that a participant no longer counts. Their row goes to the next one of their stratum.
 
     :param open: the study, locked.
-    :param participant: who.
+    :param participant: who is excluded.
     :param reason: why.
-    :param source: who says it.
-    :return: the row that is free now; None: they held none.
-    :raises StudyError: with every reason why not.
-    :raises rise_engine.study.study_log.StudyLogError: it cannot be written.
+    :param source: who decides.
+    :return: the row that becomes free; None: they held none.
+    :raises StudyError: with every reason against it.
+    :raises rise_engine.study.study_log.StudyLogError: the log cannot be written.
     """
     state = open.state
     _check_known(state, participant)
@@ -166,7 +166,7 @@ def exclude_participant(open: OpenStudy, participant: str, reason: str, *, sourc
 
 
 def session_to_judge(state: StudyStatus, participant: str, name: str = "") -> StudySession:
-    """The session that somebody means: the one of that name; without it, the one without outcome, or else the last.
+    """Find the session to judge: by name, or else the participant's session without outcome, or else their last one.
 
     :raises StudyError: there is none, or it never counts.
     """
@@ -205,7 +205,7 @@ def _outcome_problems(state: StudyStatus, session: StudySession, status: Outcome
 
 
 def _correction_problems(state: StudyStatus, session: StudySession) -> Sequence[str]:
-    """Why a judged session cannot be judged anew: what came after it rests on how it was judged."""
+    """Explain why a judged session cannot be judged again: later decisions depend on it."""
     entry = session.entry
     counted = [
         each

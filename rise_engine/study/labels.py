@@ -1,7 +1,7 @@
-"""Whether everything that says what a session is says the same: its journal, its session.toml, its study's log.
+"""Comparison of a session's labels in its journal, its session.toml and its study's log.
 
-One difference is meant: a session that was run under the wrong participant is *reassigned* in the log, with a reason.
-The journal stays as it is, and whoever asks whose session it is follows the log (`reassignment_of`).
+One difference is allowed: the log can *reassign*, with a reason, a session that was run under the wrong participant.
+The journal stays unchanged, and readers who need the participant follow the log (`reassignment_of`).
 """
 
 from __future__ import annotations
@@ -18,20 +18,20 @@ from rise_engine.study.study_log import LOG_FILE, LogEntry, StudyLogError, read_
 from rise_engine.study.withdrawn import PREFIX
 
 _ABOUT_SESSIONS = frozenset({"session", "outcome", "reassigned"})
-"""Kinds of entries that say what a session is."""
+"""Kinds of entries with a session's labels."""
 
 
 class Reassignment(Struct, frozen=True):
-    """A session belongs to another participant than its journal says."""
+    """The change of a session's participant after it was run."""
 
     participant: str
-    """Whose it is."""
+    """The right participant."""
     was: str
-    """Under whom it was run."""
+    """The participant under whom it was run."""
     slot: int | None
-    """The row of the plan that went with it; None: it stayed with whoever held it."""
+    """The row of the plan that went with it. None: the row stayed with its holder."""
     attempt: int
-    """Which attempt of theirs at this run it is."""
+    """The number of the participant's attempt at this run."""
     reason: str
 
     @property
@@ -40,12 +40,12 @@ class Reassignment(Struct, frozen=True):
 
     @property
     def labels(self) -> dict[str, Any]:
-        """What differs from the journal's first record."""
+        """The labels that differ from the journal's first record."""
         return {"participant": self.participant, "slot": self.slot, "attempt": self.attempt}
 
 
 def reassignments(log: Sequence[LogEntry]) -> dict[str, Reassignment]:
-    """By the names of their folders, the sessions that were reassigned; the last word counts.
+    """Return the reassigned sessions by the names of their folders. The last reassignment counts.
 
     :param log: all entries of study.jsonl.
     """
@@ -64,21 +64,21 @@ def reassignments(log: Sequence[LogEntry]) -> dict[str, Reassignment]:
 
 
 def reassignment_of(folder: Path) -> Reassignment | None:
-    """Whose session it is, when the log of its study says something else than its journal; None: what that says.
+    """Return a session's reassignment in its study's log. None: the journal's participant is right.
 
-    :param folder: the session's.
+    :param folder: the session's folder.
     """
     return reassignments(_log_of(folder)).get(folder.resolve().name)
 
 
 def session_differences(folder: Path, log: Sequence[LogEntry] | None = None) -> list[str]:
-    """What session.toml and the log of its study say of a session otherwise than its journal.
+    """List what session.toml and the study's log say differently from a session's journal.
 
-    What the log says of a session that it has reassigned may be what the journal says, or what it is since.
+    After a reassignment, the log may have the journal's labels or the new ones.
 
-    :param folder: the session's.
-    :param log: the log's entries; None: they are read, of the study in whose folder it lies.
-    :return: sentences that name both; none where all say the same.
+    :param folder: the session's folder.
+    :param log: the log's entries; None: the log of the study around the folder is read.
+    :return: sentences that name both values; empty where all agree.
     """
     found = info_differences(folder)
     name = folder.resolve().name
@@ -103,16 +103,16 @@ def session_differences(folder: Path, log: Sequence[LogEntry] | None = None) -> 
 
 
 def refuse_relabelled(folder: Path) -> None:
-    """Nothing is told of a session of which two files say different things.
+    """Refuse to read a session when two files disagree about it.
 
-    :param folder: the session's.
-    :raises rise_engine.session.labels.RelabelledError: they do.
+    :param folder: the session's folder.
+    :raises rise_engine.session.labels.RelabelledError: they disagree.
     """
     refuse_differences(folder, session_differences(folder))
 
 
 def _log_of(folder: Path) -> Sequence[LogEntry]:
-    """Of the study in whose folder it lies; none, where it lies in no study's."""
+    """Read the log of the study around the folder. Empty if there is none."""
     try:
         return read_kept_log(folder.resolve().parent.parent)
     except StudyLogError:

@@ -1,6 +1,6 @@
-"""A study as data: the design that people write, the plan that is made of it, and how the study stands.
+"""The data of a study: the design that people write, the plan made from it, and the study's progress.
 
-Nothing here reads or writes; the files are those of `docs/reference/study.md`.
+Nothing here reads or writes files, which are described in `docs/reference/study.md`.
 """
 
 from __future__ import annotations
@@ -20,63 +20,63 @@ WithinMethod: TypeAlias = Literal["williams", "latin", "all", "fixed", "random"]
 
 
 class Level(Struct, frozen=True):
-    """One level of a factor: what the robot does in it."""
+    """One level of a factor: what the robot does."""
 
     name: str
     memory: dict[str, Json] = {}
-    """Memory values that it sets before anything runs."""
+    """Memory values that it sets before the session."""
     scenario: str = ""
-    """Folder of the scenario that it runs, relative to the study's; empty: the study's own."""
+    """The scenario's folder, relative to the study's. Empty: the study's own scenario."""
     label: str = ""
-    """What screens show instead of the name while the study is blinded; empty: the name."""
+    """The name on screens while the study is blinded. Empty: the name itself."""
     description: str = ""
-    """What it is, in words for readers of the data; empty: not said."""
+    """A description for readers of the data. Empty: there is none."""
 
 
 class Factor(Struct, frozen=True):
-    """Something that is varied."""
+    """A variable that the experimenter varies."""
 
     name: str
     kind: FactorKind
-    """between: one level for each participant. within: every participant has every level; each is a run, a session of
-    its own."""
+    """between: each participant has one level. within: every participant has all levels, each in a run, which is a
+    separate session."""
     levels: tuple[Level, ...]
 
 
 class AssignmentSettings(Struct, frozen=True):
-    """How participants come to their levels (`[assignment]`)."""
+    """How participants get their levels (`[assignment]`)."""
 
     between: BetweenMethod = "blocks"
     block: tuple[int, ...] = (1,)
-    """Sizes of the permuted blocks, in multiples of the number of cells; drawn by the seed."""
+    """Sizes of the permuted blocks as multiples of the number of cells, drawn by the seed."""
     strata: tuple[str, ...] = ()
-    """Columns of participants.csv within whose values the blocks are made."""
+    """Columns of participants.csv; blocks are made separately for each of their values."""
     within: WithinMethod = "williams"
     spare: float = 0.25
-    """Rows of the plan beyond `n`, as a part of it."""
+    """Rows of the plan beyond `n`, as a fraction of `n`."""
     hidden: bool = False
-    """Screens show the condition only when the session begins."""
+    """Whether screens show the condition only from the start of the session."""
 
 
 class StudyCheck(Struct, frozen=True):
-    """Something that is looked at before or after each session (`[[check]]`); exactly one of ask, auto, run."""
+    """A check before or after each session (`[[check]]`), with exactly one of ask, auto, run."""
 
     id: str
     when: Literal["before", "after"] = "before"
     ask: str = ""
-    """A sentence that somebody confirms."""
+    """A sentence that a person confirms."""
     auto: str = ""
-    """What the program itself looks at: one of `rise_engine.study.check_tables.AUTOMATIC`."""
+    """A check that the program makes: one of `rise_engine.study.check_tables.AUTOMATIC`."""
     run: tuple[str, ...] = ()
-    """A program and its arguments, run in the study's folder: exit status 0 is passed, its first line the value."""
+    """A program with arguments, run in the study's folder. Exit status 0 means passed; its first line is the value."""
     minimum: str = ""
-    """For `disk`: the space that must be free, `20 GB`."""
+    """For `disk`: the free space required, `20 GB`."""
     valid: float | None = None
-    """Seconds that a passed check stays good (`every = "30 d"`); None: it is made for each session."""
+    """Seconds for which a passed check stays valid (`every = "30 d"`). None: it is made for each session."""
     blocks: bool = True
-    """Whether the session cannot begin when it failed, unless somebody skips it with a reason."""
+    """Whether a failure blocks the session, unless somebody skips the check with a reason."""
     limit: float | None = None
-    """Seconds that it may take (`limit = "2min"`); None: as usual for its kind (`rise_engine.checks.limit_seconds`)."""
+    """Seconds that it may take (`limit = "2min"`). None: its kind's default (`rise_engine.checks.limit_seconds`)."""
 
 
 class RecorderSettings(Struct, frozen=True):
@@ -84,69 +84,69 @@ class RecorderSettings(Struct, frozen=True):
 
     name: str
     driver: str
-    """Which recorder it is; the name, where `by` is not given."""
+    """The kind of recorder. Default: the name, where `by` is not given."""
     options: dict[str, Json] = {}
     stalled_after: float | None = None
-    """Seconds without growth after which it counts as stalled; None: as its driver says."""
+    """Seconds without growth after which it counts as stalled. None: its driver's default."""
 
 
 class MarkerSettings(Struct, frozen=True):
-    """What goes to LSL while the session runs (`lsl` in `[recording]`)."""
+    """What is sent to LSL while the session runs (`lsl` in `[recording]`)."""
 
     scope: Literal["machine", "link", "site"] = "machine"
-    """How far it can be seen."""
+    """The part of the network that can see it."""
     payload: Literal["short", "json"] = "short"
 
 
 class SyncSettings(Struct, frozen=True):
-    """Marks that recordings show (`sync` in `[recording]`)."""
+    """Sync marks in recordings (`sync` in `[recording]`)."""
 
     start: bool = True
     end: bool = True
     medium: Literal["sound", "flash"] = "sound"
     play: tuple[str, ...] = ()
-    """The program that plays the sound, with `{file}`; empty: one of those that are usual here."""
+    """The program that plays the sound, with `{file}`. Empty: one of the usual programs of this computer."""
 
 
 class RecordingSettings(Struct, frozen=True):
-    """`[recording]`: what records a session of the study."""
+    """The recorders of the study's sessions (`[recording]`)."""
 
     recorders: tuple[RecorderSettings, ...] = ()
     markers: MarkerSettings | None = None
-    """None: nothing goes to LSL."""
+    """None: nothing is sent to LSL."""
     sync: SyncSettings | None = None
-    """None: no marks."""
+    """None: there are no marks."""
     folder: str = ""
-    """Where recorders that name their file themselves put it, absolute: a folder for each session is made in there.
-    Empty: into the session's own folder."""
+    """Absolute folder for recorders that name their own file; each session gets a folder in it. Empty: the session's
+    own folder."""
     consent: str = "recording"
-    """What a participant must have consented to before anything records them: `recording` is the column
+    """The consent that a participant must have given before a recording: `recording` is the column
     consent_recording."""
 
 
 class ItemDescription(Struct, frozen=True):
-    """What study.toml says of a column of a questionnaire."""
+    """The description of a questionnaire's column in study.toml."""
 
     about: str = ""
     levels: dict[str, str] = {}
-    """Every value that it can have, and what each means; empty: any."""
+    """Every possible value with its meaning. Empty: any value is allowed."""
 
 
 class QuestionnaireSettings(Struct, frozen=True):
-    """A questionnaire that participants fill in elsewhere (`[questionnaire.NAME]`)."""
+    """A questionnaire that participants fill in outside this program (`[questionnaire.NAME]`)."""
 
     name: str
     file: str
-    """From the study's folder on."""
+    """Relative to the study's folder."""
     key: str = "participant"
-    """The column that names the participant."""
+    """The column with the participant."""
     run: str = ""
-    """The column that says after which run it was asked; empty: it is asked once."""
+    """The column with the run after which it was asked. Empty: it is asked once."""
     columns: dict[str, ItemDescription] = {}
     leave_out: tuple[str, ...] = ()
-    """Columns that no export tells."""
+    """Columns that no export has."""
     about: str = ""
-    """What it is, as a paper would name it."""
+    """Its description, as in a paper."""
 
 
 class Study(Struct, frozen=True):
@@ -159,7 +159,7 @@ class Study(Struct, frozen=True):
     """Letters and digits."""
     seed: int
     n: int
-    """Complete participants that are wanted."""
+    """The number of complete participants wanted."""
     scenario: str
     """The scenario's folder, relative to the study's."""
     mode: Mode
@@ -169,26 +169,26 @@ class Study(Struct, frozen=True):
     strata: dict[str, tuple[str, ...]] = {}
     """The values of each stratum, by column."""
     consent: tuple[str, ...] = ()
-    """What must be consented to: `study` is the column consent_study."""
+    """The consents that are required: `study` is the column consent_study."""
     checks: tuple[StudyCheck, ...] = ()
     columns: tuple[str, ...] = ()
     """Further columns of participants.csv."""
     descriptions: dict[str, str] = {}
-    """What each of these holds, in words, where study.toml says it."""
+    """Their descriptions, where study.toml has them."""
     wizards: dict[str, str] = {}
-    """What exports call each wizard."""
+    """The code of each wizard in exports."""
     retention: dict[str, float] = {}
     """Days after which `media` and `sessions` are due to be deleted."""
     robot: str = ""
-    """Another robot than the scenario's; empty: the scenario's."""
+    """A robot other than the scenario's. Empty: the scenario's."""
     recording: RecordingSettings = RecordingSettings()
     report: dict[str, str] = {}
-    """What people must say for the reporting sheet, by the name of its item (`[report]`)."""
+    """Statements for the reporting sheet, by the name of the item (`[report]`)."""
     questionnaires: tuple[QuestionnaireSettings, ...] = ()
     hash: str = ""
     """SHA-256 of what study.toml says about sessions (`rise_engine.study.design.content_hash`)."""
     design_hash: str = ""
-    """SHA-256 of what the plan is made of: it must not change once there is a plan."""
+    """SHA-256 of what the plan depends on. It must not change once there is a plan."""
 
 
 class Participant(Struct, frozen=True):
@@ -197,9 +197,9 @@ class Participant(Struct, frozen=True):
     participant: str
     strata: dict[str, str] = {}
     consent: dict[str, str] = {}
-    """ISO date by what was consented to; empty: not yet."""
+    """The ISO date of each consent. Empty: not yet given."""
     status: str = ""
-    """`invited`, `excluded` or empty, as people wrote it."""
+    """`invited`, `excluded` or empty, as written by people."""
     comment: str = ""
     line: int = 0
     columns: dict[str, str] = {}
@@ -207,38 +207,38 @@ class Participant(Struct, frozen=True):
 
 
 class Slot(Struct, frozen=True):
-    """A row of plan.csv: what one participant gets."""
+    """A row of plan.csv: the assignment of one participant."""
 
     slot: int
     """1, 2, 3, ... over all strata."""
     strata: dict[str, str]
     """Empty where the plan has none."""
     levels: dict[str, str]
-    """The level of each between factor; empty with `minimise`, where it is drawn when the slot is taken."""
+    """The level of each between factor. Empty with `minimise`, where it is drawn when the slot is taken."""
     order: tuple[str, ...]
-    """What the runs are, the levels of the within factors joined by `+`; one empty text where there is none."""
+    """The runs: within levels joined by `+`. One empty text if there is no within factor."""
     seed: int
 
 
 class PlannedRun(Struct, frozen=True):
-    """One session of a participant, as the plan has it."""
+    """One planned session of a participant."""
 
     slot: int
     run: int
-    """1, 2, ... in the slot's order."""
+    """1, 2, ... in the order of the slot."""
     factors: dict[str, str]
-    """The level of every factor, between and within."""
+    """The level of each factor, between and within."""
     condition: str
-    """The levels' names joined by `+`, in the order of the factors; empty where the study has none."""
+    """The levels' names joined by `+`, in the order of the factors. Empty if the study has none."""
     memory: dict[str, Json]
     scenario: str
     """Absolute folder."""
     seed: int
-    """Of the session: drawn from the study's seed, the slot and the run."""
+    """The session's seed, from the study's seed, the slot and the run."""
 
 
 class SessionEntry(Struct, frozen=True):
-    """A session of the study, as far as it is known."""
+    """What is known of a session of the study."""
 
     participant: str
     run: int
@@ -246,11 +246,11 @@ class SessionEntry(Struct, frozen=True):
     """1 for the first session of this run, 2 for the next one after an abort."""
     purpose: Purpose
     folder: str
-    """Its folder's name in the study's sessions."""
+    """The name of its folder in the study's sessions."""
     started: str
     """ISO 8601."""
     status: Literal["running", "unfinished", "ended"]
-    """unfinished: its engine has gone, and nobody has gone on with it or given it up."""
+    """unfinished: its engine has gone, and nobody has continued it or given it up."""
     outcome: OutcomeStatus | None = None
     reason: str = ""
     seconds: float = 0.0
@@ -258,7 +258,7 @@ class SessionEntry(Struct, frozen=True):
     condition: str = ""
     slot: int | None = None
     reassigned: str = ""
-    """Under whom it was run and why it was reassigned, in a sentence; empty: it was not."""
+    """Who it was run under and why it was reassigned, in a sentence. Empty: it was not."""
 
 
 ParticipantState: TypeAlias = Literal[
@@ -273,43 +273,43 @@ ParticipantState: TypeAlias = Literal[
     "excluded",
     "withdrawn",
 ]
-"""How somebody stands: waiting for the first session; no-consent: as waiting, but it could not begin; running now;
-unfinished: a session did not end; to-judge: a session ended without outcome; to-go-on: further runs are to come;
-aborted: the last one was, and may be run again; complete: every run."""
+"""A participant's progress. waiting: for the first session; no-consent: as waiting, but it cannot begin; running: now;
+unfinished: a session did not end; to-judge: a session ended without outcome; to-go-on: further runs follow; aborted:
+the last session was, and may be repeated; complete: all runs."""
 
 
 class ParticipantStanding(Struct, frozen=True):
-    """How one participant stands."""
+    """The progress of one participant."""
 
     participant: str
     state: ParticipantState
     why: str = ""
-    """What hinders them, in a sentence, or why they are out."""
+    """What blocks them, or why they are out, in a sentence."""
     strata: dict[str, str] = {}
     slot: int | None = None
     next_run: int | None = None
-    """The run that would begin now; None: none."""
+    """The run that would begin now. None: there is none."""
     next_attempt: int = 1
     runs: int = 1
     sessions: tuple[SessionEntry, ...] = ()
-    """Counted ones, in their order."""
+    """Counted sessions in their order."""
 
 
 class CellStanding(Struct, frozen=True):
-    """How many of a cell of the plan are done."""
+    """The progress of one cell of the plan."""
 
     strata: dict[str, str]
     condition: str
-    """Of the between factors."""
+    """The condition from the between factors."""
     complete: int
     open: int
-    """Participants who hold a slot in it and are not complete."""
+    """Participants who hold one of its slots and are not complete."""
     planned: int
-    """Rows within the first `n`; 0 where cells are drawn, and where nobody knows how many of each stratum come."""
+    """Rows within the first `n`. 0 where cells are drawn, or where the sizes of strata are unknown."""
 
 
 class StudyStanding(Struct, frozen=True):
-    """How the study stands: the plan against what happened."""
+    """The study's progress: the plan compared with what happened."""
 
     participants: tuple[ParticipantStanding, ...]
     """In the order of participants.csv."""
@@ -317,8 +317,8 @@ class StudyStanding(Struct, frozen=True):
     complete: int
     wanted: int
     next: str = ""
-    """Who is next: the first who can begin; empty: nobody."""
+    """The first participant who can begin. Empty: nobody."""
     rehearsals: tuple[SessionEntry, ...] = ()
     """Sessions that do not count."""
     due: tuple[str, ...] = ()
-    """What is due to be deleted, and other things that somebody must do, in sentences."""
+    """Sentences about data due for deletion and other open tasks."""

@@ -1,4 +1,4 @@
-"""A new study's folder: study.toml with comments, participants.csv, and copies of its scenarios."""
+"""Writer of a new study's folder: study.toml with comments, participants.csv, and copies of its scenarios."""
 
 from __future__ import annotations
 
@@ -24,23 +24,23 @@ from rise_engine.syntax.toml import toml_key
 
 
 class NewStudy(Struct, frozen=True):
-    """What somebody said of a new study."""
+    """The description of a new study."""
 
     study: Study
-    """Its folder is not used; scenarios are named as they are called in the study."""
+    """The study. Its folder is not used; scenarios have their names in the study."""
     sources: dict[str, Path]
-    """From where each scenario is copied, by the name that it has in the study."""
+    """The folder from which each scenario is copied, by its name in the study."""
     label_only: frozenset[str] = frozenset()
-    """Factors whose levels differ in what people do."""
+    """Factors whose levels differ only in what people do."""
 
 
 def write_new_study(folder: Path, new: NewStudy, *, accept_errors: bool = False) -> list[Diagnostic]:
-    """Write a study into a new or empty folder, whole or not at all; returns what is wrong with it.
+    """Write a study into a new or empty folder, whole or not at all. Returns its errors.
 
-    :param folder: where.
-    :param new: what.
-    :param accept_errors: write also a study with errors, which somebody can mend who has answered many questions.
-    :raises StudyError: there is something in the folder, or it cannot be written, or the study has errors.
+    :param folder: the new folder.
+    :param new: the study.
+    :param accept_errors: write the study despite errors, so that somebody who answered many questions can fix them.
+    :raises StudyError: the folder has contents or cannot be written, or the study has errors.
     """
     if problem := folder_problem(folder):
         raise StudyError(problem)
@@ -62,12 +62,12 @@ def write_new_study(folder: Path, new: NewStudy, *, accept_errors: bool = False)
         return loaded.errors
     except OSError as error:
         raise StudyError(f"{error.filename or folder} cannot be written: {error_message(error)}") from None
-    finally:  # also when somebody interrupts it
+    finally:  # also after an interrupt
         shutil.rmtree(made, ignore_errors=True)
 
 
 def folder_problem(folder: Path) -> str:
-    """Why no study can be made there, or empty."""
+    """Say why no study can be made there. Empty: it can."""
     try:
         if folder.is_dir():
             return f"{folder} is not empty; name a new folder" if any(folder.iterdir()) else ""
@@ -88,8 +88,8 @@ def _fill(folder: Path, new: NewStudy) -> None:
 
 
 def _copy_scenario(source: Path, to: Path, scenario: Path) -> None:
-    """Every file but hidden ones, and none from outside the scenario over a link; not their permissions, because the
-    copy is to be changed."""
+    """Copy every file except hidden ones and links out of the scenario. Permissions are not copied, because the copy
+    must be writable."""
     to.mkdir()
     for path in sorted(source.iterdir()):
         if path.name.startswith(".") or why_not_read(scenario, path.relative_to(scenario)):
@@ -101,7 +101,7 @@ def _copy_scenario(source: Path, to: Path, scenario: Path) -> None:
 
 
 def study_toml_text(new: NewStudy) -> str:
-    """study.toml with comments that say what can be changed."""
+    """Write study.toml with comments that say what can be changed."""
     study = new.study
     lines = [
         "# The design of this study. You change it here; `rise-engine study check` says in",
@@ -129,7 +129,7 @@ def study_toml_text(new: NewStudy) -> str:
 
 
 def copy_sentence(name: str, source: str) -> str:
-    """That a scenario of a study is a copy.
+    """Say that a scenario of a study is a copy.
 
     >>> copy_sentence("scenario", "../greeting")
     'scenario is a copy: later changes to ../greeting have no effect here'
@@ -138,7 +138,7 @@ def copy_sentence(name: str, source: str) -> str:
 
 
 def _copy_lines(name: str, source: Path) -> Iterable[str]:
-    """Without the way to it, which may name people: a study is given to others."""
+    """Name the source without its path, which may name people, because a study is given to others."""
     yield from wrap(f"{copy_sentence(name, source.name)}. Change the copy.", 88)
 
 
@@ -273,7 +273,7 @@ def _text(text: str) -> str:
 
 
 def _value(value: Json) -> str:
-    """A value in TOML, in one line."""
+    """Write a value in TOML, in one line."""
     if isinstance(value, Mapping):
         return _table(value)
     if isinstance(value, list):

@@ -1,4 +1,4 @@
-"""Reading participants.csv: who takes part, under which pseudonym (docs/reference/study.md). Nothing here writes it."""
+"""Reader of participants.csv: the participants under their pseudonyms (docs/reference/study.md). It never writes."""
 
 from __future__ import annotations
 
@@ -25,10 +25,10 @@ _OTHER_DATES = ("%d.%m.%Y", "%d.%m.%y", "%Y/%m/%d", "%Y%m%d", "%d-%m-%Y")
 
 
 class ParticipantsLoad(Struct, frozen=True):
-    """What came of reading participants.csv."""
+    """The result of reading participants.csv."""
 
     participants: tuple[Participant, ...]
-    """In the order of the file; rows with errors among them as far as they could be understood."""
+    """Participants in the order of the file. Rows with errors are included as far as they could be read."""
     diagnostics: list[Diagnostic]
 
     @property
@@ -39,9 +39,9 @@ class ParticipantsLoad(Struct, frozen=True):
 def load_participants(study: Study, held: Held | None = None) -> ParticipantsLoad:
     """Read and check a study's participants.
 
-    :param study: the study, which says the columns and their values.
-    :param held: contents that are read instead of the disk, by the names of their files.
-    :return: whoever is in the file, and everything that is wrong with it. A file that is not there is an error, too.
+    :param study: the study, which defines the columns and their values.
+    :param held: contents that are used instead of the files on the disk, by file name.
+    :return: the participants and all errors; a missing file is an error too.
     """
     diagnostics = Diagnostics()
     folder = Path(study.folder)
@@ -56,13 +56,13 @@ def load_participants(study: Study, held: Held | None = None) -> ParticipantsLoa
 
 
 def columns_of(study: Study) -> list[str]:
-    """The columns that participants.csv has, as far as the study says them."""
+    """Return the columns of participants.csv that the study defines."""
     consents = [f"{CONSENT_PREFIX}{name}" for name in study.consent]
     return ["participant", *study.strata, *consents, "status", "comment", *study.columns]
 
 
 def header_line(study: Study) -> str:
-    """The first line of participants.csv."""
+    """Return the first line of participants.csv."""
     return ",".join(columns_of(study))
 
 
@@ -88,19 +88,19 @@ class _ParticipantsReader:
         further = [
             column
             for column in table.columns
-            if column.startswith(CONSENT_PREFIX) and nearest_name(column, missing) is None  # another consent
+            if column.startswith(CONSENT_PREFIX) and nearest_name(column, missing) is None  # a further consent
         ]
         remedy = "; write it into study.toml if it is meant: [participants] columns = [...]"
         self.check_recording_consent()
         table.check_columns(needed, ["status", "comment", *study.columns, *further, *personal], remedy)
 
     def check_recording_consent(self) -> None:
-        """Without that column nobody is recorded, which nobody may have meant."""
+        """Warn if the column is missing: then nobody is recorded, perhaps by mistake."""
         recording, table = self.study.recording, self.table
         column = f"{CONSENT_PREFIX}{recording.consent}"
         if not (recording.recorders or recording.sync) or column in table.columns:
             return
-        if recording.consent not in self.study.consent:  # else it is missing anyway
+        if recording.consent not in self.study.consent:  # else the missing column is an error anyway
             consents = [each for each in table.columns if each.startswith(CONSENT_PREFIX)]
             example = consents[0].removeprefix(CONSENT_PREFIX) if consents else "study"
             near = did_you_mean(column, consents, limit=0) or ";"
@@ -177,7 +177,7 @@ class _ParticipantsReader:
 
 
 def _other_date(text: str) -> str:
-    """The ISO date that somebody meant who wrote it otherwise, or empty."""
+    """Return the ISO date of a date in another form, or an empty text."""
     for form in _OTHER_DATES:
         with suppress(ValueError):
             return datetime.strptime(text, form).date().isoformat()

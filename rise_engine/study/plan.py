@@ -1,4 +1,4 @@
-"""The plan of a study: which cell and which order each slot has, made once and then only read."""
+"""The plan of a study: the cell and order of each slot, made once and only read after that."""
 
 from __future__ import annotations
 
@@ -17,26 +17,26 @@ from rise_engine.study.study_scenarios import scenario_folder
 
 
 def slot_seed(study: Study, number: int) -> int:
-    """The seed of a row of the plan: of what is drawn for this row alone."""
+    """Return the seed of a row of the plan, for everything that is drawn for this row only."""
     return Chance(study.seed, "slot", number).integer_below(SEEDS)
 
 
 def rows_wanted(study: Study) -> int:
-    """How many rows each stratum has at least: `n` and the spare ones."""
+    """Return the least number of rows of each stratum: `n` and the spare ones."""
     return ceil(study.n * (1 + Fraction(repr(study.assignment.spare))))
 
 
 def make_plan(study: Study, held: Sequence[Slot] = (), first: int = 1) -> tuple[Slot, ...]:
-    """The rows of a study's plan, stratum by stratum. The same study gives the same rows, on every Python.
+    """Make the rows of a study's plan, stratum by stratum. The same study gives the same rows on every Python.
 
-    Each stratum has rows for all `n` participants and the spare ones, because nobody knows how many of each will come,
-    up to the end of a block.
+    Each stratum has rows for all `n` participants and the spare ones, because the sizes of strata are unknown. Its last
+    block is complete.
 
-    :param study: the study; with `between = "list"` its plan is made by people, and nothing is made here.
-    :param held: rows of an earlier plan that participants hold. They stand first in their stratum, as they are, and
-        the new rows complete their blocks.
+    :param study: the study; `between` must not be "list".
+    :param held: rows of an earlier plan that participants hold. They come first in their stratum, unchanged, and the
+        new rows complete their blocks.
     :param first: the number of the first new row.
-    :raises ValueError: the plan is a list that people make.
+    :raises ValueError: people make the plan (`between = "list"`).
     """
     if study.assignment.between == "list":
         raise ValueError('with between = "list", people make plan.csv')
@@ -58,7 +58,7 @@ def make_plan(study: Study, held: Sequence[Slot] = (), first: int = 1) -> tuple[
 
 
 def _rows(study: Study, strata: dict[str, str], first: int) -> Iterator[Slot]:
-    """The rows of one stratum, numbered from `first` on; what is drawn row by row is still to come."""
+    """Give the rows of one stratum, numbered from `first`, without what is drawn for each row."""
     name = stratum_name(strata)
     every = cells(study)
     orders: dict[str, Iterator[tuple[str, ...]]] = {}
@@ -71,7 +71,7 @@ def _rows(study: Study, strata: dict[str, str], first: int) -> Iterator[Slot]:
 
 
 def _cells_in_blocks(study: Study, stratum: str, every: list[dict[str, str]]) -> Iterator[dict[str, str]]:
-    """A cell for each row of a stratum, up to the end of a block."""
+    """Give a cell for each row of a stratum, up to the end of a block."""
     wanted = rows_wanted(study)
     if study.assignment.between != "blocks":
         yield from ({} for _ in range(wanted))
@@ -86,7 +86,7 @@ def _cells_in_blocks(study: Study, stratum: str, every: list[dict[str, str]]) ->
 
 
 def _draw(study: Study, slot: Slot) -> Slot:
-    """The row with what is drawn for it alone."""
+    """Return the row with what is drawn for it alone."""
     levels, order = slot.levels, slot.order
     if study.assignment.between == "random":
         levels = Chance(slot.seed, "cell").choose(cells(study))
@@ -96,19 +96,19 @@ def _draw(study: Study, slot: Slot) -> Slot:
 
 
 def _take_away(rows: list[Slot], held: Slot) -> None:
-    """Take out the row in whose place the held one stands: one of the same cell, and of the same order if there is."""
+    """Remove the row that a held one replaces: one of the same cell, and of the same order if possible."""
     same_cell = [row for row in rows if row.levels == held.levels] or rows[:1]
     if same_cell:
         rows.remove(next((row for row in same_cell if row.order == held.order), same_cell[0]))
 
 
 def runs_of(study: Study, slot: Slot, levels: Mapping[str, str] | None = None) -> tuple[PlannedRun, ...]:
-    """The sessions of whoever has this slot, in their order.
+    """Return the sessions of the participant with this slot, in their order.
 
     :param study: the study.
     :param slot: the row.
-    :param levels: of the between factors, where the row has none (`minimise`).
-    :raises ValueError: a between factor has no level, neither in the row nor in `levels`.
+    :param levels: the between levels, if the row has none (`minimise`).
+    :raises ValueError: neither the row nor `levels` has a level for a between factor.
     """
     between = dict(levels if levels is not None else slot.levels)
     missing = [factor.name for factor in factors_of(study, "between") if factor.name not in between]
@@ -127,12 +127,12 @@ def runs_of(study: Study, slot: Slot, levels: Mapping[str, str] | None = None) -
 
 
 def planned_run(study: Study, levels: Mapping[str, str], *, slot: int = 0, run: int = 1) -> PlannedRun:
-    """One session in these levels.
+    """Return one session in these levels.
 
     :param study: the study.
-    :param levels: one of each factor, by its name.
-    :param slot: whose session it is; 0 for one that takes no slot.
-    :param run: which of the slot's sessions.
+    :param levels: one level of each factor, by factor.
+    :param slot: the session's slot; 0 for a session without one.
+    :param run: the number of the session in the slot.
     """
     factors = {factor.name: levels[factor.name] for factor in study.factors}
     memory: dict[str, Json] = {}
@@ -153,9 +153,9 @@ def planned_run(study: Study, levels: Mapping[str, str], *, slot: int = 0, run: 
 
 
 def parse_condition(study: Study, text: str) -> dict[str, str]:
-    """The levels that a condition's name means: one of each factor, in their order, joined by `+`.
+    """Split a condition's name into its levels, one of each factor, in their order, joined by `+`.
 
-    :raises ValueError: it is no condition of this study; the text says which there are.
+    :raises ValueError: it is not a condition of this study; the text names the possible ones.
     """
     parts = text.split("+") if text else []
     if len(parts) != len(study.factors):

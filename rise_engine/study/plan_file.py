@@ -1,4 +1,4 @@
-"""plan.csv: written once, never over another one, and read with every fault of one that somebody edited."""
+"""Reader and writer of plan.csv. It is never overwritten, and all errors in an edited one are reported."""
 
 from __future__ import annotations
 
@@ -26,18 +26,18 @@ from rise_engine.study.plan import slot_seed
 
 PLAN_FILE = "plan.csv"
 NEW_PLAN_FILE = "plan.csv.new"
-"""A plan that is written and has not its place yet."""
+"""A new plan that is not in its place yet."""
 _NO_LINKS = (errno.EPERM, errno.EOPNOTSUPP, errno.ENOSYS, errno.EACCES, errno.EMLINK)
 
 
 class PlanLoad(Struct, frozen=True):
-    """What came of reading plan.csv."""
+    """The result of reading plan.csv."""
 
     slots: tuple[Slot, ...] | None
     """None: there is no plan, or it has errors."""
     diagnostics: list[Diagnostic]
     hash: str = ""
-    """SHA-256 of the file; empty where there is none."""
+    """SHA-256 of the file. Empty where there is none."""
 
     @property
     def errors(self) -> list[Diagnostic]:
@@ -45,13 +45,13 @@ class PlanLoad(Struct, frozen=True):
 
 
 def columns_of_plan(study: Study) -> list[str]:
-    """The columns of a study's plan, in the order in which they are written."""
+    """Return the columns of a study's plan in the order in which they are written."""
     strata = () if study.assignment.between == "minimise" else study.assignment.strata
     return ["slot", *strata, *(factor.name for factor in factors_of(study, "between")), "order", "seed"]
 
 
 def plan_text(study: Study, slots: Sequence[Slot]) -> str:
-    """What stands in plan.csv."""
+    """Return the contents of plan.csv."""
     text = io.StringIO()
     writer = csv.writer(text, lineterminator="\n")
     columns = columns_of_plan(study)
@@ -63,15 +63,15 @@ def plan_text(study: Study, slots: Sequence[Slot]) -> str:
 
 
 def text_hash(text: str) -> str:
-    """SHA-256 of a text in UTF-8, as of a file with it."""
+    """Return the SHA-256 of a text in UTF-8, which is that of a file with it."""
     return sha256(text.encode()).hexdigest()
 
 
 def write_new_plan(folder: Path, text: str, disk: Disk | None = None) -> None:
-    """Write a plan beside the one there may be; `put_new_plan` gives it its place.
+    """Write a new plan beside plan.csv. `put_new_plan` moves it into place.
 
-    :param folder: the study's.
-    :param text: what stands in it.
+    :param folder: the study's folder.
+    :param text: the contents.
     :param disk: for tests that let it fail.
     :raises StudyError: it cannot be written.
     """
@@ -87,11 +87,11 @@ def write_new_plan(folder: Path, text: str, disk: Disk | None = None) -> None:
 
 
 def put_new_plan(folder: Path, disk: Disk | None = None) -> None:
-    """Make the new plan plan.csv, whole or not at all, and never over another one.
+    """Rename the new plan to plan.csv, whole or not at all. It never replaces a plan.
 
-    :param folder: the study's.
+    :param folder: the study's folder.
     :param disk: for tests that let it fail.
-    :raises StudyError: there is one already, or it cannot be renamed.
+    :raises StudyError: there is a plan already, or the file cannot be renamed.
     """
     disk = disk or Disk()
     new, path = folder / NEW_PLAN_FILE, folder / PLAN_FILE
@@ -105,21 +105,21 @@ def put_new_plan(folder: Path, disk: Disk | None = None) -> None:
 
 
 def _name_without_replacing(new: Path, path: Path) -> None:
-    """Give a file another name, unless another one has it."""
+    """Rename a file, unless the new name is taken."""
     try:
         os.link(new, path)
     except OSError as error:
         if error.errno not in _NO_LINKS or path.exists():
             raise
-        new.rename(path)  # file systems without links, as exFAT
+        new.rename(path)  # for file systems without links, such as exFAT
     else:
         new.unlink()
 
 
 def set_plan_aside(folder: Path) -> str:
-    """Give plan.csv another name, beside it, so that a new one can be put in its place; returns that name.
+    """Rename plan.csv to make room for a new plan. Returns the new name.
 
-    :param folder: the study's.
+    :param folder: the study's folder.
     :raises StudyError: it cannot be renamed.
     """
     number = 1
@@ -133,7 +133,7 @@ def set_plan_aside(folder: Path) -> str:
 
 
 def plan_hash(folder: Path, name: str = PLAN_FILE) -> str:
-    """SHA-256 of a plan's file; empty where there is none.
+    """Return the SHA-256 of a plan's file. Empty where there is none.
 
     :raises StudyError: it cannot be read.
     """
@@ -148,9 +148,9 @@ def plan_hash(folder: Path, name: str = PLAN_FILE) -> str:
 def read_plan(study: Study, only: frozenset[int] | None = None) -> PlanLoad:
     """Read and check plan.csv.
 
-    :param study: the study, which says its columns, levels and runs.
-    :param only: the slots that are looked at; None: all of them.
-    :return: the rows in their order, or everything that is wrong with them. No file is no finding.
+    :param study: the study, which defines its columns, levels and runs.
+    :param only: the slots to read; None: all.
+    :return: the rows in their order, or all errors in them. A missing file is not an error.
     """
     folder = Path(study.folder)
     if not (folder / PLAN_FILE).exists():
@@ -171,7 +171,7 @@ class _PlanReader:
         self.is_list = study.assignment.between == "list"
         self.runs = runs(study)
         self.numbers: dict[int, int] = {}
-        """The line of each slot so far."""
+        """The line of each slot read so far."""
 
     def read(self, only: frozenset[int] | None) -> list[Slot]:
         columns = columns_of_plan(self.study)
@@ -212,7 +212,7 @@ class _PlanReader:
         )
 
     def read_number(self, row: CsvRow, column: str, otherwise: int, least: int) -> int | None:
-        """A whole number; the usual one where a list has no such column; None after a finding."""
+        """Read a whole number. A list without this column has `otherwise`. None, with a diagnostic, for an error."""
         if column not in self.table.columns:
             return otherwise
         text = row.values[column]
@@ -222,7 +222,7 @@ class _PlanReader:
         return None
 
     def read_name(self, row: CsvRow, column: str, known: tuple[str, ...]) -> str:
-        """A level or the value of a stratum."""
+        """Read a level or the value of a stratum."""
         name = row.values.get(column, "")
         if column not in self.table.columns:
             return name

@@ -1,7 +1,7 @@
-"""Making a study's plan: once, and anew only with a reason; study.jsonl says which plan holds.
+"""Makes a study's plan once, and again only with a reason. study.jsonl says which plan is valid.
 
-The new plan is written beside the old one, then the log says its hash, then it is given its place. Whoever is killed in
-between is finished by the next `rise-engine study plan`: the log's hash tells which of the files is meant.
+The new plan is written beside the old one, its hash is logged, and then it is moved into place. If this is interrupted,
+the next `rise-engine study plan` completes it: the log's hash shows which file is valid.
 """
 
 from __future__ import annotations
@@ -37,12 +37,12 @@ from rise_engine.study.study_scenarios import scenario_folder
 
 
 class MadePlan(Struct, frozen=True):
-    """What came of making a plan."""
+    """The result of making a plan."""
 
     slots: tuple[Slot, ...]
     balance: Balance
     sentence: str
-    """What was done."""
+    """What was done, in a sentence."""
 
 
 def plan_study(
@@ -53,17 +53,17 @@ def plan_study(
     again: str | None = None,
     anyway: str = "",
 ) -> MadePlan:
-    """Make the plan of a study, or say that there is one.
+    """Make the plan of a study, or report the existing one.
 
-    Who holds a slot keeps it, row and number, also in a new plan: their cell and their order are what they have
-    begun with. All other rows are made anew, and their numbers begin behind every slot that was ever taken.
+    Participants who hold a slot keep their row and number in a new plan, with the cell and order that they began with.
+    All other rows are made anew, and their numbers follow the highest slot that was ever taken.
 
     :param study: the study.
-    :param scenarios: those that it names, by their absolute folder: the log says their hashes.
-    :param participants: of participants.csv, which may exclude somebody.
-    :param again: why there is to be a new plan; None: there is to be the first one.
-    :param anyway: why it is made although sessions have problems; empty: none is known.
-    :raises StudyError: there is another plan, or none can be made; a sentence for each problem.
+    :param scenarios: the study's scenarios by absolute folder; the log gets their hashes.
+    :param participants: from participants.csv, which may exclude some.
+    :param again: the reason for a new plan; None: make the first one.
+    :param anyway: the reason for planning although sessions have problems; empty: no problem is known.
+    :raises StudyError: there is another plan, or none can be made; one sentence for each problem.
     :raises rise_engine.study.study_log.StudyLogError: the log cannot be read or written.
     """
     folder = Path(study.folder)
@@ -83,18 +83,18 @@ def plan_study(
 
 
 def last_planned(entries: Sequence[LogEntry]) -> LogEntry | None:
-    """The entry of the plan that holds; None: there is none yet."""
+    """Return the entry of the valid plan. None: there is no plan yet."""
     return next((each for each in reversed(entries) if each.kind == "planned"), None)
 
 
 def held_slots(entries: Sequence[LogEntry], participants: Sequence[Participant]) -> dict[int, str]:
-    """Who holds which slot: who took it last, and is neither excluded nor has withdrawn."""
+    """Return the holder of each slot: the last who took it, unless excluded or withdrawn."""
     slots = places_of(participants, entries).slots
     return dict(sorted((slot, name) for name, slot in slots.items()))
 
 
 def scenario_hashes(study: Study, scenarios: Mapping[str, Scenario]) -> dict[str, str]:
-    """The hash of every scenario of a study, by the folder as study.toml names it."""
+    """Return the hash of each scenario of a study, by the folder as written in study.toml."""
     names = dict.fromkeys([study.scenario, *(level.scenario for each in study.factors for level in each.levels)])
     found = {name: scenarios.get(scenario_folder(study, name)) for name in names if name}
     return {name: scenario.hash for name, scenario in found.items() if scenario is not None}
@@ -163,7 +163,7 @@ def _plan_again(
 def _take_scenarios(
     study: Study, scenarios: Mapping[str, Scenario], log: LockedLog, planned: LogEntry, why: Mapping[str, Json]
 ) -> MadePlan:
-    """The same plan, with what its scenarios are now: somebody has mended one, and says why."""
+    """Keep the plan but accept changed scenarios, for example after a fix. The log gets the reason."""
     hashes, before = scenario_hashes(study, scenarios), dict(planned.get("scenarios") or {})
     changed = [name for name, digest in hashes.items() if before.get(name) != digest]
     if not changed:
@@ -189,7 +189,7 @@ def _take_list_again(
 
 
 def _held_rows(study: Study, planned: LogEntry, holders: Mapping[int, str]) -> tuple[Slot, ...]:
-    """The rows that participants hold, as the plan before has them, if they fit into the new design."""
+    """Return the rows that participants hold, from the old plan, if they fit the new design."""
     if not holders:
         return ()
     if plan_hash(Path(study.folder)) != planned.get("plan_hash"):
@@ -221,7 +221,7 @@ def _refuse_lost(holders: Mapping[int, str], slots: Sequence[Slot]) -> None:
 
 
 def _keep(study: Study, planned: LogEntry) -> MadePlan:
-    """The plan that there is, if it is still the one that was made, and of this design."""
+    """Return the existing plan, if it is unchanged and fits the design."""
     folder = Path(study.folder)
     present, date = plan_hash(folder), planned.at[:10]
     again = "or make a new plan: rise-engine study plan --again REASON"
@@ -239,9 +239,9 @@ def _keep(study: Study, planned: LogEntry) -> MadePlan:
 
 
 def plan_problem(study: Study, planned: LogEntry, present: str) -> str:
-    """Why the plan that lies there does not hold, or empty.
+    """Say why the present plan is not valid, or return an empty text.
 
-    :param study: the study as it is now.
+    :param study: the study now.
     :param planned: the log's last entry of a plan.
     :param present: the hash of plan.csv; empty: there is none.
     """
@@ -265,7 +265,7 @@ def _read(study: Study, sentence: str) -> MadePlan:
 
 
 def _finish(folder: Path, planned: LogEntry) -> bool:
-    """Give a plan its place that the log knows already; whether there was one without."""
+    """Move a plan into place that is already logged. Returns whether there was one to move."""
     if plan_hash(folder) == planned.get("plan_hash") or plan_hash(folder, NEW_PLAN_FILE) != planned.get("plan_hash"):
         return False
     _put_in_place(folder)
@@ -273,7 +273,7 @@ def _finish(folder: Path, planned: LogEntry) -> bool:
 
 
 def _put_in_place(folder: Path) -> str:
-    """Make the new plan plan.csv; returns what the one before is called now, empty without one."""
+    """Rename the new plan to plan.csv. Returns the new name of the old plan, or an empty text."""
     aside = set_plan_aside(folder) if os.path.lexists(folder / PLAN_FILE) else ""
     put_new_plan(folder)
     return aside

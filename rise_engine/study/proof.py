@@ -1,4 +1,4 @@
-"""The proof of a study's sessions: each comes out of its inputs again, and everything says the same of it."""
+"""The proof of a study's sessions: each replays identically, and all files agree about it."""
 
 from __future__ import annotations
 
@@ -18,34 +18,32 @@ from rise_engine.study.study_log import LOG_FILE, StudyLogError, read_log
 
 
 class ProvedSession(Struct, frozen=True):
-    """A session, and what is proved of it."""
+    """A session with the result of its proof."""
 
     name: str
     comparison: ReplayComparison | None
-    """Its replay; None: it cannot be replayed."""
+    """The result of its replay. None: it cannot be replayed."""
     problems: tuple[str, ...] = ()
-    """Why it cannot be, and what says something else of it than its journal, in sentences."""
+    """Sentences on why it cannot be replayed, and on what disagrees with its journal."""
     note: str = ""
-    """That the log has reassigned it, which is no problem."""
+    """A remark that the log has reassigned it, which is not a problem."""
 
     @property
     def proved(self) -> bool:
-        """Whether it comes out again, record for record, and nothing says something else of it."""
+        """Whether it replays record for record, and nothing disagrees with its journal."""
         return self.comparison is not None and self.comparison.identical and not self.problems
 
 
 def prove_sessions(
     folder: Path, state: StudyStatus | None, *, absent: Mapping[str, str] | None = None
 ) -> Iterator[ProvedSession]:
-    """Replay every session of a study that does not run, one after the other, and compare it with what study.jsonl,
-    session.toml and plan.csv say of it.
+    """Replay each session of a study that does not run, and compare it with study.jsonl, session.toml and plan.csv.
 
-    A session that study.jsonl has judged and that is not there counts as one that is not proved.
+    A missing session counts as not proved if study.jsonl has its outcome.
 
-    :param folder: the study's, or a bundle's.
-    :param state: the study as it stands; None: its files are not right, so the sessions are replayed and no more.
-    :param absent: of a bundle: sessions that its log names and that it says are not in it; every other one that the log
-        names must be there.
+    :param folder: the folder of a study or a bundle.
+    :param state: the study's state; None: its files have errors, so that sessions are only replayed.
+    :param absent: for a bundle: the logged sessions that it leaves out on purpose; all others must be there.
     """
     known = {each.name: each for each in state.sessions} if state is not None else {}
     there = {path.name: path for path in session_folders(folder) if has_begun(path)}
@@ -76,7 +74,7 @@ def prove_sessions(
 
 
 def _named_in_log(folder: Path) -> set[str]:
-    """Every session of which the log says something."""
+    """Return every session that the log names."""
     try:
         entries = [each for each in read_log(folder) if each.kind in ("session", "outcome")]
         return {str(each.get("folder") or each.get("session")) for each in entries}
@@ -85,7 +83,7 @@ def _named_in_log(folder: Path) -> set[str]:
 
 
 def _plan_differences(state: StudyStatus, session: StudySession) -> list[str]:
-    """What the plan gives the row of a session that counts, where the session is something else."""
+    """Say where a counted session differs from its row of the plan."""
     entry = session.entry
     row = next((each for each in state.plan if each.slot == entry.slot), None)
     if row is None or entry.purpose != "counted":

@@ -1,4 +1,4 @@
-"""Who publishes a study, and what others may do with it, out of `[report]` of study.toml."""
+"""Who publishes a study, and what others may do with it, from `[report]` in study.toml."""
 
 from __future__ import annotations
 
@@ -20,22 +20,22 @@ LICENSES = {
     "PDDL-1.0": "https://opendatacommons.org/licenses/pddl/1-0/",
     "MIT": "https://opensource.org/license/mit",
 }
-"""Addresses of licences, by their SPDX ids."""
+"""URLs of licences by their SPDX ids."""
 ORCID = "https://orcid.org/"
 _AUTHOR = re.compile(r"(?P<name>[^()]*?)\s*(?:\(\s*(?:https?://orcid\.org/)?(?P<orcid>[^()]*?)\s*\))?")
 _DIGITS = re.compile(r"\d{4}-\d{4}-\d{4}-\d{3}[\dX]")
 
 
 class Author(Struct, frozen=True):
-    """One of those who publish."""
+    """An author of the published study."""
 
     name: str
     orcid: str = ""
-    """`0000-0002-1825-0097`; empty: none is given."""
+    """`0000-0002-1825-0097`. Empty: none is given."""
 
 
 def authors_of(report: Mapping[str, str]) -> tuple[Author, ...]:
-    """The authors of a study, in their order.
+    """Return the authors of a study in their order.
 
     :param report: `[report]` of study.toml.
 
@@ -48,7 +48,7 @@ def authors_of(report: Mapping[str, str]) -> tuple[Author, ...]:
 
 
 def orcid_problem(orcid: str) -> str:
-    """What is wrong with an ORCID, as the end of a sentence; empty: nothing.
+    """Say what is wrong with an ORCID, as the end of a sentence. Empty: nothing.
 
     https://support.orcid.org/hc/en-us/articles/360006897674-Structure-of-the-ORCID-Identifier
 
@@ -67,14 +67,14 @@ def orcid_problem(orcid: str) -> str:
 
 
 def license_url(license: str) -> str:
-    """The address of a licence; empty: nobody knows it."""
+    """Return the URL of a licence. Empty: it is unknown."""
     if license.startswith(("https://", "http://")):
         return license
     return next((url for name, url in LICENSES.items() if name.casefold() == license.casefold()), "")
 
 
 def package_facts(report: Mapping[str, str]) -> dict[str, Any]:
-    """What datapackage.json says of it: `licenses` and `contributors` of the standard, and `ethics` and `funding`.
+    """Return datapackage.json's `licenses` and `contributors` (from the standard), and `ethics` and `funding`.
 
     :param report: `[report]` of study.toml.
     """
@@ -91,7 +91,7 @@ def package_facts(report: Mapping[str, str]) -> dict[str, Any]:
 
 
 class ReportItem(Struct, frozen=True):
-    """Something that people are asked for."""
+    """A question of the reporting sheet for the researchers."""
 
     name: str
     """Its key in `[report]`."""
@@ -125,11 +125,11 @@ REPORT_ITEMS = (
 )
 ITEM_NAMES = tuple(item.name for item in REPORT_ITEMS)
 PUBLISHING_NAMES = ("authors", "license", "institution", "institution_address", "department", "ethics", "funding")
-"""What the sheet does not ask for, and bundles and data sets of BIDS say: who publishes, and what others may do."""
+"""Entries that the sheet does not ask for but bundles and BIDS data sets give: publishers and terms of use."""
 
 
 def read_report(study: TomlTable) -> dict[str, str]:
-    """What people have said, by the name of its item; items that nobody has said anything about are left out.
+    """Read the answers by the names of their items. Items without an answer are left out.
 
     :param study: the whole study.toml.
     """

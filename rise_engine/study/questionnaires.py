@@ -1,7 +1,7 @@
-"""Questionnaires: `[questionnaire.NAME]` of study.toml, and the file that a survey tool gave (docs/reference/study.md).
+"""Questionnaires: `[questionnaire.NAME]` of study.toml, and the file from a survey tool (docs/reference/study.md).
 
-The file is people's: nothing here writes it. What it says is joined to the sessions by the participant's pseudonym, and
-where a questionnaire is asked after each run, by the run.
+People provide the file, and nothing here writes it. Its rows are joined to the sessions by the participant's pseudonym,
+and by the run if the questionnaire is asked after each run.
 """
 
 from __future__ import annotations
@@ -22,44 +22,44 @@ from rise_engine.study.model import ItemDescription, Participant, QuestionnaireS
 
 SUFFIXES = (".csv", ".tsv", ".txt")
 COLUMNS_OF_TABLES = ("session", "participant", "run", "condition", "mode", "purpose", "outcome")
-"""What tables call something else: no item is called so."""
+"""Column names that tables use otherwise. No item may have one."""
 FACTOR_PREFIX = "factor_"
 _NAME = re.compile(r"[A-Za-z][A-Za-z0-9_]*\Z")
 _NUMBER = re.compile(r"[+-]?(\d+\.?\d*|\.\d+)([eE][+-]?\d+)?\Z", re.ASCII)
 _KEYS = ("about", "file", "key", "run", "columns", "leave_out")
 _OF_ITEM = ("about", "levels")
 _QUALTRICS = '{"ImportId"'
-"""With this begins every cell of the third line of a file of Qualtrics; its second line holds the questions."""
+"""The start of every cell in the third line of a Qualtrics file, whose second line has the questions."""
 
 
 class Item(Struct, frozen=True):
-    """One column of a questionnaire that is told."""
+    """One column of a questionnaire that exports have."""
 
     name: str
     about: str
     levels: Mapping[str, str]
     type: str
-    """`integer`, `number` or `string`, as the file's values are."""
+    """`integer`, `number` or `string`, from the values in the file."""
 
 
 class Answers(Struct, frozen=True):
-    """One row: what a participant answered."""
+    """One row: the answers of a participant."""
 
     participant: str
     run: int | None
     """None: the questionnaire is not asked after each run."""
     values: dict[str, str]
-    """By item; empty: no answer."""
+    """Values by item. Empty: no answer."""
     line: int
 
 
 class Questionnaire(Struct, frozen=True):
-    """What came of reading a questionnaire's file."""
+    """The result of reading a questionnaire's file."""
 
     settings: QuestionnaireSettings
     items: tuple[Item, ...]
     rows: tuple[Answers, ...]
-    """Those of the study's participants, in the order of the file."""
+    """The rows of the study's participants, in the order of the file."""
     diagnostics: list[Diagnostic]
 
     @property
@@ -68,10 +68,10 @@ class Questionnaire(Struct, frozen=True):
 
 
 def read_questionnaires(study: TomlTable, folder: Path) -> tuple[QuestionnaireSettings, ...]:
-    """What study.toml says of questionnaires.
+    """Read the settings of all questionnaires.
 
     :param study: the whole study.toml.
-    :param folder: the study's.
+    :param folder: the study's folder.
     """
     table = study.section("questionnaire")
     return tuple(found for name in table.values if (found := _read_settings(table, name, folder)) is not None)
@@ -131,12 +131,12 @@ def load_questionnaire(
 ) -> Questionnaire:
     """Read and check the file of a questionnaire.
 
-    :param study: whose.
+    :param study: the study.
     :param settings: the questionnaire.
-    :param people: participants.csv.
-    :param runs: how many runs a participant has; 0: any number.
-    :param has_withdrawn: whether somebody who is in participants.csv no more has withdrawn.
-    :return: its rows, and everything that is wrong. A file that is not there yet is a warning.
+    :param people: the rows of participants.csv.
+    :param runs: the number of runs of a participant; 0: any number.
+    :param has_withdrawn: whether a participant who is no longer in participants.csv has withdrawn.
+    :return: its rows and all errors; a file that is not there yet is a warning.
     """
     diagnostics = Diagnostics()
     folder = Path(study.folder)
@@ -157,11 +157,11 @@ def load_questionnaire(
 def find_missing(
     questionnaire: Questionnaire, took_part: Iterable[tuple[str, int]], people: Iterable[Participant]
 ) -> list[Diagnostic]:
-    """Who took part and has no row, as warnings by their line of participants.csv.
+    """List participants who took part and have no row, as warnings at their line of participants.csv.
 
-    :param questionnaire: as it was read.
+    :param questionnaire: the questionnaire as read.
     :param took_part: participants with their runs.
-    :param people: participants.csv.
+    :param people: the rows of participants.csv.
     """
     diagnostics = Diagnostics()
     settings = questionnaire.settings
@@ -177,7 +177,7 @@ def find_missing(
 
 
 class _AnswersReader:
-    """One file."""
+    """Reader of one file."""
 
     def __init__(
         self,
@@ -196,7 +196,7 @@ class _AnswersReader:
         self.runs = runs
         self.study_factors = [each.name for each in study.factors]
         self.questions: dict[str, str] = {}
-        """What each item asks, where the file itself says it."""
+        """The question of each item, if the file has it."""
 
     def read(self) -> tuple[tuple[Item, ...], tuple[Answers, ...]]:
         rows = self.rows_of_people()
@@ -207,7 +207,7 @@ class _AnswersReader:
         return (tuple(self.item(name, answers) for name in names), answers) if is_whole else ((), ())
 
     def rows_of_people(self) -> list[CsvRow]:
-        """Without the two lines behind the header in which Qualtrics says what its columns are."""
+        """Return the rows without the two lines in which Qualtrics describes its columns."""
         rows = self.table.rows
         if len(rows) > 1 and any(each.startswith(_QUALTRICS) for each in rows[1].values.values()):
             self.questions = {name: " ".join(text.split()) for name, text in rows[0].values.items()}
@@ -215,7 +215,7 @@ class _AnswersReader:
         return rows
 
     def item_names(self) -> list[str]:
-        """The columns that are told; what is wrong with columns is a finding."""
+        """Return the columns to export, and report what is wrong with columns."""
         settings, table = self.settings, self.table
         here = f"[questionnaire.{settings.name}]"
         wanted = [settings.key, *([settings.run] if settings.run else [])]
@@ -246,13 +246,13 @@ class _AnswersReader:
         return items
 
     def read_row(self, row: CsvRow, items: Iterable[str]) -> Answers | None:
-        """A participant's answers; None, after a finding, for a row that is nobody's."""
+        """Read a participant's answers. None, with a diagnostic, for a row of an unknown participant."""
         settings, table = self.settings, self.table
         name = row.values.get(settings.key)
         for column, value in row.values.items():
             if mail := mail_address_in(value):
                 table.report(row, column, "personal-data", f"`{mail}` looks like a mail address: {WHY}")
-        if name is None:  # there is no such column
+        if name is None:  # the column is missing
             self.check_levels(row, items)
             return None
         if name not in self.names or self.has_withdrawn(name):

@@ -1,4 +1,4 @@
-"""Reading `[recording]` of study.toml (docs/reference/study.md), and whether it records a session."""
+"""Reader of `[recording]` in study.toml (docs/reference/study.md), and the decision whether to record a session."""
 
 from __future__ import annotations
 
@@ -30,17 +30,17 @@ RECORDERS = "rise.recorders"
 
 
 def recorder_drivers() -> tuple[str, ...]:
-    """What `by` can name here: the installed drivers, in order."""
+    """Return the installed recorder drivers, which `by` can name, in alphabetical order."""
     return tuple(sorted(installed_plugins(RECORDERS).names))
 
 
 def open_recorder(driver: str, name: str, options: Mapping[str, Json]) -> Recorder:
-    """The recorder of that driver, which has only looked at its options.
+    """Create a recorder, which then only checks its options.
 
-    :param driver: as `by` names it.
-    :param name: what the recorder is called.
-    :param options: as study.toml has them.
-    :raises RecorderError: it is not installed, cannot be loaded, or finds fault with an option (a line for each).
+    :param driver: the name as in `by`.
+    :param name: the recorder's name.
+    :param options: from study.toml.
+    :raises RecorderError: it is not installed, cannot be loaded, or rejects an option (one line for each).
     """
     entry = find_plugin(RECORDERS, driver)
     if entry is None:
@@ -49,7 +49,7 @@ def open_recorder(driver: str, name: str, options: Mapping[str, Json]) -> Record
         )
     try:
         opener = cast(RecorderOpener, entry.load())
-    except Exception as error:  # code of others runs as it is imported
+    except Exception as error:  # a plugin's code runs on import
         raise RecorderError(f"the recorder {driver!r} ({entry.value}) cannot be loaded: {error}") from error
     return opener(name, options)
 
@@ -59,7 +59,7 @@ _COMMON_OPTIONS = ("by", "stalled")
 SHORTEST_STALL, LONGEST_STALL = 3.0, 3600.0
 """Seconds."""
 _TAKEN = frozenset({"lsl", "marks", "recorders"})
-"""What records call other things that can fail."""
+"""Names that records use for other things that can fail."""
 _NAME = re.compile(r"[A-Za-z][A-Za-z0-9_-]{0,39}\Z")
 _CONSENT = re.compile(r"[A-Za-z][A-Za-z0-9_]*\Z")
 _OPTION = re.compile(r"`([^`]+)`")
@@ -69,10 +69,10 @@ _MEDIA = ("sound", "flash")
 
 
 def read_recording(study: TomlTable, folder: Path) -> RecordingSettings:
-    """What records a session; nothing where study.toml does not say.
+    """Read what records a session. Empty settings if study.toml has none.
 
     :param study: the whole study.toml.
-    :param folder: the study's, to which `folder` is relative.
+    :param folder: the study's folder; the setting `folder` is relative to it.
     """
     table = study.section("recording")
     recorders = [found for key in table.values if key not in _OWN_KEYS and (found := _read_recorder(table, key))]
@@ -124,7 +124,7 @@ def _read_stalled(settings: TomlTable) -> float | None:
 
 
 def _report_driver(table: TomlTable, settings: TomlTable, driver: str) -> None:
-    """One that is nearly right is misspelt; another one may be installed where the sessions run."""
+    """Report an unknown driver: an error if it looks misspelt, else a warning, as it may be installed elsewhere."""
     known = recorder_drivers()
     if "by" not in settings.values:
         if nearest_name(driver, _OWN_KEYS):
@@ -140,7 +140,7 @@ def _report_driver(table: TomlTable, settings: TomlTable, driver: str) -> None:
 
 
 def _report_options(settings: TomlTable, driver: str, name: str, options: dict[str, Any]) -> None:
-    """What the driver finds: a line for each finding, which stands where the option does that it begins with."""
+    """Report what the driver rejects, one line each, at the option with which the line begins."""
     try:
         open_recorder(driver, name, options)
     except RecorderError as error:
@@ -201,16 +201,16 @@ def _choose(table: TomlTable, key: str, known: tuple[str, ...]) -> str:
 # --- whether a session is recorded ------------------------------------------------------------------------------------
 
 RECORDED: frozenset[Purpose] = frozenset({"counted", "pilot"})
-"""Sessions that are recorded unless somebody says otherwise: those in which a person takes part."""
+"""Purposes of sessions that are recorded by default: those with a person."""
 
 
 class RecordingDecision(Struct, frozen=True):
-    """What records a session."""
+    """The decision on what records a session."""
 
     settings: RecordingSettings
-    """What runs: `[recording]` of study.toml, or a part of it."""
+    """What runs: all of `[recording]` in study.toml, or a part."""
     remark: str = ""
-    """Why less than the whole of it runs, in a sentence for people and for the record; empty: all of it does."""
+    """Why not all of it runs, in a sentence for people and the record. Empty: all of it runs."""
 
 
 def decide_recording(
@@ -218,13 +218,13 @@ def decide_recording(
 ) -> RecordingDecision:
     """Decide what records a session, before it begins.
 
-    Markers on LSL hold nothing of a person but what the session does, so that they need no consent; all else does.
+    Markers on LSL contain nothing of a person except the course of the session, so they need no consent. All else does.
 
-    :param study: whose session it is.
-    :param participants: those of participants.csv.
-    :param name: of the participant; empty: nobody takes part.
-    :param purpose: why the session is run.
-    :param asked: whether somebody asked for it (`--record`, `--no-record`); None: as usual for the purpose.
+    :param study: the session's study.
+    :param participants: from participants.csv.
+    :param name: the participant; empty: nobody takes part.
+    :param purpose: the purpose of the session.
+    :param asked: whether somebody asked for it (`--record`, `--no-record`); None: the purpose's default.
     """
     settings = study.recording
     nothing = RecordingSettings(folder=settings.folder, consent=settings.consent)
@@ -247,7 +247,7 @@ def is_recording(settings: RecordingSettings) -> bool:
 
 
 def recording_consent_problem(study: Study, participants: Sequence[Participant], name: str) -> str:
-    """Why a participant may not be recorded, in a sentence; empty: they may, or nobody takes part."""
+    """Say in a sentence why a participant may not be recorded. Empty: they may, or nobody takes part."""
     if not name:
         return ""
     found = next((each for each in participants if each.participant == name), None)
@@ -260,7 +260,7 @@ def recording_consent_problem(study: Study, participants: Sequence[Participant],
 
 
 def recorders_text(settings: RecordingSettings) -> str:
-    """What records, in a few words, for screens: `camera (ffmpeg), bag (rosbag2), markers on LSL`; or empty."""
+    """List what records, for screens: `camera (ffmpeg), bag (rosbag2), markers on LSL`. Empty if nothing does."""
     words = [each.name if each.name == each.driver else f"{each.name} ({each.driver})" for each in settings.recorders]
     if settings.markers is not None:
         words.append("markers on LSL")
@@ -268,6 +268,6 @@ def recorders_text(settings: RecordingSettings) -> str:
 
 
 def recording_lines(decision: RecordingDecision) -> list[str]:
-    """What to say of it before the session begins, a line each; nothing of a study that has nothing recorded."""
+    """Return the lines to show before the session begins. Empty for a study without recording."""
     text = recorders_text(decision.settings)
     return [*([f"recorded by {text}"] if text else []), *([decision.remark] if decision.remark else [])]

@@ -1,4 +1,4 @@
-"""Everything that is wrong with a study, at once: over its files, its scenarios and its log."""
+"""A check of a whole study at once: its files, its scenarios and its log."""
 
 from __future__ import annotations
 
@@ -28,24 +28,24 @@ from rise_engine.study.withdrawn import is_withdrawn
 
 _OF_PARTICIPANTS = frozenset({"strata", "consent", "participants"})
 _OF_PLAN = frozenset({"strata", "factors", "assignment"})
-"""Tables of study.toml by which another file is read: errors in them would be told twice."""
+"""Tables of study.toml that other files depend on. Their errors would be reported twice."""
 
 
 class StudyReview(Struct, frozen=True):
-    """What was found in a study."""
+    """The result of reviewing a study."""
 
     study: Study | None
     """None: it cannot be used."""
     diagnostics: list[Diagnostic]
-    """Of study.toml, the scenarios, the participants, the plan and the log, each in reading order."""
+    """Diagnostics of study.toml, scenarios, participants, plan, log and questionnaires, each in reading order."""
     participants: tuple[Participant, ...] = ()
     scenarios: Mapping[str, Scenario] = {}
-    """Those without errors, by their absolute folder."""
+    """The scenarios without errors, by absolute folder."""
     slots: tuple[Slot, ...] = ()
     is_planned: bool = False
-    """Whether study.jsonl knows a plan."""
+    """Whether study.jsonl has a plan."""
     left_out: tuple[str, ...] = ()
-    """Files that were not looked at, because study.toml has errors in what they are read by."""
+    """Files that were not checked, because tables of study.toml that they depend on have errors."""
 
     @property
     def errors(self) -> list[Diagnostic]:
@@ -53,9 +53,9 @@ class StudyReview(Struct, frozen=True):
 
 
 def review_study(folder: str | os.PathLike[str]) -> StudyReview:
-    """Read and check everything that a study consists of; nothing is changed.
+    """Read and check all parts of a study. Nothing is changed.
 
-    :param folder: the study's, or its study.toml.
+    :param folder: the study's folder, or its study.toml.
     """
     loaded = load_study(folder)
     study = loaded.draft
@@ -94,7 +94,7 @@ def review_study(folder: str | os.PathLike[str]) -> StudyReview:
 
 
 def _review_questionnaires(study: Study, people: ParticipantsLoad, entries: list[LogEntry]) -> list[Diagnostic]:
-    """What the survey tools gave, and who took part and is not in it."""
+    """Check the survey tools' files, and who took part and is missing in them."""
     found: list[Diagnostic] = []
     owners = {name: each.participant for name, each in reassignments(entries).items()}
     took_part = [
@@ -117,10 +117,10 @@ def _review_questionnaires(study: Study, people: ParticipantsLoad, entries: list
 
 
 def findings_of_files(folder: Path, files: Held) -> list[Diagnostic]:
-    """What is wrong with study.toml and participants.csv as an editor holds them; nothing where there is no study.
+    """Check study.toml and participants.csv as an editor holds them. Empty if there is no study.
 
-    :param folder: the study's.
-    :param files: contents by their names.
+    :param folder: the study's folder.
+    :param files: contents by file name.
     """
     if STUDY_FILE not in files:
         return []
@@ -194,7 +194,7 @@ def _check_holders(
     slots: tuple[Slot, ...] | None,
     diagnostics: Diagnostics,
 ) -> None:
-    """Does whoever holds a slot still stand in participants.csv, in the slot's stratum?"""
+    """Check that holders of slots are still in participants.csv, in the slot's stratum."""
     by_name = {each.participant: each for each in participants}
     rows = {slot.slot: slot for slot in slots or ()}
     for slot, name in held_slots(entries, participants).items():

@@ -1,6 +1,6 @@
-"""The kinds of session that a study has: every condition, in every language that a participant can have.
+"""The kinds of session of a study: every condition in every language of its participants.
 
-Each language must be one that the scenario has translations into.
+The scenario must have translations into each language.
 """
 
 from __future__ import annotations
@@ -27,10 +27,10 @@ from rise_engine.study.study_toml import STUDY_FILE
 def check_languages(
     study: Study, people: Iterable[Participant], scenarios: Mapping[str, Scenario], diagnostics: Diagnostics
 ) -> None:
-    """Findings for languages that a scenario with translations does not have, and for those that lack something.
+    """Report languages that a scenario with translations lacks, and translations that are incomplete.
 
-    :param people: whoever stands in participants.csv.
-    :param scenarios: by their absolute folder.
+    :param people: the rows of participants.csv.
+    :param scenarios: by absolute folder.
     """
     wanted = languages_of(study, people)
     for folder, scenario in scenarios.items():
@@ -49,8 +49,8 @@ def check_languages(
 
 
 def languages_of(study: Study, people: Iterable[Participant]) -> dict[str, SourceLocation]:
-    """Every value of what the study calls `language`, a factor, a stratum or a column of people, each with the place
-    where it stands first."""
+    """Return every value of the study's `language` (a factor, a stratum or a column of participants), with its first
+    place."""
     found: dict[str, SourceLocation] = {}
     for factor in study.factors:
         if factor.name == LANGUAGE:
@@ -65,7 +65,7 @@ def languages_of(study: Study, people: Iterable[Participant]) -> dict[str, Sourc
 
 
 class SessionKind(Struct, frozen=True):
-    """Sessions that begin alike."""
+    """A group of sessions that begin in the same way."""
 
     run: PlannedRun
     language: str = ""
@@ -73,13 +73,13 @@ class SessionKind(Struct, frozen=True):
 
     @property
     def name(self) -> str:
-        """For people: `polite+AB (de)`; empty where there is only one kind."""
+        """A name for people: `polite+AB (de)`. Empty where there is only one kind."""
         if self.run.condition and self.language:
             return f"{self.run.condition} ({self.language})"
         return self.run.condition or self.language
 
     def first_input(self, study: Study) -> SessionStarted:
-        """What such a session begins with."""
+        """Return the first input of such a session."""
         return SessionStarted(
             condition=self.run.condition,
             factors=dict(self.run.factors),
@@ -91,11 +91,11 @@ class SessionKind(Struct, frozen=True):
 def session_kinds(
     study: Study, people: Iterable[Participant], scenarios: Mapping[str, Scenario]
 ) -> tuple[SessionKind, ...]:
-    """Every kind of session, in the order of study.toml.
+    """Return every kind of session, in the order of study.toml.
 
     :param study: the study.
-    :param people: of participants.csv: a further column can say their language.
-    :param scenarios: those without errors, by their absolute folder; a kind of another one is left out.
+    :param people: from participants.csv, where a further column can give the language.
+    :param scenarios: the scenarios without errors, by absolute folder; kinds with other scenarios are left out.
     """
     names = [factor.name for factor in study.factors]
     spoken = list(languages_of(study, people))

@@ -1,8 +1,8 @@
-"""The session folders of a study, and what a killed program left out of its log (`study.jsonl`).
+"""The session folders of a study, and the entries that a killed program did not write to its log (`study.jsonl`).
 
-The truth about a session is its folder: what `session.toml` says of it, whether its journal has begun and has ended,
-and the outcome that stands in it. `missing_entries` compares that with the log. Whoever opens the study next writes
-what is missing, under the log's lock, so that a kill at any moment costs nothing.
+The folder decides about a session: its `session.toml`, the start and end of its journal, and the outcome in it.
+`missing_entries` compares this with the log. The next program that opens the study writes the missing entries under the
+log's lock, so that a kill at any moment loses nothing.
 """
 
 from __future__ import annotations
@@ -29,67 +29,66 @@ from rise_engine.study.model import SessionEntry
 from rise_engine.study.study_log import EntryKind, LogEntry
 
 SESSIONS = "sessions"
-"""The folder of a study's sessions, within the study's."""
+"""The folder of the sessions within a study's folder."""
 GIVEN_UP = "its engine had gone, and it was given up"
-"""Why a session was aborted that nobody went on with."""
+"""The reason for aborting a session that nobody continued."""
 _BLOCK = 1 << 20
 _OUTCOME, _CHECK = b'"input":"outcome"', b'"input":"check"'
 _BEFORE_INPUT = 64
-"""Bytes of an input's line before that, at most."""
+"""The largest number of bytes before that in an input's line."""
 
 
 class Verdict(NamedTuple):
-    """How a session counts, as its journal has it."""
+    """The outcome of a session according to its journal."""
 
     report: OutcomeReport | None
-    """None: nobody has said it."""
+    """None: there is no outcome."""
     seconds: float
-    """Session time of the last thing that is known."""
+    """Session time of the last known input or record."""
 
 
 _MOVED_AWAY = "is not in the study's sessions any more"
 
 
 class StudySession(Struct, frozen=True):
-    """A session of the study, with what only its folder knows."""
+    """A session of the study, with details from its folder."""
 
     entry: SessionEntry
     path: Path
     info: SessionInfo | None
-    """None: the log alone knows of it (`missing`)."""
+    """None: only the log has the session (`missing`)."""
     missing: str = ""
-    """Why only the log knows of it: `is not in the study's sessions any more`, or `cannot be read: ...`."""
+    """Why only the log has it: `is not in the study's sessions any more`, or `cannot be read: ...`."""
     abandoned: bool = False
-    """Whether somebody has chosen not to go on with it."""
+    """Whether somebody decided not to continue it."""
     left_open: bool = False
-    """Whether its engine has gone without ending it, however it was judged since."""
+    """Whether its engine is gone without ending it, also if it was judged later."""
     reassigned: Reassignment | None = None
-    """Whose it is, where that is not what its journal says."""
+    """Its new participant, if the log has reassigned it."""
     differences: tuple[str, ...] = ()
-    """What session.toml or the log says of it otherwise than its journal, which counts, in sentences."""
+    """Sentences on what session.toml or the log say differently from its journal, which counts."""
 
     @property
     def name(self) -> str:
-        """Its folder's."""
+        """The name of its folder."""
         return self.entry.folder
 
 
 class MissingEntry(NamedTuple):
-    """What is to be appended to the log."""
+    """An entry to append to the log."""
 
     kind: EntryKind
     fields: dict[str, Json]
 
 
 def read_sessions(folder: Path, study_id: str, log: Sequence[LogEntry]) -> list[StudySession]:
-    """Every session of the study, in the order in which they began: those whose folders are there, and those that only
-    the log knows.
+    """Return every session of the study, in the order in which they began. Some may only be in the log.
 
-    A folder in which nothing ever happened, because its engine was killed before, is no session.
+    Folders without any input, whose engines were killed at once, are not sessions.
 
-    :param folder: the study's.
+    :param folder: the study's folder.
     :param study_id: folders of other studies are left out.
-    :param log: what the study's log says; an outcome there is what counts.
+    :param log: the study's log; its outcomes count.
     """
     outcomes = {_text(each, "session"): each for each in log if each.kind == "outcome"}
     moved = reassignments(log)
@@ -102,7 +101,7 @@ def read_sessions(folder: Path, study_id: str, log: Sequence[LogEntry]) -> list[
     for path in session_folders(folder):
         try:
             info = read_info(path, compare=False)
-        except SessionError as error:  # what the log says of it is all there is
+        except SessionError as error:  # only the log can describe it
             unreadable[path.name] = f"cannot be read: {error}"
             continue
         session = _from_folder(path, info, outcomes.get(path.name)) if info.study == study_id else None
@@ -118,7 +117,7 @@ def read_sessions(folder: Path, study_id: str, log: Sequence[LogEntry]) -> list[
             session = _from_log(folder, each, outcomes.get(name), unreadable.get(name, _MOVED_AWAY))
             found[name] = _reassign(session, moved.get(name))
     begun = [_text(each, "folder") for each in log if each.kind == "session"]
-    places = {name: place for place, name in enumerate(begun)}  # all that tells the order where no dates are told
+    places = {name: place for place, name in enumerate(begun)}  # the only order where dates are removed
     return sorted(
         found.values(),
         key=lambda each: (_timestamp(each.entry.started), places.get(each.name, len(places)), each.name),
@@ -133,7 +132,7 @@ def _reassign(session: StudySession, moved: Reassignment | None) -> StudySession
 
 
 def _timestamp(started: str) -> float:
-    """Seconds since 1970: in the night when clocks are set back, the texts are not in the order of the moments."""
+    """Return seconds since 1970. When clocks are set back, the order of the texts is not the order of the moments."""
     try:
         return datetime.fromisoformat(started).timestamp()
     except ValueError:
@@ -141,7 +140,7 @@ def _timestamp(started: str) -> float:
 
 
 def session_folders(folder: Path) -> list[Path]:
-    """The folders in a study's `sessions`, by their names."""
+    """Return the folders in a study's `sessions`, sorted by name."""
     found: list[Path] = []
     with suppress(OSError):
         found = sorted(Path(entry.path) for entry in os.scandir(folder / SESSIONS) if entry.is_dir())
@@ -169,7 +168,7 @@ def _from_folder(path: Path, info: SessionInfo, outcome: LogEntry | None) -> Stu
 
 
 def _from_log(folder: Path, session: LogEntry, outcome: LogEntry | None, missing: str) -> StudySession:
-    """A session whose folder somebody has moved away, or that cannot be read."""
+    """Describe a session whose folder was moved away or cannot be read."""
     slot = session.get("slot")
     entry = SessionEntry(
         participant=_text(session, "participant"),
@@ -186,7 +185,7 @@ def _from_log(folder: Path, session: LogEntry, outcome: LogEntry | None, missing
 
 
 def _with_outcome(entry: SessionEntry, outcome: LogEntry | None) -> SessionEntry:
-    """The entry as the log judges it: a session that was judged is over, however its engine went."""
+    """Return the entry with its outcome from the log. A judged session is over, even if its engine never ended it."""
     if outcome is None or entry.status == "running":
         return entry
     seconds = float(outcome.get("seconds") or 0.0)
@@ -197,11 +196,10 @@ def _with_outcome(entry: SessionEntry, outcome: LogEntry | None) -> SessionEntry
 def missing_entries(
     sessions: Iterable[StudySession], log: Sequence[LogEntry], after: Collection[str] = ()
 ) -> list[MissingEntry]:
-    """What the log does not say although the folders do, in the order in which it happened: that a session began and
-    holds its slot, what a program has said of checks after it, and how it was judged. A session that was judged before
-    its engine went away is over.
+    """List what the folders show and the log lacks, in the order in which it happened: that sessions began and hold a
+    slot, checks after them, and outcomes. A session that was judged before its engine vanished is over.
 
-    :param sessions: as `read_sessions` gives them.
+    :param sessions: from `read_sessions`.
     :param log: all entries.
     :param after: ids of the study's checks after sessions.
     """
@@ -238,9 +236,9 @@ def missing_entries(
 
 
 def session_fields(name: str, info: SessionInfo) -> dict[str, Json]:
-    """What the log says of a session that began.
+    """Return the fields of the log's entry of a session that began.
 
-    :param name: its folder's.
+    :param name: the name of its folder.
     :param info: its session.toml.
     """
     return {
@@ -258,7 +256,7 @@ def session_fields(name: str, info: SessionInfo) -> dict[str, Json]:
 
 
 def checked_fields(entry: SessionEntry, report: CheckReport) -> dict[str, Json]:
-    """What the log says of a check after a session, which somebody has reported to the session itself."""
+    """Return the fields of the log's entry of a check after a session, reported to the session itself."""
     return {
         "id": report.id,
         "when": "after",
@@ -275,7 +273,7 @@ def checked_fields(entry: SessionEntry, report: CheckReport) -> dict[str, Json]:
 
 
 def outcome_fields(entry: SessionEntry, report: OutcomeReport, seconds: float) -> dict[str, Json]:
-    """What the log says of a session that was judged."""
+    """Return the fields of the log's entry of an outcome."""
     return {
         "session": entry.folder,
         "participant": entry.participant,
@@ -290,11 +288,11 @@ def outcome_fields(entry: SessionEntry, report: OutcomeReport, seconds: float) -
 
 
 def refuse_running_elsewhere(session: StudySession, *, here: bool = False) -> None:
-    """See to it that no engine has a session on which somebody decides that nobody goes on with it, also not on another
-    computer, whose locks cannot be seen here.
+    """Make sure that no engine has a session that somebody gives up or judges, also on another computer, whose locks
+    may be invisible here.
 
-    :param session: one that did not end.
-    :param here: somebody has looked there, and it does not run any more.
+    :param session: a session that did not end.
+    :param here: a person has confirmed that it no longer runs on the other computer.
     :raises SessionError: an engine has it, or may have it; the text says which.
     """
     if session.left_open:
@@ -302,16 +300,16 @@ def refuse_running_elsewhere(session: StudySession, *, here: bool = False) -> No
 
 
 def given_up_fields(session: StudySession) -> dict[str, Json]:
-    """What the log says of a session that nobody goes on with: as its journal judges it, or else aborted."""
+    """Return the log's fields for a session that nobody continues: its journal's outcome, or else aborted."""
     verdict = read_verdict(session.path)
     report = verdict.report or OutcomeReport(status="aborted", reason=GIVEN_UP)
     return outcome_fields(session.entry, report, verdict.seconds)
 
 
 def read_verdict(path: Path) -> Verdict:
-    """How a session was judged while it ran, and how long it was; of several outcomes the last one counts.
+    """Read how a session was judged while it ran, and its length. The last outcome counts.
 
-    Looks from the journal's end and no further than it has to; what is torn or damaged there is passed over.
+    Reads from the end of the journal, only as far as needed. Torn or damaged lines are skipped.
 
     :param path: the session's folder.
     """
@@ -323,10 +321,10 @@ def read_verdict(path: Path) -> Verdict:
 
 
 def read_checks(path: Path, ids: Collection[str]) -> dict[str, CheckReport]:
-    """What was reported of some checks while a session ran, by id; the last of each.
+    """Read the reports of some checks in a session, by id. The last one of each counts.
 
     :param path: the session's folder.
-    :param ids: of the checks.
+    :param ids: the ids of the checks.
     """
     found: dict[str, CheckReport] = {}
     with suppress(OSError), (path / JOURNAL).open("rb") as file:
@@ -341,7 +339,7 @@ def _last_outcome(file: BinaryIO) -> OutcomeReport | None:
 
 
 def _inputs_from_end(file: BinaryIO, wanted: bytes) -> Iterator[AnyInput]:
-    """The inputs in whose lines some bytes stand, the last first."""
+    """Give the inputs whose lines contain some bytes, the last one first."""
     for position in _positions_from_end(file, wanted):
         begin = max(0, position - _BEFORE_INPUT)
         file.seek(begin)
@@ -354,7 +352,7 @@ def _inputs_from_end(file: BinaryIO, wanted: bytes) -> Iterator[AnyInput]:
 
 
 def _last_time(file: BinaryIO) -> float:
-    """Session time of the last thing that is known."""
+    """Return the session time of the last known input or record."""
     for position in _positions_from_end(file, b"\n{"):
         file.seek(position + 1)
         with suppress(LineError):
@@ -365,7 +363,7 @@ def _last_time(file: BinaryIO) -> float:
 
 
 def _positions_from_end(file: BinaryIO, wanted: bytes) -> Iterator[int]:
-    """Where some bytes stand in a file, the last place first; a block of it is in memory at a time."""
+    """Find bytes in a file and give their places, the last first. Only one block is in memory at a time."""
     at, rest = file.seek(0, os.SEEK_END), b""
     while at:
         size = min(_BLOCK, at)

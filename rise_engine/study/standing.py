@@ -1,8 +1,8 @@
-"""How a study stands: its plan against what its log and its session folders say. No file is read or written here.
+"""The progress of a study: its plan compared with its log and its session folders. Reads and writes no files.
 
-The rules. A participant takes the first free row of their stratum and keeps it; a row is free when nobody holds it, or
-when its holder is excluded or has withdrawn. A run counts when one of its sessions is complete; after an aborted one
-it may be run again. What is not `counted` never takes a row and never counts.
+The rules: A participant takes the first free row of their stratum and keeps it. A row is free when nobody holds it, or
+when its holder is excluded or withdrawn. A run counts when one of its sessions is complete. After an aborted session,
+it may be run again. Sessions that are not `counted` never take a row and never count.
 """
 
 from __future__ import annotations
@@ -31,28 +31,28 @@ from rise_engine.study.study_log import LogEntry
 from rise_engine.study.withdrawn import is_withdrawn
 
 BEGINNABLE: frozenset[ParticipantState] = frozenset({"waiting", "to-go-on", "aborted"})
-"""States in which a session can begin, unless something hinders them (`why`)."""
+"""States in which a session can begin, unless something blocks it (`why`)."""
 
 
 class Places(Struct):
-    """Who holds which row of the plan, and who is out."""
+    """The holders of the plan's rows, and the participants who are out."""
 
     slots: dict[str, int]
     """The row that each participant holds."""
     levels: dict[int, dict[str, str]]
-    """The between levels of rows for which they were drawn when they were taken."""
+    """The between levels of rows for which they are drawn when the row is taken."""
     excluded: dict[str, str]
-    """Who is excluded, and why."""
+    """Excluded participants with the reasons."""
     withdrawn: frozenset[str]
 
     def is_out(self, participant: str) -> bool:
-        """Whether they do not count any more."""
+        """Whether a participant no longer counts."""
         return participant in self.excluded or participant in self.withdrawn
 
     def free_row(self, plan: Sequence[Slot], strata: Mapping[str, str]) -> Slot | None:
-        """The row that the next participant of a stratum gets; None: all are held.
+        """Return the row that the next participant of a stratum gets. None: all are held.
 
-        :param plan: in its order.
+        :param plan: the rows in their order.
         :param strata: the participant's values.
         """
         held = set(self.slots.values())
@@ -65,13 +65,13 @@ def in_stratum(row: Slot, strata: Mapping[str, str]) -> bool:
 
 
 def places_of(participants: Sequence[Participant], log: Sequence[LogEntry]) -> Places:
-    """Who holds which row, and who is out.
+    """Determine who holds which row, and who is out.
 
-    Somebody whose row another one has got meanwhile stays out, also when their exclusion is taken back: nobody is moved
-    to another row.
+    A participant whose row was given to another stays out, even if their exclusion is taken back, because nobody changes
+    rows.
 
-    :param participants: as participants.csv has them.
-    :param log: all entries of the log, `missing_entries` included.
+    :param participants: the rows of participants.csv.
+    :param log: all entries of the log, with `missing_entries`.
     """
     names = {each.participant for each in participants}
     names |= {str(each.get("participant")) for each in log if each.get("participant")}
@@ -93,7 +93,7 @@ def places_of(participants: Sequence[Participant], log: Sequence[LogEntry]) -> P
         if each.kind == "taken":
             slot, participant = int(each.get("slot") or 0), str(each.get("participant"))
             last_taken[participant], takers[slot] = slot, participant
-            last_taken.pop(str(each.get("instead_of")), None)  # their session was another one's
+            last_taken.pop(str(each.get("instead_of")), None)  # the session was this other participant's
             levels[slot] = {str(name): str(level) for name, level in dict(each.get("levels") or {}).items()}
     for participant, slot in last_taken.items():
         if takers[slot] != participant and participant not in withdrawn:
@@ -112,14 +112,14 @@ def study_standing(
     *,
     problems: Sequence[str] = (),
 ) -> StudyStanding:
-    """The plan against what happened.
+    """Compare the plan with what happened.
 
     :param study: the checked design.
-    :param participants: as participants.csv has them.
-    :param plan: its rows in their order; none: it is not made yet.
-    :param log: all entries of the log, `missing_entries` included.
-    :param sessions: as `rise_engine.study.sessions.read_sessions` gives them.
-    :param problems: what hinders every session, in sentences; they are due before everything else.
+    :param participants: the rows of participants.csv.
+    :param plan: the rows in their order; empty: there is no plan yet.
+    :param log: all entries of the log, with `missing_entries`.
+    :param sessions: from `rise_engine.study.sessions.read_sessions`.
+    :param problems: sentences on what blocks every session; they come first among the tasks that are due.
     """
     places = places_of(participants, log)
     entries = tuple(each.entry for each in sessions)
@@ -146,22 +146,22 @@ def study_standing(
 
 
 def missing_consent(study: Study, participant: Participant) -> list[str]:
-    """The columns of participants.csv that need a date and have none."""
+    """Return the consent columns of participants.csv that need a date and have none."""
     return [f"consent_{name}" for name in study.consent if not participant.consent.get(name)]
 
 
 def level_text(study: Study, levels: Mapping[str, str]) -> str:
-    """Levels joined by `+`, in the order of the factors: the name of a condition, or of a cell."""
+    """Join levels by `+` in the order of the factors: the name of a condition or a cell."""
     return "+".join(levels[factor.name] for factor in study.factors if factor.name in levels)
 
 
 def describe_entry(entry: SessionEntry) -> str:
-    """A session in a sentence's part: `P03, run 2, attempt 1, begun 2026-11-22 14:15`."""
+    """Describe a session within a sentence: `P03, run 2, attempt 1, begun 2026-11-22 14:15`."""
     return f"{entry.participant}, run {entry.run}, attempt {entry.attempt}, begun {when_text(entry.started)}"
 
 
 def when_text(moment: str) -> str:
-    """Date and time of day of an ISO 8601 text."""
+    """Return date and time of day of an ISO 8601 text."""
     try:
         return f"{datetime.fromisoformat(moment):%Y-%m-%d %H:%M}"
     except ValueError:
@@ -203,7 +203,7 @@ def _standing_of(
 def _state_of(
     study: Study, participant: Participant, places: Places, sessions: list[SessionEntry], next_run: int | None
 ) -> tuple[ParticipantState, str]:
-    """The state, and what hinders them."""
+    """Return a participant's state, and what blocks them."""
     name = participant.participant
     if name in places.withdrawn:
         return "withdrawn", "they have withdrawn"
@@ -235,7 +235,7 @@ def _no_row_sentence(plan: Sequence[Slot], participant: Participant) -> str:
 
 
 def _next_of(standings: Sequence[ParticipantStanding]) -> str:
-    """The first who can begin. Somebody whose session was broken off comes after those who have not had theirs."""
+    """Return the first participant who can begin. Those with an aborted session come last."""
     ready = [each for each in standings if each.state in BEGINNABLE and not each.why]
     ready.sort(key=lambda each: each.state == "aborted")
     return ready[0].participant if ready else ""
@@ -254,7 +254,7 @@ def _cells(
         levels = row.levels or places.levels.get(row.slot, {})
         drawn = not between or bool(levels)
         if not drawn and row.slot not in by_slot:
-            continue  # nobody knows yet which cell it will be
+            continue  # the cell is not known yet
         count = counts.setdefault((stratum, level_text(study, levels)), [0, 0, 0])
         holder = by_slot.get(row.slot)
         if holder is not None:
@@ -273,7 +273,7 @@ def _due(
     unlisted: set[str],
     gone: frozenset[str],
 ) -> list[str]:
-    """What somebody must do, in sentences. `gone`: who has withdrawn."""
+    """List open tasks in sentences. `gone`: the withdrawn participants."""
     due = [
         f"{each.name} was given another label: rise-engine study check says which"
         for each in sessions

@@ -1,7 +1,7 @@
-"""A study as it stands now: its files read, its log and its session folders compared, everything in one value.
+"""The current state of a study: its files, and its log compared with its session folders, in one value.
 
-`read_state` only looks. `OpenStudy` holds the log's lock and writes what a killed program left out of it; whoever
-decides something, and writes what it decided, does so within it.
+`read_state` only reads. `OpenStudy` holds the log's lock and writes the entries that a killed program missed. Make
+decisions, and write them, within it.
 """
 
 from __future__ import annotations
@@ -32,15 +32,15 @@ from rise_engine.study.traces import registered_recordings
 from rise_engine.study.withdrawn import is_withdrawn
 
 NAMED = 3
-"""So many are named in a sentence; of the others, how many there are."""
+"""The most names that a sentence lists; it counts the others."""
 
 
 def due_retention(study: Study, sessions: Iterable[StudySession], today: date) -> list[str]:
-    """What was promised to be deleted by today and is still there, in sentences.
+    """List data in sentences that should be deleted by today and still exist.
 
-    :param study: the checked design: `retention` has days by `media` and `sessions`.
-    :param sessions: as `rise_engine.study.sessions.read_sessions` gives them.
-    :param today: the day that counts.
+    :param study: the checked design; `retention` has the days for `media` and `sessions`.
+    :param sessions: from `rise_engine.study.sessions.read_sessions`.
+    :param today: the current day.
     """
     kept = [(each, day) for each in sessions if each.info is not None and (day := _day(each)) is not None]
     due: list[str] = []
@@ -69,7 +69,7 @@ def _day(session: StudySession) -> date | None:
 
 
 class StudyFiles(Struct, frozen=True):
-    """What people and the plan wrote."""
+    """The contents of the study's files and its plan."""
 
     study: Study
     participants: tuple[Participant, ...]
@@ -83,44 +83,44 @@ class StudyStatus(Struct, frozen=True):
     study: Study
     participants: tuple[Participant, ...]
     plan: tuple[Slot, ...]
-    """In its order; empty: it is not made yet."""
+    """The rows in their order. Empty: there is no plan yet."""
     log: tuple[LogEntry, ...]
-    """With what the session folders add to it."""
+    """All entries, including those that the session folders add."""
     sessions: tuple[StudySession, ...]
     places: Places
     standing: StudyStanding
     plan_hash: str
     problems: tuple[str, ...] = ()
-    """What hinders every session that counts, in sentences."""
+    """Sentences on what blocks every session that counts."""
 
     @property
     def pseudonyms(self) -> tuple[str, ...]:
-        """Whom the log names, or a status in participants.csv, but for those who have withdrawn."""
+        """The participants in the log, or with a status in participants.csv, except those who have withdrawn."""
         listed = (each.participant for each in self.participants if each.status)
         logged = (str(each.get("participant") or "") for each in self.log)
         named = dict.fromkeys(filter(None, (*listed, *logged)))
         return tuple(each for each in named if not is_withdrawn(each, self.log))
 
     def supposing(self, outcomes: Iterable[dict[str, Json]]) -> StudyStatus:
-        """The study as it would stand if these outcomes stood in its log."""
+        """Return the state as it would be with these outcomes in the log."""
         supposed = [_entry_of(MissingEntry("outcome", fields)) for fields in outcomes]
         files = StudyFiles(self.study, self.participants, self.plan, self.plan_hash)
         return _state(files, [*self.log, *supposed]) if supposed else self
 
     def row_for(self, participant: Participant) -> Slot | None:
-        """The row that a participant holds, or that they would get; None: there is none for them."""
+        """Return the row that a participant holds or would get. None: there is none."""
         slot = self.places.slots.get(participant.participant)
         if slot is None:
             return self.places.free_row(self.plan, participant.strata)
         return next((row for row in self.plan if row.slot == slot), None)
 
     def state_of(self, participant: str) -> ParticipantState | None:
-        """How somebody stands; None: the study does not know them."""
+        """Return a participant's state. None: the study does not know them."""
         return next((each.state for each in self.standing.participants if each.participant == participant), None)
 
     def levels_of(self, row: Slot, participant: Participant | None) -> dict[str, str]:
-        """The between levels of a row: those of the plan, those that were drawn when it was taken, or those that would
-        be drawn now for this participant (None: for whoever comes)."""
+        """Return the between levels of a row: from the plan, drawn when it was taken, or as they would be drawn now
+        for this participant (None: for anybody)."""
         if row.levels or self.study.assignment.between != "minimise":
             return dict(row.levels)
         drawn = self.places.levels.get(row.slot)
@@ -132,7 +132,7 @@ class StudyStatus(Struct, frozen=True):
         return cell_for(self.study, self._cells_so_far(), strata, row)
 
     def _cells_so_far(self) -> list[tuple[dict[str, str], dict[str, str]]]:
-        """Strata and levels of everybody who holds a row."""
+        """Return strata and levels of all participants who hold a row."""
         strata = {each.participant: each.strata for each in self.participants}
         return [
             (strata[name], self.places.levels[slot])
@@ -142,10 +142,10 @@ class StudyStatus(Struct, frozen=True):
 
 
 def read_state(folder: Path) -> StudyStatus:
-    """A study as it stands, without writing anything.
+    """Read the current state of a study without writing anything.
 
-    :param folder: the study's.
-    :raises FileError: its files are not right.
+    :param folder: the study's folder.
+    :raises FileError: its files have errors.
     :raises rise_engine.study.study_log.StudyLogError: its log cannot be read.
     """
     files = _read_files(folder)
@@ -155,25 +155,22 @@ def read_state(folder: Path) -> StudyStatus:
 
 
 class OpenStudy:
-    """A study while nobody else can write its log; to be held for milliseconds.
+    """A study whose log is locked against other programs. Hold it for milliseconds only.
 
-    Within `with OpenStudy(folder) as open:`, `open.state` is the study as it stands, and `open.log` is written to.
+    Within `with OpenStudy(folder) as open:`, `open.state` is the current state, and `open.log` can be written.
     """
 
     def __init__(self, folder: Path) -> None:
-        """
-        :param folder: the study's.
-        """
         self.folder = folder
         self.log = LockedLog(folder)
         self.state: StudyStatus
 
     def __enter__(self) -> OpenStudy:
         """
-        :raises FileError: its files are not right.
+        :raises FileError: the study's files have errors.
         :raises rise_engine.study.study_log.StudyLogError: its log cannot be locked, read or written.
         """
-        if not is_study(self.folder):  # nobody makes a log where no study is
+        if not is_study(self.folder):  # do not make a log where there is no study
             raise FileError(*map(str, load_study(self.folder).errors))
         self.log.__enter__()
         try:
@@ -189,12 +186,12 @@ class OpenStudy:
         self.log.__exit__(kind, error, trace)
 
     def _reconcile(self, files: StudyFiles) -> None:
-        """Write what the session folders say and the log does not."""
+        """Write the entries that the session folders show and the log lacks."""
         entries = self.log.entries()
         sessions = read_sessions(self.folder, files.study.id, entries)
         for missing in missing_entries(sessions, entries, _after(files.study)):
             self.log.append(missing.kind, **missing.fields)
-        for session in sessions:  # judged while it was unfinished: nobody is to be asked about it any more
+        for session in sessions:  # judged while unfinished: do not ask about it again
             if session.left_open and session.entry.outcome is not None and not session.abandoned:
                 mark_abandoned(session.path)
         self.state = _state(files, self.log.entries())
@@ -223,7 +220,7 @@ def _state(files: StudyFiles, log: Sequence[LogEntry]) -> StudyStatus:
 
 
 def _after(study: Study) -> tuple[str, ...]:
-    """The ids of its checks after sessions."""
+    """Return the ids of the study's checks after sessions."""
     return tuple(check.id for check in study.checks if check.when == "after")
 
 
@@ -242,7 +239,7 @@ def _read_files(folder: Path) -> StudyFiles:
 
 
 def _plan_problems(files: StudyFiles, log: Sequence[LogEntry]) -> list[str]:
-    """Why no session that counts can begin."""
+    """Say why no session that counts can begin."""
     problems: list[str] = []
     if files.study.mode == "debug":
         problems.append('study.toml says mode = "debug": with a simulated robot no session counts')

@@ -1,8 +1,8 @@
-"""study.jsonl: what happened to a study, one JSON object a line, appended and never changed (docs/reference/study.md).
+"""study.jsonl: the events of a study, one JSON object a line, appended and never changed (docs/reference/study.md).
 
-Whoever writes holds the file's lock, so that two programs that begin a session at once see what the other one did.
-A program that was killed while it wrote leaves half a line: the next one that writes sets it aside, in a file of its
-own, and what it did not say is found again in the folders of the sessions.
+Programs lock the file to write, so that two that begin a session at once see each other's entries. A program that is
+killed while writing leaves half a line. The next program moves it to another file, and finds its contents again in the
+session folders.
 """
 
 from __future__ import annotations
@@ -27,9 +27,9 @@ from rise_engine.scenario.model import Json, SourceLocation
 
 LOG_FILE = "study.jsonl"
 SET_ASIDE_FILE = "study.jsonl.torn"
-"""Half lines that a killed program left in the log."""
+"""Incomplete lines that killed programs left in the log."""
 WRITTEN = ("reason", "text", "value")
-"""Fields that hold what somebody wrote."""
+"""Fields with text that people wrote."""
 EntryKind: TypeAlias = Literal[
     "planned",
     "taken",
@@ -44,7 +44,7 @@ EntryKind: TypeAlias = Literal[
     "written",
 ]
 WAIT_SECONDS, TRY_SECONDS = 10.0, 0.01
-"""How long somebody waits for another program that writes just now. That takes milliseconds."""
+"""How long to wait for another program that is writing, which takes milliseconds."""
 
 
 class StudyLogError(StudyError):
@@ -55,22 +55,22 @@ class LogEntry(Struct, frozen=True):
     """One line of the log."""
 
     kind: str
-    """An EntryKind; a newer program may write others."""
+    """An EntryKind. Newer programs may write others."""
     at: str
     """When it was written, ISO 8601 with offset."""
     fields: dict[str, Json]
-    """What else it says."""
+    """All further fields."""
     line: int
-    """Where it stands, from 1."""
+    """The number of its line, from 1."""
 
     def get(self, name: str, otherwise: Any = None) -> Any:
-        """A field's value, or `otherwise`."""
+        """Return a field's value, or `otherwise`."""
         return self.fields.get(name, otherwise)
 
     def with_written(self, change: Callable[[str], str]) -> LogEntry:
-        """The same entry with another text wherever somebody wrote one (`WRITTEN`).
+        """Return the entry with changed texts in the fields that people wrote (`WRITTEN`).
 
-        :param change: gives the other text.
+        :param change: maps an old text to a new one.
         """
         fields = {name: _change_written(value, change, name) for name, value in self.fields.items()}
         return LogEntry(self.kind, self.at, fields, self.line)
@@ -85,13 +85,13 @@ def _change_written(value: Any, change: Callable[[str], str], name: str) -> Any:
 
 
 def read_log(folder: Path, diagnostics: Diagnostics | None = None) -> list[LogEntry]:
-    """Every entry of a study's log, in its order; none where there is no log.
+    """Read every entry of a study's log in its order. Empty where there is no log.
 
-    A torn last line is left out, with a warning: the next program that writes sets it aside. Other lines that are no
-    entry are left out with an error.
+    A torn last line is left out with a warning; the next program that writes moves it away. Other lines that are not
+    entries are left out with an error.
 
-    :param folder: the study's.
-    :param diagnostics: what is wrong goes there; without, nobody is told.
+    :param folder: the study's folder.
+    :param diagnostics: gets the problems; None: they are ignored.
     :raises StudyLogError: it cannot be read.
     """
     try:
@@ -112,7 +112,7 @@ def read_log(folder: Path, diagnostics: Diagnostics | None = None) -> list[LogEn
 
 
 def read_kept_log(folder: Path) -> Sequence[LogEntry]:
-    """As `read_log`, for whoever asks again and again, as for each of a study's sessions: kept until it was changed.
+    """Do the same as `read_log`, but keep the result until the file changes, for callers that ask repeatedly.
 
     :raises StudyLogError: it cannot be read.
     """
@@ -125,7 +125,7 @@ def _read_kept(folder: Path, stamp: tuple[int, int]) -> Sequence[LogEntry]:
 
 
 def file_stamp(path: Path) -> tuple[int, int]:
-    """When a file was changed, and its size: others when it was changed since; zeros when it is not there."""
+    """Return the time of a file's last change and its size, to notice changes. Zeros when it does not exist."""
     try:
         found = path.stat()
     except OSError:
@@ -134,7 +134,7 @@ def file_stamp(path: Path) -> tuple[int, int]:
 
 
 def _parse(data: bytes) -> tuple[list[LogEntry], list[tuple[int, str]], bytes]:
-    """The entries, what is wrong with other lines, and the torn end."""
+    """Return the entries, the problems of other lines, and the torn end."""
     *lines, rest = data.split(b"\n")
     entries: list[LogEntry] = []
     problems: list[tuple[int, str]] = []
@@ -146,14 +146,14 @@ def _parse(data: bytes) -> tuple[list[LogEntry], list[tuple[int, str]], bytes]:
             problems.append((number, entry))
         else:
             entries.append(entry)
-    if rest and isinstance(whole := _parse_line(rest, len(lines) + 1), LogEntry):  # only its end of line is missing
+    if rest and isinstance(whole := _parse_line(rest, len(lines) + 1), LogEntry):  # only its line end is missing
         entries.append(whole)
         rest = b""
     return entries, problems, rest
 
 
 def _parse_line(line: bytes, number: int) -> LogEntry | str:
-    """The entry of a line, or why it is none."""
+    """Return the entry of a line, or why it is not one."""
     try:
         values = decode(line.decode())
     except UnicodeDecodeError:
@@ -166,10 +166,10 @@ def _parse_line(line: bytes, number: int) -> LogEntry | str:
 
 
 class LockedLog:
-    """The log of a study while nobody else can write it; to be held for milliseconds.
+    """The log of a study, locked against other programs. Hold it for milliseconds only.
 
-    Within `with LockedLog(folder) as log:`, `log.entries()` is all there is, and `log.append` writes. A log that is
-    not there yet is made.
+    Within `with LockedLog(folder) as log:`, `log.entries()` has all entries, and `log.append` writes one. A missing log
+    is made.
 
     >>> import tempfile
     >>> folder = Path(tempfile.mkdtemp())
@@ -181,8 +181,8 @@ class LockedLog:
 
     def __init__(self, folder: Path, now: Callable[[], datetime] | None = None, disk: Disk | None = None) -> None:
         """
-        :param folder: the study's.
-        :param now: the time of day, with its zone; the computer's without.
+        :param folder: the study's folder.
+        :param now: the time of day with its zone; None: the computer's.
         :param disk: for tests that let it fail.
         """
         self.folder = folder
@@ -196,7 +196,7 @@ class LockedLog:
 
     def __enter__(self) -> LockedLog:
         """
-        :raises StudyLogError: it cannot be read or locked, or a line in it is none: a slot could be taken twice.
+        :raises StudyLogError: it cannot be read or locked, or has an invalid line, so that a slot could be taken twice.
         """
         self._lock()
         try:
@@ -215,19 +215,19 @@ class LockedLog:
         self._close()
 
     def entries(self) -> list[LogEntry]:
-        """Everything that stands in the log, also what was appended just now."""
+        """Return all entries, including those just appended."""
         return list(self._entries)
 
     def now_text(self) -> str:
-        """This moment, as entries have it."""
+        """Return the current time as entries have it."""
         return self._now().isoformat(timespec="milliseconds")
 
     def append(self, kind: EntryKind, **fields: Json) -> LogEntry:
-        """Write an entry; it survives a power cut when this returns.
+        """Write an entry. It survives a power cut when this returns.
 
-        :param kind: what happened.
-        :param fields: what else is to be known of it.
-        :raises StudyLogError: it cannot be written; then nothing of it is there.
+        :param kind: the event.
+        :param fields: further details.
+        :raises StudyLogError: it cannot be written; then nothing of it is in the log.
         """
         at = self.now_text()
         data = encode({"kind": kind, "at": at, **fields}) + b"\n"
@@ -244,10 +244,10 @@ class LockedLog:
         return entry
 
     def rewrite(self, entries: Sequence[LogEntry]) -> None:
-        """Put other entries in the place of all: for what somebody has a right to be forgotten in.
+        """Replace all entries, for a participant's right to erasure.
 
-        :param entries: all that is to stand there, in order; their lines are counted anew.
-        :raises StudyLogError: it cannot be written; then everything is as before.
+        :param entries: all new entries in order; their lines are numbered again.
+        :raises StudyLogError: it cannot be written; then nothing has changed.
         """
         data = b"".join(encode({"kind": each.kind, "at": each.at, **each.fields}) + b"\n" for each in entries)
         new = self.path.with_name(f"{LOG_FILE}.new")
@@ -255,7 +255,7 @@ class LockedLog:
         try:
             new.unlink(missing_ok=True)
             descriptor = self._disk.open(new, create=True)
-            _try_lock(descriptor)  # before anybody else can know of it
+            _try_lock(descriptor)  # before any other program can know of it
             self._disk.write(descriptor, data, 0)
             self._disk.sync(descriptor)
             new.replace(self.path)
@@ -281,7 +281,7 @@ class LockedLog:
                 if _try_lock(descriptor) and os.path.samestat(os.fstat(descriptor), self.path.stat()):
                     self._descriptor = descriptor
                     return
-            except FileNotFoundError:  # somebody moved it just now
+            except FileNotFoundError:  # another program just moved it
                 pass
             except OSError as error:
                 os.close(descriptor)
@@ -310,7 +310,7 @@ class LockedLog:
             self._disk.sync_folder(self.folder)  # so that the name of a new log survives too
 
     def _set_aside(self, torn: bytes) -> None:
-        """Keep half a line where it is in nobody's way, and cut it off."""
+        """Move an incomplete line to another file."""
         aside = os.open(
             self.path.with_name(SET_ASIDE_FILE), os.O_WRONLY | os.O_CREAT | os.O_APPEND | os.O_CLOEXEC, 0o600
         )
@@ -324,8 +324,8 @@ class LockedLog:
         self._disk.sync(self._descriptor)
 
     def _cut_off(self) -> None:
-        """Take away what was written of an entry that could not be written whole."""
-        with suppress(OSError):  # then it is a torn line, which the next program sets aside
+        """Remove the written part of an entry that could not be written whole."""
+        with suppress(OSError):  # else it is a torn line, which the next program moves away
             os.ftruncate(self._descriptor, self._end)
 
     def _close(self) -> None:
@@ -335,7 +335,7 @@ class LockedLog:
 
 
 def _try_lock(descriptor: int) -> bool:
-    """Whether the lock was to be had; where a file system has none, whoever asks has it."""
+    """Try to take the lock. True also where a file system has no locks."""
     try:
         return take_lock(descriptor)
     except OSError as error:

@@ -1,4 +1,4 @@
-"""The scenarios of a study: loaded as its sessions will load them, their findings told with their folder."""
+"""The scenarios of a study, loaded as its sessions will load them, with their diagnostics."""
 
 from __future__ import annotations
 
@@ -18,17 +18,17 @@ from rise_engine.study.model import Study
 
 
 def scenario_folder(study: Study, named: str = "") -> str:
-    """The absolute folder of a scenario that the study names; of its own without a name."""
+    """Return the absolute folder of a scenario that the study names. Default: its own scenario."""
     return os.path.normpath(Path(study.folder) / (named or study.scenario))
 
 
 def load_scenarios(study: Study, table: TomlTable) -> tuple[dict[str, Scenario], list[Diagnostic]]:
     """Load every scenario that a study names.
 
-    :param study: the study, as it was read.
-    :param table: its study.toml; what names no scenario is told there.
-    :return: those without errors by their absolute folder; and every finding in them, their files named from the
-        study's folder on.
+    :param study: the study as read.
+    :param table: its study.toml, which gets the diagnostics of wrong names.
+    :return: the scenarios without errors by absolute folder, and all diagnostics in them, with file names relative to
+        the study's folder.
     """
     named: dict[str, tuple[str, ...]] = {}
     if _is_used(study):
@@ -56,12 +56,12 @@ def load_scenarios(study: Study, table: TomlTable) -> tuple[dict[str, Scenario],
 
 
 def _is_used(study: Study) -> bool:
-    """Whether some session runs the study's own scenario: not where a factor chooses one in each of its levels."""
+    """Whether any session runs the study's own scenario. Not if a factor chooses one in each of its levels."""
     return not any(factor.levels and all(level.scenario for level in factor.levels) for factor in study.factors)
 
 
 def _folders(study: Study) -> list[str]:
-    """The scenarios that lie in the study's folder."""
+    """Return the scenarios in the study's folder."""
     return sorted(file.parent.name for file in Path(study.folder).glob(f"*/{SCENARIO_FILE}"))
 
 

@@ -1,4 +1,4 @@
-"""Reading study.toml: the design of a study, checked as a whole (docs/reference/study.md)."""
+"""Reader of study.toml: the design of a study, checked as a whole (docs/reference/study.md)."""
 
 from __future__ import annotations
 
@@ -54,7 +54,7 @@ MAX_PARTICIPANTS, MAX_SEED, MAX_BLOCK, MAX_SPARE = 10_000, 2**53, 20, 10.0
 MAX_CELLS, MAX_RUNS, MAX_RUNS_ALL, MAX_STRATA, MAX_ROWS = 100, 24, 6, 64, 50_000
 _ID = re.compile(r"[A-Za-z0-9]+\Z")
 COLUMN_NAME = re.compile(r"[A-Za-z][A-Za-z0-9_]*\Z")
-"""What a column of participants.csv, a factor and what is consented to are called."""
+"""The allowed names of columns of participants.csv, factors and consents."""
 RESERVED_COLUMNS = ("participant", "status", "comment")
 """Columns of participants.csv that every study has."""
 CONSENT_PREFIX = "consent_"
@@ -63,17 +63,17 @@ _Choice = TypeVar("_Choice", bound=str)
 
 
 class StudyLoad(Struct, frozen=True):
-    """What came of reading a study. There is one exactly when no finding is an error."""
+    """The result of reading a study. `study` is None exactly when a diagnostic is an error."""
 
     study: Study | None
     diagnostics: list[Diagnostic]
-    """Of study.toml in reading order, then of the scenarios."""
+    """Diagnostics of study.toml in reading order, then those of the scenarios."""
     scenarios: dict[str, Scenario] = {}
-    """Every scenario that the study names and that has no errors, by its absolute folder."""
+    """The study's scenarios without errors, by absolute folder."""
     draft: Study | None = None
-    """What could be understood, errors or not, for what lies beside study.toml; None: nothing."""
+    """What could be read despite errors, for checks of other files. None: nothing."""
     unsure: frozenset[str] = frozenset()
-    """The keys and tables of study.toml that have errors in themselves, so that nobody knows what is meant."""
+    """The keys and tables of study.toml that have errors, so that their meaning is unknown."""
 
     @property
     def errors(self) -> list[Diagnostic]:
@@ -81,19 +81,19 @@ class StudyLoad(Struct, frozen=True):
 
 
 def is_study(path: str | os.PathLike[str]) -> bool:
-    """Whether a folder is a study's: study.toml lies in it."""
+    """Whether a folder is a study's: it contains study.toml."""
     return (Path(path) / STUDY_FILE).is_file()
 
 
 def load_study(folder: str | os.PathLike[str], *, check_scenarios: bool = True, held: Held | None = None) -> StudyLoad:
     """Read and check a study's design.
 
-    :param folder: the study's, or the study.toml in it.
-    :param check_scenarios: also load every scenario that it names, and compare its memory with the levels'. That takes
-        up to half a second for each.
-    :param held: contents that are read instead of the disk, by the names of their files.
-    :return: the checked study with its warnings, or no study and everything that is wrong, each with file, line,
-        column and a sentence. Nothing that an author wrote raises an error, nor does a file that cannot be read.
+    :param folder: the study's folder, or the study.toml in it.
+    :param check_scenarios: also load its scenarios, and compare their memory with the levels'. This takes up to half a
+        second for each.
+    :param held: contents that are used instead of the files on the disk, by file name.
+    :return: the checked study with its warnings, or no study and all errors, each with file, line, column and a
+        sentence. No content of the files raises an exception, nor does an unreadable file.
     """
     path = Path(folder)
     path = path.parent if path.name == STUDY_FILE else path
@@ -128,7 +128,7 @@ def _load(folder: Path, held: Held | None, *, check_scenarios: bool) -> StudyLoa
 
 
 def _tables_with_errors(table: TomlTable, found: list[Diagnostic]) -> frozenset[str]:
-    """The top keys under which there are errors, by where those stand; a misspelt key is the one that was meant."""
+    """Return the top keys that have errors, by their lines. A misspelt key counts as the intended one."""
     starts: dict[int, str] = {}
     for key, value in table.values.items():
         meant = key if key in TOP_KEYS else nearest_name(key, TOP_KEYS) or key
@@ -144,7 +144,7 @@ def _tables_with_errors(table: TomlTable, found: list[Diagnostic]) -> frozenset[
 
 
 class _StudyReader:
-    """One study.toml. What is wrong with a value is a finding, and a usual one is taken."""
+    """Reader of one study.toml. A wrong value gives a diagnostic and is replaced by the default."""
 
     def __init__(self, file: TomlFile, diagnostics: Diagnostics) -> None:
         self.table = TomlTable(file, (), file.values, diagnostics)
@@ -197,7 +197,7 @@ class _StudyReader:
         return str(text or usual)
 
     def report_missing(self, key: str, form: str) -> None:
-        """A key that must be there; silent where a misspelt one is told already."""
+        """Report a missing key, unless a misspelt one is already reported."""
         unknown = [name for name in self.table.values if name not in TOP_KEYS]
         if self.is_whole and not any(nearest_name(name, TOP_KEYS) == key for name in unknown):
             self.diagnostics.error("missing-value", SourceLocation(STUDY_FILE), f"`{key}` is missing; write {form}")
@@ -233,7 +233,7 @@ class _StudyReader:
         return strata
 
     def check_column(self, table: TomlTable, column: str) -> bool:
-        """Whether participants.csv can have a column of that name beside those that it always has."""
+        """Whether participants.csv can have a further column of that name."""
         if not COLUMN_NAME.match(column):
             message = f"a column is called with letters, digits and `_`, beginning with a letter, not `{column}`"
             table.report_key("bad-name", message, column)
@@ -249,7 +249,7 @@ class _StudyReader:
         table = self.table.section("assignment", _ASSIGNMENT_KEYS)
         usual = AssignmentSettings()
         named = table.read_texts("strata", ())
-        described = self.table.section("strata").values  # also those with a mistake
+        described = self.table.section("strata").values  # also those with errors
         for at, column in enumerate(named):
             if column not in described:
                 message = f"[strata] has no `{column}`: {column} = [...] says which values it can have"
@@ -312,7 +312,7 @@ class _StudyReader:
         return tuple(dict.fromkeys(needed))
 
     def read_columns(self, strata: dict[str, tuple[str, ...]]) -> dict[str, str]:
-        """The further columns, and what each holds: empty where they are a list of names."""
+        """Return the further columns with their descriptions, which are empty if the columns are a list."""
         table = self.table.section("participants", ("columns",))
         described = table.values.get("columns")
         if isinstance(described, dict):
@@ -360,7 +360,7 @@ class _StudyReader:
         return kept
 
     def check_size(self, study: Study) -> None:
-        """What no plan can be made of, because it is too large."""
+        """Report a study that is too large for a plan."""
         each = len(runs(study))
         method = study.assignment.within
         if len(cells(study)) > MAX_CELLS:
@@ -387,7 +387,7 @@ class _StudyReader:
 
 
 def _values_problem(values: tuple[str, ...]) -> str:
-    """What is wrong with the values of a stratum, as the end of a sentence; or empty."""
+    """Say what is wrong with the values of a stratum, as the end of a sentence, or return an empty text."""
     for at, value in enumerate(values):
         if value != value.strip() or not value.isprintable() or "/" in value or "=" in value:
             return f"has the value `{value}`; a value has no `/` and no `=` in it, and no blanks around it"

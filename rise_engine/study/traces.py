@@ -1,5 +1,5 @@
-"""What of a study is about one participant: their session folders, the recordings that these have registered (in their
-record, or in media.json), and where their pseudonym stands."""
+"""The traces of one participant in a study: session folders, recordings that these have registered (in their record or
+in media.json), and places with their pseudonym."""
 
 from __future__ import annotations
 
@@ -25,13 +25,13 @@ from rise_engine.study.sessions import SESSIONS
 from rise_engine.study.study_log import LOG_FILE
 
 WORK_FOLDER = ".withdrawing"
-"""In the study's folder, while somebody's data are being erased."""
+"""A folder in the study's folder, while data are being erased."""
 MANIFEST_FILE = "manifest-sha256.txt"
-"""The check sums of a bundle (`results.bundle`): a study's folder that has them is nobody's to write into."""
+"""The checksums of a bundle (`results.bundle`). Nobody may write into a study's folder that has them."""
 
 
 def study_of_session(session: Path) -> Path | None:
-    """The folder of the study in whose `sessions` a session's folder lies; None: it is of no study."""
+    """Return the study around a session's folder in its `sessions`. None: the session is in no study."""
     folder = session.resolve().parent
     study = folder.parent
     if folder.name == SESSIONS and ((study / STUDY_FILE).exists() or (study / LOG_FILE).exists()):
@@ -40,7 +40,7 @@ def study_of_session(session: Path) -> Path | None:
 
 
 def wizard_names(study: Path | None) -> dict[str, str]:
-    """What exports call each wizard, as `[wizards]` in study.toml says; also when something else there is wrong."""
+    """Return the code of each wizard in exports from `[wizards]` in study.toml, even if other parts have errors."""
     if study is None:
         return {}
     try:
@@ -51,8 +51,7 @@ def wizard_names(study: Path | None) -> dict[str, str]:
 
 
 def questionnaire_files(study: Path) -> set[str]:
-    """The files of questionnaires, from the study's folder on, as study.toml names them; also when something else
-    there is wrong."""
+    """Return the files of questionnaires in study.toml, relative to the study, even if other parts have errors."""
     try:
         found = tomllib.loads((study / STUDY_FILE).read_text("utf-8")).get("questionnaire")
     except (OSError, ValueError):
@@ -62,7 +61,7 @@ def questionnaire_files(study: Path) -> set[str]:
 
 
 def folders_in(sessions: Path) -> list[Path]:
-    """The folders in a folder, in order; none where there is none."""
+    """Return the folders in a folder, sorted. Empty where there is none."""
     try:
         return sorted(Path(each.path) for each in os.scandir(sessions) if each.is_dir(follow_symlinks=False))
     except OSError:
@@ -70,8 +69,8 @@ def folders_in(sessions: Path) -> list[Path]:
 
 
 def owner_of(folder: Path) -> str:
-    """Whose session it is: by its study's log, where that has reassigned it, by its record, or its session.toml, or
-    else its name; empty when nobody can know."""
+    """Return a session's participant, or an empty text if unknown. Sources, in this order: a reassignment in the
+    study's log, session.toml with the journal's labels, the journal, the folder's name."""
     if (moved := reassignment_of(folder)) is not None:
         return moved.participant
     try:
@@ -87,10 +86,10 @@ def owner_of(folder: Path) -> str:
 
 
 def registered_recordings(folder: Path, *, inside: bool = False) -> list[str]:
-    """The files of recordings that a session's record or its media.json names, absolute.
+    """Return the absolute paths of the recordings in a session's record or media.json.
 
-    :param folder: the session's.
-    :param inside: also those within its own folder.
+    :param folder: the session's folder.
+    :param inside: also those within the session's folder.
     """
     listed = (os.path.normpath(media_path(folder, each)) for each in _listed(folder))
     found = dict.fromkeys((*(path for path, _ in _recorded(folder)), *listed))
@@ -98,10 +97,10 @@ def registered_recordings(folder: Path, *, inside: bool = False) -> list[str]:
 
 
 def recording_facts(folder: Path, path: str) -> tuple[list[int], list[str]]:
-    """The sizes and the SHA-256 that a session has registered of one of its recordings.
+    """Return the sizes and the SHA-256 that a session has registered for one of its recordings.
 
-    :param folder: the session's.
-    :param path: as `registered_recordings` has it.
+    :param folder: the session's folder.
+    :param path: from `registered_recordings`.
     """
     listed = [each for each in _listed(folder) if os.path.normpath(media_path(folder, each)) == path]
     sizes = [size for where, size in _recorded(folder) if where == path and size is not None]
@@ -110,7 +109,7 @@ def recording_facts(folder: Path, path: str) -> tuple[list[int], list[str]]:
 
 
 def why_media_unknown(folder: Path) -> str:
-    """Why a session's media.json cannot be read, as a sentence; empty when it can, or when there is none."""
+    """Say why a session's media.json cannot be read. Empty when it can, or when there is none."""
     try:
         read_media(folder)
     except SessionError as error:
@@ -135,7 +134,7 @@ def _recorded(folder: Path) -> tuple[tuple[str, int | None], ...]:
 
 @lru_cache(maxsize=1_000)
 def _recorded_in(folder: Path, changed: int) -> tuple[tuple[str, int | None], ...]:
-    """Kept for a journal that was not changed: whoever looks at a study looks again and again."""
+    """Read the recordings in a journal. Cached while the journal is unchanged, because studies are read repeatedly."""
     found: dict[tuple[str, int | None], None] = {}
     for line in _readable_lines(folder):
         said = line.input if isinstance(line, InputLine) else line
@@ -145,7 +144,7 @@ def _recorded_in(folder: Path, changed: int) -> tuple[tuple[str, int | None], ..
 
 
 def _readable_lines(folder: Path) -> Iterator[JournalLine]:
-    """What can be read of a journal, also of a damaged one."""
+    """Give the readable lines of a journal, also of a damaged one."""
     try:
         with (folder / JOURNAL).open("rb") as file:
             for line in file:
@@ -159,12 +158,12 @@ def _readable_lines(folder: Path) -> Iterator[JournalLine]:
 
 
 def find_names(study: Path, participant: str) -> list[str]:
-    """Where a pseudonym still stands in a study's folder, and what is to be done about it, in sentences."""
+    """List in sentences where a pseudonym is still in a study's folder, and what to do about it."""
     found = []
     theirs = {PARTICIPANTS_FILE, *questionnaire_files(study)}
     for path in sorted(study.rglob("*")):
         name = path.relative_to(study)
-        if name.parts[0] == WORK_FOLDER:  # it goes, or whoever withdraws them is told why it cannot
+        if name.parts[0] == WORK_FOLDER:  # it will be erased, or its withdrawal reports why not
             continue
         if has_name(path.name, participant):
             found.append(f"the name of {name}: erase it, or give it another name")
@@ -188,7 +187,7 @@ def _advice(name: Path, participant: str) -> str:
 
 
 def lines_naming(path: Path, participant: str) -> list[int]:
-    """The lines of a file in which a pseudonym stands, from 1."""
+    """Return the lines of a file with a pseudonym, from 1."""
     try:
         return lines_with(path, name_pattern(participant).search)
     except OSError:
@@ -196,10 +195,10 @@ def lines_naming(path: Path, participant: str) -> list[int]:
 
 
 def name_pattern(participant: str) -> re.Pattern[str]:
-    """A pseudonym that is no part of another word."""
+    """Return a pattern of a pseudonym that is not a part of another word."""
     return re.compile(rf"(?<![A-Za-z0-9]){re.escape(participant)}(?![A-Za-z0-9])")
 
 
 def has_name(text: str, participant: str) -> bool:
-    """Whether a pseudonym stands in a text."""
+    """Whether a text contains a pseudonym."""
     return name_pattern(participant).search(text) is not None

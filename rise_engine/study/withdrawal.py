@@ -1,9 +1,8 @@
-"""Withdrawal: what is about one participant leaves a study, for ever; what stays is a salted hash and a free slot.
+"""Withdrawal: erases one participant's data from a study for good. Only a salted hash and a free slot remain.
 
-The order makes it safe to be killed at any moment, and to be run again: under the log's lock a list of what is to go is
-written, their session folders are moved out of `sessions` (so nobody finds them there and writes them into the log
-again), and the log is written anew without them. Then what was moved and listed is erased, which can take long, and at
-last the list. Whatever is left of an earlier run is finished by the next one.
+It can be killed at any moment and run again. Under the log's lock, it writes a list of what to erase. It moves the
+session folders out of `sessions`, so that nobody logs them again, and rewrites the log without the participant. Then it
+erases everything on the list, which can take long, and finally the list. The next run completes an interrupted one.
 """
 
 from __future__ import annotations
@@ -56,15 +55,15 @@ from rise_engine.study.withdrawal_work import (
 from rise_engine.study.withdrawn import PREFIX, hash_pseudonym, is_withdrawn, new_salt
 
 _NAMING = frozenset({"participant", "was", "instead_of"})
-"""Fields of the log's entries that name one."""
+"""Fields of log entries with a participant."""
 
 
 def plan_withdrawal(study: Path, participant: str) -> WithdrawalPlan:
-    """What withdrawing a participant would erase. Nothing is changed.
+    """List what the withdrawal of a participant would erase. Nothing is changed.
 
     :param study: the study's folder.
     :param participant: their pseudonym.
-    :raises StudyError: the study knows no such participant, or one of their sessions runs.
+    :raises StudyError: the study does not know the participant, or one of their sessions runs.
     :raises rise_engine.study.study_log.StudyLogError: the log cannot be read.
     """
     log = read_log(study)
@@ -85,14 +84,13 @@ def plan_withdrawal(study: Path, participant: str) -> WithdrawalPlan:
 def withdraw(
     study: Path, participant: str, disk: Disk | None = None, *, keep: Sequence[dict[str, str]] = ()
 ) -> WithdrawalReport:
-    """Erase everything about a participant that can be reached; run again after an interruption, it finishes.
+    """Erase all reachable data of a participant. A call after an interruption completes it.
 
     :param study: the study's folder.
     :param participant: their pseudonym.
-    :param keep: rows that stay (`rise_engine.study.withdrawn`), where they have agreed to it.
-    :param disk: what writes, for tests that let it fail.
-    :raises StudyError: as `plan_withdrawal`, or something cannot be erased; what was not stays listed for the next
-        time.
+    :param keep: rows that stay with the participant's consent (`rise_engine.study.withdrawn`).
+    :param disk: does the writing, for tests that let it fail.
+    :raises StudyError: as `plan_withdrawal`, or something cannot be erased; it stays listed for the next call.
     :raises rise_engine.study.study_log.StudyLogError: the log cannot be read or written.
     """
     disk = disk or Disk()
@@ -118,10 +116,10 @@ def withdraw(
 def _take_out(
     study: Path, participant: str, log: LockedLog, disk: Disk, keep: Sequence[dict[str, str]] = ()
 ) -> Path | None:
-    """Make the list, move the folders out of the study's sessions, write the log anew. The folder of what is to be
-    erased; None: there is nothing."""
+    """Write the list, move the folders out of the study's sessions, and rewrite the log. Returns the folder to erase.
+    None: there is nothing to erase."""
     erase_unlisted(study)
-    log.path.with_name(f"{LOG_FILE}.new").unlink(missing_ok=True)  # somebody was killed who wrote the log anew
+    log.path.with_name(f"{LOG_FILE}.new").unlink(missing_ok=True)  # from a rewrite that was killed
     entries = _by_owner(log.entries(), participant)
     plan = _make_plan(study, participant, entries)
     plan.kept = list(keep)
@@ -148,7 +146,7 @@ def _take_out(
 
 
 def _move_out(folder: Path, target: Path) -> None:
-    """Nobody finds the session any more. Raises StudyError when somebody has gone on with it just now."""
+    """Move a session away so that nobody finds it. Raises StudyError when somebody has just continued it."""
     if not folder.exists():
         return
     folder.rename(target)
@@ -158,9 +156,9 @@ def _move_out(folder: Path, target: Path) -> None:
 
 
 def _rewrite_log(log: LockedLog, entries: list[LogEntry], participant: str, own: set[str]) -> None:
-    """The log without them, and the entry that they have withdrawn, in one step.
+    """Rewrite the log without the participant and with the entry of the withdrawal, in one step.
 
-    Of what was about them, only that their slot was taken stays, by the hash.
+    Their entries are removed, except those that their slot was taken, which get the hash.
     """
     salt = new_salt()
     digest = hash_pseudonym(participant, salt)
@@ -177,7 +175,7 @@ def _rewrite_log(log: LockedLog, entries: list[LogEntry], participant: str, own:
 
 
 def _by_owner(entries: Sequence[LogEntry], participant: str) -> list[LogEntry]:
-    """The log, in which sessions that were run as this participant and are another one's are that one's."""
+    """Relabel sessions that were run as this participant and belong to another."""
     owners = {name: each for name, each in reassignments(entries).items() if each.participant != participant}
     found: list[LogEntry] = []
     for entry in entries:
@@ -189,25 +187,25 @@ def _by_owner(entries: Sequence[LogEntry], participant: str) -> list[LogEntry]:
 
 
 def _is_about(entry: LogEntry, participant: str, own: set[str]) -> bool:
-    """Whether an entry is about them; an export that holds them is erased, so it need not be known any more."""
+    """Whether an entry is about them. This includes exports with their data, which are erased."""
     sessions = {str(entry.get("session")), str(entry.get("folder")), *Path(str(entry.get("path"))).parts}
     return entry.get("participant") == participant or participant in _named(entry) or bool(sessions & own)
 
 
 def _named(entry: LogEntry) -> list[str]:
-    """Whom an export tells of."""
+    """Return the participants in an export."""
     named = entry.get("participants")
     return [each for each in named if isinstance(each, str)] if isinstance(named, list) else []
 
 
 def _concerns(entry: LogEntry, participant: str, own: set[str]) -> bool:
-    """Whether an entry is about them, or names them in what somebody wrote."""
+    """Whether an entry is about them, or names them in a written text."""
     return _is_about(entry, participant, own) or _without_name(entry, participant, "") != entry.fields
 
 
 def _without_name(entry: LogEntry, participant: str, name: str) -> dict[str, Any]:
-    """An entry's fields with another name in the place of theirs. A pseudonym of digits is no word that can be found
-    in what somebody wrote."""
+    """Return an entry's fields with another name instead of theirs. Pseudonyms of digits only are not replaced in
+    written texts, where they may be ordinary numbers."""
     if not participant.isdigit():
         entry = entry.with_written(partial(name_pattern(participant).sub, name))
     return {
@@ -216,7 +214,7 @@ def _without_name(entry: LogEntry, participant: str, name: str) -> dict[str, Any
 
 
 def _clear_set_aside(path: Path, participant: str, own: set[str]) -> None:
-    """Half lines of the log that name them. What they said is in the folders, or nowhere."""
+    """Delete incomplete lines of the log that name them. Their contents are in the folders, or lost."""
     if path.exists() and any(has_name(path.read_text("utf-8", "replace"), each) for each in (participant, *own)):
         path.unlink()
 
@@ -261,7 +259,7 @@ def _recording_facts(folders: Sequence[Path], path: str) -> KnownBy:
 
 
 def _plan_exports(plan: WithdrawalPlan, study: Path, log: Sequence[LogEntry]) -> None:
-    """What of their exports is to be erased; whether each is still what was written is looked at later."""
+    """Plan which of their exports to erase. Whether each is unchanged is checked later."""
     for entry in log:
         path, names = entry.get("path"), _named(entry)
         if not isinstance(path, str) or plan.participant not in names:
@@ -278,7 +276,7 @@ def _plan_exports(plan: WithdrawalPlan, study: Path, log: Sequence[LogEntry]) ->
             plan.hashes.setdefault(path, []).append(str(entry.get("sha256")))
     for path in list(plan.exports):
         if not os.path.lexists(study / path):
-            del plan.exports[path]  # it was never finished, unless its hash is known
+            del plan.exports[path]  # the export was never completed, unless its hash is known
             if path in plan.hashes:
                 plan.unreachable.append(
                     f"{study / path} was exported with their data and is not there: erase it where it is now"
@@ -286,7 +284,7 @@ def _plan_exports(plan: WithdrawalPlan, study: Path, log: Sequence[LogEntry]) ->
 
 
 def _note_missing(plan: WithdrawalPlan, study: Path, log: Sequence[LogEntry]) -> None:
-    """Sessions of theirs that are not where they were."""
+    """Note their sessions that are no longer in their places."""
     names = [
         str(each.get("folder"))
         for each in log
@@ -311,7 +309,7 @@ def _refuse_running(folder: Path) -> None:
 
 
 def _beyond(study: Path, participant: str) -> list[str]:
-    """What no program can reach from here."""
+    """List what no program can reach from here."""
     found = []
     elsewhere = sessions_folder()
     if elsewhere.resolve() != (study / SESSIONS).resolve():

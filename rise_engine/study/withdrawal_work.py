@@ -1,4 +1,4 @@
-"""The list of what a withdrawal erases, and the erasing: both can be killed at any moment, and the next run goes on."""
+"""The list of what a withdrawal erases, and the erasing. Both can be killed at any moment; the next run continues."""
 
 from __future__ import annotations
 
@@ -35,20 +35,20 @@ _OF_SOMEBODY = (INFO, JOURNAL, STUDY_FILE, LOG_FILE)
 
 
 class KnownBy(Struct):
-    """What a recording is known by: files of these sizes and check sums."""
+    """The sizes and checksums that identify a recording."""
 
     sizes: list[int] = []
-    """Bytes, also of a folder with everything in it."""
+    """Bytes, for a folder with all contents."""
     hashes: list[str] = []
-    """As `rise_engine.base.files.tree_hash` has them."""
+    """From `rise_engine.base.files.tree_hash`."""
 
 
 def why_not_export(study: Path, export: str) -> str:
-    """Why an export is left to people because of where it lies, or empty: the study may be a copy, and what lies
-    elsewhere somebody else's.
+    """Say why people must deal with an export because of its place, or return an empty text. The study may be a copy,
+    and files elsewhere may belong to others.
 
     :param study: the study's folder.
-    :param export: its path, from there on or absolute.
+    :param export: its path, absolute or relative to the study.
     """
     if "\0" in export:
         return f"{export} was named as an export of their data, and is not a path"
@@ -64,12 +64,12 @@ def why_not_export(study: Path, export: str) -> str:
 
 
 def why_not_recording(study: Path, session: Path, path: Path, facts: KnownBy) -> str:
-    """Why something that a session has registered as its recording is left to people, or empty.
+    """Say why people must deal with a recording that a session has registered, or return an empty text.
 
     :param study: the study's folder.
     :param session: the session's folder.
-    :param path: what it has registered, absolute.
-    :param facts: what it has registered of it.
+    :param path: the registered absolute path.
+    :param facts: the registered sizes and checksums.
     """
     if not os.path.lexists(path):
         return f"{path} is not on this computer: erase it where it was recorded"
@@ -87,10 +87,10 @@ def why_not_recording(study: Path, session: Path, path: Path, facts: KnownBy) ->
 
 
 def why_not_place(study: Path, path: Path) -> str:
-    """Why a recording is left to people because of where it lies, or empty.
+    """Say why people must deal with a recording because of its place, or return an empty text.
 
     :param study: the study's folder.
-    :param path: what a session has registered, absolute.
+    :param path: the absolute path that a session has registered.
     """
     if path.is_symlink():
         return f"{path} is a link to {path.resolve()}: erase their data there"
@@ -103,7 +103,7 @@ def why_not_place(study: Path, path: Path) -> str:
 
 
 def why_other(path: Path, hashes: Collection[str]) -> str:
-    """Why what lies at a path is not what was once written there, or empty. Raises OSError."""
+    """Say why a path no longer has the content that was written there, or return an empty text. Raises OSError."""
     if hashes and tree_hash(path) in hashes:
         return ""
     if hashes:
@@ -112,12 +112,12 @@ def why_other(path: Path, hashes: Collection[str]) -> str:
 
 
 def _real_place(path: Path) -> Path:
-    """Without links on the way; of a link, the link itself."""
+    """Resolve the links on the way to a path, but not the path itself."""
     return Path(os.path.normpath(Path(os.path.realpath(path.parent), path.name)))
 
 
 def _is_of_scenario(path: Path, root: Path) -> bool:
-    """Whether a scenario of the study lies there, or around it. Those in a bundle are the bundle's."""
+    """Whether the path is in, or contains, a scenario of the study. Scenarios in a bundle belong to the bundle."""
     if any((each / SCENARIO_FILE).exists() for each in (path, *path.parents) if root in each.parents):
         return True
     return not (path / MANIFEST_FILE).is_file() and any(path.rglob(SCENARIO_FILE))
@@ -129,7 +129,7 @@ def _size(path: Path) -> int:
 
 
 def _is_older(path: Path, session: Path) -> bool:
-    """Whether it was last written before the session began."""
+    """Whether it was last written before the session began, or this is unknown."""
     try:
         started = datetime.fromisoformat(read_info(session, compare=False).started).timestamp()
     except (SessionError, ValueError):
@@ -142,46 +142,46 @@ _LIST = "list.json"
 
 
 class WithdrawalPlan(Struct):
-    """What is to be erased."""
+    """The list of what to erase."""
 
     participant: str
     sessions: list[str] = field(default_factory=list)
-    """Names of their folders in the study's sessions."""
+    """The names of their folders in the study's sessions."""
     recordings: list[str] = field(default_factory=list)
-    """Files, and folders of bags, that their sessions have registered; absolute."""
+    """Absolute paths of files and folders of bags that their sessions have registered."""
     exports: dict[str, list[str]] = field(default_factory=dict)
-    """What was exported of their sessions into the study's folder, from there on, and who else is in each."""
+    """Exports of their sessions, relative to the study's folder, each with the other participants in it."""
     unreachable: list[str] = field(default_factory=list)
-    """What their sessions have registered and cannot be erased, in sentences."""
+    """Sentences on registered data that cannot be erased."""
     export_folders: list[str] = field(default_factory=list)
-    """Those of `exports` that were written as folders: they are erased with everything in them."""
+    """The `exports` that were written as folders and are erased with all contents."""
     kept: list[dict[str, str]] = field(default_factory=list)
     """Rows that stay in the study's `anonymous.csv`."""
     hashes: dict[str, list[str]] = field(default_factory=dict)
-    """Of exports and recordings, by their paths: what was written there."""
+    """The hashes of exports and recordings as they were written, by path."""
     begun: list[str] = field(default_factory=list)
-    """Those that were found to be what was written, and are being erased."""
+    """Files that were found unchanged, and whose erasing has begun."""
 
 
 class WithdrawalReport(Struct):
-    """What was done, and what is left for people."""
+    """What was erased, and what people must do."""
 
     erased: list[str] = field(default_factory=list)
     make_again: list[str] = field(default_factory=list)
-    """Exports that held others, too."""
+    """Exports with other participants."""
     remains: list[str] = field(default_factory=list)
-    """Where they are still named in the study's folder, in sentences."""
+    """Sentences on where the study's folder still names them."""
     unreached: list[str] = field(default_factory=list)
-    """What is known of and was not erased, and why, in sentences."""
+    """Sentences on known data that were not erased, and why."""
     beyond: list[str] = field(default_factory=list)
-    """What nobody can reach or know of from here, in sentences."""
+    """Sentences on data that no program can reach or know of."""
 
 
 # --- the list of what is to go --------------------------------------------------------------------------------------
 
 
 def left_work(study: Path, participant: str) -> Path | None:
-    """What an earlier run has left."""
+    """Find the folder that an earlier run has left."""
     for folder in folders_in(study / WORK_FOLDER):
         try:
             if read_list(folder).participant == participant:
@@ -192,9 +192,9 @@ def left_work(study: Path, participant: str) -> Path | None:
 
 
 def erase_unlisted(study: Path) -> None:
-    """What was left by a run that was ended before its list was written, or while that was erased, as the last of all.
+    """Erase folders of runs that ended before their list was written, or while it was erased at the very end.
 
-    The list is written in one step, so one that cannot be read is half erased.
+    Lists are written in one step, so an unreadable list is half erased.
     """
     for folder in folders_in(study / WORK_FOLDER):
         try:
@@ -224,8 +224,8 @@ def write_list(work: Path, plan: WithdrawalPlan, disk: Disk) -> None:
 
 
 def join_plans(before: WithdrawalPlan, now: WithdrawalPlan) -> WithdrawalPlan:
-    """What an earlier run has left, and what has come since."""
-    moved = tuple(f"session {name} " for name in before.sessions)  # the log says that these are not there any more
+    """Join the list of an earlier run with what has been added since."""
+    moved = tuple(f"session {name} " for name in before.sessions)  # the log reports these as missing
     unreachable = [*before.unreachable, *(each for each in now.unreachable if not each.startswith(moved))]
     return WithdrawalPlan(
         now.participant,
@@ -244,11 +244,11 @@ def join_plans(before: WithdrawalPlan, now: WithdrawalPlan) -> WithdrawalPlan:
 
 
 class Erasing:
-    """Erases what a list names. What cannot be erased is told, and stays on the list for the next time.
+    """The erasing of what a list names. What cannot be erased is reported and stays listed for the next run.
 
     :param study: the study's folder.
-    :param work: the folder of the list, with the session folders that were moved there.
-    :param disk: what writes.
+    :param work: the folder with the list and the moved session folders.
+    :param disk: does the writing.
     """
 
     def __init__(self, study: Path, work: Path, disk: Disk) -> None:
@@ -260,9 +260,9 @@ class Erasing:
         self.report = WithdrawalReport(unreached=list(self._plan.unreachable))
 
     def run(self) -> WithdrawalReport:
-        """What was done. Raises OSError: not even the list can be written."""
+        """Erase everything and return the report. Raises OSError when even the list cannot be written."""
         plan, report = self._plan, self.report
-        add_rows(self._study, plan.kept, self._disk)  # first: from here on they stand nowhere else
+        add_rows(self._study, plan.kept, self._disk)  # first: the list is their only place until then
         for text in plan.recordings:
             self._erase_if_same(text, why_not_place(self._study, Path(text)), proved=text in plan.hashes)
         for text, others in plan.exports.items():
@@ -275,8 +275,8 @@ class Erasing:
             ]
             self._erase(self._work / name, f"{SESSIONS}/{name}")
         if not self._failed:
-            erase_folder(self._work)  # with the list: from here on nothing is left to do
-            with suppress(OSError):  # somebody else's are being erased, too
+            erase_folder(self._work)  # with the list: nothing is left to do
+            with suppress(OSError):  # another participant's data are being erased too
                 (self._study / WORK_FOLDER).rmdir()
         self._disk.sync_folder(self._study)
         return report
@@ -323,7 +323,7 @@ def _linked_files(folder: Path) -> list[Path]:
 
 
 def erase_leftovers(study: Path, report: WithdrawalReport) -> None:
-    """What killed exports have left, of whomever."""
+    """Erase what killed exports have left, whoever is in it."""
 
     def erase(folder: Path) -> None:
         try:

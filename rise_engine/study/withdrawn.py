@@ -1,8 +1,7 @@
-"""What stays of people who have withdrawn: a salted hash in study.jsonl, and rows of `anonymous.csv` if they agreed.
+"""What remains of withdrawn participants: a salted hash in study.jsonl, and rows of `anonymous.csv` if they agreed.
 
-A hash answers one question: whether somebody who is to take part now has withdrawn before. With the salt beside it,
-whoever tries all pseudonyms finds the one; so the salt stays in the study's folder, and is taken out of whatever of
-study.jsonl is given to others (`without_salts`).
+The hash only tells whether a new participant has withdrawn before. With the salt, somebody could find the pseudonym by
+trying all. So the salt stays in the study's folder and is removed from every study.jsonl for others (`without_salts`).
 """
 
 from __future__ import annotations
@@ -21,23 +20,23 @@ from rise_engine.base.files import Disk
 from rise_engine.study.study_log import LogEntry
 
 PREFIX = "withdrawn:"
-"""Of what stands in the log in the place of a pseudonym: `withdrawn:` and the hash. No pseudonym has a colon."""
+"""The start of the hash that replaces a pseudonym in the log. No pseudonym has a colon."""
 
 
 def new_salt() -> str:
-    """A salt that nobody can guess."""
+    """Return a salt that nobody can guess."""
     return secrets.token_hex(16)
 
 
 def hash_pseudonym(participant: str, salt: str) -> str:
-    """The salted hash, in hexadecimal digits."""
+    """Return the salted hash in hexadecimal digits."""
     return hashlib.sha256(f"{salt}/{participant}".encode()).hexdigest()
 
 
 def is_withdrawn(participant: str, log: Iterable[LogEntry]) -> bool:
     """Whether a participant has withdrawn.
 
-    :param participant: a pseudonym, or what stands in its place in the log since then.
+    :param participant: a pseudonym, or its replacement in the log.
     :param log: all entries of study.jsonl.
     """
     if participant.startswith(PREFIX):
@@ -47,21 +46,21 @@ def is_withdrawn(participant: str, log: Iterable[LogEntry]) -> bool:
 
 
 class Withdrawn(Struct, frozen=True):
-    """How many have withdrawn; nothing else is known of them."""
+    """The number of withdrawn participants. Nothing else is known of them."""
 
     count: int = 0
     begun: int = 0
-    """Of these, who had begun."""
+    """The number of those who had taken a slot."""
 
 
 def withdrawn_of(log: Iterable[LogEntry]) -> Withdrawn:
-    """How many have withdrawn, as the log has it."""
+    """Count the withdrawn participants in the log."""
     entries = [each for each in log if each.kind == "withdrawn"]
     return Withdrawn(len(entries), sum(each.get("slot") is not None for each in entries))
 
 
 def without_salts(log: Sequence[LogEntry]) -> list[LogEntry]:
-    """The log as it can be given to others: nobody can find a pseudonym by trying them all."""
+    """Return the log for others, without the salts that would allow trying all pseudonyms."""
     return [
         replace(each, fields={name: value for name, value in each.fields.items() if name != "salt"}) for each in log
     ]
@@ -71,21 +70,21 @@ def without_salts(log: Sequence[LogEntry]) -> list[LogEntry]:
 
 FILE = "anonymous.csv"
 CONSENT = "anonymous"
-"""`consent_anonymous` in participants.csv is the day on which somebody agreed to it."""
+"""The column `consent_anonymous` of participants.csv has the day on which somebody agreed to it."""
 ID = "id"
 
 
 def new_id() -> str:
-    """An id that says nothing."""
+    """Return an id that reveals nothing."""
     return f"A{secrets.token_hex(4)}"
 
 
 def add_rows(study: Path, rows: Sequence[Mapping[str, str]], disk: Disk) -> None:
-    """Put rows into the study's file, unless their ids are there already: so it can be said again after a kill.
+    """Add rows to the study's file, except those with a known id, so that a call can be repeated after a kill.
 
     :param study: the study's folder.
     :param rows: each with an `id`.
-    :raises OSError: it cannot be written; then the file is as it was.
+    :raises OSError: it cannot be written; then the file is unchanged.
     """
     columns, kept = read_rows(study)
     known = {row.get(ID) for row in kept}
@@ -101,7 +100,7 @@ def add_rows(study: Path, rows: Sequence[Mapping[str, str]], disk: Disk) -> None
 
 
 def read_rows(study: Path) -> tuple[list[str], list[dict[str, str]]]:
-    """The file's columns and rows; none where there is no file. Raises OSError."""
+    """Read the file's columns and rows. Empty where there is no file. Raises OSError."""
     try:
         text = (study / FILE).read_text("utf-8")
     except FileNotFoundError:

@@ -1,2 +1,2 @@
-"""What happened in a session, as whoever analyses it needs it: acts with their latencies, cues, phases, marks, and what
-recorded it; over one session, or over those of a study."""
+"""The events of one or several sessions in the form needed for analysis: acts with their latencies, cues, phases,
+marks and recordings."""

@@ -1,7 +1,7 @@
 """Acts and cues of a session, with the parts of every latency.
 
-What old journals do not say is worked out from their other records: who asked for an act from its task, whether it
-bridged a cue from the cue, when it was to be heard from its actions.
+Values that old journals lack are computed from their other records: who requested an act from its task, whether it
+bridged a cue from the cue, and when it could be heard from its actions.
 """
 
 from __future__ import annotations
@@ -24,33 +24,32 @@ from rise_engine.scenario.ssml import plain_words
 from rise_engine.scenario.template import spoken_text
 
 _TELLING = ("value", "duration")
-"""Parameters, the most telling first."""
+"""Parameters that describe an action, the best first."""
 
 
 def _share_words(task: TaskView) -> None:
-    """Hundreds of thousands of tasks of a node say the same words: in memory, once."""
+    """Keep equal texts in memory once: a node can have hundreds of thousands of tasks with the same words."""
     task.function, task.behavior = intern(task.function), intern(task.behavior)
     task.calling_type, task.source = intern(task.calling_type), intern(task.source)
 
 
 class ActCollector:
-    """Takes in the records of a session in their order, and says which acts and cues they tell of."""
+    """A collector of acts and cues. Give it a session's records in their order."""
 
     def __init__(self, scenario: Scenario | None) -> None:
         """
-        :param scenario: the session's; None: it cannot be loaded, and channels are those of the core actions.
+        :param scenario: the session's scenario; None: it cannot be loaded, and the core actions give the channels.
         """
         self._scenario = scenario
         self._specs = specs_of(scenario)
         self._tasks: dict[int, TaskView] = {}
         self._cues: list[Cue] = []
         self._answers: dict[int, int] = {}
-        """By task, the cue in the list that it answered."""
+        """For each task, the index of the cue that it answered."""
         self._bridges: dict[int, int] = {}
         self._causes = CauseCollector(self._tasks)
 
     def add(self, record: AnyRecord) -> None:
-        """Take in the next record."""
         add_record(self._tasks, record)
         self._causes.add(record)
         if isinstance(record, CueRecord):
@@ -59,22 +58,22 @@ class ActCollector:
             _share_words(self._tasks[record.id])
 
     def acts(self) -> tuple[PlayedAct, ...]:
-        """Every act, by when the engine took it."""
+        """Return every act, in the order in which the engine accepted them."""
         acts = [task for task in self._tasks.values() if task.is_act]
         marks = self._causes.marks([act.id for act in acts])
         played = [self._played(act, marks.get(act.id)) for act in acts]
         return tuple(sorted(played, key=lambda each: (each.accepted_at, each.task)))
 
     def keys(self) -> tuple[WizardKey, ...]:
-        """What wizards asked for."""
+        """Return the requests of wizards."""
         return self._causes.keys([task.id for task in self._tasks.values() if task.is_act])
 
     def raised(self) -> tuple[tuple[float, str], ...]:
-        """Which events wizards raised, and when."""
+        """Return the events that wizards raised, with their times."""
         return self._causes.raised()
 
     def cues(self, acts: Iterable[PlayedAct]) -> tuple[Cue, ...]:
-        """Every cue, with what `acts` answered and bridged it."""
+        """Return every cue, with the answers and fillers among `acts`."""
         by_task = {act.task: act for act in acts}
         cues = list(self._cues)
         for task, index in self._bridges.items():
@@ -92,7 +91,7 @@ class ActCollector:
             self._cues.append(Cue(at=record.t, source=record.source, text=record.text))
             return
         if not self._cues:
-            return  # what marked it cannot be read
+            return  # the record of the cue itself cannot be read
         index = len(self._cues) - 1
         if record.status == "undone":
             self._cues[index] = replace(self._cues[index], undone_at=record.t)
@@ -139,12 +138,12 @@ class ActCollector:
 
 
 def specs_of(scenario: Scenario | None) -> Mapping[str, ActionSpec]:
-    """What is known of the actions of a session's robot; of the core actions where its scenario cannot be loaded."""
+    """Return the actions of a session's robot, or the core actions if its scenario cannot be loaded."""
     return scenario.robot.actions if scenario is not None else core_actions()
 
 
 def parts_of(task: TaskView, specs: Mapping[str, ActionSpec]) -> tuple[ActPart, ...]:
-    """The actions of an act as the robot did them. What the engine does itself, as a pause, no robot confirms."""
+    """Return the actions of an act as the robot did them. It does not confirm the engine's own, such as pauses."""
     return tuple(_part(action, specs.get(action.sent_as or action.type)) for action in task.actions.values())
 
 
@@ -164,14 +163,14 @@ def _part(action: ActionView, spec: ActionSpec | None) -> ActPart:
 
 
 def confirmed_at(parts: Iterable[ActPart]) -> tuple[float | None, float | None]:
-    """When the robot had taken the first of an act's actions, and the first one that takes the voice."""
+    """Return when the robot accepted the first of an act's actions, and the first that uses the voice."""
     found = [(part.accepted_at, part.channels) for part in parts if part.accepted_at is not None]
     voiced = (at for at, channels in found if SPEECH_CHANNEL in channels)
     return min((at for at, _ in found), default=None), min(voiced, default=None)
 
 
 def telling_text(parameters: Mapping[str, Any]) -> str:
-    """What an action says, or its most telling parameter, in a few words.
+    """Describe an action in a few words: what it says, or its most informative parameter.
 
     >>> telling_text({"message": "<speak>Hello<break time='1s'/>you</speak>"}), telling_text({"value": "nod"})
     ('Hello you', 'nod')

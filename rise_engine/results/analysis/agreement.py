@@ -1,8 +1,8 @@
-"""How far people agree who judged the same things: percent, kappa, alpha, ICC, limits of agreement.
+"""Agreement of people who judged the same things: percent, kappa, alpha, ICC, limits of agreement.
 
-Pure and small on purpose: five formulas of the literature, proved in the tests against published data sets and against
-four libraries (two of which are GPL, so that none can be a dependency). Where a statistic is not defined the answer is
-a sentence and no number: `Estimate.value` is None, and `Estimate.why` says why.
+There are five formulas from the literature. Tests compare them with published data sets and four libraries, which
+cannot be dependencies (two are under the GPL). An undefined statistic has a sentence instead of a number:
+`Estimate.value` is None, and `Estimate.why` gives the reason.
 
 Sources: Cohen 1960 (kappa), Fleiss, Cohen and Everitt 1969 (its error), Krippendorff 2004 (alpha), McGraw and Wong 1996
 and Shrout and Fleiss 1979 (ICC), Bland and Altman 1986 (limits of agreement).
@@ -26,44 +26,44 @@ Scale: TypeAlias = Literal["nominal", "interval"]
 
 NOTHING_SHARED = "nothing was judged by two of them"
 _NO_ERROR = 1e-6
-"""Below it an error is what rounding leaves of nothing (the root of 1e-16)."""
+"""A smaller error is only rounding (the root of 1e-16)."""
 _SAME = 1e-12
-"""Sums that differ by less than so much of their size are equal: what is left is rounding."""
+"""Sums with a smaller relative difference are equal; the rest is rounding."""
 
 
 class Estimate(Struct, frozen=True, kw_only=True):
     """One statistic of a sample."""
 
     value: float | None = None
-    """None: it is not defined here."""
+    """None: it is undefined here."""
     error: float | None = None
-    """Its standard error."""
+    """The standard error."""
     low: float | None = None
     high: float | None = None
-    """Ends of its 95 % interval."""
+    """The ends of the 95 % interval."""
     n: int = 0
-    """Of how many units (or pairs of judgements) it is."""
+    """The number of units, or of pairs of judgements."""
     why: str = ""
-    """A sentence: why there is no value, or no interval."""
+    """A sentence on why there is no value or no interval."""
 
 
 class Differences(Struct, frozen=True, kw_only=True):
-    """How much the second of each pair lies above the first (Bland and Altman 1986)."""
+    """The differences second minus first of pairs (Bland and Altman 1986)."""
 
     n: int = 0
     mean: float | None = None
     deviation: float | None = None
-    """Standard deviation of the differences."""
+    """The standard deviation of the differences."""
     low: float | None = None
     high: float | None = None
-    """The limits of agreement: 95 % of differences lie between them, if they are normally distributed."""
+    """The limits of agreement: 95 % of the differences are between them, if they are normally distributed."""
     why: str = ""
 
 
 def percent_agreement(pairs: Sequence[Pair[Value]]) -> Estimate:
-    """The share of units of which both say the same, as a number from 0 to 1, with Wilson's interval.
+    """Compute the share of units on which both agree, from 0 to 1, with Wilson's interval.
 
-    It does not know how often two would agree by chance: read it beside kappa.
+    It ignores agreement by chance, so read it together with kappa.
     """
     if not pairs:
         return Estimate(why=NOTHING_SHARED)
@@ -73,16 +73,16 @@ def percent_agreement(pairs: Sequence[Pair[Value]]) -> Estimate:
 
 
 def confusion_counts(pairs: Sequence[Pair[Value]]) -> dict[Pair[Value], int]:
-    """How often the first said this while the second said that."""
+    """Count how often each pair of categories occurs, the first rater's and the second's."""
     return dict(Counter(pairs))
 
 
 def cohen_kappa(pairs: Sequence[Pair[Value]]) -> Estimate:
-    """Cohen's kappa of two raters over nominal categories, unweighted.
+    """Compute Cohen's kappa of two raters over nominal categories, unweighted.
 
-    Agreement beyond what two would reach who choose as often as these do, but blindly: 0 is chance, 1 is perfect. Its
-    standard error is the one for a kappa that is not 0 (Fleiss, Cohen and Everitt 1969), for large
-    samples; the interval is value ± 1.96 errors, cut at -1 and 1, and there is none where the error comes out as 0.
+    This is the agreement beyond that of two blind raters with the same category frequencies: 0 is chance, 1 is perfect.
+    The standard error is the one for a kappa other than 0 (Fleiss, Cohen and Everitt 1969), for large samples. The
+    interval is value ± 1.96 errors, cut at -1 and 1. There is none if the error is 0.
 
     :param pairs: one pair of categories for each unit that both have judged.
     """
@@ -96,7 +96,7 @@ def cohen_kappa(pairs: Sequence[Pair[Value]]) -> Estimate:
     if sum(rows[each] * columns[each] for each in rows) == n * n:
         return Estimate(n=n, why=_one_category(next(iter(rows))))
     kappa = (observed - expected) / (1 - expected)
-    # p_ij the share of a cell, p_i. and p_.j its row and its column.
+    # p_ij is the share of a cell, p_i. and p_.j are those of its row and its column.
     agreeing = fsum(cells[each, each] / n * (1 - (rows[each] + columns[each]) / n * (1 - kappa)) ** 2 for each in rows)
     other = (1 - kappa) ** 2 * fsum(
         count / n * ((columns[first] + rows[second]) / n) ** 2
@@ -117,15 +117,15 @@ def cohen_kappa(pairs: Sequence[Pair[Value]]) -> Estimate:
 
 
 def krippendorff_alpha(units: Sequence[Sequence[Value | None]], scale: Scale = "nominal") -> Estimate:
-    """Krippendorff's alpha: for any number of raters, also where some have not judged everything.
+    """Compute Krippendorff's alpha for any number of raters, even if some have not judged everything.
 
-    1 minus the disagreement that was observed over the one expected if the values that were given had been dealt out by
+    It is 1 minus the observed disagreement divided by the disagreement expected if the given values were assigned by
     chance; 0 is chance, 1 is perfect. Two values disagree by 0 or 1 (nominal), or by the square of their difference
-    (interval; they must be numbers then).
+    (interval, for numbers only).
 
-    :param units: for each unit one value of each rater, None where there is none. A unit with fewer than two values
-        says nothing and is left out.
-    :return: without error or interval; `n` is the number of units that count.
+    :param units: for each unit one value of each rater, None where there is none. Units with fewer than two values are
+        left out.
+    :return: without error or interval; `n` is the number of units used.
     """
     paired = [[value for value in unit if value is not None] for unit in units]
     paired = [values for values in paired if len(values) > 1]
@@ -148,7 +148,7 @@ def _difference_of(scale: Scale) -> Callable[[Value, Value], float]:
 
 
 def _disagreement(counts: Counter[Value], differ: Callable[[Value, Value], float]) -> float:
-    """Over all ordered pairs of values that were counted, how far they differ in sum."""
+    """Sum the differences over all ordered pairs of the counted values."""
     return 2 * fsum(counts[first] * counts[second] * differ(first, second) for first, second in combinations(counts, 2))
 
 
@@ -160,12 +160,12 @@ def _one_category(value: object) -> str:
 
 
 def icc_a1(rows: Sequence[Sequence[float]]) -> Estimate:
-    """ICC(A,1), also called ICC(2,1): absolute agreement of single raters, both drawn by chance.
+    """Compute ICC(A,1), also called ICC(2,1): absolute agreement of single raters from a random sample.
 
-    The share of the variance that lies between units, when differences between the raters count as error too: a second
+    This is the share of the variance between units, where differences between raters also count as error. A second
     wizard who is always 0.3 s later lowers it. The 95 % interval is that of McGraw and Wong 1996.
 
-    :param rows: for each unit the number of every rater; all of them, at least two.
+    :param rows: for each unit one number of each rater, at least two, none missing.
     :raises ValueError: the rows have different lengths, or fewer than two numbers.
     """
     if not rows:
@@ -196,7 +196,7 @@ def icc_a1(rows: Sequence[Sequence[float]]) -> Estimate:
 def _icc_interval(
     icc: float, between: float, raters: float, residual: float, n: int, k: int, *, smallest: float
 ) -> tuple[float | None, float | None]:
-    """`smallest`: mean squares below it are rounding. (None, None): the approximation does not hold."""
+    """Compute the interval. Mean squares below `smallest` are rounding. (None, None): the approximation fails."""
     if residual <= smallest:  # the raters differ by a constant, or not at all
         return (icc, icc) if raters <= smallest else (None, None)
     ratio = raters / residual
@@ -214,9 +214,9 @@ def _icc_interval(
 
 
 def limits_of_agreement(pairs: Sequence[tuple[float, float]]) -> Differences:
-    """The mean of second minus first, and the limits within which 95 % of differences lie.
+    """Compute the mean of second minus first, and the limits that contain 95 % of the differences.
 
-    :param pairs: two numbers for each unit, in the same unit of measurement.
+    :param pairs: two numbers for each unit, both in the same unit of measurement.
     """
     n = len(pairs)
     if not n:
@@ -233,11 +233,11 @@ def limits_of_agreement(pairs: Sequence[tuple[float, float]]) -> Differences:
 
 
 def f_quantile(share: float, above: float, below: float) -> float:
-    """The value below which `share` of an F distribution lies.
+    """Compute the value below which `share` of an F distribution lies.
 
     :param share: between 0 and 1, both excluded.
     :param above: degrees of freedom of the numerator; need not be whole.
-    :param below: those of the denominator.
+    :param below: degrees of freedom of the denominator.
     """
     low, high = 0.0, 1.0
     while _f_share(high, above, below) < share and high < 1e300:
@@ -255,7 +255,7 @@ def _f_share(value: float, above: float, below: float) -> float:
 
 
 def _beta_share(x: float, a: float, b: float) -> float:
-    """The regularised incomplete beta function, by its continued fraction (DLMF 8.17.22), where that converges fast."""
+    """Compute the regularised incomplete beta function by its continued fraction (DLMF 8.17.22), in its fast range."""
     if x <= 0:
         return 0.0
     if x >= 1:
@@ -263,7 +263,7 @@ def _beta_share(x: float, a: float, b: float) -> float:
     if x > (a + 1) / (a + b + 2):
         return 1 - _beta_share(1 - x, b, a)
     front = exp(lgamma(a + b) - lgamma(a) - lgamma(b) + a * log(x) + b * log1p(-x)) / a
-    # From the first term on: numerator and denominator of the fraction's ends, by the rule of Wallis and Lentz.
+    # Evaluate the fraction from its first term on, with numerators and denominators by Wallis and Lentz.
     tiny = 1e-300
     fraction, last_top, last_bottom = 1.0, 1.0, 0.0
     for step in range(100_000):

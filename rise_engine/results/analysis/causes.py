@@ -1,8 +1,8 @@
-"""Whose doing something is: the way back from it to the key, the cue, the event or the value that caused it.
+"""Who caused a task: traces it back to the key, cue, event or value that led to it.
 
-The engine records of each thing that a rule asks for which task led to it (semantics.md 4.5). Followed back, act by
-act, that leads to something that no rule asked for, or to a rule that acted by itself. Everything that says who did
-something asks here.
+The engine records for each request of a rule which task led to it (semantics.md 4.5). Followed back act by act, this
+leads to something that no rule requested, or to a rule that acted by itself. All code that names who did something uses
+this module.
 """
 
 from __future__ import annotations
@@ -23,7 +23,7 @@ _COMMAND_LINE = "wizard:command-line"
 
 
 def actor_of(source: str) -> ActorKind:
-    """What kind of source a record names.
+    """Return the kind of a record's source.
 
     >>> actor_of("wizard:anna"), actor_of("rule:Greeting"), actor_of("engine"), actor_of("ros:/node")
     ('wizard', 'rule', 'engine', 'program')
@@ -35,35 +35,35 @@ def actor_of(source: str) -> ActorKind:
 
 
 class Origin(Struct, frozen=True):
-    """Where the way back ends."""
+    """The task at the beginning of a chain of causes."""
 
     task: int
-    """What was asked for there: by a person, a program, or a rule by itself."""
+    """The first request: from a person, a program, or a rule by itself."""
     by: str
-    """Its source, as the record has it."""
+    """Its source as in the record."""
     via: tuple[str, ...] = ()
-    """The rules between, the first one first, each once."""
+    """The rules in between, in their order, each once."""
     key_at: float | None = None
-    """When the key was pressed; where a wizard's key began it through rules and the record does not hold that, when the
-    engine took what it asks for. None: no key began it, or the cue's own did."""
+    """When the key was pressed. If a wizard's key caused it through rules and the record lacks this time: when the
+    engine accepted the wizard's request. None: no key caused it, or only the key of the cue."""
 
 
 class CauseCollector:
-    """Takes in the records of a session in their order."""
+    """A collector of causes. Give it a session's records in their order."""
 
     def __init__(self, tasks: Mapping[int, TaskView]) -> None:
         """
-        :param tasks: those of the session, each as its records so far tell it.
+        :param tasks: the session's tasks, each as known from the records so far.
         """
         self._tasks = tasks
         self._origins: dict[int, Origin] = {}
         self._started: dict[str, tuple[float, int]] = {}
-        """By rule, when which task started it last."""
+        """For each rule, the time and the task of its last start."""
         self._raised: list[tuple[float, str, int | None]] = []
-        """Events: when, which, and the task that had started the rule at that moment; None: a wizard raised it."""
+        """Events: time, topic, and the task that had started the rule at that moment. None: a wizard raised it."""
 
     def add(self, record: AnyRecord) -> None:
-        """Take in the next record, after the task that it is about."""
+        """Add the next record. If it is about a task, update that first."""
         if isinstance(record, TaskRecord):
             if record.function == START_RULE and record.status == "ACTIVE":
                 self._started[started_rule(record.behavior)] = (record.t, record.id)
@@ -79,7 +79,7 @@ class CauseCollector:
             self._raised.append((record.t, record.topic, None if kind == "wizard" else task))
 
     def raised(self) -> tuple[tuple[float, str], ...]:
-        """When which event was raised by a wizard, or by a rule at the moment at which a wizard's key started it."""
+        """Return times and topics of events from wizards, and from rules at the moment when a wizard started them."""
         by_wizards = (
             (at, topic)
             for at, topic, task in self._raised
@@ -88,7 +88,7 @@ class CauseCollector:
         return tuple(by_wizards)
 
     def origin_of(self, task: int) -> Origin:
-        """Where a task comes from. Once all records are taken in."""
+        """Return the origin of a task. Call this after all records are added."""
         way: list[int] = []
         at = task
         while at not in self._origins:
@@ -104,7 +104,7 @@ class CauseCollector:
         return self._origins[task]
 
     def marks(self, acts: Sequence[int]) -> dict[int, Mark]:
-        """What wizards said was wrong about acts: about the act itself, or the key of which it came first.
+        """Return the mistakes that wizards marked, for each act itself, or for the key that first led to it.
 
         :param acts: the tasks of all acts, in their order.
         """
@@ -118,14 +118,14 @@ class CauseCollector:
         return found
 
     def _first_acts(self, acts: Iterable[int]) -> dict[int, int]:
-        """By what began it, the first act that came of it."""
+        """Return the first act that each origin led to."""
         first: dict[int, int] = {}
         for act in acts:
             first.setdefault(self.origin_of(act).task, act)
         return first
 
     def keys(self, acts: Sequence[int]) -> tuple[WizardKey, ...]:
-        """Everything that wizards asked for, but for what they said about tasks, in its order.
+        """Return all requests of wizards in their order, except marks and the like on tasks.
 
         :param acts: the tasks of all acts, in their order.
         """
@@ -157,7 +157,7 @@ class CauseCollector:
         return Origin(task.id, task.source, task.via, None if task.function == CUE else task.key_at)
 
     def _extend(self, before: Origin, task: TaskView) -> Origin:
-        """One step further: what came of it, or a repetition, which has a cause and is asked for by nobody's rule."""
+        """Go one step on: to a consequence, or to a repetition, which has a cause but is not requested by a rule."""
         rules = [*before.via, *task.via]
         if actor_of(task.source) == "rule":
             rules.append(task.source.removeprefix("rule:"))

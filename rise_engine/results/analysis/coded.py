@@ -1,4 +1,4 @@
-"""What people have annotated of a session, as a level tells it, beside what the robot said then."""
+"""People's annotations of a session as a level shows them, compared with the robot's speech."""
 
 from __future__ import annotations
 
@@ -24,14 +24,14 @@ def read_annotations(
     end: float,
     problems: list[str],
 ) -> tuple[CodedAnnotation, ...]:
-    """What people have annotated, by its begin.
+    """Read the annotations, in the order in which they begin.
 
-    :param folder: the session's.
-    :param level: how much is told.
-    :param acts: of the session.
+    :param folder: the session's folder.
+    :param level: the level's filter.
+    :param acts: the session's acts.
     :param outages: when it had no engine.
-    :param end: of the session, in seconds.
-    :param problems: what cannot be read goes there, in sentences.
+    :param end: the session's end in seconds.
+    :param problems: gets sentences about what cannot be read.
     """
     found: list[CodedAnnotation] = []
     try:
@@ -51,11 +51,11 @@ def read_annotations(
 
 
 def robot_speech(acts: Iterable[PlayedAct], end: float) -> Spans:
-    """When the robot spoke, by its begin: from when it confirmed a speech action until that ended. What overlaps, or
-    follows at once, is one piece.
+    """Return when the robot spoke, in order: from the confirmation of a speech action to its end. Pieces that overlap
+    or follow at once are joined.
 
-    :param acts: of the session.
-    :param end: of the session: what had not ended lasts until then.
+    :param acts: the session's acts.
+    :param end: the session's end, which also ends unfinished speech.
     """
     pieces: list[tuple[float, float]] = []
     spoken = [
@@ -75,11 +75,11 @@ def robot_speech(acts: Iterable[PlayedAct], end: float) -> Spans:
 def coded_annotation(
     span: CodedSpan, file: CodedFile, level: LevelFilter, robot: Spans, outages: Sequence[Outage]
 ) -> CodedAnnotation:
-    """One annotation beside what the robot said.
+    """Convert one annotation and compare it with the robot's speech.
 
-    :param span: in session seconds.
-    :param file: which it is of.
-    :param level: how much is told.
+    :param span: the annotation in session seconds.
+    :param file: its file.
+    :param level: the level's filter.
     :param robot: when the robot spoke.
     :param outages: when the session had no engine.
     """

@@ -1,8 +1,8 @@
-"""What several wizards decided about the same cues: the one who ran the session, and those to whom it was played.
+"""The decisions of several wizards on the same cues: of the one who ran the session, and of those who judged it later.
 
-A decision is the first thing that a wizard asked for after a cue and that is no filler, no mark and no note: an act, an
-event, a rule, a value, speech, a stop. What was asked for before the cue is one when the act that came of it answered
-the cue. Nothing until the next cue is a decision, too (`NOTHING`). What was said freely is `say`, whatever its words.
+A decision is a wizard's first request after a cue that is not a filler, mark or note: an act, an event, a rule, a
+value, speech, a stop. A request before the cue counts if its act answered the cue. Doing nothing until the next cue is
+a decision too (`NOTHING`). Free speech is `say`, whatever its words.
 """
 
 from __future__ import annotations
@@ -41,7 +41,7 @@ from rise_engine.session.shadow import (
 )
 
 NOTHING = "(nothing)"
-"""The decision of who did nothing about a cue until it was over."""
+"""The decision of a wizard who did nothing until the cue was over."""
 ACT, SAY, EVENT, SET = "startCommunicationRobotAct", "say", "raiseEventTopic", "assignValue"
 _WORDS = {
     "stopCommunicationRobotAct": "stop",
@@ -54,54 +54,54 @@ _WORDS = {
     "stopRuleOfAct": "stop the rule of the failed act",
 }
 _WITHOUT_NAME = frozenset({"cancelTask", "stopAll", "goOn", "repeatAct", "stopRuleOfAct"})
-"""What names a task by its number, or nothing."""
+"""Functions whose behaviour is the number of a task, or empty."""
 
 
 class Decision(Struct, frozen=True):
-    """What one wizard did about one cue."""
+    """The decision of one wizard on one cue."""
 
     label: str
     latency: float | None = None
-    """Seconds from the cue to the key; None: nothing was done, or the time means nothing (see `why`)."""
+    """Seconds from the cue to the key. None: nothing was done, or the time is meaningless (see `why`)."""
     why: str = ""
-    """Why there is no latency although something was done: `paused`, `another speed`, `before the cue`."""
+    """Why a decision has no latency: `paused`, `another speed`, `before the cue`."""
 
 
 class JudgedCue(Struct, frozen=True, kw_only=True):
-    """One cue, and who decided what about it."""
+    """One cue with the decisions on it."""
 
     facts: SessionFacts
     number: int
-    """The how-manieth cue of its session, from 1; those that were taken back are counted and left out."""
+    """The number of the cue in its session, from 1. Undone cues are counted but left out."""
     at: float
     decisions: dict[str, Decision]
-    """By the wizard's name. Who did not see it is not there."""
+    """By the wizard's name, without wizards who did not see the cue."""
 
 
 class MarkedAct(Struct, frozen=True, kw_only=True):
-    """Something that the session's wizard did, and what each who marks mistakes says of it."""
+    """Something that the session's wizard did, with the marks of everybody who marks mistakes."""
 
     facts: SessionFacts
     task: int
     act: str
     marks: dict[str, Mark]
-    """By name; `none`: they saw it and found nothing wrong."""
+    """By name. `none`: they saw it and found no mistake."""
 
 
 class JudgedSession(Struct, kw_only=True):
     """One session with those who judged it."""
 
     live: str
-    """Who ran it; several, joined by ` + `."""
+    """The wizard who ran it. Several are joined by ` + `."""
     cues: list[JudgedCue] = field(default_factory=list)
     undone: int = 0
-    """Cues that were taken back, and count for nobody."""
+    """The number of undone cues, which do not count."""
     acts: list[MarkedAct] = field(default_factory=list)
     remarks: list[str] = field(default_factory=list)
 
 
 class _Window(Struct):
-    """A cue until the next one."""
+    """The time from a cue to the next one."""
 
     seq: int
     at: float
@@ -111,11 +111,11 @@ class _Window(Struct):
 
 
 def decision_label(scenario: Scenario | None, function: str, behavior: str) -> str:
-    """What was decided, in a few words that tell no value that somebody typed.
+    """Name a decision in a few words without typed values.
 
-    :param scenario: of the session; None where it cannot be read.
-    :param function: of the task.
-    :param behavior: of the task.
+    :param scenario: the session's scenario; None if it cannot be read.
+    :param function: the task's function.
+    :param behavior: the task's behaviour.
     """
     match function:
         case _ if function == ACT:
@@ -157,10 +157,10 @@ def _assigned(behavior: str) -> str:
 
 
 def judge_session(data: SessionData, names: Mapping[str, str] | None = None) -> JudgedSession:
-    """What was decided about each cue of a session.
+    """Collect the decisions on each cue of a session.
 
-    :param data: the session, read at the level `full`: decisions are told by their labels alone.
-    :param names: what to call each wizard; None: as they are called.
+    :param data: the session, read at the level `full`; decisions only show their labels.
+    :param names: the code of each wizard; None: their own names.
     """
     scenario = _scenario_of(data.folder)
     shadows, problems = read_shadows(data.folder)
@@ -190,7 +190,7 @@ def judge_session(data: SessionData, names: Mapping[str, str] | None = None) -> 
 
 
 def wizards_of(data: SessionData) -> list[str]:
-    """Everybody who ran, judged or marked a session, by name."""
+    """Return the names of everybody who ran, judged or marked a session."""
     marking = (_person(each.source) for each in data.records if isinstance(each, MistakeRecord))
     judging = (each.header.wizard for each in read_shadows(data.folder)[0])
     return list(dict.fromkeys([*_live_names(data), *judging, *marking]))
@@ -211,7 +211,7 @@ def _person(source: str) -> str:
 
 
 def _live_names(data: SessionData) -> list[str]:
-    """Who asked for anything, in order; if nobody did, who had control."""
+    """Return the wizards who requested anything, in order; if none did, those who had control."""
     acted = dict.fromkeys(
         _person(each.source)
         for each in data.records
@@ -265,7 +265,7 @@ def _decides(record: TaskRecord, scenario: Scenario | None) -> bool:
 def _judges(
     shadows: list[Shadow], live: list[str], names: Mapping[str, str], session: JudgedSession, name: str
 ) -> dict[str, Shadow]:
-    """By name: of several shadows of one wizard the last one that went to the end, or else the last one."""
+    """Return the judges by name. Of a wizard's several shadows, the last complete one counts, or else the last one."""
     found: dict[str, Shadow] = {}
     for shadow in shadows:
         judge = names.get(shadow.header.wizard, shadow.header.wizard)
@@ -284,7 +284,7 @@ def _judges(
 
 
 def _shadow_decisions(shadow: Shadow, scenario: Scenario | None) -> dict[int, Decision]:
-    """By the `seq` of each cue that was shown to its end or answered."""
+    """Return the decisions by the `seq` of each cue that was answered or shown to its end."""
     decisions: dict[int, Decision] = {}
     cue: ShadowCue | None = None
     paused = False
@@ -293,7 +293,7 @@ def _shadow_decisions(shadow: Shadow, scenario: Scenario | None) -> dict[int, De
             case ShadowCue():
                 if cue is not None and line.cue != cue.cue:
                     decisions.setdefault(cue.cue, Decision(NOTHING))
-                decisions.pop(line.cue, None)  # shown again: what was pressed then counts no more
+                decisions.pop(line.cue, None)  # shown again: earlier keys no longer count
                 cue, paused = line, False
             case ShadowPause():
                 paused = True
@@ -313,7 +313,7 @@ def _shadow_decisions(shadow: Shadow, scenario: Scenario | None) -> dict[int, De
 def _marked_acts(
     data: SessionData, scenario: Scenario | None, judges: Mapping[str, Shadow], names: Mapping[str, str]
 ) -> list[MarkedAct]:
-    """The wizard's acts, and whatever else somebody marked, with the marks of everybody who marked anything."""
+    """Return the wizard's acts and everything else that was marked, with the marks of all who marked anything."""
     coders: dict[str, dict[int, Mark]] = {}
     for record in data.records:
         if isinstance(record, MistakeRecord):

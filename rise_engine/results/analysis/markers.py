@@ -1,10 +1,9 @@
-"""Markers: what happened in a session, each moment in a few words, for programs that lay it beside an EEG or a video.
+"""Markers: each event of a session in a few words, for programs that align it with an EEG or a video.
 
     act/R_Welcome/robot     cue/marked     state/Greeting/Welcome     event/H_arrived     sync/2     stop/latched
 
-They hold names that the scenario gives and nothing that anybody said or typed, so that they may go to a network in
-clear. All of them: docs/reference/markers.md. The live stream (`rise-engine lsl`) and `--format xdf` have
-the same.
+They contain names from the scenario and nothing that people said or typed, so they may be sent unencrypted. All of
+them: docs/reference/markers.md. The live stream (`rise-engine lsl`) and `--format xdf` are the same.
 """
 
 from __future__ import annotations
@@ -41,7 +40,7 @@ from rise_engine.results.analysis.outages import records_by_wall_clock
 from rise_engine.scenario.model import ActionSpec, Scenario
 
 OTHER = "other"
-"""In the place of a name that somebody may have typed: the scenario does not have it."""
+"""Replaces a name that the scenario does not have and somebody may have typed."""
 _MOMENTS = {
     "PENDING": "accepted",
     "ACTIVE": "started",
@@ -54,7 +53,7 @@ _TYPED_BY = ("wizard:", "observer:")
 
 
 class MarkerWords:
-    """Words records, one after the other, in the order of the session."""
+    """A converter from records to markers. Give it a session's records in their order."""
 
     def __init__(
         self,
@@ -64,22 +63,22 @@ class MarkerWords:
     ) -> None:
         """
         :param specs: the actions of the session's robot.
-        :param is_known: whether the name of an act or a topic (without its slash) is the scenario's; another one that a
-            person gave is not told.
-        :param hide: takes out of other names what is private.
+        :param is_known: whether an act or a topic (without its slash) is in the scenario; other names that people gave
+            are not shown.
+        :param hide: removes private values from other names.
         """
         self._specs = specs
         self._is_known = is_known
         self._hide = hide
         self._tasks: dict[int, TaskView] = {}
-        """The acts that are not over."""
+        """The acts that have not ended."""
 
     def skip_to(self, view: SessionView) -> None:
-        """Begin with a session that is under way: what is in `view` is over and will not be told."""
+        """Start in a running session. Everything in `view` is past and gets no markers."""
         self._tasks = {id: deepcopy(view.tasks[id]) for id in (*view.running, *view.waiting) if id in view.tasks}
 
     def words(self, record: AnyRecord) -> tuple[str, ...]:
-        """The markers of a record, none for most kinds."""
+        """Return the markers of a record. Most kinds have none."""
         match record:
             case TaskRecord(function="startCommunicationRobotAct" | "say"):
                 return self._task(record)
@@ -112,7 +111,7 @@ class MarkerWords:
         add_record(self._tasks, record)
         if record.status in FINAL:
             del self._tasks[record.id]
-        elif before == record.status:  # its place in the queue has changed
+        elif before == record.status:  # only its place in the queue has changed
             return ()
         name = SAY if record.function == SAY else self._name("act", record.behavior, record.source)
         return (f"act/{name}/{_MOMENTS[record.status]}",)
@@ -134,7 +133,7 @@ class MarkerWords:
 
 
 def live_words(scenario: Scenario, hide: Callable[[str], str]) -> MarkerWords:
-    """For a running session of `scenario`; `hide` takes private values out of a text."""
+    """Make the converter for a running session of `scenario`. `hide` removes private values from a text."""
 
     def is_known(kind: Literal["act", "topic"], name: str) -> bool:
         return name in (scenario.acts if kind == "act" else scenario.topics)
@@ -143,13 +142,13 @@ def live_words(scenario: Scenario, hide: Callable[[str], str]) -> MarkerWords:
 
 
 def recorded_markers(data: SessionData) -> list[tuple[float, str]]:
-    """The markers of a recorded session, in order: seconds by the wall clock since it began, and words."""
+    """Return the markers of a recorded session in order: wall-clock seconds since its start, and words."""
     words = MarkerWords(specs_of(data.scenario))
     return [(at, each) for at, record in records_by_wall_clock(data) for each in words.words(record)]
 
 
 def describe_session(facts: SessionFacts) -> dict[str, str]:
-    """What a stream says about its session; what is not known is left out."""
+    """Return a stream's description of its session. Unknown values are left out."""
     found = {
         "session": facts.session,
         "participant": facts.participant,
@@ -169,5 +168,5 @@ def describe_session(facts: SessionFacts) -> dict[str, str]:
 
 
 def source_id(study: str, session: str) -> str:
-    """What tells a session's stream from all others, also after its process was started again."""
+    """Return an id that distinguishes a session's stream from all others, also after a restart of its process."""
     return "/".join(each for each in ("rise", study, session) if each)

@@ -1,7 +1,7 @@
-"""What happened in a session, in types. Every export and every report is made from these and from nothing else.
+"""The types for what happened in a session. Every export and every report is made from these only.
 
-Times are seconds on the session's clock (`t` of a record), None where something did not happen. What an export level
-does not tell (`rise_engine.privacy.levels`) is not in here at all: a level is applied once, when a session is read.
+Times are seconds on the session's clock (`t` of a record), or None if something did not happen. What an export level
+hides (`rise_engine.privacy.levels`) is absent: the level is applied once, when a session is read.
 """
 
 from __future__ import annotations
@@ -28,38 +28,38 @@ from rise_engine.scenario.model import SIMULATED, Scenario
 from rise_engine.session.media import MediaFile
 
 ActorKind: TypeAlias = Literal["wizard", "rule", "program", "engine"]
-"""Who asked for something. program: a node, a client, the command line."""
+"""The kind of requester. program: a node, a client, the command line."""
 
 
 class SessionFacts(SessionIdentity, frozen=True, kw_only=True):
-    """What is true of a whole session; it stands in every row of a table."""
+    """The facts of a whole session, repeated in every row of a table."""
 
     session: str
-    """The folder's name, as the level tells it: unique among the sessions that are exported together."""
+    """The folder's name as the level shows it, unique among the sessions that are exported together."""
     mode: str = ""
-    """debug: the robot was simulated; this is no data of a participant."""
+    """debug: the robot was simulated; these are not a participant's data."""
     outcome: OutcomeStatus | None = None
-    """None: nobody has said it."""
+    """None: there is no outcome."""
     outcome_reason: str = ""
     title: str = ""
     scenario_hash: str = ""
     language: str = ""
-    """In which everything was said, by BCP 47; empty: the scenario does not say."""
+    """The language of everything that was said (BCP 47). Empty: the scenario does not name one."""
     robot: str = ""
     driver: str = ""
-    """What reached the robot: `simulated` moves none, whatever the mode. Empty: not known."""
+    """The connection to the robot: `simulated` moves no robot, in any mode. Empty: not known."""
     injected_faults: tuple[str, ...] = ()
-    """What the simulated robot was told to do wrong."""
+    """The errors that the simulated robot was asked to make."""
     seed: int = 0
     speed: float = 1.0
     started: str = ""
-    """ISO 8601 with offset; empty where the level tells no times of day."""
+    """ISO 8601 with offset. Empty where the level shows no times of day."""
     duration: float = 0.0
     """Seconds until its last record."""
     ended: bool = False
     """Whether the record has an end."""
     downtime: float = 0.0
-    """Seconds by the wall clock without an engine (`Outage`): session time does not count them."""
+    """Wall-clock seconds without an engine (`Outage`), which session time does not include."""
     recoveries: int = 0
     versions: dict[str, str] = field(default_factory=dict)
 
@@ -70,93 +70,93 @@ class SessionFacts(SessionIdentity, frozen=True, kw_only=True):
 
 
 class ActPart(Struct, frozen=True, kw_only=True):
-    """One action of an act, as the robot did it."""
+    """One action of an act as the robot did it."""
 
     action: str
     """Its actionID within the act."""
     type: str
     """`Speech`, `LookAt`, ..."""
     channels: tuple[str, ...]
-    """Of the robot, that it takes: speech, gaze, face, body, arms; empty: it only waits, or nobody knows."""
+    """The robot's channels that it uses: speech, gaze, face, body, arms. Empty: it only waits, or they are unknown."""
     parameters: dict[str, Any]
     text: str
-    """What it says, or its most telling parameter, in a few words; empty: nothing to tell."""
+    """What it says, or its most informative parameter, in a few words. Empty: none."""
     accepted_at: float | None
-    """The robot confirmed it."""
+    """When the robot confirmed it."""
     ended_at: float | None
     status: ActionStatus
-    """Its ending; `started` or `accepted` where the record ends before that."""
+    """The final status; `started` or `accepted` where the record ends before that."""
     started_at: float | None = None
-    """It was sent to the robot, or began to wait; None: it ended before that (`skipped`, `failed`)."""
+    """When it was sent to the robot, or began to wait. None: it ended before that (`skipped`, `failed`)."""
 
 
 class PlayedAct(Struct, frozen=True, kw_only=True):
-    """One act (or free speech) from whoever asked for it to its end, with the parts of its latency.
+    """One act (or free speech) from its request to its end, with the parts of its latency.
 
-    Every task that started an act is one, also one that was rejected or never had its turn.
+    Every task that requested an act is included, also if it was rejected or its turn never came.
     """
 
     task: int
     act: str
     """`say` for free speech."""
     source: str
-    """Who asked for it, as the record has it: `wizard:anna`, `rule:Greeting`."""
+    """The requester as in the record: `wizard:anna`, `rule:Greeting`."""
     by: str
-    """Whose doing it is: the source of what caused it, through any number of rules (`causes`).
-    `rule:NAME`: the rule acted by itself, as after a time."""
+    """The source of its cause, traced through any number of rules (`causes`).
+    `rule:NAME`: the rule acted by itself, for example after a time."""
     via: tuple[str, ...] = ()
-    """The rules between `by` and this act, the first one first."""
+    """The rules between `by` and this act, in their order."""
     actor: ActorKind
-    """What kind of source `by` is."""
+    """The kind of the source `by`."""
     status: TaskStatus
     reason: str = ""
     filler: bool
-    """It bridged the time of a cue, and is no answer to it."""
+    """Whether it bridged the time after a cue and did not answer it."""
     cue_at: float | None
-    """When the participant's turn ended that it answers or bridges."""
+    """The end of the participant's turn that it answers or bridges."""
     key_at: float | None
-    """When the key was pressed that caused it."""
+    """When the key that caused it was pressed."""
     accepted_at: float
-    """When the engine took it."""
+    """When the engine accepted it."""
     started_at: float | None
-    """When its turn came."""
+    """When its turn in the queue came."""
     robot_at: float | None
-    """When the robot confirmed its first action. It is not the time of the first sound."""
+    """When the robot confirmed its first action. This is not the time of the first sound."""
     voice_at: float | None
-    """When the robot confirmed its first action that takes the voice; the first sound comes later."""
+    """When the robot confirmed its first action that uses the voice. The first sound comes later."""
     ended_at: float | None
     mark: Mark | None = None
-    """What a wizard said was wrong about it, or about the key of which it came first; None: nothing."""
+    """The mistake that a wizard marked on it, or on the key that first led to it. None: no mistake."""
     parts: tuple[ActPart, ...] = ()
     speaks: bool = False
-    """Whether one of its actions takes the voice."""
+    """Whether one of its actions uses the voice."""
 
     @property
     def words(self) -> str:
-        """What it says."""
+        """The words that it says."""
         return " ".join(part.text for part in self.parts if "speech" in part.channels and part.text)
 
     @property
     def before_cue(self) -> bool:
-        """Whether it was asked for before the cue came, and only had its turn after it. Nobody reacted to the cue then:
-        the time of the wizard and of the way is not told, and the queue is counted from the cue."""
+        """Whether it was requested before the cue and had its turn after it. It is no reaction to the cue, so
+        `wizard_s` and `way_s` are None, and `queue_s` begins at the cue."""
         asked = self.key_at if self.key_at is not None else self.accepted_at
         return self.cue_at is not None and asked < self.cue_at
 
     @property
     def answer_s(self) -> float | None:
-        """Cue to answer, where somebody answered the cue: no filler, and nothing that was asked for before it. What
-        medians and shares are of."""
+        """Seconds from cue to answer, without fillers and acts requested before the cue. Medians and shares use
+        this."""
         return None if self.filler or self.before_cue else self.response_s
 
     @property
     def wizard_s(self) -> float | None:
-        """Cue to key: the wizard."""
+        """Seconds from cue to key: the wizard's part."""
         return None if self.before_cue else seconds_between(self.cue_at, self.key_at)
 
     @property
     def way_s(self) -> float | None:
-        """Key to the engine (from the cue, where no key was pressed)."""
+        """Seconds from the key (or the cue, if no key was pressed) to the engine."""
         return (
             None
             if self.before_cue
@@ -165,100 +165,100 @@ class PlayedAct(Struct, frozen=True, kw_only=True):
 
     @property
     def queue_s(self) -> float | None:
-        """In the queue; after the cue, if it was in there when that came."""
+        """Seconds in the queue, counted from the cue if that came later."""
         return seconds_between(self.cue_at if self.before_cue else self.accepted_at, self.started_at)
 
     @property
     def robot_s(self) -> float | None:
-        """From its turn until the robot confirms."""
+        """Seconds from its turn to the robot's confirmation."""
         return seconds_between(self.started_at, self.robot_at)
 
     @property
     def voice_s(self) -> float | None:
-        """From the first confirmed action to the first that takes the voice."""
+        """Seconds from the first confirmed action to the first that uses the voice."""
         return seconds_between(self.robot_at, self.voice_at)
 
     @property
     def response_s(self) -> float | None:
-        """Cue to answer: to the voice, of an act that speaks, else to the first action. The parts add up to it."""
+        """Seconds from cue to answer, the sum of the parts. An answer is the voice, or the first action without one."""
         return seconds_between(self.cue_at, self.voice_at if self.speaks else self.robot_at)
 
 
 class WizardKey(Struct, frozen=True, kw_only=True):
-    """Something that a wizard asked for by a key: an act, a rule, an event, a value, a cue, speech, a stop."""
+    """A wizard's request by a key: an act, a rule, an event, a value, a cue, speech, a stop."""
 
     task: int
     at: float
-    """When the key was pressed, as far as the record holds that; else when the engine took it."""
+    """When the key was pressed if the record has it, else when the engine accepted the request."""
     source: str
     function: str
     asked: str = ""
-    """The act, rule, topic, assignment or words, as the record has it."""
+    """The act, rule, topic, assignment or words as in the record."""
     act: int | None = None
     """The first act that it caused."""
     mark: Mark | None = None
-    """What was said to be wrong about it, or about an act that came of it; None: nothing."""
+    """The mistake marked on it, or on an act that it led to. None: no mistake."""
 
 
 class Cue(Struct, frozen=True, kw_only=True):
-    """The participant's turn ended, and somebody marked it."""
+    """The end of a participant's turn, as somebody marked it."""
 
     at: float
     source: str
     text: str = ""
     filled_at: float | None = None
-    """When the first filler was confirmed by the robot."""
+    """When the robot confirmed the first filler."""
     answered_at: float | None = None
-    """When the robot began to answer (`PlayedAct.response_s` later); None: nothing did, or it was undone."""
+    """When the robot began to answer (`PlayedAct.response_s` later). None: there was no answer, or it was undone."""
     task: int | None = None
     """The act that answered."""
     undone_at: float | None = None
 
 
 class CodedAnnotation(Struct, frozen=True, kw_only=True):
-    """Something that people have annotated of the session, in ELAN or BORIS (`rise_engine.session.coded`)."""
+    """An annotation that people made in ELAN or BORIS (`rise_engine.session.coded`)."""
 
     tier: str
     annotator: str = ""
     begin: float
     end: float
-    """As `begin`: it was a moment."""
+    """Equal to `begin` for a moment."""
     value: str
     modifiers: str = ""
     comment: str = ""
     file: str = ""
     speech: bool = False
-    """Whether its tier holds what the participant said."""
+    """Whether its tier holds the participant's speech."""
     robot_overlap_s: float | None = None
-    """Seconds of it in which the robot spoke; None: its tier is not the participant's speech."""
+    """Seconds in which the robot spoke meanwhile. None: its tier is not the participant's speech."""
     gap_s: float | None = None
-    """Seconds from the end of what the robot last began to say before it, to its begin; negative: the robot still
-    spoke. None: the robot had said nothing, the session had no engine in between, or the tier is another one."""
+    """Seconds from the end of the robot's speech before it, to its start. Negative: the robot still spoke. None: the
+    robot had not spoken, the session had no engine in between, or the tier is not the participant's speech."""
 
 
 class Outage(Struct, frozen=True, kw_only=True):
-    """From one engine to the next the session had none, and its time stood still."""
+    """A time between two engines, in which session time stood still."""
 
     at: float
-    """Session time at which it stood still."""
+    """The session time at which it stood still."""
     seconds: float
-    """For how long, by the wall clock: from the first engine's last sign of life to the recovery."""
+    """Its length by the wall clock, from the first engine's last sign of life to the recovery."""
 
 
 class Phase(Struct, frozen=True, kw_only=True):
-    """A rule was in a state."""
+    """A time during which a rule was in a state."""
 
     rule: str
     state: str
     start: float
     end: float
-    """Of the session, for the state in which it was when the record ended."""
+    """For states that were active when the record ended: the end of the session."""
     trigger: str
-    """What led to it."""
+    """What led to the state."""
     source: str = ""
-    """Who started the rule; only of its first state."""
+    """Who started the rule, for its first state only."""
     ended_by: str = ""
-    """`ended`, `stopped`, `faulted` for the last one of a run of the rule; else empty."""
+    """`ended`, `stopped` or `faulted` for the last state of a run of the rule, else empty."""
     stepped_back: bool = False
     """Whether a wizard stepped back into it."""
 
@@ -269,56 +269,56 @@ PointKind: TypeAlias = Literal[
 
 
 class Point(Struct, frozen=True, kw_only=True):
-    """Something that happened at one moment."""
+    """An event at one moment."""
 
     at: float
     kind: PointKind
     name: str
-    """What it is about: an event's topic, a memory key, a mark, `latched`."""
+    """The subject: an event's topic, a memory key, a mark, `latched`."""
     value: str = ""
-    """What is told of it."""
+    """The detail to show."""
     source: str = ""
     task: int | None = None
 
 
 class Repairs(Struct, frozen=True):
-    """How often something was mended while it ran."""
+    """How often something was repaired during the session."""
 
     repeated: int = 0
-    """Acts that were done again after they had failed."""
+    """Failed acts that were repeated."""
     stepped_back: int = 0
-    """Rules that a wizard put back into an earlier state."""
+    """Rules that a wizard moved back to an earlier state."""
     cues_undone: int = 0
     canceled: int = 0
-    """Acts that a wizard stopped or interrupted after they had begun; not by stopping everything."""
+    """Acts that a wizard stopped or interrupted after their start, without stops of everything."""
     released: int = 0
     """Stops that were released."""
 
     @property
     def total(self) -> int:
-        """Without stops: who stops everything repairs nothing yet."""
+        """The sum without stops, because stopping everything is not yet a repair."""
         return self.repeated + self.stepped_back + self.cues_undone + self.canceled
 
 
 class SessionData(Struct, frozen=True, kw_only=True):
-    """Everything about one session, at one level."""
+    """Everything about one session at one level."""
 
     facts: SessionFacts
     level: ExportLevel
     folder: Path
-    """Where it lies; for what is read from there besides. Never to be told in an export."""
+    """The session's folder, for other files in it. Exports must not show it."""
     records: Iterable[AnyRecord]
-    """All of them, as the level tells them (`wall` is empty where that tells no times of day). A session may have a
-    million, so they are read from its journal each time that somebody goes through them."""
+    """All records as the level shows them (`wall` is empty where it hides times of day). A session can have a million,
+    so each iteration reads them from the journal."""
     acts: tuple[PlayedAct, ...] = ()
-    """By when the engine took them."""
+    """In the order in which the engine accepted them."""
     cues: tuple[Cue, ...] = ()
     keys: tuple[WizardKey, ...] = ()
-    """What wizards asked for, in its order."""
+    """The requests of wizards in their order."""
     raised: tuple[tuple[float, str], ...] = ()
-    """When which event was raised by a wizard, or by a rule at the moment at which a wizard's key started it."""
+    """Events raised by a wizard, or by a rule at the moment when a wizard's key started it, with times."""
     phases: tuple[Phase, ...] = ()
-    """Also those of no length."""
+    """All phases, also those without length."""
     outages: tuple[Outage, ...] = ()
     points: tuple[Point, ...] = ()
     """In the order of the record."""
@@ -328,18 +328,18 @@ class SessionData(Struct, frozen=True, kw_only=True):
     """The last one of each name."""
     syncs: tuple[SyncRecord, ...] = ()
     media: tuple[MediaFile, ...] = ()
-    """Files that belong to the session; only at the level `full`."""
+    """The session's files, only at the level `full`."""
     coded: tuple[CodedAnnotation, ...] = ()
-    """What people have annotated and given back, by its begin."""
+    """Added annotations in the order in which they begin."""
     repairs: Repairs = Repairs()
     scenario: Scenario | None = None
-    """The one that it ran; None: it cannot be loaded."""
+    """The scenario that it ran. None: it cannot be loaded."""
     problems: tuple[str, ...] = ()
-    """What could not be read, in sentences."""
+    """Sentences about what could not be read."""
 
 
 def seconds_between(earlier: float | None, later: float | None) -> float | None:
-    """From one moment to another, to the microsecond; None: one of them is not known."""
+    """Return the seconds between two moments, to the microsecond. None: one of them is not known."""
     if earlier is None or later is None:
         return None
     return round(later - earlier, 6)

@@ -1,4 +1,4 @@
-"""When a session had no engine: how long its own time stood still, and which durations that lies in."""
+"""Times when a session had no engine: how long session time stood still, and which durations this affects."""
 
 from __future__ import annotations
 
@@ -10,20 +10,19 @@ from rise_engine.results.analysis.model import Outage, SessionData
 
 
 class OutageCollector:
-    """Takes in the records of a session in their order."""
+    """A collector of outages. Give it a session's records in their order."""
 
     def __init__(self, speed: float = 1.0) -> None:
-        """`speed`: session seconds in a second of the wall clock."""
+        """`speed`: session seconds per second of the wall clock."""
         self._speed = speed
         self.outages: list[Outage] = []
         self._before: AnyRecord | None = None
 
     def add(self, record: AnyRecord) -> None:
-        """Take in the next record."""
         before, self._before = self._before, record
         if before is None or not isinstance(record, SessionRecord) or record.status != "recovered":
             return
-        # By the wall clock where the level tells it: old journals counted the time since the last record instead.
+        # Use the wall clock if the level shows it: old journals counted from the last record instead.
         passed = _seconds_between(before.wall, record.wall)
         away = record.downtime if passed is None else passed - (record.t - before.t) / self._speed
         if away is not None and away > 0:
@@ -31,14 +30,14 @@ class OutageCollector:
 
 
 def seconds_without_engine(outages: Iterable[Outage], start: float | None, end: float | None) -> float | None:
-    """How much longer the wall clock took than session time for what lasted from `start` to `end`; None: nothing."""
+    """Return how much more wall-clock than session time passed between `start` and `end`. None: no more."""
     if start is None or end is None:
         return None
     return round(sum(each.seconds for each in outages if start < each.at <= end), 6) or None
 
 
 def records_by_wall_clock(data: SessionData) -> Iterator[tuple[float, AnyRecord]]:
-    """The records, each with the seconds by the wall clock since the session began (at speed 1)."""
+    """Give the records with their wall-clock seconds since the session began (at speed 1)."""
     outages, away = {each.at: each.seconds for each in data.outages}, 0.0
     for record in data.records:
         if isinstance(record, SessionRecord) and record.status == "recovered":
@@ -47,12 +46,12 @@ def records_by_wall_clock(data: SessionData) -> Iterator[tuple[float, AnyRecord]
 
 
 def seconds_away(outages: Iterable[Outage], at: float) -> float:
-    """Seconds without an engine until a session time."""
+    """Return the seconds without an engine until a session time."""
     return sum((each.seconds for each in outages if each.at <= at), 0.0)
 
 
 def _seconds_between(earlier: str, later: str) -> float | None:
     try:
         return (datetime.fromisoformat(later) - datetime.fromisoformat(earlier)).total_seconds()
-    except (ValueError, TypeError):  # none is told, or one of them has no zone
+    except (ValueError, TypeError):  # a text is empty, or one of them has no zone
         return None

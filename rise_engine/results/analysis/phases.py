@@ -1,4 +1,4 @@
-"""The course of a session: in which states its rules were, and what happened at single moments."""
+"""The course of a session: the states of its rules, and single events."""
 
 from __future__ import annotations
 
@@ -38,11 +38,11 @@ from rise_engine.scenario.template import spoken_text
 STEPPED_BACK = "stepped back"
 _INTERRUPTED = "interrupted by "
 _BY_WIZARD = re.compile(r"^(?!stop-all ).*\bby (wizard:[^,]*)")
-"""Not a stop of everything, which is no repair of an act."""
+"""Excludes stops of everything, which do not repair an act."""
 
 
 class _Open(Struct):
-    """A state that a rule is in."""
+    """The current state of a rule."""
 
     state: str
     start: float
@@ -52,19 +52,18 @@ class _Open(Struct):
 
 
 class PhaseCollector:
-    """Takes in the records of a session in their order, and says in which states its rules were."""
+    """A collector of the states of rules. Give it a session's records in their order."""
 
     def __init__(self) -> None:
         self._open: dict[str, _Open] = {}
         self._phases: list[Phase] = []
         self._sources: dict[str, str] = {}
-        """Who has started each rule last."""
+        """Who started each rule last."""
         self._begun: set[str] = set()
-        """Rules that have started and have not entered their first state yet."""
+        """Rules that have started but not entered their first state."""
         self.stepped_back = 0
 
     def add(self, record: AnyRecord) -> None:
-        """Take in the next record."""
         if isinstance(record, TaskRecord):
             if record.function == "startInteractionRule" and record.status == "ACTIVE":
                 self._sources[started_rule(record.behavior)] = record.source
@@ -72,9 +71,9 @@ class PhaseCollector:
             self._add_rule(record)
 
     def phases(self, end: float) -> tuple[Phase, ...]:
-        """Every phase in the order of their beginnings.
+        """Return every phase in the order of their starts.
 
-        :param end: when the record ends, for the states in which rules were then.
+        :param end: the end of the record, for the rules' last states.
         """
         left = [self._phase(rule, each, end, "") for rule, each in self._open.items()]
         return tuple(sorted((*self._phases, *left), key=lambda each: each.start))
@@ -113,17 +112,16 @@ class PhaseCollector:
 
 
 class PointCollector:
-    """Takes in the records of a session in their order, and says what happened at single moments."""
+    """A collector of single events. Give it a session's records in their order."""
 
     def __init__(self) -> None:
         self._points: list[Point] = []
         self._marks: dict[int, int] = {}
-        """By task, where in the points its mark stands: the last one counts, and `none` takes it back."""
+        """For each task, the index of the point with its mark. The last mark counts, and `none` removes it."""
         self._ending = False
-        """Whether the last stop was the engine's, which stops everything before a session ends: nobody's stop."""
+        """Whether the last stop was the engine's own at the session's end, which is not a person's stop."""
 
     def add(self, record: AnyRecord) -> None:
-        """Take in the next record."""
         if isinstance(record, MistakeRecord):
             if (before := self._marks.pop(record.task, None)) is not None:
                 self._points[before] = replace(self._points[before], name="")
@@ -140,14 +138,14 @@ class PointCollector:
             self._points.append(point)
 
     def points(self) -> tuple[Point, ...]:
-        """All of them, without marks that were taken back or that another one has replaced. In the order of the
-        record; a mark for recordings began before it was recorded."""
+        """Return all points in the order of the record, without removed and replaced marks. A sync mark has the time
+        when it began, which is before its record."""
         return tuple(point for point in self._points if point.kind != "mistake" or point.name)
 
 
 def _point_of(record: AnyRecord) -> Point | None:
     def point(kind: PointKind, name: str, value: str = "", source: str = "", task: int | None = None) -> Point:
-        # Each record that is read has texts of its own; a long session has hundreds of thousands of these few.
+        # Each record has its own copies of texts. A long session has hundreds of thousands of the same few.
         return Point(at=record.t, kind=kind, name=intern(name), value=value, source=intern(source), task=task)
 
     match record:
@@ -188,11 +186,11 @@ def _point_of(record: AnyRecord) -> Point | None:
 
 
 def count_repairs(records: Iterable[AnyRecord], acts: Iterable[PlayedAct], stepped_back: int) -> Repairs:
-    """How often something was mended while the session ran.
+    """Count the repairs during a session.
 
-    :param records: all of the session.
+    :param records: the session's records.
     :param acts: its acts.
-    :param stepped_back: how often a rule was put back into an earlier state.
+    :param stepped_back: how often a rule was moved back to an earlier state.
     """
     counts = Counter(
         (type(each), each.status) for each in records if isinstance(each, FailureRecord | CueRecord | StopRecord)
@@ -208,7 +206,7 @@ def count_repairs(records: Iterable[AnyRecord], acts: Iterable[PlayedAct], stepp
 
 
 def was_stopped_by_wizard(act: PlayedAct, acts: Mapping[int, PlayedAct]) -> bool:
-    """Whether a wizard stopped it after it had begun, or began another act in its place."""
+    """Whether a wizard stopped an act after its start, or replaced it by another act."""
     if act.status != "CANCELED" or act.started_at is None:
         return False
     if (found := _BY_WIZARD.search(act.reason)) is not None:

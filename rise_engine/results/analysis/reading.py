@@ -1,7 +1,7 @@
-"""Reading a session for exports and reports: what happened in it, in types, at one level.
+"""Reads a session for exports and reports: what happened, in types, at one level.
 
-Nothing else reads a session's journal, its session.toml or its media.json for an export: so the level is applied once,
-here, and a format cannot tell more than it may.
+Nothing else reads a session's journal, session.toml or media.json for an export. So the level is applied once, here,
+and no format can show more than it allows.
 """
 
 from __future__ import annotations
@@ -50,7 +50,7 @@ from rise_engine.study.traces import PARTICIPANTS_FILE, STUDY_FILE, owner_of, st
 
 
 class Judgement(Struct, frozen=True):
-    """How a session counts."""
+    """The outcome of a session."""
 
     status: OutcomeStatus
     reason: str
@@ -58,18 +58,18 @@ class Judgement(Struct, frozen=True):
 
 
 class Judgements(Struct, frozen=True):
-    """Of all sessions of a study."""
+    """The outcomes of all sessions of a study."""
 
     sessions: dict[str, Judgement] = {}
-    """By the name of the session's folder: what was said last."""
+    """The last outcome of each session, by the name of its folder."""
     excluded: dict[str, str] = {}
-    """Participants who do not count, whatever became of their sessions, and why."""
+    """Participants who do not count, whatever the outcomes of their sessions, with the reasons."""
 
     def of(self, session: str, participant: str) -> Judgement | None:
-        """How a session counts; None: nobody has said it here.
+        """Return the outcome of a session. None: there is none here.
 
         :param session: the folder's name.
-        :param participant: whose it is.
+        :param participant: the session's participant.
         """
         if participant in self.excluded:
             return Judgement("excluded", self.excluded[participant])
@@ -80,9 +80,9 @@ NO_JUDGEMENTS = Judgements()
 
 
 def read_judgements(study: Path | None) -> Judgements:
-    """What the log and the participants.csv of a study say; of a study whose files are not right, what the log says.
+    """Read the outcomes from a study's log and participants.csv, or from the log alone if its files have errors.
 
-    :param study: its folder; None: no study.
+    :param study: the study's folder; None: no study.
     """
     if study is None:
         return NO_JUDGEMENTS
@@ -92,7 +92,7 @@ def read_judgements(study: Path | None) -> Judgements:
 
 @lru_cache(maxsize=4)
 def _read_changed(study: Path, changed: tuple[tuple[int, int], ...]) -> Judgements:
-    """Kept for files that were not changed: whoever reads a study's sessions asks for each."""
+    """Read the outcomes. Cached while the files are unchanged, because each session of a study asks for them."""
     try:
         log = read_log(study)
     except StudyLogError:
@@ -113,11 +113,11 @@ def _excluded(study: Path, log: list[LogEntry]) -> dict[str, str]:
 
 _FEW = (
     *(CheckRecord, RecordingRecord, SyncRecord, OutcomeRecord, SessionRecord),
-    *(FailureRecord, CueRecord, StopRecord),  # what `count_repairs` counts
+    *(FailureRecord, CueRecord, StopRecord),  # for `count_repairs`
 )
-"""Kinds of which even a long session has few."""
+"""Kinds of records of which even a long session has few."""
 UnreadableCallback = Callable[[Path, SessionError], object]
-"""Gets a session's folder and why nothing in it can be read."""
+"""Gets a session's folder and the reason why nothing in it can be read."""
 
 
 def read_session(
@@ -127,15 +127,15 @@ def read_session(
     private: Iterable[str] = (),
     wizards: Mapping[str, str] | None = None,
 ) -> SessionData:
-    """Everything about one session, at one level.
+    """Read everything about one session at one level.
 
-    Of a session that runs, is torn or damaged: whatever can be read, with a sentence in `problems` for what cannot.
+    From a running, torn or damaged session, it reads what it can; `problems` has a sentence for what it cannot read.
 
-    :param folder: the session's.
-    :param level: how much is told (`rise_engine.privacy.levels`).
-    :param private: further private memory keys, beside those that the session's scenario names.
-    :param wizards: what to call each wizard at the other levels, by name; None: as the session's study says.
-    :raises SessionError: nothing can be read, or, for less than everything, nobody can say what is private.
+    :param folder: the session's folder.
+    :param level: how much is shown (`rise_engine.privacy.levels`).
+    :param private: private memory keys in addition to the scenario's.
+    :param wizards: the code of each wizard below the level full, by name; None: as in the session's study.
+    :raises SessionError: nothing can be read, or, at a level below full, the private keys are unknown.
     """
     return _read(folder, level, private, wizards)[0]
 
@@ -148,15 +148,15 @@ def read_sessions(
     wizards: Mapping[str, str] | None = None,
     on_unreadable: UnreadableCallback | None = None,
 ) -> Iterator[SessionData]:
-    """Several sessions, one after the other; each is read when it is asked for, and none is kept.
+    """Read several sessions one after the other. Each is read on demand, and none is kept.
 
-    One person has one name in all of them, and no two sessions have the same name.
+    A person has the same code in all sessions, and all sessions have different names.
 
-    :param folders: the sessions', in the order in which they are to come.
-    :param level: as of `read_session`, like `private` and `wizards`.
-    :param on_unreadable: told of a session that cannot be read, which is then left out; None: SessionError is raised.
-    :raises RelabelledError: two files say different things of what a session is.
-    :raises SessionError: as `read_session` does.
+    :param folders: the sessions' folders, in the wanted order.
+    :param level: as for `read_session`, like `private` and `wizards`.
+    :param on_unreadable: called for a session that cannot be read and is left out; None: SessionError is raised.
+    :raises RelabelledError: two files disagree about a session.
+    :raises SessionError: as for `read_session`.
     """
     private = tuple(private)
     people: dict[Path | None, dict[str, str]] = {}
@@ -166,7 +166,7 @@ def read_sessions(
         known = people.setdefault(study, dict(wizard_names(study) if wizards is None else wizards))
         try:
             data, named = _read(folder, level, private, known)
-        except RelabelledError:  # it is not left out: what is told without it would be false, too
+        except RelabelledError:  # do not leave it out: the other results would be false too
             raise
         except SessionError as error:
             if on_unreadable is None:
@@ -187,7 +187,7 @@ def _unused(name: str, taken: set[str]) -> str:
 def _read(
     folder: Path, level: ExportLevel, private: Iterable[str], wizards: Mapping[str, str] | None
 ) -> tuple[SessionData, dict[str, str]]:
-    """The session, and what its people are called in it."""
+    """Read the session, and return it with the codes of its people."""
     study = study_of_session(folder)
     source = SessionRecords(
         folder, level=level, private=private, wizards=wizard_names(study) if wizards is None else wizards
@@ -243,7 +243,7 @@ def _facts(
     outages: Iterable[Outage],
     judgement: Judgement | None,
 ) -> SessionFacts:
-    """What the journal says, or else, where an older one does not, session.toml."""
+    """Return the facts from the journal, or from session.toml if an old journal lacks them."""
     begun, info = source.begun or SessionRecord(0, 0.0, "", status="started"), source.info
 
     def said(name: str, in_info: str = "") -> Any:
@@ -281,8 +281,8 @@ def _facts(
 
 
 def _moment_of_zero(begun: SessionRecord, speed: float) -> str:
-    """The date and time of day of session time 0, in milliseconds: the engine reads its first wall clock a little
-    later. Empty: nobody knows."""
+    """Return the date and time of day of session time 0, with milliseconds. Empty: not known. The engine reads the
+    clock a little later, and this delay is subtracted."""
     try:
         first = datetime.fromisoformat(begun.wall)
         return (first - timedelta(seconds=begun.t / speed)).isoformat(timespec="milliseconds")
@@ -291,7 +291,7 @@ def _moment_of_zero(begun: SessionRecord, speed: float) -> str:
 
 
 def _judgement(source: SessionRecords, study: Path | None, few: Iterable[AnyRecord]) -> Judgement | None:
-    """The study's word counts before the session's own."""
+    """Return the outcome according to the study, or else according to the session itself."""
     found = read_judgements(study).of(source.folder.resolve().name, owner_of(source.folder))
     if found is not None:
         reason = found.reason if found.reason == GIVEN_UP else source.filter.count_typed_words(found.reason)

@@ -1,6 +1,6 @@
-"""The records of one session at one level: the only place where exports and reports get what a session's folder holds.
+"""The records of one session at one level: the only source of a session's contents for exports and reports.
 
-What cannot be read is said and never made up. One record at a time is in memory.
+What cannot be read is reported and never invented. Only one record is in memory at a time.
 """
 
 from __future__ import annotations
@@ -24,12 +24,12 @@ from rise_engine.study.labels import refuse_relabelled
 
 _KEPT_SCENARIOS = 4
 _scenarios: dict[tuple[str, str, str, str], Scenario] = {}
-"""The latest ones that were loaded, by what their files hold and how they were loaded: the sessions of a study have one
-or two."""
+"""The last scenarios that were loaded, by the hash of their files and by how they were loaded. A study's sessions have
+one or two."""
 
 
 class SessionRecords:
-    """What can be read of a session's record, as a level tells it.
+    """The readable part of a session's record, as a level shows it.
 
     >>> from tempfile import TemporaryDirectory
     >>> from rise_engine.kernel.records import NoteRecord
@@ -53,30 +53,30 @@ class SessionRecords:
     ) -> None:
         """Read the session in `folder`.
 
-        :param folder: the session's.
-        :param level: how much is told (`rise_engine.privacy.levels`).
-        :param private: further private memory keys, beside those that the session's scenario names.
-        :param wizards: what to call each at the other levels, by name.
-        :raises RelabelledError: session.toml, or its study's log, says otherwise what it is.
-        :raises SessionError: nothing can be read, or, for less than everything, the session's scenario cannot: it says
-            which keys are private.
+        :param folder: the session's folder.
+        :param level: how much is shown (`rise_engine.privacy.levels`).
+        :param private: private memory keys in addition to the scenario's.
+        :param wizards: the code of each wizard below the level full, by name.
+        :raises RelabelledError: session.toml or its study's log disagrees with the journal.
+        :raises SessionError: nothing can be read, or, at a level below full, the scenario, which names the private
+            keys.
         """
         self.folder = folder
         self.level = level
         self.contents = read_journal(folder / JOURNAL)
         refuse_relabelled(folder)
         self.problems = _describe_unreadable(self.contents)
-        """What could not be read, in sentences."""
+        """Sentences about what could not be read."""
         self.scenario: Scenario | None = None
-        """The session's, when it was needed so far."""
+        """The session's scenario, once it was needed."""
         values = None if level == "full" else PrivateValues(self._scenario_or_refuse(), private)
         self.filter = LevelFilter(level, values, wizards)
         self.filter.note(self.contents.read_records())
         told = (each for each in self.contents.read_records() if isinstance(each, SessionRecord))
         self.begun: SessionRecord | None = next(told, None)
-        """Its first record, or the first word of an engine that can be read."""
+        """The first readable record of an engine."""
         self.info: SessionInfo | None = None
-        """What session.toml says; None: nothing that can be read."""
+        """The contents of session.toml. None: it cannot be read."""
         if (folder / INFO).exists():
             try:
                 self.info = read_info(folder)
@@ -88,11 +88,10 @@ class SessionRecords:
         self.name = self._name()
 
     def __iter__(self) -> Iterator[AnyRecord]:
-        """As `read`."""
         return self.read()
 
     def read(self) -> Iterator[AnyRecord]:
-        """Every record that can be read, in the journal's order. Raises SessionError when it cannot be read now."""
+        """Give each readable record in the journal's order. Raises SessionError when it cannot be read now."""
         if self.level == "full":
             yield from self.contents.read_records()
             return
@@ -102,13 +101,13 @@ class SessionRecords:
             yield told
 
     def load_scenario(self) -> Scenario:
-        """The scenario that the session ran. Raises SessionError when it cannot be loaded or was changed."""
+        """Load the scenario that the session ran. Raises SessionError when it cannot be loaded or was changed."""
         if self.scenario is None:
             self.scenario = _load_scenario(self.folder, read_info(self.folder))
         return self.scenario
 
     def _name(self) -> str:
-        """The folder's name; where the level cuts its date off, with what else keeps a participant's sessions apart."""
+        """Return the folder's name. Without the date, run and attempt keep a participant's sessions apart."""
         folder = self.folder.resolve().name
         name, told = self.filter.session_name(folder), self.begun or self.info
         if name == folder or told is None or not told.run:
@@ -125,7 +124,7 @@ class SessionRecords:
 
 
 def _load_scenario(folder: Path, info: SessionInfo) -> Scenario:
-    """Loading takes a tenth of a second, and hundreds of sessions have the same."""
+    """Load a scenario through a cache: it takes a tenth of a second, and hundreds of sessions have the same."""
     key = (_digest(folder / SCENARIO_COPY), info.scenario_hash, info.robot, info.mode)
     found = _scenarios.pop(key, None) if key[0] else None
     if found is None:
@@ -138,7 +137,7 @@ def _load_scenario(folder: Path, info: SessionInfo) -> Scenario:
 
 
 def _digest(copy: Path) -> str:
-    """Of the names and bytes of all files in a folder; empty when there are none or they cannot be read."""
+    """Hash the names and bytes of all files in a folder. Empty when there are none or they cannot be read."""
     digest, files = hashlib.sha256(), 0
     try:
         for path in sorted(each for each in copy.rglob("*") if each.is_file()):

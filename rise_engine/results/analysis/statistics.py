@@ -1,9 +1,9 @@
-"""The few statistics that tables and reports give, each with its definition, so that others can compute them anew.
+"""The statistics of tables and reports, each with its definition, so that others can compute them again.
 
-Quantiles are those of Hyndman & Fan 1996 (The American Statistician 50(4), 361-365; doi
-10.1080/00031305.1996.10473566), definition 7: with the values in order, x(1) to x(n), and h = (n - 1) p + 1, the
-quantile lies between x(floor h) and the next one, as far as h lies beyond its floor. It is what `quantile` of R and
-`numpy.quantile` do when nothing else is asked for.
+Quantiles follow definition 7 of Hyndman & Fan 1996 (The American Statistician 50(4), 361-365; doi
+10.1080/00031305.1996.10473566). For ordered values x(1) to x(n) and h = (n - 1) p + 1, the quantile is interpolated
+between x(floor h) and the next value by the fraction of h. This is the default of `quantile` in R and of
+`numpy.quantile`.
 """
 
 from __future__ import annotations
@@ -14,11 +14,11 @@ from collections.abc import Iterable, Sequence
 from msgspec import Struct
 
 Z_95 = 1.959963984540054
-"""The standard normal distribution has 95 % of itself between minus this and this."""
+"""The standard normal distribution has 95 % of its mass between minus this and this."""
 
 
 class Summary(Struct, frozen=True):
-    """Some values, in the numbers that are told of them. There is no mean: a few long waits would make it."""
+    """A summary of some values. It has no mean, which a few long waits would dominate."""
 
     n: int
     minimum: float
@@ -32,29 +32,29 @@ class Summary(Struct, frozen=True):
 
     @property
     def iqr(self) -> float:
-        """Interquartile range: how far the middle half of the values reaches."""
+        """The interquartile range, the width of the middle half of the values."""
         return round(self.upper - self.lower, 6)
 
 
 class Share(Struct, frozen=True):
-    """So many of so many."""
+    """A count out of a total."""
 
     count: int
     n: int
 
     @property
     def fraction(self) -> float | None:
-        """From 0 to 1; None: of nothing."""
+        """The fraction from 0 to 1. None if the total is 0."""
         return self.count / self.n if self.n else None
 
     @property
     def interval(self) -> tuple[float, float] | None:
-        """Its 95 % interval after Wilson; None: of nothing."""
+        """Wilson's 95 % interval. None if the total is 0."""
         return wilson_interval(self.count, self.n)
 
 
 def quantile(values: Iterable[float], p: float) -> float | None:
-    """The value below which the part `p` (0 to 1) of the values lies, as the head of this module defines it.
+    """Compute the value below which the part `p` (0 to 1) of the values lies, as defined at the top of this module.
 
     :return: None when there are no values.
 
@@ -65,12 +65,12 @@ def quantile(values: Iterable[float], p: float) -> float | None:
 
 
 def median(values: Iterable[float]) -> float | None:
-    """The middle value, or what lies halfway between the two in the middle; None when there are no values."""
+    """Compute the middle value, or the mean of the two middle values. None when there are no values."""
     return quantile(values, 0.5)
 
 
 def summarise(values: Iterable[float]) -> Summary | None:
-    """The numbers that are told of some values; None when there are none.
+    """Summarise some values. None when there are none.
 
     >>> summarise([0.2, 0.4, 0.9])
     Summary(n=3, minimum=0.2, lower=0.3, median=0.4, upper=0.65, p95=0.85, maximum=0.9)
@@ -83,17 +83,17 @@ def summarise(values: Iterable[float]) -> Summary | None:
 
 
 def median_interval(values: Iterable[float]) -> tuple[float, float] | None:
-    """The 95 % interval of a median by order statistics: of n values in order, from the k-th to the k-th from the end,
-    with the largest k for which a binomial of n and 1/2 is below k with at most 2.5 %. It holds for every distribution,
-    with at least 95 %.
+    """Compute the 95 % interval of a median by order statistics: from the k-th of n ordered values to the k-th last. k
+    is the largest number for which a binomial of n and 1/2 is below k with at most 2.5 %. The interval covers at least
+    95 % for every distribution.
 
-    :return: from and to; None of fewer than 6 values, whose range is no such interval.
+    :return: its ends; None for fewer than 6 values, whose range is too narrow.
 
     >>> median_interval([1.0, 2.0, 3.0, 4.0, 5.0, 6.0, 7.0, 8.0, 9.0, 10.0]), median_interval([1.0, 2.0])
     ((2.0, 9.0), None)
     """
     ordered = sorted(values)
-    n, k, ways, below = len(ordered), 0, 1, 1  # of 2 ** n ways, those in which fewer than k + 1 lie below the median
+    n, k, ways, below = len(ordered), 0, 1, 1  # of 2 ** n ways, those with at most k values below the median
     while below * 40 <= 2**n:
         k += 1
         ways = ways * (n - k + 1) // k
@@ -102,7 +102,7 @@ def median_interval(values: Iterable[float]) -> tuple[float, float] | None:
 
 
 def share_over(values: Iterable[float], limit: float) -> Share:
-    """How many values lie above the limit; one that is equal to it does not.
+    """Count the values above the limit. Values equal to it are not counted.
 
     >>> share_over([0.4, 1.0, 1.1, 2.5], 1.0).fraction
     0.5
@@ -112,12 +112,12 @@ def share_over(values: Iterable[float], limit: float) -> Share:
 
 
 def wilson_interval(count: int, n: int) -> tuple[float, float] | None:
-    """The 95 % interval of a share: Wilson 1927 (Journal of the American Statistical Association 22, 209-212,
-    doi 10.1080/01621459.1927.10502953), without correction for continuity. It is good for few and for rare ones, too.
+    """Compute the 95 % interval of a share by Wilson 1927 (Journal of the American Statistical Association 22, 209-212,
+    doi 10.1080/01621459.1927.10502953), without continuity correction. It also suits small samples and rare events.
 
-    :param count: how many, from 0 to n.
-    :param n: of how many.
-    :return: from and to, each from 0 to 1; None when n is 0.
+    :param count: the number of hits, from 0 to n.
+    :param n: the total.
+    :return: its ends, each from 0 to 1; None when n is 0.
 
     >>> wilson_interval(1, 10)
     (0.017876, 0.40415)

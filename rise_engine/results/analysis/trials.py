@@ -1,5 +1,5 @@
-"""Trials: what happened between one question of the robot and the next, as `[trials]` of scenario.toml says where each
-begins. docs/reference/exports.md defines every value, and this is made after it."""
+"""Trials: what happens between one question of the robot and the next. `[trials]` of scenario.toml defines where each
+begins. docs/reference/exports.md defines every value, and this module follows it."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ from rise_engine.scenario.trial_settings import TrialSettings
 TrialEnd: TypeAlias = Literal["trial", "rule", "key", "record"]
 _CUES = frozenset({"markCue", "undoCue"})
 _AT_THE_START = frozenset({"file", "study", "condition"})
-"""Sources of values with which a session begins."""
+"""Sources of the values that exist when a session begins."""
 _Each = TypeVar("_Each")
 
 
@@ -31,10 +31,10 @@ class PlayedTrial(Struct, frozen=True, kw_only=True):
     start: float
     end: float
     ended_by: TrialEnd
-    """trial: the next one began; rule: the rule ended whose state had begun it; key: its memory key is null or gone;
-    record: the record ended."""
+    """trial: the next trial began; rule: the rule ended whose state had begun it; key: its memory key became null or
+    was deleted; record: the record ended."""
     values: dict[str, Json]
-    """Of the declared columns, as they were before the moment at which it ended."""
+    """The values of the declared columns just before the moment of the trial's end."""
     robot_said: str = ""
     task: int | None = None
     """The act that spoke first."""
@@ -54,34 +54,34 @@ class PlayedTrial(Struct, frozen=True, kw_only=True):
 
     @property
     def duration_s(self) -> float:
-        """From its beginning to its end."""
+        """Seconds from its start to its end."""
         return round(self.end - self.start, 6)
 
     @property
     def participant_s(self) -> float | None:
-        """From the end of what the robot said to the cue; below 0: the cue came while it still spoke."""
+        """Seconds from the end of the robot's speech to the cue. Negative: the cue came while it still spoke."""
         return seconds_between(self.asked_end, self.cue_at)
 
     @property
     def wizard_s(self) -> float | None:
-        """From the cue to the wizard's key."""
+        """Seconds from the cue to the wizard's key."""
         return seconds_between(self.cue_at, self.key_at)
 
     @property
     def key_s(self) -> float | None:
-        """From the end of what the robot said to the wizard's key."""
+        """Seconds from the end of the robot's speech to the wizard's key."""
         return seconds_between(self.asked_end, self.key_at)
 
     def number(self, name: str) -> float | None:
-        """A column as a number, which can be the dependent variable; None: there is none."""
+        """Return a column as a number, for use as a dependent variable. None: it is not a number."""
         value = self.values[name] if name in self.values else getattr(self, name, None)
         return float(value) if isinstance(value, int | float) and not isinstance(value, bool) else None
 
 
 def trials_of(data: SessionData) -> tuple[PlayedTrial, ...]:
-    """The trials of a session, in their order; none where its scenario has no `[trials]`, or cannot be loaded.
+    """Return the trials of a session in their order. Empty where its scenario has no `[trials]` or cannot be loaded.
 
-    :param data: the session, at any level: what the level does not tell is in no trial.
+    :param data: the session at any level; trials lack what the level hides.
     """
     settings = data.scenario.trials if data.scenario is not None else None
     if settings is None:
@@ -95,30 +95,29 @@ def trials_of(data: SessionData) -> tuple[PlayedTrial, ...]:
 
 
 class _Spans:
-    """Takes in the records of a session in their order, and says where its trials begin and end."""
+    """A finder of the starts and ends of trials. Give it a session's records in their order."""
 
     def __init__(self, data: SessionData, settings: TrialSettings) -> None:
         assert data.scenario is not None
         self.found: list[tuple[float, float, TrialEnd, dict[str, Json]]] = []
         self.repeated: list[float] = []
-        """When acts were done again after they had failed."""
+        """When failed acts were repeated."""
         self.asked: dict[int, float] = {}
-        """By task that was marked, when it was asked for."""
+        """For each marked task, when it was requested."""
         self._marked = {point.task for point in data.points if point.kind == "mistake"}
         self._settings = settings
         self._memory: dict[str, Json] = {name: table.records for name, table in data.scenario.tables.items()}
         self._before = dict(self._memory)
         """The memory before the moment of the last record."""
         self._changes: list[MemoryRecord] = []
-        """Those of that moment."""
+        """The memory records of that moment."""
         self._t = 0.0
         self._start: float | None = None
-        """Of the trial that goes on."""
+        """The start of the current trial."""
         self._rule = ""
         self._key: Json = None
 
     def add(self, record: AnyRecord) -> None:
-        """Take in the next record."""
         if record.t > self._t:
             self._settle()
             self._t = record.t
@@ -136,7 +135,6 @@ class _Spans:
             self.repeated.append(record.t)
 
     def close(self, end: float) -> None:
-        """The record ends."""
         self._settle()
         self._end(end, "record")
 
@@ -180,12 +178,12 @@ def _apply(record: MemoryRecord, memory: dict[str, Json]) -> None:
 def _value_of(expression: Expression, memory: dict[str, Json]) -> Json:
     try:
         return expression.value(memory)
-    except EvaluationError:  # a part that is not there, or that the level hides
+    except EvaluationError:  # a part is missing, or hidden by the level
         return None
 
 
 class _Lists:
-    """What a session has, each in the order of its times."""
+    """The events of a session by kind, each list in the order of time."""
 
     def __init__(self, data: SessionData, spans: _Spans) -> None:
         assert data.scenario is not None
@@ -218,7 +216,7 @@ class _Lists:
         self._names = {_asked(each.function, each.task_behavior): each.label for each in keys}
 
     def trial(self, start: float, end: float, ended_by: TrialEnd, values: dict[str, Json]) -> PlayedTrial:
-        """One trial, with what happened in it: from its start on, and before its end."""
+        """Build one trial from the events at or after its start and before its end."""
         until = end if ended_by != "record" else float("inf")
         first = bisect_left(self._acts, start, key=lambda act: act.accepted_at)
         last = bisect_left(self._acts, until, key=lambda act: act.accepted_at)
@@ -258,7 +256,7 @@ class _Lists:
         )
 
     def _key(self, start: float | None, end: float) -> WizardKey | None:
-        """The first one from a time on that was pressed in the trial; that which ends it counts, too."""
+        """Return the first key in the trial from a time on. The key that ends the trial is included."""
         if start is None:
             return None
         at = bisect_left(self._keys, start, key=_time)
@@ -272,18 +270,18 @@ class _Lists:
 
 
 def _asked(function: str, behavior: str) -> str:
-    """What a task asks for, for people."""
+    """Describe a task's request for people."""
     return f"{function} {describe_behavior(function, behavior)}".strip()
 
 
 def _end_of_speech(act: PlayedAct) -> float | None:
-    """When its last action ended that takes the voice; None: it had not."""
+    """Return when the act's last action that uses the voice ended. None: it had not."""
     ends = [part.ended_at for part in act.parts if "speech" in part.channels and part.accepted_at is not None]
     return None if None in ends or not ends else max(each for each in ends if each is not None)
 
 
 def _sorted(pairs: Iterable[tuple[float | None, _Each]]) -> list[tuple[float, _Each]]:
-    """What has a time, in the order of the times."""
+    """Return the items that have a time, in the order of time."""
     return sorted(((at, each) for at, each in pairs if at is not None), key=_time)
 
 
@@ -292,10 +290,10 @@ def _time(pair: tuple[float, Any]) -> float:
 
 
 def _within(pairs: Sequence[tuple[float, _Each]], start: float, end: float) -> list[_Each]:
-    """Those from `start` on and before `end`."""
+    """Return the items at or after `start` and before `end`."""
     return [each for _, each in pairs[bisect_left(pairs, start, key=_time) : bisect_left(pairs, end, key=_time)]]
 
 
 def _until(pairs: Sequence[tuple[float, _Each]], start: float, end: float) -> list[_Each]:
-    """Those after `start`, up to `end`: what ends a trial belongs to it."""
+    """Return the items after `start` and at or before `end`, because the event that ends a trial belongs to it."""
     return [each for _, each in pairs[bisect_right(pairs, start, key=_time) : bisect_right(pairs, end, key=_time)]]

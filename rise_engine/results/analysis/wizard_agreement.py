@@ -1,4 +1,4 @@
-"""How far wizards agree about the same cues, over sessions: all together, and by condition."""
+"""The agreement of wizards about the same cues, over sessions: overall and by condition."""
 
 from __future__ import annotations
 
@@ -21,18 +21,18 @@ from rise_engine.results.analysis.agreement import (
 from rise_engine.results.analysis.judged_cues import JudgedCue, JudgedSession, MarkedAct
 
 ALL = ""
-"""The group of everything."""
+"""The group of all units."""
 FEW = 30
-"""Below so many units the statistics of two wizards are hardly more than an anecdote."""
+"""With fewer units, statistics of two wizards are hardly more than an anecdote."""
 
 
 NO_TIMES = "there is no cue to which all of them did something"
 LEAST_TIMED = 3
-"""Below so many units an ICC can be anything."""
+"""With fewer units, an ICC is arbitrary."""
 
 
 class CellCount(Struct, frozen=True):
-    """How often the first wizard did this while the second did that."""
+    """How often a pair of decisions occurred: the first wizard's and the second's."""
 
     first: str
     second: str
@@ -40,52 +40,52 @@ class CellCount(Struct, frozen=True):
 
 
 class PairStatistics(Struct, frozen=True, kw_only=True):
-    """Two wizards, over what both have judged."""
+    """The statistics of two wizards over what both have judged."""
 
     first: str
     second: str
     percent: Estimate
     kappa: Estimate
     confusion: tuple[CellCount, ...]
-    """The largest first."""
+    """The most frequent pair first."""
     icc: Estimate
-    """ICC(A,1) of the latencies, where both did something."""
+    """ICC(A,1) of the latencies where both did something."""
     latency: Differences
-    """Latency of the second minus that of the first, in seconds."""
+    """Latency of the second wizard minus that of the first, in seconds."""
 
 
 class GroupStatistics(Struct, frozen=True, kw_only=True):
-    """All wizards, over one group of units."""
+    """The statistics of all wizards over one group of units."""
 
     group: str
-    """The condition; empty: all of them."""
+    """The condition. Empty: all units."""
     units: int
-    """That at least two have judged."""
+    """The number of units that at least two have judged."""
     alpha: Estimate
     icc: Estimate
-    """Of all wizards, over cues about which each of them did something."""
+    """ICC of all wizards, over the cues on which each of them did something."""
     pairs: tuple[PairStatistics, ...]
 
 
 class AgreementReport(Struct, kw_only=True):
-    """What comes of a comparison."""
+    """The result of a comparison."""
 
     wizards: list[str] = field(default_factory=list)
-    """Those who ran sessions first, then those who judged."""
+    """Those who ran sessions come first, then those who judged."""
     cues: list[JudgedCue] = field(default_factory=list)
     groups: list[GroupStatistics] = field(default_factory=list)
-    """All cues first, then by condition, where there are several."""
+    """All cues first, then each condition if there are several."""
     marks: list[MarkedAct] = field(default_factory=list)
     marked: GroupStatistics | None = None
-    """Of the marks for mistakes; None: not two of them have marked anything."""
+    """Statistics of the marks for mistakes. None: fewer than two have marked any."""
     sessions: int = 0
     undone: int = 0
-    """Cues that were taken back."""
+    """The number of undone cues."""
     remarks: list[str] = field(default_factory=list)
 
 
 def compare_wizards(sessions: Iterable[JudgedSession]) -> AgreementReport:
-    """Compare what was decided in sessions, which are taken one after the other."""
+    """Compare the decisions in sessions, which are read one after the other."""
     report = AgreementReport()
     live: dict[str, None] = {}
     judges: dict[str, None] = {}

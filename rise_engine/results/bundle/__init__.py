@@ -1,1 +1,1 @@
-"""A study as one folder for others: an RO-Crate, and what runs it again."""
+"""A study as one folder for others: an RO-Crate with everything to run it again."""

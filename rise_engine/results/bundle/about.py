@@ -1,4 +1,4 @@
-"""What a bundle says of itself: how it was made (`bundle.json`), README, and how to check it."""
+"""A bundle's description of itself: how it was made (`bundle.json`), README, and how to check it."""
 
 from __future__ import annotations
 
@@ -21,25 +21,25 @@ ABOUT_FILE = "bundle.json"
 
 
 class BundleOptions(Struct, frozen=True):
-    """What somebody decides about a bundle."""
+    """The options of a bundle."""
 
     level: ExportLevel = "shared"
     private: tuple[str, ...] = ()
-    """Further private memory keys."""
+    """Private memory keys in addition to the scenario's."""
     license: str = ""
-    """Instead of what `[report]` in study.toml says."""
+    """Replaces the licence in `[report]` of study.toml."""
 
 
 class AboutBundle(Struct, frozen=True):
-    """`bundle.json`."""
+    """The contents of `bundle.json`."""
 
     options: BundleOptions
     program: str = __version__
     """The version of rise-tui that made it."""
     rehearsals: dict[str, int] = {}
-    """How many sessions that do not count are left out, by their purpose."""
+    """The number of rehearsals left out, by their purpose."""
     absent: dict[str, str] = {}
-    """Why a session that study.jsonl names is not in it, in a sentence's part, by the session's name."""
+    """Why sessions in study.jsonl are not in the bundle, as part of a sentence, by the session's name."""
 
 
 def write_about(root: Path, about: AboutBundle) -> None:
@@ -49,7 +49,7 @@ def write_about(root: Path, about: AboutBundle) -> None:
 
 
 def read_about(root: Path) -> AboutBundle:
-    """`bundle.json` of the bundle in `root`. Raises ExportError when it is missing or is none."""
+    """Read `bundle.json` of the bundle in `root`. Raises ExportError when it is missing or invalid."""
     try:
         return msgspec.json.decode((root / ABOUT_FILE).read_bytes(), type=AboutBundle)
     except FileNotFoundError:
@@ -59,7 +59,7 @@ def read_about(root: Path) -> AboutBundle:
 
 
 PYTHON = (3, 11)
-"""The oldest that runs the program (pyproject.toml)."""
+"""The oldest Python that runs the program (pyproject.toml)."""
 _LEVELS: dict[ExportLevel, str] = {
     "full": "Everything is told as it was recorded. This is an archive. Do not publish it.",
     "shared": "For other researchers: no dates and times of day, no notes and reasons that people typed, no names of "
@@ -70,9 +70,9 @@ _LEVELS: dict[ExportLevel, str] = {
 
 
 def readme_text(study: Study, level: ExportLevel, contents: Sequence[str], left_out: Sequence[str], wheel: str) -> str:
-    """README.md.
+    """Write README.md.
 
-    :param wheel: the program in the bundle, from there on; empty: it is not in it.
+    :param wheel: the path of the program in the bundle; empty: it is not in it.
     """
     program = wheel or f'"rise-tui=={__version__}"'
     lines = [
@@ -127,7 +127,7 @@ def readme_text(study: Study, level: ExportLevel, contents: Sequence[str], left_
 
 
 def _about_program(wheel: str) -> list[str]:
-    """How to get the program."""
+    """Say how to get the program."""
     if not wheel:
         return [f"The program itself is not in here; {ENVIRONMENT_FILE} says which one it was, and where it is.", ""]
     return [
@@ -139,7 +139,7 @@ def _about_program(wheel: str) -> list[str]:
 
 
 def license_text(license: str, study: Study) -> str:
-    """LICENSE."""
+    """Write LICENSE."""
     holder = study.report.get("authors", "") or "the people who ran the study"
     if not license:
         return (

@@ -1,7 +1,7 @@
-"""Two courses of one session: as it was recorded, and as it went with another robot. What differed, in sentences.
+"""Comparison of two courses of a session: as recorded, and with another robot. Describes the differences in sentences.
 
-What people and programs asked for is the same in both, at the same times, however the robot was; what rules did about
-it, and what the robot did, need not be.
+The requests of people and programs are the same in both, at the same times. The reactions of rules and the actions of
+the robot may differ.
 """
 
 from __future__ import annotations
@@ -34,21 +34,21 @@ from rise_engine.session.journal_format import InputLine
 from rise_engine.session.journal_reader import read_journal
 
 _OF_THE_ROBOT = (ActionReport, TimerElapsed, RobotChanged, StopReport, SessionRecovered)
-"""Inputs that another robot, and the time that it takes, give anew."""
+"""Inputs that come from the robot and its timing, and are new with another robot."""
 _NAMES_TASK = frozenset({"cancelTask", "moveTask", "markMistake", "goOn", "repeatAct", "stopRuleOfAct"})
 """Functions whose behaviour begins with the number of a task."""
 NOTICEABLE = 0.1
-"""Seconds by which an act takes longer or shorter, for it to be told."""
+"""Differences in an act's duration are reported from this number of seconds on."""
 TaskName = tuple[str, str, str, int]
-"""Source, function, behaviour, and the how-manieth of these: a task, however tasks are numbered."""
+"""Source, function, behaviour and a running number: identifies a task whatever its number."""
 
 
 class RecordedSession(Struct):
-    """What of a session is done again with another robot, and how it went."""
+    """The part of a session that is repeated with another robot, and its original course."""
 
     started: SessionStarted
     inputs: list[AnyInput]
-    """What people and programs did, in its order; `t` says when."""
+    """The inputs of people and programs in their order, at the times `t`."""
     end: float
     """When it was ended."""
     records: list[AnyRecord]
@@ -56,7 +56,7 @@ class RecordedSession(Struct):
 
 
 class TaskNames:
-    """Knows the tasks of a session by what they were, not by their numbers."""
+    """A table that identifies the tasks of a session by their content instead of their numbers."""
 
     def __init__(self) -> None:
         self._names: dict[int, TaskName] = {}
@@ -64,7 +64,6 @@ class TaskNames:
         self._counts: dict[tuple[str, str, str], int] = {}
 
     def add(self, record: AnyRecord) -> None:
-        """Take in a record."""
         if isinstance(record, TaskRecord) and record.id not in self._names:
             what = (record.source, record.function, record.behavior)
             self._counts[what] = self._counts.get(what, 0) + 1
@@ -73,9 +72,9 @@ class TaskNames:
             self._ids[name] = record.id
 
     def translate(self, task: Submit, there: TaskNames) -> Submit:
-        """A task about another task, as it is to be asked for where that one has another number.
+        """Adapt a task about another task, which can have another number in the other course.
 
-        :param there: the tasks of the course in which it is asked for.
+        :param there: the tasks of the other course.
         """
         number, blank, rest = task.behavior.partition(" ")
         if task.function not in _NAMES_TASK or not number.isdigit():
@@ -86,32 +85,32 @@ class TaskNames:
 
 
 class CourseComparison(Struct):
-    """What differed between two courses of a session."""
+    """The differences between two courses of a session."""
 
     acts: int = 0
-    """How many were recorded and had ended before the session did, with both robots."""
+    """The number of recorded acts that ended before the session did, with both robots."""
     same: int = 0
-    """How many ended as they had."""
+    """The number of acts with the same end."""
     acts_differ: list[str] = field(default_factory=list)
     rules_differ: list[str] = field(default_factory=list)
     rules_same: list[str] = field(default_factory=list)
-    """Rules that went the same way."""
+    """Rules with the same states."""
     longer: list[float] = field(default_factory=list)
-    """By how many seconds each act that ended as it had took longer, those under NOTICEABLE left out."""
+    """The additional seconds of each act with the same end, without differences below NOTICEABLE."""
 
     @property
     def identical(self) -> bool:
-        """Whether every act ended as it had, and every rule went the same way; the times may differ."""
+        """Whether all acts had the same end and all rules the same states. Times may differ."""
         return not self.acts_differ and not self.rules_differ
 
     @property
     def median_longer(self) -> float:
-        """Seconds; 0 where no act took another time."""
+        """Seconds. 0 where no act took noticeably longer or shorter."""
         return round(median(self.longer), 3) if self.longer else 0.0
 
 
 def read_recorded(folder: Path, seed: int) -> RecordedSession:
-    """What of a session can be done again. Raises SessionError."""
+    """Read the part of a session that can be repeated. Raises SessionError."""
     contents = read_journal(folder / JOURNAL)
     recorded = RecordedSession(SessionStarted(), [], contents.seconds, [], seed)
     for _, _, line in contents.lines():
@@ -130,12 +129,12 @@ def read_recorded(folder: Path, seed: int) -> RecordedSession:
 def compare_courses(
     before: Iterable[AnyRecord], after: Iterable[AnyRecord], scenario: Scenario, other: Scenario
 ) -> CourseComparison:
-    """What differed.
+    """Compare two courses.
 
     :param before: the records of the session.
-    :param after: those of the same with another robot.
-    :param scenario: the session's, with its robot.
-    :param other: the same with the other robot.
+    :param after: the records with the other robot.
+    :param scenario: the session's scenario, with its robot.
+    :param other: the same scenario with the other robot.
     """
     old_acts, old_phases = _course(before, scenario)
     new_acts, new_phases = _course(after, other)
@@ -183,7 +182,7 @@ def _course(records: Iterable[AnyRecord], scenario: Scenario) -> tuple[tuple[Pla
 
 
 def _is_end(record: AnyRecord) -> bool:
-    """Whether the session ends here: the engine stops the robot first. What that stops ends in no way of its own."""
+    """Whether the session ends here. The engine stops the robot first, so the ends of acts after this mean nothing."""
     if isinstance(record, TaskRecord):
         return record.function == "stopAll" and record.source == ENGINE
     return isinstance(record, SessionRecord) and record.status == "ended"
@@ -194,7 +193,7 @@ def _is_running(act: PlayedAct) -> bool:
 
 
 def _numbered(acts: Iterable[PlayedAct]) -> Iterator[tuple[tuple[str, str, int], PlayedAct]]:
-    """Each with its act, who asked for it, and the how-manieth of these it is."""
+    """Give each act with its name, its source and its running number among these."""
     counts: dict[tuple[str, str], int] = {}
     for act in acts:
         what = (act.act, act.source)
@@ -231,7 +230,7 @@ def _length(act: PlayedAct) -> float:
 
 
 def _way_difference(before: list[Phase], after: list[Phase]) -> str:
-    """Where a rule first goes another way, or empty."""
+    """Say where a rule first enters a different state, or return an empty text."""
     for number in range(max(len(before), len(after))):
         old = before[number] if number < len(before) else None
         new = after[number] if number < len(after) else None

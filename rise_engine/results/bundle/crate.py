@@ -1,6 +1,6 @@
 """The metadata of a bundle: RO-Crate 1.1 with Process Run Crate 0.5, one JSON-LD file.
 
-Each session is a CreateAction: the program was the instrument, design and scenario went in, the record came out.
+Each session is a CreateAction, with the program as instrument, design and scenario as inputs, the record as result.
 
 https://www.researchobject.org/ro-crate/specification/1.1/
 https://www.researchobject.org/workflow-run-crate/profiles/0.5/process_run_crate/
@@ -45,28 +45,28 @@ class CrateSession(Struct, frozen=True):
 
     facts: SessionFacts
     folder: str
-    """From the bundle on; empty: the session itself is not in it, only in the exports."""
+    """Relative to the bundle. Empty: only the exports have the session."""
 
 
 class CrateContents(Struct, frozen=True):
-    """What the metadata tell."""
+    """The facts for the metadata."""
 
     name: str
     description: str
     published: str
-    """Date, ISO 8601."""
+    """The date in ISO 8601."""
     license: str
-    """An SPDX id, an address, or empty: the file LICENSE says it."""
+    """An SPDX id, a URL, or empty: see the file LICENSE."""
     authors: tuple[Author, ...]
     funding: str
-    """Who paid for it, as people wrote it; empty: they have not said."""
+    """The funder as written by people. Empty: not given."""
     sessions: tuple[CrateSession, ...]
     inputs: tuple[str, ...]
-    """Files and folders from the bundle on that every session was run from: the design, the scenarios."""
+    """Files and folders from which every session was run, relative to the bundle: the design, the scenarios."""
 
 
 def metadata_text(root: Path, contents: CrateContents) -> str:
-    """The metadata of everything that lies in a bundle's folder now, as JSON."""
+    """Write the metadata of everything in a bundle's folder as JSON."""
     graph = [_descriptor(), *_dataset(root, contents), *_license(contents), _profile(), _program()]
     graph += [
         {"@id": _author_id(number, each), "@type": "Person", "name": each.name}
@@ -103,7 +103,7 @@ def _program() -> Entity:
 
 
 def _dataset(root: Path, contents: CrateContents) -> list[Entity]:
-    """The bundle, its folders and its files."""
+    """Describe the bundle, its folders and its files."""
     files = [name for name in files_in(root) if name != METADATA]
     folders = sorted({f"{parent.as_posix()}/" for name in files for parent in Path(name).parents if parent.name})
     url = license_url(contents.license)
@@ -185,7 +185,7 @@ def _run_of(session: CrateSession, contents: CrateContents) -> Entity:
 
 
 def _one_or_all(entities: list[Entity]) -> Entity | list[Entity]:
-    """What JSON-LD compacts to: a single one is no list."""
+    """Return a list as JSON-LD compacts it: a single entity is not in a list."""
     return entities[0] if len(entities) == 1 else entities
 
 

@@ -1,7 +1,7 @@
-"""What follows from the other files of a bundle: tables, BIDS, the report, participants.csv as the level tells it.
+"""Derived files of a bundle: tables, BIDS, the report, and participants.csv as the level shows it.
 
-`write_derived` makes all of it from the bundle's own sessions and study files alone: once when the bundle is made, and
-again when somebody asks whether it is still what follows (`compare_derived`). `check_bundle` looks at the check sums.
+`write_derived` makes all of them from the bundle's sessions and study files alone: when the bundle is made, and again
+to check that they still follow (`compare_derived`). `check_bundle` checks the checksums.
 """
 
 from __future__ import annotations
@@ -31,18 +31,18 @@ from rise_engine.study.state import StudyStatus, read_state
 from rise_engine.study.traces import MANIFEST_FILE, PARTICIPANTS_FILE
 
 FORMATS = ("tables", "bids")
-"""Exports that are in every bundle."""
+"""Exports that every bundle has."""
 REPORT = "report"
-"""The folder of the report: the page, and the reporting sheet."""
+"""The folder of the report page and the reporting sheet."""
 MADE_OF = {
     "tables": "sessions/, study.toml and the files of questionnaires",
     "bids": "sessions/, study.toml, participants.csv and the files of questionnaires",
     REPORT: "sessions/, study.toml, participants.csv, plan.csv and study.jsonl",
     PARTICIPANTS_FILE: "its own rows and study.toml",
 }
-"""What each is made of, for people."""
+"""The sources of each, for people."""
 _LONGEST = 60
-"""Characters of a cell or line that a sentence quotes."""
+"""The most characters of a cell or line that a sentence quotes."""
 
 
 class Difference(Struct, frozen=True):
@@ -50,29 +50,29 @@ class Difference(Struct, frozen=True):
 
     file: str
     what: str
-    """Where it first differs and how, in words."""
+    """Its first difference, in words."""
 
     def __str__(self) -> str:
         return f"{self.file}: {self.what} (it is made of {MADE_OF[self.file.partition('/')[0]]})"
 
 
 class DerivedCheck(Struct):
-    """What came of making everything again."""
+    """The result of making all derived files again."""
 
     files: int = 0
-    """How many are the same."""
+    """The number of equal files."""
     differences: list[Difference] = field(default_factory=list)
     not_compared: list[str] = field(default_factory=list)
-    """Files that another version of the program wrote, and that have no columns to compare."""
+    """Files from another version of the program that have no columns to compare."""
 
 
 def write_derived(root: Path, target: Path, about: AboutBundle) -> list[tuple[str, str]]:
     """Write everything that follows from the files of a bundle.
 
     :param root: the bundle, with its sessions and the files of its study.
-    :param target: where it goes; the bundle itself, or an empty folder.
+    :param target: the bundle itself, or an empty folder.
     :param about: how the bundle is made.
-    :return: what exports say to whoever makes them: the format, and a sentence.
+    :return: the exports' messages: the format and a sentence.
     :raises rise_engine.base.errors.RiseError: something cannot be read or made.
     :raises OSError: it cannot be written.
     """
@@ -96,7 +96,7 @@ def write_derived(root: Path, target: Path, about: AboutBundle) -> list[tuple[st
 
 
 def sessions_in_order(root: Path, state: StudyStatus | None) -> list[Path]:
-    """The sessions of a bundle in the order in which they began, those of other studies at last.
+    """Return the sessions of a bundle in the order in which they began. Sessions of other studies come last.
 
     :param root: the bundle.
     :param state: its study; None: it cannot be read.
@@ -107,17 +107,17 @@ def sessions_in_order(root: Path, state: StudyStatus | None) -> list[Path]:
 
 
 def with_license(study: Study, options: BundleOptions) -> Study:
-    """The study, with the licence that was named for the bundle."""
+    """Return the study with the bundle's licence, if it has one of its own."""
     return replace(study, report={**study.report, "license": options.license}) if options.license else study
 
 
 def compare_derived(root: Path, about: AboutBundle, *, same_version: bool) -> DerivedCheck:
-    """Make everything again, and compare it with what is in the bundle.
+    """Make all derived files again, and compare them with those in the bundle.
 
     :param root: the bundle.
     :param about: how it was made.
-    :param same_version: whether this version of the program made it. Of what another one made, columns of tables that
-        have the same names are compared, and nothing else.
+    :param same_version: whether this version of the program made it. From another version, only table columns with the
+        same names are compared.
     :raises rise_engine.base.errors.RiseError: something cannot be read or made.
     :raises OSError: nothing can be written.
     """
@@ -155,7 +155,7 @@ def _compare(check: DerivedCheck, name: str, old: Path, new: Path, same_version:
 
 
 def _table_difference(before: bytes, after: bytes, separator: str, same_version: bool) -> str | None:
-    """The first cell that differs; None: no cell does."""
+    """Describe the first cell that differs. None: all cells are equal."""
     old, new = _rows(before, separator), _rows(after, separator)
     if not old or not new:
         return "it has no columns" if new else None
@@ -191,7 +191,7 @@ def _line_difference(before: bytes, after: bytes) -> str:
 
 
 def _around(line: str, again: str) -> tuple[str, str]:
-    """Two long lines, from shortly before the first character that differs."""
+    """Cut two long lines to begin shortly before the first character that differs."""
     at = next((n for n, (a, b) in enumerate(zip(line, again, strict=False)) if a != b), min(len(line), len(again)))
     begin = max(0, at - _LONGEST // 3)
     return line[begin:], again[begin:]
@@ -202,10 +202,10 @@ def _quoted(text: str) -> str:
 
 
 def check_bundle(root: Path) -> ManifestCheck:
-    """Compare a bundle with its check sums.
+    """Compare a bundle with its checksums.
 
     :param root: its folder.
-    :raises ExportError: it is no bundle, or cannot be read.
+    :raises ExportError: it is not a bundle, or cannot be read.
     """
     missing = [name for name in (METADATA, ABOUT_FILE, MANIFEST_FILE) if not (root / name).is_file()]
     if missing:

@@ -1,5 +1,5 @@
-"""With what a bundle was made, so that others have the same: the program itself as a wheel, and the versions of what it
-needs (`program/`, `environment.txt`)."""
+"""The environment in which a bundle was made, so that others can have the same: the program as a wheel, and the
+versions of its dependencies (`program/`, `environment.txt`)."""
 
 from __future__ import annotations
 
@@ -28,21 +28,21 @@ _NAME = re.compile(r"[A-Za-z0-9._-]+")
 _OWN = "rise-tui"
 _GIT_SECONDS = 5.0
 _KEPT = ("METADATA", "entry_points.txt", "licenses/")
-"""Of what an installation says of itself, what goes into the wheel."""
+"""The installation's own files that go into the wheel."""
 
 
 class Wheel(Struct, frozen=True):
-    """The running program, as `pip` installs it."""
+    """The running program in a form that `pip` installs."""
 
     name: str
-    """Of its file."""
+    """The file's name."""
     data: bytes
 
 
 def write_program(root: Path) -> str:
     """Write the program into the folder `program` of the bundle in `root`. Raises OSError.
 
-    :return: why it is not in there, in a sentence's part; empty: it is.
+    :return: why it is not in there, as part of a sentence; empty: it is.
     """
     wheel = program_wheel()
     if isinstance(wheel, str):
@@ -56,15 +56,15 @@ def write_program(root: Path) -> str:
 
 
 def wheel_in(root: Path) -> str:
-    """The wheel in a bundle, from the bundle on; empty: there is none."""
+    """Return the path of the wheel within a bundle. Empty: there is none."""
     return next((each.relative_to(root).as_posix() for each in sorted((root / PROGRAM).glob("*.whl"))), "")
 
 
 @cache
 def program_wheel() -> Wheel | str:
-    """The running program as a wheel: its packages as they lie here, and what their installation says of them.
+    """Make a wheel of the running program from its packages and its installation's metadata.
 
-    :return: or why it cannot be made, in a sentence's part.
+    :return: the wheel, or why it cannot be made, as part of a sentence.
     """
     try:
         package = distribution(_OWN)
@@ -82,14 +82,14 @@ def program_wheel() -> Wheel | str:
     buffer = io.BytesIO()
     with zipfile.ZipFile(buffer, "w", zipfile.ZIP_DEFLATED) as archive:
         for name, data in files.items():
-            entry = zipfile.ZipInfo(name)  # of 1980, so that the same program is the same bytes
+            entry = zipfile.ZipInfo(name)  # dated 1980, so that the same program gives the same bytes
             entry.external_attr, entry.compress_type = 0o100644 << 16, zipfile.ZIP_DEFLATED
             archive.writestr(entry, data)
     return Wheel(f"{stem}-py3-none-any.whl", buffer.getvalue())
 
 
 def _packaged(package: Distribution) -> dict[str, bytes]:
-    """Everything that a wheel holds, by its name there: what was installed, and packages that lie elsewhere."""
+    """Return the contents of the wheel by name: installed files, and packages that are elsewhere."""
     stem, packages = f"rise_tui-{package.version}", _packages_of(package)
     found: dict[str, Path] = {}
     for each in package.files or ():
@@ -114,7 +114,7 @@ def _packaged(package: Distribution) -> dict[str, bytes]:
 
 
 def _packages_of(package: Distribution) -> set[str]:
-    """The top packages that its entry points name."""
+    """Return the top-level packages of its entry points."""
     return {entry.module.partition(".")[0] for entry in package.entry_points}
 
 
@@ -123,10 +123,10 @@ def _url_hash(data: bytes) -> str:
 
 
 def environment_text(recorded: dict[str, set[str]]) -> str:
-    """Versions of the program, of Python and of every package that the program needs, each with the SHA-256 of the
-    list of its files, so that somebody can tell whether theirs is the same.
+    """List the versions of the program, of Python and of every dependency. For comparison, each dependency has the
+    SHA-256 of the list of its files.
 
-    :param recorded: the versions that the sessions name, of each program.
+    :param recorded: the versions in the sessions, by program.
     """
     wheel = program_wheel()
     lines = ["# The bundle was made with", f"{_OWN}=={__version__}"]
@@ -142,7 +142,7 @@ def environment_text(recorded: dict[str, set[str]]) -> str:
 
 @cache
 def _origin() -> dict[str, str]:
-    """Where the program comes from, as far as its installation says: addresses, and the commit of its source."""
+    """Return where the installation says the program comes from: URLs, and the commit of its source."""
     try:
         package = distribution(_OWN)
     except PackageNotFoundError:
@@ -164,8 +164,8 @@ def _origin() -> dict[str, str]:
 
 
 def _commit_here() -> str:
-    """The commit of the checkout in which the program lies, with `-dirty` when something in it is another; empty: it
-    lies in none."""
+    """Return the commit of the checkout that contains the program, with `-dirty` after changes. Empty: there is
+    none."""
     here = Path(__file__).resolve().parents[3]
     if not (here / ".git").exists():
         return ""
@@ -184,7 +184,7 @@ def _package_line(package: Distribution) -> str:
 
 
 def _needed(name: str) -> list[Distribution]:
-    """What a package needs, and what that needs, without extras, by name."""
+    """Return a package's direct and indirect dependencies, without extras, by name."""
     found: dict[str, Distribution] = {}
     waiting = [name]
     while waiting:

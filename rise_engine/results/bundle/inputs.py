@@ -1,5 +1,5 @@
-"""What the sessions of a bundle were run from: whether study.toml, the scenarios and plan.csv are what the sessions and
-study.jsonl say that they were."""
+"""The inputs of a bundle's sessions: whether study.toml, the scenarios and plan.csv are those that the sessions and
+study.jsonl name."""
 
 from __future__ import annotations
 
@@ -29,10 +29,10 @@ ROBOTS = "robots"
 
 
 class InputsCheck(Struct):
-    """What came of comparing the inputs with the sessions."""
+    """The result of comparing the inputs with the sessions."""
 
     problems: list[str] = field(default_factory=list)
-    """What differs, in sentences that begin with the file's name."""
+    """The differences, in sentences that begin with the file's name."""
     proved: list[str] = field(default_factory=list)
     """What the sessions prove, in sentences."""
     open: list[str] = field(default_factory=list)
@@ -40,7 +40,7 @@ class InputsCheck(Struct):
 
 
 class _Run(Struct, frozen=True):
-    """A session, as far as it says what it was run from."""
+    """A session with its labels."""
 
     folder: Path
     labels: Mapping[str, Any]
@@ -49,8 +49,8 @@ class _Run(Struct, frozen=True):
 def check_inputs(root: Path, state: StudyStatus, folders: Sequence[Path]) -> InputsCheck:
     """Compare the inputs with the sessions.
 
-    :param root: the folder of a study, or of a bundle.
-    :param state: the study in it.
+    :param root: the folder of a study or a bundle.
+    :param state: its study.
     :param folders: its sessions.
     """
     found = InputsCheck()
@@ -93,7 +93,7 @@ def _check_plan(found: InputsCheck, root: Path, state: StudyStatus) -> None:
 
 
 def _scenario_of(study: Study, run: _Run) -> str:
-    """The folder of its scenario, from the study's on."""
+    """Return the folder of the session's scenario, relative to the study."""
     factors = run.labels.get("factors") or {}
     levels = [level for factor in study.factors for level in factor.levels if factors.get(factor.name) == level.name]
     named = next((level.scenario for level in levels if level.scenario), "") or study.scenario
@@ -125,7 +125,7 @@ def _check_scenario(found: InputsCheck, root: Path, study: Study, name: str, run
 
 
 def _scenario_hash(folder: Path, copy: Path, info: SessionInfo) -> str:
-    """The hash that the scenario has with the robots that the session's copy has; empty: it does not load."""
+    """Return the hash of the scenario together with the robots of the session's copy. Empty: it does not load."""
     with private_folder(Path(tempfile.gettempdir(), "rise-scenario")) as work:
         whole = work / "scenario"
         shutil.copytree(folder, whole)
@@ -138,11 +138,11 @@ def _scenario_hash(folder: Path, copy: Path, info: SessionInfo) -> str:
 
 
 def _first_difference(folder: Path, copy: Path) -> str:
-    """The first file of a scenario that is not as the session's copy has it."""
+    """Return the first file of a scenario that differs from the session's copy."""
     files = sorted(path.relative_to(copy) for path in copy.rglob("*") if path.is_file()) if copy.is_dir() else []
     for path in files:
         if path.parts[0] == ROBOTS and not (folder / path).exists():
-            continue  # one that the program brought
+            continue  # one of the program's own robots
         if not (folder / path).is_file() or (folder / path).read_bytes() != (copy / path).read_bytes():
             return path.as_posix()
     further = sorted(

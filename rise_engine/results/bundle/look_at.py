@@ -1,4 +1,4 @@
-"""What somebody should look at before a bundle goes to others: what no program can judge."""
+"""What a person should check before a bundle is given away, because no program can judge it."""
 
 from __future__ import annotations
 
@@ -21,12 +21,12 @@ from rise_engine.study.traces import has_name
 
 _STAND_IN = re.compile(r"[A-Z0-9]+\d")
 _HIDDEN = re.compile(r"= \{\w+\}$")
-"""The behaviour of an assignment to a private key, as a level tells it."""
+"""The behaviour of an assignment to a private key, as a level shows it."""
 _SHOWN = 12
 
 
 class LookAt:
-    """Gathers, session by session, what is to be looked at."""
+    """A collector of what a person should check. Give it one session after another."""
 
     def __init__(self, study: Study, level: ExportLevel) -> None:
         self._study = study
@@ -41,7 +41,7 @@ class LookAt:
         self._warnings: list[str] = []
 
     def add(self, data: SessionData) -> None:
-        """What people said and typed in a session."""
+        """Add what people said and typed in a session."""
         self._said += sum(act.act == SAY and act.actor == "wizard" for act in data.acts)
         for record in data.records:
             if isinstance(record, TaskRecord) and record.source.startswith("wizard:"):
@@ -49,7 +49,7 @@ class LookAt:
                 self._typed += record.function == "assignValue" and record.status == "SUCCEEDED" and told
 
     def add_shared(self, folder: Path, shared: SharedSession) -> None:
-        """A session as it is in the bundle."""
+        """Add a session as it is in the bundle."""
         self._own_values.update(dict.fromkeys(shared.own_values))
         try:
             found = suggest_words(folder)
@@ -60,22 +60,21 @@ class LookAt:
                 self._words[each.word] += each.count
 
     def add_people(self, people: Sequence[Participant]) -> None:
-        """Those in participants.csv."""
+        """Add the rows of participants.csv."""
         self._columns = [*self._study.strata, *self._study.columns]
         rows = [tuple(each.strata.get(name) or each.columns.get(name, "") for name in self._columns) for each in people]
         counts = Counter(rows)
         self._people, self._alone = len(rows), sum(counts[row] == 1 for row in rows)
 
     def add_warnings(self, name: str, warnings: Sequence[str]) -> None:
-        """What an export says."""
         self._warnings += [f"{name}: {each}" for each in warnings]
 
     def sentences(self, root: Path, people: Mapping[str, str], license: str) -> list[str]:
-        """All of it.
+        """Return everything in sentences.
 
         :param root: the bundle, as far as it is made.
-        :param people: what each wizard is called in it, by name.
-        :param license: empty: not said.
+        :param people: the code of each wizard in it, by name.
+        :param license: the licence; empty: there is none.
         """
         found = []
         if self._level == "full":

@@ -1,4 +1,4 @@
-"""Making a bundle: everything of a study that others need, at one level, and a plain list of what is in it."""
+"""Maker of a bundle: everything of a study that others need, at one level, with a list of its contents."""
 
 from __future__ import annotations
 
@@ -49,20 +49,20 @@ from rise_engine.study.traces import MANIFEST_FILE, PARTICIPANTS_FILE, wizard_na
 
 SESSIONS = "sessions"
 UNPROVED = "unproved"
-"""Exports of the sessions that are not in the bundle themselves: nobody can make these again from it."""
+"""Exports of sessions that are not in the bundle, so that nobody can make these exports again."""
 
 
 class BundleReport(Struct):
-    """What came of making a bundle, in lines for a person."""
+    """The result of making a bundle, in lines for a person."""
 
     contents: list[str] = field(default_factory=list)
     left_out: list[str] = field(default_factory=list)
     look_at: list[str] = field(default_factory=list)
-    """What somebody should look at before others get it."""
+    """What a person should check before giving it away."""
     sessions: int = 0
-    """How many can be run again from it."""
+    """The number of sessions that can be run again from it."""
     fingerprint: str = ""
-    """The check sum of its check sums."""
+    """The checksum of its checksums."""
 
 
 def make_bundle(
@@ -70,12 +70,12 @@ def make_bundle(
 ) -> BundleReport:
     """Make the bundle of a study.
 
-    :param state: the study as it stands.
+    :param state: the study's state.
     :param folders: its sessions, in the order in which they began.
     :param out: a new folder, or a new file whose name ends in `.zip`.
-    :param options: how much it tells.
-    :param remarks: what of the study's sessions is not among `folders`, in sentences.
-    :raises ExportError: it cannot be made; nothing of it is there.
+    :param options: how much it shows.
+    :param remarks: sentences on sessions of the study that are not in `folders`.
+    :raises ExportError: it cannot be made; nothing of it is left.
     """
     if not folders:
         raise ExportError("there is no session to put into a bundle", *remarks)
@@ -83,7 +83,7 @@ def make_bundle(
     people = {study: state.pseudonyms}
     try:
         with new_export(out, folders, "bundle", options.level, folder=is_folder, people=people) as export:
-            bundle = _Bundle(read_state(study), folders, options)  # again: now nobody changes it without our knowing
+            bundle = _Bundle(read_state(study), folders, options)  # again: from now on, changes are noticed
             bundle.report.left_out += [*remarks, *export.problems]
             here = export.here
             root = here if out.suffix != ".zip" else here.with_name("bundle")
@@ -97,7 +97,7 @@ def make_bundle(
 
 
 class _Bundle:
-    """One bundle that is being made."""
+    """The work of making one bundle."""
 
     def __init__(self, state: StudyStatus, folders: Sequence[Path], options: BundleOptions) -> None:
         self._state = state
@@ -106,18 +106,18 @@ class _Bundle:
         self._options = options
         self._level = options.level
         self._people = dict(wizard_names(Path(state.study.folder)))
-        """What each wizard is called, by name."""
+        """The code of each wizard, by name."""
         self._sessions: list[CrateSession] = []
         self._names: dict[str, str] = {}
-        """What each session is called in the bundle, by its folder's name."""
+        """The name of each session in the bundle, by its folder's name."""
         self._absent: dict[str, str] = {}
-        """Why a session that the log names is not in it, by its name there."""
+        """Why logged sessions are not in the bundle, by their names in its log."""
         self._versions: dict[str, set[str]] = {}
         self._look_at = LookAt(state.study, options.level)
         self.report = BundleReport()
 
     def write(self, root: Path) -> None:
-        """Everything, its metadata and check sums at last. Raises SessionError, ExportError, OSError."""
+        """Write everything; metadata and checksums come last. Raises SessionError, ExportError, OSError."""
         self._write_sessions(root / SESSIONS)
         inputs = self._write_study(root)
         about = AboutBundle(self._options, rehearsals=self._rehearsals(), absent=self._absent)
@@ -196,7 +196,7 @@ class _Bundle:
     # --- the study ---
 
     def _write_study(self, root: Path) -> list[str]:
-        """Its files; those that every session was run from."""
+        """Write the study's files. Returns those from which every session was run."""
         study, folder = self._study, Path(self._study.folder)
         text = (folder / STUDY_FILE).read_text("utf-8")
         (root / STUDY_FILE).write_text(study_text(text, self._people, self._level), "utf-8")
@@ -236,14 +236,14 @@ class _Bundle:
         return [*inputs, *copied]
 
     def _rehearsals(self) -> dict[str, int]:
-        """Sessions that do not count and are left out, by their purpose."""
+        """Count the rehearsals that are left out, by their purpose."""
         left_out = (each.entry.purpose for each in self._state.sessions if each.name not in self._names)
         return dict(Counter(purpose for purpose in left_out if purpose != "counted"))
 
     # --- exports ---
 
     def _write_unproved(self, root: Path) -> None:
-        """Of sessions that cannot be shared, what the level tells of them."""
+        """Write the exports of sessions that cannot be shared."""
         if not any(not each.folder for each in self._sessions):
             return
         absent = {each.facts.session for each in self._sessions if not each.folder}
@@ -257,7 +257,6 @@ class _Bundle:
     # --- about all of it ---
 
     def _contents(self, root: Path) -> list[str]:
-        """What is in it, a line each."""
         counts: Counter[str] = Counter()
         for path in root.rglob("*"):
             if path.is_file():

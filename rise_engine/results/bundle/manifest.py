@@ -1,6 +1,6 @@
-"""The check sums of a bundle (`manifest-sha256.txt`, as `sha256sum` writes and checks it), and a bundle as a ZIP.
+"""The checksums of a bundle (`manifest-sha256.txt`, in the format of `sha256sum`), and bundles as ZIP files.
 
-The metadata of an RO-Crate 1.1 have no word for a check sum, so they stand in a file of their own.
+RO-Crate 1.1 has no term for a checksum, so they are in a separate file.
 """
 
 from __future__ import annotations
@@ -25,16 +25,16 @@ from rise_engine.study.traces import MANIFEST_FILE
 
 
 class ManifestCheck(Struct):
-    """What a bundle is, compared with its manifest."""
+    """The result of comparing a bundle with its manifest."""
 
     files: int = 0
-    """How many are as they were."""
+    """The number of unchanged files."""
     changed: list[str] = field(default_factory=list)
     missing: list[str] = field(default_factory=list)
     unlisted: list[str] = field(default_factory=list)
-    """Files that were put into it since."""
+    """Files that were added later."""
     unreadable: list[str] = field(default_factory=list)
-    """Lines of the manifest that are none, in sentences."""
+    """Sentences about invalid lines of the manifest."""
 
     @property
     def whole(self) -> bool:
@@ -43,17 +43,17 @@ class ManifestCheck(Struct):
 
 
 def files_in(root: Path) -> list[str]:
-    """Every file under a folder, as paths from there on, in the order of the manifest."""
+    """Return every file under a folder as a relative path, in the order of the manifest."""
     return sorted(path.relative_to(root).as_posix() for path in root.rglob("*") if path.is_file())
 
 
 def manifest_text(root: Path) -> str:
-    """The manifest of everything that lies in a folder now."""
+    """Write the manifest of everything in a folder."""
     return "".join(f"{file_hash(root / name)}  {name}\n" for name in files_in(root) if name != MANIFEST_FILE)
 
 
 def fingerprint(root: Path) -> str:
-    """The check sum of the check sums: who has it from a paper knows whether a bundle is the one that was published.
+    """Return the checksum of the checksums. A paper can give it, so that readers recognise the published bundle.
 
     :raises OSError: there is no manifest.
     """
@@ -82,20 +82,19 @@ def check_manifest(root: Path) -> ManifestCheck:
 
 
 MAX_BYTES, MAX_FILES = 20_000_000_000, 200_000
-"""Of what a zip file may hold when it is unpacked."""
+"""The limits of a zip file's unpacked contents."""
 MAX_RATIO, SMALL_BYTES = 100, 100_000_000
-"""How many times its own size a zip file may hold, and how much it may hold in any case. What sessions write becomes a
-tenth of its size."""
+"""The largest ratio of unpacked to packed size, and the size allowed in any case. Session files shrink to a tenth."""
 SPARE_BYTES = 100_000_000
-"""What unpacking leaves free on the disk."""
+"""The bytes that unpacking leaves free on the disk."""
 _NAMED = 5
-"""Names that a sentence shows."""
+"""The most names that a sentence lists."""
 _DATE = (1980, 1, 1, 0, 0, 0)
-"""The first that a zip file can say: it tells nobody when something was."""
+"""The earliest date that a zip file can have, so that it reveals no real date."""
 
 
 def write_zip(folder: Path, path: Path) -> None:
-    """Put everything in a folder into a new zip file. Raises OSError, FileExistsError."""
+    """Write everything in a folder to a new zip file. Raises OSError, FileExistsError."""
     with path.open("xb") as file, zipfile.ZipFile(file, "w", zipfile.ZIP_DEFLATED) as archive:
         for name in files_in(folder):
             entry = zipfile.ZipInfo(name, _DATE)
@@ -107,11 +106,11 @@ def write_zip(folder: Path, path: Path) -> None:
 
 @contextmanager
 def opened_bundle(path: Path) -> Iterator[Path]:
-    """The folder of a bundle, within a `with` statement; a zip file is unpacked for that long, for its owner alone.
+    """Give the folder of a bundle for a `with` statement. A zip file is unpacked privately for that time.
 
-    What a killed program has left of one that was unpacked is erased first.
+    Unpacked bundles that killed programs left are erased first.
 
-    :raises ExportError: it is neither, or would do harm.
+    :raises ExportError: it is neither a folder nor a valid zip file, or could do harm.
     """
     beside = Path(tempfile.gettempdir(), "rise-bundle")
     if path.is_dir():
@@ -135,7 +134,7 @@ def opened_bundle(path: Path) -> Iterator[Path]:
 
 
 def _refuse_links(folder: Path) -> None:
-    """A bundle has none, and one could lead to any file of whoever reads it. Raises ExportError."""
+    """Refuse links: a bundle has none, and they could lead to any file of the reader. Raises ExportError."""
     links = sorted(path.relative_to(folder).as_posix() for path in folder.rglob("*") if path.is_symlink())
     if links:
         raise ExportError(f"it is not a bundle, because these in it are links: {_some(links)}")
@@ -146,10 +145,10 @@ def _some(names: list[str]) -> str:
 
 
 def _check(archive: zipfile.ZipFile, size: int, free: int) -> None:
-    """Look at what a zip file says that it holds, before any of it is unpacked.
+    """Check the directory of a zip file before unpacking it.
 
-    :param size: how large it is. :param free: how much room there is.
-    :raises ExportError: it holds what no bundle has, or too much; all that is wrong, a line for each.
+    :param size: the size of the zip file. :param free: the free space on the disk.
+    :raises ExportError: it contains too much, or entries that no bundle has; one line for each problem.
     """
     entries = archive.infolist()
     total = sum(entry.file_size for entry in entries)
@@ -175,7 +174,7 @@ def _check(archive: zipfile.ZipFile, size: int, free: int) -> None:
 
 
 def _is_plain(entry: zipfile.ZipInfo) -> bool:
-    """A file or a folder; programs that are not of Unix say nothing about it."""
+    """Whether an entry is a file or a folder. Programs other than Unix ones do not record this."""
     return stat.S_IFMT(entry.external_attr >> 16) in (0, stat.S_IFREG, stat.S_IFDIR)
 
 
@@ -184,7 +183,7 @@ def _megabytes(size: int) -> str:
 
 
 def _unpack(archive: zipfile.ZipFile, folder: Path) -> None:
-    """What was checked, into a folder. Of each file only as much comes as the check has counted."""
+    """Unpack the checked entries into a folder. No file can become larger than the check has counted."""
     for entry in archive.infolist():
         target = folder / entry.filename
         if entry.is_dir():

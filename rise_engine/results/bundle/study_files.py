@@ -1,4 +1,4 @@
-"""The files of a study as a bundle has them: study.toml, participants.csv, plan.csv, study.jsonl, its scenarios."""
+"""The files of a study in a bundle: study.toml, participants.csv, plan.csv, study.jsonl, scenarios."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ from rise_engine.study.study_scenarios import scenario_folder
 from rise_engine.study.withdrawn import without_salts
 
 GIVEN = "1900-01-01"
-"""Stands for the date of a consent where the level tells no dates: a day on which nobody gave it."""
+"""Replaces the date of a consent where the level shows no dates. Nobody can have consented on it."""
 _TABLE = re.compile(r"^\s*\[wizards\]")
 _NEXT_TABLE = re.compile(r"^\s*\[")
 _INLINE = re.compile(r"^\s*wizards\s*[.=]")
@@ -30,11 +30,11 @@ _DATE = re.compile(r"^\d{4}-\d{2}-\d{2}_\d{6}_")
 
 
 def study_text(text: str, people: Mapping[str, str], level: ExportLevel) -> str:
-    """study.toml; without everything being told, without the names of its wizards.
+    """Return study.toml, at levels below full without the names of wizards.
 
-    :param text: as it stands.
-    :param people: what each is called in the bundle, by name.
-    :raises ExportError: they cannot be taken out.
+    :param text: its text.
+    :param people: the code of each wizard in the bundle, by name.
+    :raises ExportError: the names cannot be removed.
     """
     if level == "full" or "wizards" not in tomllib.loads(text):
         return text
@@ -50,7 +50,7 @@ def study_text(text: str, people: Mapping[str, str], level: ExportLevel) -> str:
         new += "\n[wizards]\n" + "".join(f'"{name}" = "{name}"\n' for name in names)
     try:
         before, after = tomllib.loads(text), tomllib.loads(new)
-    except tomllib.TOMLDecodeError:  # they are still there
+    except tomllib.TOMLDecodeError:  # the names are still there
         before, after = {}, {"wizards": {}}
     if before | {"wizards": {}} != after | {"wizards": {}} or not before:
         raise ExportError(
@@ -60,7 +60,7 @@ def study_text(text: str, people: Mapping[str, str], level: ExportLevel) -> str:
 
 
 def participants_text(study: Study, people: Iterable[Participant], level: ExportLevel) -> str:
-    """participants.csv without comments; without everything being told, without dates and ages above 89."""
+    """Write participants.csv without comments, at levels below full also without dates and ages above 89."""
     consents = [f"consent_{name}" for name in study.consent]
     columns = ["participant", *study.strata, *consents, "status", *study.columns]
     text = io.StringIO()
@@ -84,13 +84,13 @@ def participants_text(study: Study, people: Iterable[Participant], level: Export
 
 
 def log_text(log: Iterable[LogEntry], names: Mapping[str, str], people: Mapping[str, str], level: ExportLevel) -> str:
-    """study.jsonl without salts; without everything being told, without dates, names, what people typed, where exports
-    went, and sessions that do not count and are not in the bundle.
+    """Write study.jsonl without salts. Levels below full also lack dates, names, typed texts, paths of exports, and
+    rehearsals that are not in the bundle.
 
     :param log: its entries.
-    :param names: what sessions are called in the bundle, by their folders' names.
-    :param people: what wizards are called.
-    :param level: how much is told.
+    :param names: the names of sessions in the bundle, by their folders' names.
+    :param people: the codes of wizards.
+    :param level: how much is shown.
     """
     entries = without_salts(list(log))
     if level == "full":
@@ -117,10 +117,10 @@ def log_text(log: Iterable[LogEntry], names: Mapping[str, str], people: Mapping[
 
 
 def told_name(folder: str, names: Mapping[str, str], level: ExportLevel) -> str:
-    """What a session is called in the log of a bundle.
+    """Return the name of a session in the log of a bundle.
 
     :param folder: its folder's name in the study.
-    :param names: what sessions are called in the bundle, by their folders' names.
+    :param names: the names of sessions in the bundle, by their folders' names.
     """
     return folder if level == "full" else names.get(folder, _DATE.sub("", folder))
 
@@ -132,7 +132,7 @@ def _lines(entries: Iterable[tuple[str, str, dict[str, Any]]]) -> str:
 def _told_fields(
     fields: Mapping[str, Any], of_check: bool, people: Mapping[str, str], count: Callable[[str], str]
 ) -> dict[str, Any]:
-    """The fields of an entry, or of a check that stands in one, without names, dates and what people typed."""
+    """Remove names, dates and typed texts from the fields of an entry, or of a check within an entry."""
     told: dict[str, Any] = {}
     for name, value in fields.items():
         if isinstance(value, list):
@@ -154,13 +154,13 @@ def _told_fields(
 
 
 def _without_people(value: str, people: Mapping[str, str]) -> str:
-    """In sources as `wizard:anna`."""
+    """Replace the name in a source such as `wizard:anna`."""
     kind, colon, name = value.partition(":")
     return f"{kind}:{people.get(name, 'W')}" if colon and kind in ("wizard", "observer") else value
 
 
 def copy_scenarios(study: Study, root: Path) -> tuple[list[str], list[str]]:
-    """Copy the scenarios that lie in the study's folder; the folders from the bundle on, and sentences about others."""
+    """Copy the scenarios in the study's folder. Returns their paths in the bundle, and sentences about the others."""
     named = [study.scenario, *(level.scenario for factor in study.factors for level in factor.levels)]
     copied, left_out = [], []
     for name in dict.fromkeys(filter(None, named)):
@@ -172,7 +172,7 @@ def copy_scenarios(study: Study, root: Path) -> tuple[list[str], list[str]]:
             continue
         where = source.relative_to(study.folder)
         if (root / where).exists():
-            continue  # it lies in one that was copied
+            continue  # it is inside one that was copied
         for path in sorted(source.rglob("*")):
             hidden = any(part.startswith(".") for part in path.relative_to(source).parts)
             if path.is_file() and not path.is_symlink() and not hidden:

@@ -1,2 +1,2 @@
-"""Sessions as files of other programs: tables, BIDS, ELAN, Praat, BORIS, MCAP, XDF. Each format is a module of its own;
-`formats` lists them, and `writing` sees to it that nothing is written over and no half of an export is left behind."""
+"""Sessions as files of other programs: tables, BIDS, ELAN, Praat, BORIS, MCAP, XDF. Each format is a module.
+`format` lists them, and `writing` makes sure that no file is overwritten and no incomplete export remains."""

@@ -3,11 +3,11 @@
     dataset_description.json  README.md  CHANGES
     participants.tsv          participants.json
     phenotype/NAME.tsv        phenotype/NAME.json     the answers to a questionnaire
-    task-ID_events.json       task-ID_beh.json        what the columns mean
-    sub-P07/sub-P07_scans.tsv                         a row for each session
-    sub-P07/beh/sub-P07_task-ID_run-1_events.tsv      everything that has a time
-    sub-P07/beh/sub-P07_task-ID_run-1_beh.tsv         a row for each act, with the parts of its latency
-    sourcedata/rise/sub-P07/...                       what all of it was made of, as far as the level tells it
+        task-ID_events.json       task-ID_beh.json        the meaning of the columns
+        sub-P07/sub-P07_scans.tsv                         a row for each session
+        sub-P07/beh/sub-P07_task-ID_run-1_events.tsv      everything that has a time
+        sub-P07/beh/sub-P07_task-ID_run-1_beh.tsv         a row for each act, with the parts of its latency
+        sourcedata/rise/sub-P07/...                       the source of all this, as far as the level shows it
 
 https://bids-specification.readthedocs.io/en/v1.11.1/modality-specific-files/behavioral-experiments.html
 """
@@ -54,13 +54,13 @@ from rise_engine.study.participants import load_participants
 from rise_engine.study.publishing import authors_of
 
 VERSION = "1.11.1"
-"""Of BIDS."""
+"""The version of BIDS."""
 _NO_TASK = "session"
-"""The task's label where nothing has a title."""
+"""The task's label if there is no title."""
 
 
 class _Person(Struct):
-    """One participant's sessions so far."""
+    """The sessions of one participant so far."""
 
     rows: list[dict[str, str]] = field(default_factory=list)
     """Their cells in the table of sessions."""
@@ -68,7 +68,7 @@ class _Person(Struct):
 
 
 class _Dataset:
-    """A data set that is being written, one session after the other."""
+    """A data set to which sessions are added one after the other."""
 
     def __init__(self, root: Path, context: ExportContext) -> None:
         self._root = root
@@ -84,7 +84,7 @@ class _Dataset:
         self._event_columns: Columns = {**EVENT_COLUMNS, **further}
 
     def add(self, data: SessionData) -> None:
-        """Write a session's own files."""
+        """Write the files of one session."""
         facts = data.facts
         self._sessions.append(facts)
         label = self._labels.label(facts.participant)
@@ -106,7 +106,7 @@ class _Dataset:
         self._write_source(data, self._root / "sourcedata" / "rise" / f"sub-{label}", name)
 
     def close(self) -> None:
-        """Write what is about all sessions. Raises ExportError when there was none."""
+        """Write the files about all sessions. Raises ExportError when there was none."""
         if not self._people:
             raise ExportError("there is no session that could be exported")
         columns = self._session_columns(self._factors)
@@ -128,7 +128,7 @@ class _Dataset:
     # --- names ---
 
     def _file_name(self, facts: SessionFacts, label: str, task: str, number: int) -> str:
-        """Entities of BIDS; what does not count, and what was begun again, say so in `acq`."""
+        """Make a file name from BIDS entities. `acq` marks rehearsals and repeated attempts."""
         rehearsal = facts.purpose if facts.purpose not in ("", "counted") else ""
         again = f"attempt{facts.attempt}" if facts.attempt > 1 else ""
         run = facts.run or number
@@ -167,7 +167,7 @@ class _Dataset:
         self._write_json(self._root / "participants.json", sidecar(columns))
 
     def _write_questionnaires(self) -> None:
-        """A participant has one row in a table of BIDS: so what was asked after each run is a table for each."""
+        """Write the answers. BIDS has one row per participant, so answers after each run have a table for each run."""
         context = self._context
         participant = Column(
             "participant_id",
@@ -277,7 +277,7 @@ class _Dataset:
     # --- files ---
 
     def _write_source(self, data: SessionData, folder: Path, name: str) -> None:
-        """The session itself at level full; else its records as the level tells them."""
+        """Write the source: the session itself at level full, else its records as the level shows them."""
         if data.level != "full":
             records = b"".join(encode_record(record) + b"\n" for record in data.records)
             self._write_bytes(folder / f"{name}_records.jsonl", records)
@@ -315,9 +315,9 @@ class _Dataset:
 def write_bids(folder: Path, sessions: Iterable[SessionData], context: ExportContext) -> None:
     """Write a data set of BIDS.
 
-    :param folder: where it goes; it is made.
+    :param folder: the new folder.
     :param sessions: one after the other; none is kept.
-    :param context: the level, and the study where there is one. Sentences about what is left to do go to its warnings.
+    :param context: the level, and the study if there is one; its warnings get sentences about open tasks.
     :raises ExportError: there is no session.
     """
     folder.mkdir(0o700)

@@ -1,4 +1,4 @@
-"""The participants of a BIDS export: what each is called, and what study and participants.csv say about them."""
+"""The participants of a BIDS export: their labels, and their data from the study and participants.csv."""
 
 from __future__ import annotations
 
@@ -13,19 +13,19 @@ from rise_engine.results.export.table_schema import Column
 from rise_engine.study.model import Participant, Study
 
 UNNAMED = "unnamed"
-"""Who took part where the session does not say it."""
+"""Replaces a participant whom the session does not name."""
 _NO_LABEL = re.compile(r"[^A-Za-z0-9]+")
 _SEXES = {"male", "m", "female", "f", "other", "o", "MALE", "M", "FEMALE", "F", "OTHER", "O", "n/a"}
 _HANDS = {"left", "l", "right", "r", "ambidextrous", "a", "n/a", "LEFT", "L", "RIGHT", "R", "AMBIDEXTROUS", "A"}
 
 
 class Person(Struct, frozen=True):
-    """A row of participants."""
+    """A row of the participants table."""
 
     label: str
     group: str
     said: Participant | None
-    """What participants.csv says; None: it does not know them."""
+    """Their row in participants.csv. None: they are not in it."""
 
 
 _COLUMNS = {
@@ -39,7 +39,7 @@ _COLUMNS = {
 
 
 def label_of(text: str) -> str:
-    """A text as BIDS has labels: letters and digits only.
+    """Convert a text to a BIDS label, which has letters and digits only.
 
     >>> label_of("P-07 b")
     'P07b'
@@ -48,41 +48,41 @@ def label_of(text: str) -> str:
 
 
 class Labels:
-    """Gives each participant a label of their own."""
+    """A table that gives each participant a label of their own."""
 
     def __init__(self) -> None:
         self._labels: dict[str, str] = {}
 
     def label(self, participant: str) -> str:
-        """What a participant is called behind `sub-`; always the same, and nobody else's."""
+        """Return a participant's label after `sub-`, always the same and unique."""
         if participant not in self._labels:
             plain = label_of(participant) or UNNAMED
             taken = {each.casefold() for each in self._labels.values()}
             found = plain
             number = 2
-            while found.casefold() in taken:  # `P-1` and `P1`; file systems without capitals would mix `p1` in, too
+            while found.casefold() in taken:  # `P-1` and `P1`; case-insensitive file systems would also mix up `p1`
                 found, number = f"{plain}x{number}", number + 1
             self._labels[participant] = found
         return self._labels[participant]
 
     def changed(self) -> dict[str, str]:
-        """Participants whose label is not their pseudonym, and the label."""
+        """Return the participants whose label differs from their pseudonym, with the label."""
         return {name: label for name, label in self._labels.items() if name != label}
 
     def items(self) -> list[tuple[str, str]]:
-        """Every participant with their label, by label."""
+        """Return every participant with their label, sorted by label."""
         return sorted(self._labels.items(), key=lambda item: item[1])
 
 
 def participants_table(
     labels: Labels, groups: dict[str, str], study: Study | None, people: tuple[Participant, ...]
 ) -> tuple[Columns, list[Person], list[str]]:
-    """The columns of participants.tsv, its rows, and sentences for whoever exports.
+    """Return the columns of participants.tsv, its rows, and sentences for the person who exports.
 
-    :param labels: of whoever is in the export.
+    :param labels: the labels of the participants in the export.
     :param groups: the between condition of each; empty where there is none.
-    :param study: the one they took part in.
-    :param people: as participants.csv has them.
+    :param study: their study.
+    :param people: the rows of participants.csv.
     """
     known = {each.participant: each for each in people}
     strata = study.strata if study is not None else {}
@@ -117,7 +117,7 @@ def _column_of(column: str, name: str, levels: tuple[str, ...], about: str) -> C
 
 
 def _fits(name: str, values: list[str]) -> bool:
-    """Whether a column that BIDS defines holds what BIDS wants there."""
+    """Whether a column that BIDS defines has values that BIDS allows."""
     said = [each for each in values if each]
     match name:
         case "age":

@@ -1,7 +1,7 @@
-"""The tables of a BIDS export: which columns each has, by the name that they have there, and the rows of events.
+"""The tables of a BIDS export: the columns of each by their BIDS names, and the rows of events.
 
-Acts and sessions have the columns of the tables (`course_tables`, `session_tables`) under names of
-BIDS. https://bids-specification.readthedocs.io/en/v1.11.1/
+Acts and sessions have the columns of the other tables (`course_tables`, `session_tables`) under BIDS names.
+https://bids-specification.readthedocs.io/en/v1.11.1/
 """
 
 from __future__ import annotations
@@ -23,15 +23,15 @@ from rise_engine.results.export.table_schema import Column, Row, TableSchema, Va
 from rise_engine.results.export.trial_tables import TRIALS, declared_column
 
 Columns: TypeAlias = Mapping[str, Column]
-"""By the name that each has in BIDS, in their order."""
+"""Columns by their BIDS names, in their order."""
 NOTHING = "n/a"
-"""What stands in an empty cell."""
+"""The content of an empty cell."""
 _OF_FILES = (
     "subject session sample task tracksys acquisition nucleus volume ceagent staining tracer reconstruction direction "
     "run proc modality echo flip inv mt part recording space chunk suffix scans fmap datatype extension"
 )
 ENTITIES = frozenset(_OF_FILES.split())
-"""What names of files say in BIDS. No column is called so: pybids would take its description for the entity's value."""
+"""Entities in BIDS file names. No column may have such a name: pybids would take its description for a value."""
 _EMPTY = re.compile(r"\b[Ee]mpty\b")
 _BLANKS = re.compile(r"[\s\x00-\x1f\x7f-\x9f\u2028\u2029]+")
 _TRIAL_TYPES = {
@@ -53,7 +53,7 @@ _TRIAL_TYPES = {
     "coded": "Something that people have annotated; name: its tier; value: what they annotated.",
     "recovery": "Another engine went on with the session; outage_s says for how long it had none.",
 }
-"""What the rows of `_events.tsv` are."""
+"""The kinds of rows in `_events.tsv`."""
 _OF_TRIALS = (
     "trial robot_said asked_at asked_end cue_at participant_s key_at wizard_key wizard_asked wizard_s key_s "
     "robot_next_at prompts repairs events marks failures"
@@ -61,7 +61,7 @@ _OF_TRIALS = (
 
 
 def sidecar(columns: Columns) -> dict[str, dict[str, Any]]:
-    """What the JSON file beside a table says of its columns."""
+    """Describe the columns of a table for the JSON file beside it."""
     return {name: _described(column) for name, column in columns.items()}
 
 
@@ -72,17 +72,17 @@ def _described(column: Column) -> dict[str, Any]:
 
 
 def table_text(names: Iterable[str], rows: Iterable[Iterable[str]]) -> str:
-    """A table of BIDS: tabs between the cells, one line a row."""
+    """Write a BIDS table: tabs between the cells, one line a row."""
     return "".join("\t".join(row) + "\n" for row in (names, *rows))
 
 
 def cells(columns: Columns, row: Any) -> list[str]:
-    """A row, as a table of BIDS has it."""
+    """Return the cells of a row in a BIDS table."""
     return [cell(column.of(row)) for column in columns.values()]
 
 
 def cell(value: Any) -> str:
-    """A value as a cell has it: seconds to the microsecond, tabs and line ends as blanks.
+    """Write a value as a cell: seconds to the microsecond, tabs and line ends as blanks.
 
     >>> cell(1.50), cell(None), cell(True), cell("two\\tlines\\nof text ")
     ('1.5', 'n/a', 'true', 'two lines of text')
@@ -95,7 +95,7 @@ def cell(value: Any) -> str:
 
 
 def _picked(table: TableSchema, names: str) -> dict[str, Column]:
-    """Columns of a table and facts: `task_id=task act` are two, of which the first has another name in BIDS."""
+    """Pick columns of a table and facts by name. `task_id=task act` picks two and renames the first for BIDS."""
     columns = {column.name: column for column in (*FACTS, *table.columns)}
     renamed = {name: other or name for name, _, other in (each.partition("=") for each in names.split())}
 
@@ -112,11 +112,11 @@ ACT_COLUMNS: Columns = _picked(
     "task_id=task act actor=by actor_kind=actor via status filler before_cue cue_at key_at accepted_at started_at "
     "robot_at voice_at ended_at wizard_s way_s queue_s robot_s voice_s response_time=response_s mark condition",
 )
-"""Of `_beh.tsv`: a row for each act, in the order in which they were asked for."""
+"""The columns of `_beh.tsv`: a row for each act, in the order of the requests."""
 
 
 def _local_time(row: Row) -> str:
-    """As BIDS has it: without a zone. Empty where the level tells none."""
+    """Return the local time without a zone, as in BIDS. Empty where the level shows none."""
     try:
         return datetime.fromisoformat(row.data.facts.started).replace(tzinfo=None).isoformat(timespec="milliseconds")
     except ValueError:
@@ -124,10 +124,10 @@ def _local_time(row: Row) -> str:
 
 
 def session_columns(factors: Iterable[Column], *, dated: bool) -> Columns:
-    """Of `_scans.tsv`: a row for each session of a participant, with the name of its table of events beside it.
+    """Return the columns of `_scans.tsv`: a row for each session of a participant, with the name of its events table.
 
     :param factors: the columns of the factors.
-    :param dated: whether it is told when sessions began; an empty time is none of BIDS.
+    :param dated: whether to include start times; BIDS allows no empty ones.
     """
     table = "The table of events of the session, in the participant's folder."
     began = "When the session began, in the time of the place where it ran."
@@ -145,11 +145,11 @@ def session_columns(factors: Iterable[Column], *, dated: bool) -> Columns:
 
 
 class _EventRow(Struct, kw_only=True, frozen=True):
-    """A row of events."""
+    """A row of the events table."""
 
     onset: float
     end: float | None
-    """The onset, for what happens at one moment; None: it had not ended with the record."""
+    """The end; equal to the onset for a moment. None: it had not ended when the record ended."""
     trial_type: str
     actor: str = ""
     name: str = ""
@@ -222,13 +222,13 @@ EVENT_COLUMNS: Columns = {
         *_picked(ACTS, "condition").values(),
     )
 }
-"""Of `_events.tsv`."""
+"""The columns of `_events.tsv`."""
 
 
 def trial_columns(declared: Iterable[str]) -> Columns:
-    """Further ones of `_events.tsv`, of rows that are trials.
+    """Return further columns of `_events.tsv` for rows that are trials.
 
-    :param declared: what the scenarios declare as columns of trials.
+    :param declared: the columns of trials that the scenarios declare.
     """
     columns = _picked(TRIALS, _OF_TRIALS) | {column.name: column for column in map(declared_column, declared)}
     return {
@@ -244,7 +244,7 @@ def _of_trial(column: Column) -> Value:
 
 
 def event_rows(data: SessionData) -> list[Row]:
-    """Everything of a session that has a time, by its onset."""
+    """Return every event of a session that has a time, sorted by onset."""
     kinds = {name: number for number, name in enumerate(_TRIAL_TYPES)}
     events: list[tuple[_EventRow, Row | None]] = [(event, None) for event in _events(data)]
     events += [(_event_of_trial(row), row) for row in TRIALS.rows(data)]

@@ -1,11 +1,11 @@
-"""A BORIS project of sessions (`.boris`): one observation for each, and an ethogram of all that happened in them.
+"""A BORIS project (`.boris`): an observation for each session, and an ethogram of everything that happened.
 
-BORIS project format 7.0, JSON, as BORIS 8 and 9 open it. What lasts is a state event, told by two rows (it begins, it
-ends); what does not is a point event. Of one behaviour, subject and modifier the rows begin and end in turn, so what
-overlaps is a behaviour `NAME 2`. Acts are behaviours of the robot, with who asked for them as modifier; what was said
-stands in the comment. Keys are left free for whoever codes.
+The format is BORIS project 7.0, JSON, which BORIS 8 and 9 open. Something with a duration is a state event with two
+rows (begin, end); anything else is a point event. Rows of one behaviour, subject and modifier begin and end in turn, so
+overlaps go to a behaviour `NAME 2`. Acts are behaviours of the robot, with the requester as modifier. Spoken words are
+in the comment. Coding keys stay free for the coder.
 
-The observations are written one by one and the ethogram after them, so a study of hundreds of sessions needs no memory.
+Observations are written one by one and the ethogram after them, so that studies of hundreds of sessions fit in memory.
 """
 
 from __future__ import annotations
@@ -27,11 +27,11 @@ from rise_engine.session.coded_formats import CLOCK, OWN_CATEGORIES, OWN_PROJECT
 from rise_engine.session.media import MediaFile
 
 PLAYERS = 8
-"""How many files BORIS plays beside each other."""
+"""The most files that BORIS plays side by side."""
 NO_DATE = "1970-01-01T00:00:00"
 WAITS = "waits for an answer"
 ACTS, ROBOT, RULES, SESSION = OWN_CATEGORIES
-"""Categories of behaviours."""
+"""The categories of behaviours."""
 CATEGORIES = {
     ACTS: "What the robot did as one thing, and who asked for it",
     ROBOT: "What each part of the robot did",
@@ -45,7 +45,7 @@ SUBJECTS = {
     "session": "The study itself",
 }
 ACT_MODIFIERS = {"asked by": ["wizard", "rule", "program", "engine"], "used as": ["act", "filler"]}
-"""Of every act; BORIS writes their values as `wizard|act`."""
+"""The modifiers of every act; BORIS writes their values as `wizard|act`."""
 STATE, POINT = "State event", "Point event"
 
 
@@ -56,15 +56,15 @@ class _Behavior(Struct):
 
 
 class _Ethogram(Struct):
-    """The behaviours of all observations, each under a code of its own."""
+    """The behaviours of all observations, each with its own code."""
 
     behaviors: dict[tuple[str, str, bool, int], _Behavior] = field(default_factory=dict)
     codes: set[str] = field(default_factory=set)
     variables: dict[str, str] = field(default_factory=dict)
-    """Independent variables with what they are."""
+    """Independent variables with their descriptions."""
 
     def code(self, category: str, name: str, lasts: bool, lane: int) -> str:
-        """The code of a behaviour; the same for the same four, and never that of another."""
+        """Return the code of a behaviour: always the same for the same arguments, and unique."""
         key = (category, name, lasts, lane)
         if (found := self.behaviors.get(key)) is None:
             wanted = name if lane == 0 else f"{name} {lane + 1}"
@@ -85,7 +85,7 @@ def write_boris(out: Path, sessions: Iterable[SessionData], context: ExportConte
         "project_description": OWN_PROJECT,
         "project_format_version": "7.0",
     }
-    with out.open("x", encoding="ascii", newline="\n") as file:  # BORIS opens it in the computer's own encoding
+    with out.open("x", encoding="ascii", newline="\n") as file:  # BORIS reads the file in the computer's own encoding
         file.write(json.dumps(head)[:-1] + ', "observations": {')
         names: set[str] = set()
         dates: set[str] = set()
@@ -114,7 +114,7 @@ def _observation(data: SessionData, ethogram: _Ethogram, context: ExportContext)
     found = lay_out(spans_of(data), clock, data.facts.duration, group=_group)
     warn_of_lost(data, found.lost, warnings)
     rows = [row for tier in found.tiers for each in tier.annotations for row in _rows(each, tier.lane, ethogram)]
-    rows.sort(key=lambda row: row[:3])  # as BORIS does when it opens the file
+    rows.sort(key=lambda row: row[:3])  # BORIS does the same when it opens the file
     files, info = _media(clock)
     return {
         "date": _date(data.facts.started),
@@ -136,7 +136,7 @@ def _observation(data: SessionData, ethogram: _Ethogram, context: ExportContext)
 
 
 def _can_play(file: MediaFile) -> bool:
-    """BORIS wants the length of every file, and the frames per second of a video."""
+    """Whether BORIS can play it: it needs the duration of every file, and the frames per second of a video."""
     return file.duration is not None and (file.kind == "audio" or bool(file.fps))
 
 
@@ -158,8 +158,8 @@ def _media(clock: MediaClock) -> tuple[dict[str, list[str]], dict[str, dict[str,
         info["hasVideo"][path] = linked.file.kind == "video"
         info["hasAudio"][path] = True
         if player == 1:
-            info["display"][path] = "Nothing"  # no spectrogram; BORIS would add it, and then ask whether to save
-        info["offset"][str(player)] = round(0.0 - linked.origin, 3)  # when it begins, in the time of the first
+            info["display"][path] = "Nothing"  # no spectrogram; BORIS would add this, and then ask whether to save
+        info["offset"][str(player)] = round(0.0 - linked.origin, 3)  # its start in the time of the first file
     return files, info if files else {}
 
 
@@ -193,7 +193,7 @@ def _code(span: TierSpan) -> str:
 
 
 def _rows(annotation: Annotation, lane: int, ethogram: _Ethogram) -> Iterator[list[Any]]:
-    """`[seconds, subject, code, modifiers, comment]` once for a point event, twice for a state event."""
+    """Give `[seconds, subject, code, modifiers, comment]`, once for a point event, twice for a state event."""
     span = annotation.span
     category, code = _category(span), _code(span)
     subject = "robot" if category == ACTS else span.doer
@@ -212,7 +212,7 @@ def _rows(annotation: Annotation, lane: int, ethogram: _Ethogram) -> Iterator[li
     yield [end / 1000, subject, code, modifiers, ""]
 
 
-# --- what stands once in a project ------------------------------------------------------------------------------------
+# --- once in a project ------------------------------------------------------------------------------------------------
 
 
 def _configuration(ethogram: _Ethogram) -> dict[str, Any]:
@@ -271,7 +271,7 @@ def _variables(data: SessionData, factors: Iterable[str], ethogram: _Ethogram) -
         "run": (str(facts.run or ""), "Which of the participant's runs"),
         "attempt": (str(facts.attempt or ""), "The number of the session among those of that run"),
     }
-    for name in dict.fromkeys([*factors, *facts.factors]):  # so every observation has them all
+    for name in dict.fromkeys([*factors, *facts.factors]):  # so that all observations have all of them
         level = facts.factors.get(name, "")
         label = next(each for each in _candidates(one_line(name) or "factor", "factor") if each not in told)
         told[label] = (level if isinstance(level, str) else json.dumps(level), "A factor of the study")
@@ -280,7 +280,7 @@ def _variables(data: SessionData, factors: Iterable[str], ethogram: _Ethogram) -
 
 
 def _candidates(name: str, category: str) -> Iterator[str]:
-    """Names to choose from, until one is free."""
+    """Give names to choose from until one is free."""
     name = one_line(name)
     yield name
     if category:
@@ -293,7 +293,7 @@ def _candidates(name: str, category: str) -> Iterator[str]:
 
 
 def _date(started: str) -> str:
-    """Local time without a zone, as BORIS has it."""
+    """Return the local time without a zone, as in BORIS."""
     try:
         return datetime.fromisoformat(started).replace(tzinfo=None).isoformat(timespec="seconds")
     except ValueError:

@@ -1,4 +1,4 @@
-"""Tables about what happened in sessions: acts and their actions, cues, phases of rules, and all of it as events."""
+"""Tables of the events in sessions: acts and their actions, cues, phases of rules, and all of these as events."""
 
 from __future__ import annotations
 
@@ -212,7 +212,7 @@ PHASES = TableSchema(
 
 
 class _Event(Struct, frozen=True):
-    """Something that happened, of any kind."""
+    """An event of any kind."""
 
     onset: float
     kind: str
@@ -234,7 +234,7 @@ def _event_rows(data: SessionData) -> Iterator[Row]:
         )
         return _Event(began(act), "act", act.act, act.status, act.source, act.task, end)
 
-    events = merge(  # a long session has hundreds of thousands: one is made at a time
+    events = merge(  # one at a time, because a long session has hundreds of thousands
         (_Event(each.start, "phase", each.rule, each.state, each.source, None, each.end) for each in data.phases),
         (_Event(each.at, "cue", "cue", each.text, each.source, each.task) for each in data.cues),
         (event_of(each) for each in sorted(data.acts, key=began)),

@@ -1,8 +1,8 @@
-"""ELAN's transcription of a session (`.eaf`): tiers, and the recordings beside them.
+"""ELAN transcriptions of a session (`.eaf`): tiers, and links to the recordings.
 
-ELAN Annotation Format 3.0, as its schema EAFv3.0.xsd has it (The Language Archive, December 2016). What it means and
-the schema does not say: media time = annotation time + TIME_ORIGIN; TIME_ORIGIN is never negative; a MEDIA_URL is
-`file:///` and the path as it is, without %20 for a blank, because ELAN takes off the prefix and opens the rest.
+The format is ELAN Annotation Format 3.0 with the schema EAFv3.0.xsd (The Language Archive, December 2016). The schema
+does not say the following: media time = annotation time + TIME_ORIGIN; TIME_ORIGIN is never negative; a MEDIA_URL is
+`file:///` and the unescaped path, without %20 for a blank, because ELAN removes the prefix and opens the rest.
 """
 
 from __future__ import annotations
@@ -25,7 +25,7 @@ from rise_engine.session.coded_formats import CLOCK, OWN_ANNOTATOR, OWN_TYPE, SE
 AUTHOR = OWN_ANNOTATOR
 TYPE = OWN_TYPE
 NO_DATE = "1970-01-01T00:00:00+00:00"
-"""What stands where a date must be, and none is told."""
+"""The date if none is known, because the format requires one."""
 _XSI = "http://www.w3.org/2001/XMLSchema-instance"
 _SCHEMA = "http://www.mpi.nl/tools/elan/EAFv3.0.xsd"
 _MIME_TYPES = {
@@ -36,14 +36,14 @@ _MIME_TYPES = {
     ".mpeg": "video/mpeg",
     ".mov": "video/quicktime",
 }
-"""Those that ELAN has a name of its own for; of all others it is told whether they are video or audio."""
+"""Types for which ELAN has its own names. For all others, it only learns whether they are video or audio."""
 _CONSTRAINTS = {
     "Time_Subdivision": "Parts of the parent annotation that follow each other without gaps",
     "Symbolic_Subdivision": "Parts of the parent annotation in an order, without times",
     "Symbolic_Association": "One annotation for one parent annotation",
     "Included_In": "Annotations with times within those of the parent annotation, gaps allowed",
 }
-"""The relations between tiers that ELAN knows; every file of its lists all four."""
+"""ELAN's relations between tiers. Each of its files lists all four."""
 
 
 def write_eaf(out: Path, sessions: Iterable[SessionData], context: ExportContext) -> None:
@@ -63,7 +63,7 @@ def write_eaf(out: Path, sessions: Iterable[SessionData], context: ExportContext
 def _write_document(
     xml: etree._IncrementalFileWriter, data: SessionData, clock: MediaClock, found: TierSet, folder: Path
 ) -> None:
-    """Piece by piece: a long session has hundreds of thousands of annotations."""
+    """Write the document piece by piece, because a long session has hundreds of thousands of annotations."""
     attributes = {"AUTHOR": AUTHOR, "DATE": _date(data.facts.started), "FORMAT": "3.0", "VERSION": "3.0"}
     attributes[f"{{{_XSI}}}noNamespaceSchemaLocation"] = _SCHEMA
     slots, numbers = _time_slots(found.tiers)
@@ -88,7 +88,7 @@ def _write_document(
 
 
 def _line(depth: int) -> str:
-    """A line end, and the blanks with which the next line begins."""
+    """Return a line end with the indentation of the next line."""
     return "\n" + "  " * depth
 
 
@@ -109,7 +109,7 @@ def _add_media(header: etree._Element, linked: LinkedFile, folder: Path) -> None
 
 
 def _properties(data: SessionData, clock: MediaClock, annotations: int) -> list[tuple[str, str]]:
-    """What ELAN keeps for itself, and what tells the session and its time apart from others."""
+    """Return ELAN's own properties, and those that identify the session and its time."""
     facts = data.facts
     told = {
         SESSION: facts.session,
@@ -130,8 +130,8 @@ def _properties(data: SessionData, clock: MediaClock, annotations: int) -> list[
 
 
 def _time_slots(tiers: Iterable[Tier]) -> tuple[list[int], list[int]]:
-    """The times of all slots, in the order of time as ELAN wants them; and for the begin and the end of each
-    annotation, one after the other, the number of its slot."""
+    """Return the times of all slots in order, as ELAN requires, and the slot numbers of each annotation's start and
+    end, one annotation after the other."""
     annotations = (annotation for tier in tiers for annotation in tier.annotations)
     moments: list[tuple[int, bool, int]] = []
     for annotation in annotations:
@@ -145,7 +145,7 @@ def _time_slots(tiers: Iterable[Tier]) -> tuple[list[int], list[int]]:
 
 
 def _write_tiers(xml: etree._IncrementalFileWriter, tiers: Iterable[Tier], numbers: list[int]) -> None:
-    """Tiers with their annotations. `numbers`: of the time slots, as of `_time_slots`."""
+    """Write the tiers with their annotations. `numbers`: the slot numbers from `_time_slots`."""
     slots = iter(numbers)
     count = 0
     for tier in tiers:
@@ -166,7 +166,7 @@ def _write_tiers(xml: etree._IncrementalFileWriter, tiers: Iterable[Tier], numbe
 
 
 def _date(started: str) -> str:
-    """The date as XML Schema has it, in UTC where the zone is none of its own (whole minutes, at most 14 hours)."""
+    """Return the date for XML Schema. It allows zones of whole minutes, up to 14 hours; others become UTC."""
     try:
         date = datetime.fromisoformat(started)
     except ValueError:
@@ -184,7 +184,7 @@ def _date(started: str) -> str:
 
 
 def _as_text(path: str) -> str:
-    """A path that XML can hold; bytes that are no text are lost, and ELAN then asks where the file is."""
+    """Make a path fit for XML. Bytes that are not text are lost, and ELAN then asks for the file."""
     return one_line(path.encode("utf-8", "replace").decode())
 
 

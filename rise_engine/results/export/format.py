@@ -1,4 +1,4 @@
-"""What every export format is to the command that writes it, and which formats are installed."""
+"""The interface of export formats to the export command, and the list of installed formats."""
 
 from __future__ import annotations
 
@@ -16,30 +16,30 @@ from rise_engine.results.analysis.model import SessionData
 from rise_engine.study.model import Study, StudyStanding
 
 Shape: TypeAlias = Literal["file", "file-per-session", "folder"]
-"""What an export becomes. file: one, whatever the number of sessions; file-per-session: one of each, in a new folder
-when there are several; folder: always a new one."""
+"""The output of an export. file: one for all sessions; file-per-session: one for each, in a new folder when there are
+several; folder: always a new one."""
 
 
 class ExportContext(Struct):
-    """What is the same for all sessions of one export."""
+    """Settings that are the same for all sessions of an export."""
 
     level: ExportLevel
     study: Study | None = None
     standing: StudyStanding | None = None
-    """Of the study, when all of it is exported."""
+    """The study's progress, when the whole study is exported."""
     folder: Path | None = None
-    """The folder in which the files of the export will lie when it is whole; None: where they are written."""
+    """The folder in which the finished files will be. None: where they are written."""
     factors: tuple[str, ...] = ()
-    """The factors of all sessions of the export, in their order: columns of tables."""
+    """The factors of all sessions of the export, in their order; tables have a column for each."""
     spreadsheet_safe: bool = False
-    """Whether cells that a spreadsheet would carry out get an apostrophe; formats of tables ask for it."""
+    """Whether cells that a spreadsheet would execute get an apostrophe. Table formats use this."""
     trial_columns: tuple[str, ...] | None = None
-    """What the scenarios of all sessions declare as columns of trials (`[trials]`), in their order; None: no scenario
-    says what a trial is."""
+    """The columns of trials that the scenarios of all sessions declare (`[trials]`), in their order. None: no scenario
+    defines trials."""
     wide: bool = False
-    """Whether the tables have a row for each participant besides."""
+    """Whether to add a table with a row for each participant."""
     warnings: list[str] = field(default_factory=list)
-    """Sentences for whoever exports; a format appends to it."""
+    """Sentences for the person who exports; formats append to it."""
 
 
 class ExportError(RiseError):
@@ -47,24 +47,24 @@ class ExportError(RiseError):
 
 
 class ExportFormat(Struct, frozen=True):
-    """One format.
+    """One export format.
 
-    `write` gets a path that does not exist yet (a file's, or that of a folder that it makes), the sessions one after
-    the other, and the context. It must take one session at a time and keep none of them: a study may have hundreds.
-    With `file-per-session` it is called once for each, with that one alone. It raises ExportError, or OSError.
+    `write` gets a path that does not exist yet (for a file, or for a folder that it makes), the sessions one after the
+    other, and the context. It must not keep sessions, because a study may have hundreds. With `file-per-session`, it is
+    called once for each session. It raises ExportError or OSError.
     """
 
     name: str
     about: str
-    """In a line of help."""
+    """One line of help."""
     shape: Shape
     suffix: str
-    """With its dot; empty for a folder."""
+    """With its dot. Empty for a folder."""
     write: Callable[[Path, Iterable[SessionData], ExportContext], None]
     spreadsheet_safe: bool = False
-    """Whether it does what `ExportContext.spreadsheet_safe` asks for."""
+    """Whether it supports `ExportContext.spreadsheet_safe`."""
     extra: str = ""
-    """The extra of the package that it needs."""
+    """The package extra that it needs."""
 
 
 _OWN = {
@@ -77,19 +77,19 @@ _OWN = {
     "xdf": "rise_engine.results.export.xdf:FORMAT",
     "bids": "rise_engine.results.export.bids:FORMAT",
 }
-"""Where each is, in the order in which help lists them. Loaded when it is asked for: some take a while."""
+"""The place of each format, in the order of the help. They are loaded on demand, because some take a while."""
 ENTRY_POINTS = "rise.exports"
-"""The group of entry points that name an ExportFormat each."""
+"""The group of entry points for ExportFormat objects."""
 
 
 def format_names() -> list[str]:
-    """What can be asked for here. Nothing is loaded."""
+    """Return the names of all available formats without loading any."""
     others = sorted(installed_plugins(ENTRY_POINTS).names - _OWN.keys())
     return [*_OWN, *others]
 
 
 def load_format(name: str) -> ExportFormat:
-    """A format by its name, one of `format_names`. Raises ExportError when what brings it cannot be loaded."""
+    """Load a format by its name, one of `format_names`. Raises ExportError when it cannot be loaded."""
     if name in _OWN:
         module, _, constant = _OWN[name].partition(":")
         found: ExportFormat = getattr(import_module(module), constant)
@@ -99,7 +99,7 @@ def load_format(name: str) -> ExportFormat:
         raise ExportError(f"there is no format {name!r} here: {', '.join(format_names())}")
     try:
         found = entry.load()
-    except Exception as error:  # code of others runs as it is imported
+    except Exception as error:  # a plugin's code runs on import
         raise ExportError(f"the format {name!r} ({entry.value}) cannot be loaded: {error}") from error
     if not isinstance(found, ExportFormat):
         raise ExportError(f"the format {name!r} ({entry.value}) is not an ExportFormat")

@@ -1,11 +1,11 @@
-"""Recordings of a session, and what session time becomes where they are annotated.
+"""The conversion of session time to the time of a recording that is annotated.
 
-media time = offset + rate * session time (`rise_engine.session.media`). Who annotates a recording wants times on its
-clock: annotations are scaled by its rate, because no format of annotations can say that a camera runs fast. Where a
-format lets each file begin elsewhere (ELAN, BORIS), the others are laid against the first of them.
+media time = offset + rate * session time (`rise_engine.session.media`). An annotator needs times on the recording's
+clock. Annotations are scaled by its rate, because no annotation format can say that a camera runs fast. If a format
+lets each file begin elsewhere (ELAN, BORIS), the other files are aligned with the first one.
 
-While a session has no engine, its time stands still and cameras go on. So what happened after a recovery is moved by
-the time that passed, as the computer's clock has it; a file lies against the part of the session that has its marks.
+While a session has no engine, its time stands still, but cameras go on. So events after a recovery are moved by the
+time that passed on the computer's clock. A file is aligned with the part of the session that has its marks.
 """
 
 from __future__ import annotations
@@ -24,48 +24,48 @@ from rise_engine.session.coded_formats import CodedClock
 from rise_engine.session.media import MediaFile
 
 LONG_SECONDS = 20 * 60.0
-"""From here on a drift that nobody measured can be seen: 50 millionths, usual between two clocks, are 60 ms."""
+"""In longer recordings, an unmeasured drift is visible: 50 ppm, usual between two clocks, make 60 ms."""
 FRAME_SECONDS = 0.04
-"""One frame of a video; less than this nobody sees."""
+"""One video frame. Smaller differences are invisible."""
 SAME_START_SECONDS = 30.0
-"""Recorders that are started together begin within this time. What begins later is another part: of a camera that was
-started again, say."""
+"""Recorders that are started together begin within this time. A recording that begins later is another part, for
+example after a camera restart."""
 
 
 class LinkedFile(Struct, frozen=True, kw_only=True):
-    """A recording that an export names."""
+    """A recording that an export links."""
 
     file: MediaFile
     path: Path
     """Absolute."""
     origin: float
-    """Its own time, in seconds, where the annotations are at 0. Negative: it begins later."""
+    """Its own time in seconds at annotation time 0. Negative: it begins later."""
 
 
 class MediaClock(Struct, frozen=True, kw_only=True):
-    """annotation time = shift + rate * (session time + the gaps before it), in seconds."""
+    """The relation of times: annotation time = shift + rate * (session time + the gaps before it), in seconds."""
 
     rate: float = 1.0
     shift: float = 0.0
     gaps: tuple[Outage, ...] = ()
     linked: tuple[LinkedFile, ...] = ()
-    """The recordings; the first is the one whose clock this is."""
+    """The recordings. The first is the one with this clock."""
 
     def to_ms(self, at: float) -> int:
-        """A session time in whole milliseconds of annotation time; a later one is never given an earlier."""
+        """Convert session time to whole milliseconds of annotation time. The order of times is kept."""
         return math.floor((self.shift + self.rate * (at + seconds_away(self.gaps, at))) * 1000 + 0.5)
 
     def as_coded(self) -> CodedClock:
-        """The same, as an annotation file tells it and is read back by it."""
+        """Return the same clock in the form that annotation files state and read back."""
         return CodedClock(self.shift, self.rate, tuple((each.at, each.seconds) for each in self.gaps))
 
 
 def clock_of_file(file: MediaFile, gaps: tuple[Outage, ...], origin: float = 0.0) -> MediaClock:
-    """The clock of annotations that were made with a recording which is laid against the session.
+    """Return the clock of annotations that were made with an aligned recording.
 
     :param file: the recording.
     :param gaps: when the session had no engine.
-    :param origin: its own seconds where the annotations are at 0.
+    :param origin: its own seconds at annotation time 0.
     """
     return MediaClock(rate=file.rate, shift=_offset(file, gaps) - origin, gaps=gaps)
 
@@ -78,10 +78,10 @@ def recording_clock(
     alone: bool = False,
     fits: Callable[[MediaFile], bool] = lambda file: True,
 ) -> MediaClock:
-    """The clock of one recording: annotation time is its own time. Without one, session time.
+    """Return the clock of one recording, whose own time is annotation time. Without a recording, session time.
 
-    `first`: the kind of file that is taken if there is one. `alone`: only that one is linked. `fits`: which files the
-    format can use. What is not certain about the files is told in `warnings`.
+    `first`: the preferred kind of file. `alone`: only this file is linked. `fits`: the files that the format can use.
+    `warnings` gets sentences about what is uncertain.
     """
     files = [each for each in _aligned_files(data, warnings, first) if fits(each)]
     if not files:
@@ -96,11 +96,11 @@ def recording_clock(
 
 
 def session_clock(data: SessionData, warnings: list[str]) -> MediaClock:
-    """Session time, scaled by the rate of the first video, and moved only as far as ELAN needs it.
+    """Return session time scaled by the rate of the first video, and moved only as far as ELAN needs it.
 
-    ELAN cannot show a file that begins after the annotations do (its time origin would be negative). When recordings
-    began after the session, annotation time 0 is when the last of them began. One that began much later than the first
-    is not linked: to link it would throw away everything before it.
+    ELAN cannot show a file that begins after the annotations do (its time origin would be negative). If recordings
+    began after the session, annotation time 0 is the start of the last one. A recording that began much later than the
+    first is not linked, because everything before it would be lost.
     """
     files = _aligned_files(data, warnings, "video")
     if not files:
@@ -122,7 +122,7 @@ def session_clock(data: SessionData, warnings: list[str]) -> MediaClock:
 
 
 def warn_of_lost(data: SessionData, lost: int, warnings: list[str]) -> None:
-    """Say how much happened before the annotations begin."""
+    """Warn how many annotations are before the start of the recording."""
     if lost:
         warnings.append(
             f"{data.facts.session}: the recording begins later than the session, so {pluralize(lost, 'annotation')} "
@@ -131,7 +131,7 @@ def warn_of_lost(data: SessionData, lost: int, warnings: list[str]) -> None:
 
 
 def _aligned_files(data: SessionData, warnings: list[str], first: MediaKind) -> list[MediaFile]:
-    """What can be annotated: of kind `first` before the others, and of each kind those whose drift is known first."""
+    """Return the aligned videos and audios. Kind `first` is first, and within each kind files with a known drift."""
     found: list[MediaFile] = []
     for file in data.media:
         if file.kind not in ("video", "audio"):
@@ -147,7 +147,7 @@ def _aligned_files(data: SessionData, warnings: list[str], first: MediaKind) -> 
 
 
 def _tell_doubts(data: SessionData, files: list[MediaFile], gaps: tuple[Outage, ...], warnings: list[str]) -> None:
-    """What is not certain about files that are linked; the first is the one with whose clock annotations run."""
+    """Warn about uncertain alignments of linked files. The first file sets the clock of the annotations."""
     leader, session = files[0], data.facts.session
     if gaps:
         times = ", ".join(f"{gap.seconds:.1f} s at {gap.at:.1f} s" for gap in gaps)
@@ -186,7 +186,7 @@ def _rate_is_measured(file: MediaFile) -> bool:
 
 
 def _offset(file: MediaFile, gaps: tuple[Outage, ...]) -> float:
-    """Media time when the session began, also of a file that began after a gap: it is laid by what is after it, too."""
+    """Return the media time at the session's start, also for a file that began after a gap and was aligned there."""
     assert file.offset is not None
     laid_at = file.marks[0].session_at if file.marks else max(0.0, -file.offset)
     return file.offset - file.rate * seconds_away(gaps, laid_at)

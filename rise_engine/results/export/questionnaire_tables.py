@@ -1,4 +1,4 @@
-"""Questionnaires in an export: the answers of whoever is in it, as its level tells them, and what columns mean."""
+"""Questionnaires in an export: the answers of its participants as the level shows them, with columns described."""
 
 from __future__ import annotations
 
@@ -19,18 +19,18 @@ from rise_engine.study.participants import load_participants
 from rise_engine.study.questionnaires import Answers, Questionnaire, load_questionnaire
 
 _NOT_HERE = "unknown-participant"
-"""What is found about a row that is nobody's: it is left out, and nothing else depends on it."""
+"""The diagnostic for a row of an unknown participant, which is left out without any other effect."""
 _TYPES: Mapping[str, ColumnType] = {"integer": "integer", "number": "number"}
 
 
 class ToldAnswers(Struct, frozen=True):
-    """A questionnaire, as an export tells it."""
+    """A questionnaire as an export shows it."""
 
     settings: QuestionnaireSettings
     columns: tuple[Column, ...]
-    """Its items."""
+    """One column for each item."""
     rows: tuple[tuple[tuple[SessionFacts, ...], Answers], ...]
-    """Each with the sessions that it is about: the one of its run, or one of each run of its participant."""
+    """Each row with its sessions: that of its run, or one of each run of the participant."""
 
     @property
     def name(self) -> str:
@@ -38,7 +38,7 @@ class ToldAnswers(Struct, frozen=True):
 
     @property
     def about(self) -> str:
-        """What one row is."""
+        """A description of one row."""
         told = self.settings.about.rstrip(".")
         of_run = "a participant after a run" if self.settings.run else "a participant"
         return f"One row is what {of_run} answered in the questionnaire {self.name}{f' ({told})' if told else ''}."
@@ -47,13 +47,13 @@ class ToldAnswers(Struct, frozen=True):
 def told_answers(
     study: Study | None, level: ExportLevel, sessions: Iterable[SessionFacts], warnings: list[str]
 ) -> list[ToldAnswers]:
-    """The questionnaires of a study, for whoever is in an export.
+    """Return the questionnaires of a study, for the participants in an export.
 
-    :param study: the study; None: the sessions are of none, or of several.
-    :param level: how much is told.
-    :param sessions: of the export.
-    :param warnings: sentences for whoever exports are added to it.
-    :raises ExportError: a file cannot be told, because something is wrong with it.
+    :param study: the study; None: the sessions belong to none, or to several.
+    :param level: how much is shown.
+    :param sessions: the sessions of the export.
+    :param warnings: gets sentences for the person who exports.
+    :raises ExportError: a file has errors, so it cannot be exported.
     """
     if study is None or not study.questionnaires:
         return []
@@ -83,7 +83,7 @@ def _report(read: Questionnaire, warnings: list[str]) -> None:
 
 
 def _told(read: Questionnaire, level: ExportLevel, known: Sequence[SessionFacts], warnings: list[str]) -> ToldAnswers:
-    """With what people typed as the level tells it: an item of words, not of levels."""
+    """Apply the level to typed answers, that is, to text items without levels."""
     settings, count = read.settings, LevelFilter(level, None).count_typed_words
     typed = [item.name for item in read.items if item.type == "string" and not item.levels]
     rows = []
@@ -113,13 +113,13 @@ def _told(read: Questionnaire, level: ExportLevel, known: Sequence[SessionFacts]
 
 
 def _of_run(sessions: list[SessionFacts]) -> SessionFacts:
-    """Of several attempts the one that counts, or else the last one."""
+    """Choose among several attempts the one that counts, or else the last one."""
     complete = [each for each in sessions if each.outcome == "complete"]
     return (complete or sessions)[-1]
 
 
 def answers_text(told: ToldAnswers) -> str:
-    """The file of a questionnaire as an export tells it: read again, it gives the same."""
+    """Write the file of a questionnaire as an export shows it. Reading it again gives the same."""
     settings = told.settings
     text = io.StringIO()
     rows = csv.writer(text, lineterminator="\n")

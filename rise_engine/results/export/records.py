@@ -1,7 +1,7 @@
-"""The records of sessions as they are, for whoever analyses them: as JSON lines or as a table.
+"""The records of sessions themselves, for analyses, as JSON lines or as a table.
 
-Everything that can be read is exported, also from a session that is running, torn or damaged; what could not be read is
-said, and never made up.
+Everything readable is exported, also from a running, torn or damaged session. Unreadable parts are reported, and
+nothing is invented.
 """
 
 from __future__ import annotations
@@ -57,12 +57,11 @@ COLUMNS = (
     *("cause", "via"),  # task
     *("driver", "injected_faults"),  # session
 )
-"""Of the table: always all of them, in this order. New ones may only come at the end."""
+"""The table's columns. All are always there, in this order; new ones may only be added at the end."""
 
 
 class SessionExport:
-    """The records of one session, whatever of them can be read, to be written to a file: one after the other, so that
-    a session of any length has room.
+    """The readable records of one session. They are written one after the other, so a session can have any length.
 
     >>> from io import BytesIO
     >>> from tempfile import TemporaryDirectory
@@ -89,19 +88,19 @@ class SessionExport:
         private: Iterable[str] = (),
         wizards: Mapping[str, str] | None = None,
     ) -> None:
-        """Read the session in `folder`; parameters and errors as of `SessionRecords`."""
+        """Read the session in `folder`. Parameters and errors as for `SessionRecords`."""
         self._records = SessionRecords(folder, level=level, private=private, wizards=wizards)
         self.name = self._records.name
-        """The session's, as the level tells it."""
+        """The session's name as the level shows it."""
         self.problems = self._records.problems
-        """What could not be read, in sentences."""
+        """Sentences about what could not be read."""
 
     def write(self, format: RecordFormat, out: BinaryIO, *, spreadsheet_safe: bool = False) -> None:
-        """Write the records to `out`, any binary file that is open for writing; it is flushed and not closed.
+        """Write the records to `out`, a binary file open for writing. It is flushed but not closed.
 
-        `format`: `jsonl`, one record in a line as the journal has it but without check sums, or `csv`, a table with
-        COLUMNS (RFC 4180, UTF-8; times in seconds). `spreadsheet_safe`: as of `ExportContext`. Raises OSError when
-        `out` does not take it.
+        `format`: `jsonl`, one record a line as in the journal but without checksums, or `csv`, a table with COLUMNS
+        (RFC 4180, UTF-8; times in seconds). `spreadsheet_safe`: as in `ExportContext`. Raises OSError when writing
+        fails.
         """
         records = self._records.read()
         if format == "csv":
@@ -117,11 +116,11 @@ class _Table:
 
     def __init__(self, out: BinaryIO, *, spreadsheet_safe: bool) -> None:
         self._safe = spreadsheet_safe
-        self._rows = csv.writer(getwriter("utf-8")(out))  # as RFC 4180 has it: commas, CR LF, quotes doubled
+        self._rows = csv.writer(getwriter("utf-8")(out))  # as in RFC 4180: commas, CR LF, quotes doubled
         self._rows.writerow(COLUMNS)
 
     def add(self, records: Iterable[AnyRecord], facts: Mapping[str, Any]) -> None:
-        """Add a session's records. `facts`: what stands in every row."""
+        """Add a session's records. `facts`: values for every row."""
         for record in records:
             values: dict[str, Any] = msgspec.json.decode(encode_record(record))
             values.update(facts)
@@ -135,14 +134,14 @@ def _write_lines(records: Iterable[AnyRecord], out: BinaryIO) -> None:
 
 
 def table_cell(value: Any) -> str:
-    """A JSON value in a table: texts as they are, null (like what is not there) empty, everything else as JSON."""
+    """Write a JSON value as a cell: texts unchanged, null and missing values empty, everything else as JSON."""
     if value is None:
         return ""
     return value if isinstance(value, str) else msgspec.json.encode(value).decode()
 
 
 def _facts_in_rows(facts: SessionFacts) -> dict[str, Any]:
-    """What tells the rows of several sessions apart."""
+    """Return the values that distinguish the rows of several sessions."""
     return {
         "session": facts.session,
         "mode": facts.mode,

@@ -1,4 +1,4 @@
-"""Tables about whole sessions: what stands in every row of every table, sessions, checks and recordings."""
+"""Tables of whole sessions: the facts in every row of every table, sessions, checks and recordings."""
 
 from __future__ import annotations
 
@@ -41,7 +41,7 @@ from rise_engine.study.study_toml import STUDY_FILE, load_study
 from rise_engine.study.withdrawn import CONSENT, ID, new_id
 
 LONG = 2.0
-"""Seconds after which an answer is counted as late to come."""
+"""Answers count as late after this number of seconds."""
 SOURCE = Column("source", "Who asked for it, as the record has it: wizard:NAME, rule:NAME, engine.")
 OF_SESSION = (Reference(("session",), "sessions"),)
 _HASH = "^[0-9a-f]{64}$"
@@ -102,7 +102,7 @@ FACTS = (
     Column("purpose", "Why the session was run; empty: it is of no study.", _fact("purpose"), levels=PURPOSES),
     Column("outcome", "How the session counts; empty: not said.", _fact("outcome"), levels=OUTCOMES),
 )
-"""Of the session; they stand in every row of every table, and the factors after them."""
+"""The session's facts in every row of every table. The factors follow them."""
 SESSIONS = TableSchema(
     "sessions",
     "One row is one session.",
@@ -229,7 +229,7 @@ CHECKS = TableSchema(
 
 
 def _recording_rows(data: SessionData) -> Iterator[Row]:
-    """What each recorder said, with its files; then files of which none spoke."""
+    """Return each recorder's last report with its files, then the files without a report."""
     said = {each.name for each in data.recordings}
     pairs: list[tuple[Any, Any]] = []
     for each in data.recordings:
@@ -289,10 +289,10 @@ RECORDINGS = TableSchema(
 
 
 def factor_column(name: str, study: Study | None) -> Column:
-    """The column of a factor.
+    """Return the column of a factor.
 
-    :param name: the factor's.
-    :param study: the design, which says its levels; None: nobody knows them.
+    :param name: the factor's name.
+    :param study: the design with its levels; None: they are unknown.
     """
     factor = next((each for each in study.factors if each.name == name), None) if study is not None else None
     return Column(
@@ -309,7 +309,7 @@ def _level_text(level: Level) -> str:
     return "; ".join([*told, f"scenario {level.scenario}"] if level.scenario else told)
 
 
-# --- rows of people who have withdrawn --------------------------------------------------------------------------------
+# --- rows of withdrawn participants -----------------------------------------------------------------------------------
 
 _LEFT_OUT = frozenset(
     {
@@ -317,16 +317,16 @@ _LEFT_OUT = frozenset(
         *("started", "program", "speed", "scenario_hash", "purpose", "unreadable"),
     }
 )
-"""Columns of the table of sessions that say who it was or when, or by which a copy of the record is found."""
+"""Columns of the table of sessions that reveal the person or the date, or that would match a copy of the record."""
 
 
 def rows_to_keep(study: Path, participant: str, sessions: list[str]) -> list[dict[str, str]]:
-    """A row for each counted session of a participant, under one fresh id.
+    """Return a row for each counted session of a participant, all under one new id.
 
     :param study: the study's folder.
     :param participant: their pseudonym.
-    :param sessions: names of their folders in the study's sessions.
-    :raises StudyError: they have not agreed to it, or it is not known whether they have.
+    :param sessions: the names of their folders in the study's sessions.
+    :raises StudyError: they have not agreed to this, or it is not known.
     :raises rise_engine.base.errors.SessionError: one of their sessions cannot be read.
     """
     loaded = load_study(study, check_scenarios=False).study

@@ -1,7 +1,7 @@
-"""What of a session somebody wants to see beside a video, as spans: what the robot did, who asked for it, cues, rules.
+"""The parts of a session to show beside a video as spans: what the robot did, who requested it, cues, rules.
 
-What the robot did begins when it confirmed it, not when it was asked to; the time in the queue is apart, and so are
-fillers, which are no answers. Changes of the memory, checks and control are left to the tables.
+The robot's actions begin when it confirms them, not when they are requested. The queue and fillers, which are not
+answers, have their own tiers. Changes of memory, checks and control are only in the tables.
 """
 
 from __future__ import annotations
@@ -15,15 +15,15 @@ from rise_engine.results.export.tiers import ROBOT_SPEECH, Doer, TierSpan
 from rise_engine.scenario.model import CUE_TOPICS
 
 ROBOT_TIERS = (ROBOT_SPEECH, "robot gaze", "robot face", "robot body", "robot arms")
-"""By channel, in the order in which they stand; channels that only one robot has come after them."""
+"""Tiers by channel, in their order. Channels of a particular robot follow them."""
 ROBOT_OTHER = ("robot other", "robot wait")
 WAIT = "Wait"
-"""The action that is a pause (core_actions.toml)."""
+"""The action for a pause (core_actions.toml)."""
 ACT_TIERS = ("wizard acts", "rule acts", "program acts", "engine acts")
 FILLERS = "fillers"
 QUEUE = "queue"
 RULE = "rule "
-"""What the tier of a rule begins with."""
+"""The start of the name of a rule's tier."""
 REJECTED = "rejected"
 CUE = "cue"
 CUE_UNDONE = "cue taken back"
@@ -37,7 +37,7 @@ MOMENTS: dict[str, tuple[str, Doer]] = {
     "sync": ("sync", "session"),
     "recovery": ("recovery", "session"),
 }
-"""The tier of each kind of point, and who does it."""
+"""The tier of each kind of point, and who acts in it."""
 _ENDINGS = {
     "failed": "failed",
     "canceled": "canceled",
@@ -51,11 +51,11 @@ _ENDINGS = {
     "PENDING": "not ended",
     "ACTIVE": "not ended",
 }
-"""What stands behind a text when it did not simply succeed."""
+"""Suffixes of texts for anything that did not simply succeed."""
 
 
 def spans_of(data: SessionData) -> list[TierSpan]:
-    """Everything that is annotated of a session, in the order in which the tiers stand."""
+    """Return all spans of a session in the order of the tiers."""
     spans = [*_robot_spans(data), *_act_spans(data), *_cue_spans(data), *_rule_spans(data), *_moments(data)]
     order = _tier_order(spans)
     return sorted(spans, key=lambda span: (order[span.tier], span.start))
@@ -166,7 +166,7 @@ def _answer_of(cue: Cue) -> tuple[float | None, str]:
 
 
 def _rule_spans(data: SessionData) -> Iterator[TierSpan]:
-    """States of a rule; one in which it was for no time is told together with the next: `Start → Welcome`."""
+    """Give the states of rules. A state without duration is joined with the next one: `Start → Welcome`."""
     passed: dict[str, list[Phase]] = {}
     last: dict[str, TierSpan] = {}
     for phase in data.phases:
@@ -179,7 +179,7 @@ def _rule_spans(data: SessionData) -> Iterator[TierSpan]:
         else:
             run.append(phase)
         if phase.ended_by:
-            if run and phase.rule in last:  # it ended in a state in which it was for no time
+            if run and phase.rule in last:  # it ended in a state without duration
                 last[phase.rule] = _lengthened(last[phase.rule], run)
             elif run:
                 last[phase.rule] = _rule_span(phase, run)
@@ -231,13 +231,13 @@ def _moments(data: SessionData) -> Iterator[TierSpan]:
 
 
 def _is_inner(point: Point) -> bool:
-    """Whether it is an event that the study raised itself: its tiers show what led to it. The cue has its own tier."""
+    """Whether an event is shown elsewhere: the tiers of rules show what raised it, and cues have their own tier."""
     inner = point.source == ENGINE or point.source.startswith("rule:")
     return point.kind == "event" and (inner or point.name.lstrip("/") in CUE_TOPICS)
 
 
 def _while(data: SessionData, kind: str, over: frozenset[str], tier: str, doer: Doer) -> Iterator[TierSpan]:
-    """From each point of a kind until one that says that it is over, or until the next that says something else."""
+    """Give spans from each point of a kind until the point that ends it, or until the next one."""
     since: Point | None = None
     for point in (each for each in data.points if each.kind == kind):
         if since is not None and (point.name in over or tier != STOPPED):

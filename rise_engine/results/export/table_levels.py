@@ -1,4 +1,4 @@
-"""The values that columns of tables can have, and what each means: docs/reference/exports.md says the same."""
+"""The possible values of columns in tables, with their meanings, as in docs/reference/exports.md."""
 
 STATUS = {
     "PENDING": "it still waits: the record ends before its turn",

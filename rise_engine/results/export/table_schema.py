@@ -1,5 +1,5 @@
-"""What a table is: its columns, each with its description and what its value is taken from, and its rows. What
-datapackage.json says of it (Data Package and Table Schema, version 1: https://specs.frictionlessdata.io)."""
+"""The description of a table: its columns with their meanings and sources, and its rows. Also its description in
+datapackage.json (Data Package and Table Schema, version 1: https://specs.frictionlessdata.io)."""
 
 from __future__ import annotations
 
@@ -17,46 +17,46 @@ ColumnType: TypeAlias = Literal["string", "number", "integer", "boolean", "datet
 
 
 class Row(Struct, frozen=True):
-    """What the columns of a table take the values of one row from."""
+    """The source of the values of one row."""
 
     data: SessionData
     number: int
-    """In the table of this session, from 1."""
+    """Its number in this session's table, from 1."""
     of: Any
-    """What the row is about: an act, a cue, a phase."""
+    """The subject of the row: an act, a cue, a phase."""
     beside: Any = None
-    """What belongs to it: an action's act, the file of a recording."""
+    """A related object: an action's act, the file of a recording."""
 
 
 Value: TypeAlias = Callable[[Any], Any]
-"""Takes a value from a row."""
+"""Gets a value from a row."""
 
 
 class Column(Struct, frozen=True):
-    """One column."""
+    """One column of a table."""
 
     name: str
     about: str
-    """What it holds, and what an empty cell means."""
+    """Its meaning, also of an empty cell."""
     value: Value | None = None
-    """What stands in a row; None: what the row is about has an attribute of the column's name."""
+    """Gets its value from a row. None: the attribute of the same name of the row's subject."""
     type: ColumnType = "string"
     unit: str = ""
     """`s`: seconds; `bytes`; empty: none."""
     levels: Mapping[str, str] = {}
-    """Every value that it can have, and what each means; empty: any."""
+    """Every possible value with its meaning. Empty: any value."""
     pattern: str = ""
-    """A regular expression that every value fits."""
+    """A regular expression that every value matches."""
     required: bool = False
     minimum: float | None = None
 
     def of(self, row: Any) -> Any:
-        """Its value in a row, which is a Row where `value` does not take something else. None or an empty text: there
-        is none."""
+        """Return its value in a row, which is a Row unless `value` accepts something else. None or empty: there is
+        none."""
         return getattr(row.of, self.name) if self.value is None else self.value(row)
 
     def field(self) -> dict[str, Any]:
-        """As Table Schema describes it. `unit` and `levels` are additions, as the standard allows."""
+        """Describe it as in Table Schema. `unit` and `levels` are additions, which the standard allows."""
         found: dict[str, Any] = {"name": self.name, "type": self.type, "description": self.about}
         if self.unit:
             found["unit"] = self.unit
@@ -74,73 +74,73 @@ class Column(Struct, frozen=True):
 
 
 class Reference(Struct, frozen=True):
-    """Columns that name a row of another table, by the columns there that have the same names."""
+    """Columns that refer to a row of another table by the columns of the same names there."""
 
     columns: tuple[str, ...]
     table: str
 
 
 class TableSchema(Struct, frozen=True):
-    """One table."""
+    """The schema of one table."""
 
     name: str
-    """Of the file, without `.csv`."""
+    """The file's name without `.csv`."""
     about: str
-    """What one row is."""
+    """The meaning of one row."""
     columns: tuple[Column, ...]
-    """Its own; the facts of the session stand before them."""
+    """Its own columns. The facts of the session come before them."""
     key: tuple[str, ...]
-    """Columns whose values together name one row."""
+    """The columns whose values identify a row."""
     rows: Callable[[SessionData], Iterator[Row]]
-    """Those of one session."""
+    """Gives the rows of one session."""
     references: tuple[Reference, ...] = ()
 
     @property
     def file(self) -> str:
-        """Its file's name."""
+        """The file's name."""
         return f"{self.name}.csv"
 
 
 def rows_of(attribute: str) -> Callable[[SessionData], Iterator[Row]]:
-    """A row for each of what a session has several of, such as `acts`."""
+    """Make a row for each item of a session's attribute, such as `acts`."""
     return lambda data: (Row(data, number, of) for number, of in enumerate(getattr(data, attribute), 1))
 
 
 def moment(name: str, about: str, value: Value | None = None, *, required: bool = False) -> Column:
-    """A column with a session time."""
+    """Make a column with a session time."""
     return Column(
         name, f"Session seconds; the session's clock begins at 0. {about}", value, "number", "s", {}, "", required
     )
 
 
 def seconds(name: str, about: str, value: Value | None = None, minimum: float | None = 0) -> Column:
-    """A column with a duration."""
+    """Make a column with a duration."""
     return Column(name, about, value, "number", "s", minimum=minimum)
 
 
 def count(name: str, about: str, value: Value | None = None) -> Column:
-    """A column that counts."""
+    """Make a column with a count."""
     return Column(name, about, value, "integer", minimum=0, required=True)
 
 
 def numbering(name: str) -> Column:
-    """The part of a key that is not the session."""
+    """Make the column that, with the session, forms the key."""
     about = "Its number in the session, from 1; the key together with session."
     return Column(name, about, lambda row: row.number, "integer", required=True, minimum=1)
 
 
 def span(start: str, end: str) -> Value:
-    """The seconds from one attribute of what the row is about to another."""
+    """Get the seconds from one attribute of the row's subject to another."""
     return lambda row: between(getattr(row.of, start), getattr(row.of, end))
 
 
 def outage(start: str, end: str) -> Value:
-    """The seconds without an engine between two attributes of what the row is about; None: there are none."""
+    """Get the seconds without an engine between two attributes of the row's subject. None: there are none."""
     return lambda row: seconds_without_engine(row.data.outages, getattr(row.of, start), getattr(row.of, end))
 
 
 def outage_columns(what: str, start: str, end: str) -> tuple[Column, Column]:
-    """Of a duration, from one attribute to another: how long there was no engine in it, and how long it really was."""
+    """Make columns for the time without an engine between two attributes, and for the duration by the wall clock."""
     lasted, away = span(start, end), outage(start, end)
 
     def by_wall_clock(row: Row) -> float | None:
@@ -154,16 +154,16 @@ def outage_columns(what: str, start: str, end: str) -> tuple[Column, Column]:
 
 
 def between(earlier: float | None, later: float | None) -> float | None:
-    """Seconds from one time to another; None: one of them is not known."""
+    """Return the seconds from one time to another. None: one of them is not known."""
     return None if earlier is None or later is None else round(later - earlier, 6)
 
 
 def resource(table: TableSchema, columns: Sequence[Column], size: int, digest: str) -> dict[str, Any]:
-    """What datapackage.json says of one table.
+    """Describe one table for datapackage.json.
 
-    :param columns: all of them, in the order of the file.
-    :param size: of the file, in bytes.
-    :param digest: its SHA-256.
+    :param columns: all columns in the order of the file.
+    :param size: the file's size in bytes.
+    :param digest: the file's SHA-256.
     """
     schema: dict[str, Any] = {
         "fields": [column.field() for column in columns],
@@ -193,13 +193,13 @@ def resource(table: TableSchema, columns: Sequence[Column], size: int, digest: s
 def data_package(
     name: str, title: str, about: str, resources: Iterable[Mapping[str, Any]], facts: Mapping[str, Any] | None = None
 ) -> bytes:
-    """datapackage.json.
+    """Write datapackage.json.
 
-    :param name: of the data, in small letters, digits, `-`, `_` and `.`.
-    :param title: for people.
-    :param about: what is in it.
-    :param resources: as `resource` gives them.
-    :param facts: what else it says, as `rise_engine.study.publishing.package_facts` gives it.
+    :param name: the data's name in lower case letters, digits, `-`, `_` and `.`.
+    :param title: a title for people.
+    :param about: a description.
+    :param resources: from `resource`.
+    :param facts: further entries, from `rise_engine.study.publishing.package_facts`.
     """
     package = {
         "profile": "tabular-data-package",
@@ -217,13 +217,13 @@ UNSAFE = (
     "Cells of tables are as people wrote them. A spreadsheet carries out those that begin with =, +, - or @: open the "
     "tables with another program, or export them with --format tables --spreadsheet-safe."
 )
-"""What an export says of cells that a spreadsheet would carry out."""
+"""The warning of an export about cells that a spreadsheet would execute."""
 _FORMULA = re.compile(r"[=+\-@\t\r]")
 _NUMBER = re.compile(r"[+-]?(\d+\.?\d*|\.\d+)([eE][+-]?\d+)?\Z", re.ASCII)
 
 
 def safe_cell(text: str) -> str:
-    """A cell that no spreadsheet carries out: with an apostrophe before what would be a formula.
+    """Put an apostrophe before a cell that a spreadsheet would execute as a formula.
 
     >>> [safe_cell(each) for each in ("=1+1", "-2.5", "-x", "@SUM(A1)", "plain")]
     ["'=1+1", '-2.5', "'-x", "'@SUM(A1)", 'plain']
@@ -232,7 +232,7 @@ def safe_cell(text: str) -> str:
 
 
 def cell(value: Any) -> str:
-    """A value in a table: nothing is empty, numbers have no exponent and at most six places, lists are words.
+    """Write a value as a cell: None is empty, numbers have no exponent and at most six places, lists are words.
 
     >>> [cell(each) for each in (None, True, 2.0, 0.1 + 0.2, -0.0000001, 12, ("speech", "gaze"), {"a": 1})]
     ['', 'true', '2', '0.3', '0', '12', 'speech gaze', '{"a":1}']

@@ -1,7 +1,7 @@
-"""Tables for analyses: one for each kind of thing that is counted, with datapackage.json, which says what they hold.
+"""Tables for analyses, one for each kind of thing, with a description in datapackage.json.
 
-UTF-8, line feeds, commas; an empty cell is nothing; times are session seconds. What R (`frictionless`), Python and
-people need to read them stands in datapackage.json.
+They are in UTF-8 with line feeds and commas. Empty cells mean that there is no value. Times are session seconds.
+datapackage.json has everything that R (`frictionless`), Python and people need to read them.
 """
 
 from __future__ import annotations
@@ -40,13 +40,13 @@ from rise_engine.study.publishing import package_facts
 
 SPSS_FILE, R_FILE = "read_tables.sps", "read_tables.R"
 _LONGEST_NAME, _LONGEST_LABEL, _LONGEST_VALUE_LABEL, _LONGEST_TEXT = 64, 230, 110, 32_767
-"""Bytes that SPSS takes, and that a line of its syntax has room for."""
+"""Limits in bytes of SPSS and of a line of its syntax."""
 _RESERVED = frozenset({"all", "and", "by", "comment", "eq", "ge", "gt", "le", "lt", "ne", "not", "or", "to", "with"})
-"""Words that no variable of SPSS is called; `comment` is one of PSPP (1.6.2), which skips the rest of the command."""
+"""Reserved words of SPSS. `comment` is one in PSPP (1.6.2), which skips the rest of the command."""
 _NO_NAME = re.compile(r"[^A-Za-z0-9_]+")
 _NUMBERS = ("integer", "number")
 _R_TYPES = {"integer": "numeric", "number": "numeric", "boolean": "logical"}
-"""All others are texts. Whole numbers can be larger than R's integers."""
+"""R types; all others are texts. Whole numbers can exceed R's integers."""
 
 
 class DescribedTable(Struct, frozen=True):
@@ -57,13 +57,13 @@ class DescribedTable(Struct, frozen=True):
     about: str
     columns: tuple[Column, ...]
     widths: tuple[int, ...]
-    """Of each column: the bytes of its longest cell."""
+    """The bytes of the longest cell of each column."""
     has_line_ends: bool = False
-    """Whether a cell has several lines: SPSS takes each for a row."""
+    """Whether a cell has several lines, each of which SPSS takes for a row."""
 
 
 def spss_text(tables: Iterable[DescribedTable]) -> str:
-    """SPSS syntax that reads each table as a data set of its name."""
+    """Write SPSS syntax that reads each table as a data set of its name."""
     lines = [
         "* Encoding: UTF-8.",
         "* Reads the tables of this folder, each as a data set of its name: acts, cues, sessions, and so on.",
@@ -102,7 +102,7 @@ def _spss_table(table: DescribedTable) -> Iterator[str]:
                 told = value if column.type in _NUMBERS else _spss_quoted(value)
                 yield f"    {told} {_spss_quoted(label, _LONGEST_VALUE_LABEL)}"
         yield "  ."
-    yield f"DATASET COPY {table.name}."  # DATASET NAME does not keep it in PSPP, where the next table replaces it
+    yield f"DATASET COPY {table.name}."  # PSPP keeps no DATASET NAME when the next table replaces it
 
 
 def _spss_format(column: Column, width: int) -> str:
@@ -115,7 +115,7 @@ def _spss_format(column: Column, width: int) -> str:
 
 
 def spss_names(names: Sequence[str]) -> list[str]:
-    """What SPSS calls variables: ASCII letters, digits and `_`, at most 64, no word of its own, none twice.
+    """Make names for SPSS variables: ASCII letters, digits and `_`, at most 64, not reserved, all different.
 
     >>> spss_names(["by", "G01[SQ1]", "2nd", "Score", "score"])
     ['by_', 'G01_SQ1', 'v2nd', 'Score', 'score_2']
@@ -134,7 +134,7 @@ def spss_names(names: Sequence[str]) -> list[str]:
 
 
 def _spss_quoted(text: str, longest: int = _LONGEST_TEXT) -> str:
-    """A text on one line, cut at a number of bytes."""
+    """Quote a text on one line, cut to a number of bytes."""
     text = " ".join(text.split())
     if len(text.encode()) > longest:
         text = text.encode()[: longest - 3].decode(errors="ignore") + "..."
@@ -142,7 +142,7 @@ def _spss_quoted(text: str, longest: int = _LONGEST_TEXT) -> str:
 
 
 def r_text(tables: Iterable[DescribedTable]) -> str:
-    """An R script that reads each table as a data frame of its name."""
+    """Write an R script that reads each table as a data frame of its name."""
     lines = [
         "# Reads the tables of this folder, each as a data frame of its name: acts, cues, sessions, and so on.",
         '# In R: setwd("the folder"), then source("read_tables.R", encoding = "UTF-8").',
@@ -181,7 +181,7 @@ def _r_values(column: Column) -> str:
 
 
 def _r_quoted(text: str) -> str:
-    """A text of R: what JSON escapes, R escapes in the same way."""
+    """Quote a text for R, which has the same escapes as JSON."""
     return json.dumps(text, ensure_ascii=False)
 
 
@@ -217,7 +217,7 @@ class _OpenTable:
             self.add_row([*facts, *(cell(column.of(row)) for column in self.schema.columns)])
 
     def add_row(self, cells: list[str]) -> None:
-        """A row with a cell for each column."""
+        """Write a row with a cell for each column."""
         cells = [safe_cell(each) for each in cells] if self._safe else cells
         for at, each in enumerate(cells):
             if len(each) * 4 > self._widths[at]:
@@ -226,13 +226,13 @@ class _OpenTable:
         self._rows.writerow(cells)
 
     def described(self) -> dict[str, object]:
-        """What datapackage.json says of it; it is closed."""
+        """Describe it for datapackage.json. The table must be closed."""
         with self.path.open("rb") as file:
             digest = hashlib.file_digest(file, "sha256").hexdigest()
         return resource(self.schema, self.columns, self.path.stat().st_size, digest)
 
     def for_codebook(self) -> DescribedTable:
-        """What programs that read it must know."""
+        """Describe it for programs that read it."""
         schema, columns, widths = self.schema, tuple(self.columns), tuple(self._widths)
         return DescribedTable(schema.name, schema.file, schema.about, columns, widths, self._has_line_ends)
 
@@ -289,7 +289,7 @@ def _write(path: Path, sessions: Iterable[SessionData], context: ExportContext) 
 
 
 def _questionnaire_table(answers: ToldAnswers, facts: Sequence[Column]) -> tuple[TableSchema, list[Column]]:
-    """The table of a questionnaire, and the facts that stand in it: of the session whose run it is about, or what is
+    """Return the table of a questionnaire and the facts in its rows: those of the session of its run, or those that are
     the same in all sessions of the participant."""
     name = f"questionnaire_{answers.name}"
     if answers.settings.run:
@@ -300,7 +300,7 @@ def _questionnaire_table(answers: ToldAnswers, facts: Sequence[Column]) -> tuple
 
 
 def _no_rows(data: SessionData) -> Iterator[Row]:
-    """Its rows are those of participants."""
+    """Give no rows, because this table has rows of participants instead."""
     return iter(())
 
 

@@ -1,8 +1,8 @@
-"""Praat's TextGrid of a session: the tiers that ELAN gets, for those who look at sound.
+"""Praat TextGrids of a session: the same tiers as for ELAN, for the analysis of sound.
 
-The long form, as Praat's manual describes it ("TextGrid file formats"): intervals without gaps, empty ones between the
-annotations; quotes in texts are doubled. A TextGrid goes with one sound and says nowhere with which, so its times are
-those of the recording: of the first sound file of the session, else of the first video, else session time.
+They are in the long form of Praat's manual ("TextGrid file formats"): intervals without gaps, with empty ones between
+the annotations, and doubled quotes in texts. A TextGrid belongs to one sound but does not name it. Its times are those
+of the session's first sound file, or else of the first video, or else session time.
 """
 
 from __future__ import annotations
@@ -30,7 +30,7 @@ def write_textgrid(out: Path, sessions: Iterable[SessionData], context: ExportCo
 
 
 def tell_whose_time(data: SessionData, clock: MediaClock, warnings: list[str]) -> None:
-    """Say that the times in a file are those of a recording, where nothing in the file can."""
+    """Name the recording whose time a file has, because the file cannot."""
     if clock.linked:
         warnings.append(
             f"{data.facts.session}: its times are those of {clock.linked[0].file.path}, in which the session "
@@ -55,7 +55,7 @@ def _lines(tiers: tuple[Tier, ...], end: int) -> Iterator[str]:
 
 
 def _intervals(tier: Tier, end: int) -> Iterator[tuple[int, int, str]]:
-    """The annotations and the gaps between them, from 0 to `end`."""
+    """Give the annotations and the gaps between them, from 0 to `end`."""
     at = 0
     for annotation in tier.annotations:
         if annotation.start > at:

@@ -1,9 +1,8 @@
-"""A session as tiers: rows of annotations, as those who code videos have them. ELAN, Praat and BORIS get theirs here.
+"""A session as tiers, which are rows of annotations for video coding. ELAN, Praat and BORIS get theirs from here.
 
-Tiers follow one law: annotations do not overlap, each is at least a millisecond long, and none begins before 0. What a
-session has beside that is laid out so that it holds: of two that overlap the second goes to a tier `NAME 2`, a moment
-becomes an annotation of `MOMENT_MS` (or less, where the next begins earlier), and what lies before 0 falls off, and
-is counted.
+Annotations of a tier never overlap, are at least a millisecond long, and do not begin before 0. The layout ensures
+this: of two that overlap, the second goes to a tier `NAME 2`; a moment becomes an annotation of `MOMENT_MS` (or less,
+if the next one begins earlier); what is before 0 is left out and counted.
 """
 
 from __future__ import annotations
@@ -17,17 +16,17 @@ from msgspec import Struct
 from rise_engine.results.export.media_clock import MediaClock
 
 Doer: TypeAlias = Literal["robot", "wizard", "participant", "session"]
-"""Who does what a tier shows."""
+"""Who acts in a tier."""
 MOMENT_MS = 100
-"""How long a moment is drawn."""
+"""The length of an annotation for a moment."""
 ROBOT_SPEECH = "robot speech"
-"""The tier that a session without anything has, since no program takes a file without tiers."""
+"""The only tier of an empty session, because no program accepts a file without tiers."""
 _UNFIT = re.compile("[\x00-\x1f\x7f-\x9f\ud800-\udfff\ufffe\uffff\u2028\u2029]")
-"""What XML cannot hold, or what ends a line somewhere: annotations are one line."""
+"""Characters that XML cannot hold, or that end a line somewhere. Annotations have one line."""
 
 
 class TierSpan(Struct, frozen=True, kw_only=True):
-    """Something of a session, in session seconds, before it is laid out."""
+    """A part of a session in session seconds, before it is laid out."""
 
     tier: str
     start: float
@@ -35,45 +34,45 @@ class TierSpan(Struct, frozen=True, kw_only=True):
     """None: it was a moment."""
     text: str
     code: str
-    """The same whenever the same thing happens: an act's name, a rule with its state."""
+    """A code that is the same for equal events: an act's name, a rule with its state."""
     doer: Doer
     asked_by: str = ""
-    """Of an act: the kind of who asked for it."""
+    """The kind of requester, for an act."""
 
 
 class Annotation(Struct, frozen=True, kw_only=True):
-    """One annotation, in milliseconds on the clock of what is annotated."""
+    """One annotation, in milliseconds on the clock of the annotations."""
 
     start: int
     end: int
     """Later than `start`."""
     moment: bool
-    """Whether it had no length, and was given one to be seen."""
+    """Whether it had no length and got one to be visible."""
     text: str
-    """Never empty, and one line."""
+    """One line, never empty."""
     span: TierSpan
-    """What it was made from."""
+    """Its source."""
 
 
 class Tier(Struct, frozen=True, kw_only=True):
-    """One row: annotations in the order of time that do not overlap."""
+    """One row of annotations in the order of time, without overlaps."""
 
     name: str
-    """One line, and no other tier of the session has it."""
+    """One line, unique in the session."""
     lane: int
-    """0; 1 and more for those that hold what overlaps."""
+    """0, or a higher number for overlapping annotations."""
     doer: Doer
     annotations: tuple[Annotation, ...]
 
 
 class TierSet(Struct, frozen=True, kw_only=True):
-    """All tiers of one session; there is at least one."""
+    """All tiers of one session. There is at least one."""
 
     tiers: tuple[Tier, ...]
     lost: int
-    """How many things fell off, because they had ended before 0."""
+    """The number of spans left out because they ended before 0."""
     end: int
-    """Milliseconds at which the session, or the last annotation, ended; at least 1."""
+    """Milliseconds at which the session or the last annotation ended, at least 1."""
 
 
 def lay_out(
@@ -83,10 +82,10 @@ def lay_out(
     *,
     group: Callable[[TierSpan], str] = lambda span: span.tier,
 ) -> TierSet:
-    """Give every span its place in a tier; the tiers stand in the order in which their first spans come.
+    """Lay out all spans in tiers, which are in the order of their first spans.
 
-    `clock`: what session time becomes. `duration`: of the session, in session seconds. `group`: what must not overlap;
-    its words become the tier's name.
+    `clock`: converts session time. `duration`: the session's length in session seconds. `group`: spans with the same
+    result must not overlap; it becomes the tier's name.
     """
     groups: dict[str, list[TierSpan]] = {}
     for span in spans:
@@ -109,14 +108,14 @@ def lay_out(
 
 
 def one_line(text: str) -> str:
-    """The text as one line that XML and every reader can hold: blanks for line ends and tabs, `�` for controls."""
+    """Convert a text to one line that XML and all readers accept: blanks for line ends and tabs, `�` for controls."""
     text = text.replace("\r\n", " ")
     text = _UNFIT.sub(lambda found: " " if found[0] in "\t\n\r\x0b\x0c\x85\u2028\u2029" else "\ufffd", text)
     return text.strip()
 
 
 class _Names:
-    """Names of tiers that are told apart; a rule may be called `note 2`."""
+    """A source of unique tier names. A rule may be called `note 2`."""
 
     def __init__(self, groups: Iterable[str]) -> None:
         self._taken = set(groups)
@@ -132,17 +131,17 @@ class _Names:
 
 
 class _LaidSpan(Struct):
-    """A span in milliseconds, whose end may still move when it is a moment."""
+    """A span in milliseconds. The end of a moment may still move."""
 
     start: int
     end: int
     yields: bool
-    """Whether it may end earlier, because the next begins."""
+    """Whether it may end earlier, because the next one begins."""
     span: TierSpan
 
 
 def _pack(spans: list[TierSpan], clock: MediaClock) -> tuple[list[list[Annotation]], int]:
-    """Rows without overlaps, as few as it takes, and how many spans lie before 0."""
+    """Return as few rows without overlaps as possible, and the number of spans before 0."""
     pieces: list[_LaidSpan] = []
     for span in spans:
         start = clock.to_ms(span.start)
@@ -152,7 +151,7 @@ def _pack(spans: list[TierSpan], clock: MediaClock) -> tuple[list[list[Annotatio
             continue
         pieces.append(_LaidSpan(max(start, 0), start + MOMENT_MS if moment else end, moment, span))
     fell_off = len(spans) - len(pieces)
-    pieces.sort(key=lambda piece: piece.start)  # stable: what was told first comes first
+    pieces.sort(key=lambda piece: piece.start)  # stable: keeps the order of equal starts
     lanes: list[list[_LaidSpan]] = []
     for piece in pieces:
         for lane in lanes:

@@ -1,4 +1,4 @@
-"""The table of trials with the columns that scenarios declare for it, and the wide table of participants."""
+"""The table of trials with the columns that scenarios declare, and the wide table of participants."""
 
 from __future__ import annotations
 
@@ -80,7 +80,7 @@ TRIALS = TableSchema(
 
 
 def declared_column(name: str) -> Column:
-    """A column that `[trials]` of a scenario declares.
+    """Return a column that `[trials]` of a scenario declares.
 
     :param name: the memory key, or the part of a value.
     """
@@ -92,7 +92,7 @@ def declared_column(name: str) -> Column:
 # --- one row for each participant -------------------------------------------------------------------------------------
 
 WHOLE = "all"
-"""The condition of sessions that have none."""
+"""The condition of sessions without one."""
 
 
 class _WideRow(Struct):
@@ -101,14 +101,14 @@ class _WideRow(Struct):
     sessions: int = 0
     between: dict[str, Any] = field(default_factory=dict)
     measures: dict[str, list[float | None]] = field(default_factory=dict)
-    """By condition, of each trial."""
+    """For each condition, the measure of each trial."""
 
 
 _WideRowRow: TypeAlias = tuple[str, _WideRow]
 
 
 class WideTable:
-    """Collects a row for each participant."""
+    """A table with a row for each participant, collected session by session."""
 
     def __init__(self, context: ExportContext) -> None:
         self._context = context
@@ -117,7 +117,7 @@ class WideTable:
         self._measures: dict[str, None] = {}
 
     def add(self, data: SessionData) -> None:
-        """Take in a session, if it counts and was not broken off."""
+        """Add a session if it counts and was not aborted."""
         facts = data.facts
         if facts.outcome not in ("complete", None) or facts.purpose not in ("counted", ""):
             return
@@ -141,11 +141,11 @@ class WideTable:
 
     @property
     def measure(self) -> str:
-        """What is measured; `measure`: several scenarios say several."""
+        """The name of the measure. `measure` if the scenarios have several."""
         return next(iter(self._measures)) if len(self._measures) == 1 else "measure"
 
     def schema(self, answered: Iterable[ToldAnswers] = ()) -> TableSchema:
-        """Its columns. Each takes its value from a participant's name and trials.
+        """Return its columns. Each takes its value from a participant's name and trials.
 
         :param answered: the questionnaires of the export.
         """
@@ -160,12 +160,12 @@ class WideTable:
             columns += self._columns_of(condition)
         for answers in answered:
             columns += _columns_of_answers(answers)
-        key = ("participant",) if all(self._people) else ()  # somebody without a name cannot be told by it
+        key = ("participant",) if all(self._people) else ()  # several people without a name cannot be told apart
         about = "One row is one participant: their trials in sessions that are complete, or of no study."
         return TableSchema("wide", about, tuple(columns), key, lambda data: iter(()))
 
     def rows(self) -> list[_WideRowRow]:
-        """What its columns take their values from: a row each."""
+        """Return the source of its columns' values, one for each row."""
         return sorted(self._people.items(), key=lambda item: item[0])
 
     def _columns_of_people(self) -> Iterator[Column]:
@@ -216,7 +216,7 @@ class WideTable:
 
 
 def _columns_of_answers(answers: ToldAnswers) -> Iterator[Column]:
-    """The columns of a questionnaire: `NAME.ITEM`, and `NAME.ITEM.run1`, ... where it is asked after each run."""
+    """Give the columns of a questionnaire: `NAME.ITEM`, or `NAME.ITEM.run1`, ... if it is asked after each run."""
     rows = {(row.participant, row.run): row for _, row in answers.rows}
     for run in sorted({row.run for _, row in answers.rows}, key=lambda run: run or 0):
         of_run, after = (f".run{run}", f" After run {run}.") if run is not None else ("", "")

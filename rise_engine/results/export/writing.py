@@ -1,4 +1,4 @@
-"""Writing an export: whole or not at all, never over anything, and noted in the study before anything is written."""
+"""Writer of exports: whole or not at all, never over existing files, and logged in the study before anything else."""
 
 from __future__ import annotations
 
@@ -28,14 +28,14 @@ from rise_engine.study.withdrawn import is_withdrawn
 
 
 class ExportReport(Struct):
-    """What came of an export."""
+    """The result of an export."""
 
     sessions: int = 0
-    """How many are in it."""
+    """The number of exported sessions."""
     problems: list[str] = field(default_factory=list)
-    """What could not be read, in sentences."""
+    """Sentences about what could not be read."""
     warnings: list[str] = field(default_factory=list)
-    """What else whoever exports should know, in sentences."""
+    """Other sentences for the person who exports."""
 
 
 def export_sessions(
@@ -47,15 +47,15 @@ def export_sessions(
     private: Iterable[str] = (),
     several: bool = True,
 ) -> ExportReport:
-    """Export sessions in one format. The study's log says so first.
+    """Export sessions in one format. The study's log notes it first.
 
-    :param format: which.
-    :param out: a new file, or a new folder where the format has several files.
-    :param folders: the sessions', in the order in which they are to stand.
-    :param context: as `export_context` gives it.
-    :param private: further private memory keys.
+    :param format: the format.
+    :param out: a new file, or a new folder if the format has several files.
+    :param folders: the sessions' folders in the wanted order.
+    :param context: from `export_context`.
+    :param private: private memory keys in addition to the scenario's.
     :param several: False: with a file for each session, `out` is the file of the only one.
-    :raises ExportError: it could not be made; nothing of it is there.
+    :raises ExportError: it could not be made; nothing of it remains.
     """
     report = ExportReport()
     folder = format.shape == "folder" or (format.shape == "file-per-session" and (several or not format.suffix))
@@ -75,7 +75,7 @@ def export_sessions(
         except SessionError as error:
             raise ExportError(str(error)) from None
         for _ in sessions:
-            """A format that has not asked for all of them has not told of all."""
+            """Read the rest too, in case the format did not: the report counts them all."""
         if not report.sessions:
             raise ExportError(*report.problems, "no session could be read, so nothing was exported")
     report.warnings += context.warnings
@@ -83,10 +83,10 @@ def export_sessions(
 
 
 def export_context(folders: Iterable[Path], level: ExportLevel) -> ExportContext:
-    """What is the same for sessions that are exported together: their study, when all are of the same, and factors.
+    """Collect the settings for sessions that are exported together: factors, and the study if all have the same.
 
-    :param folders: the sessions'.
-    :param level: how much is told.
+    :param folders: the sessions' folders.
+    :param level: how much is shown.
     """
     studies: dict[Path | None, None] = {}
     columns: dict[str, None] | None = None
@@ -105,22 +105,21 @@ def export_context(folders: Iterable[Path], level: ExportLevel) -> ExportContext
 
 
 def _factors_of(folder: Path) -> Iterable[str]:
-    """Which factors a session knows."""
     try:
         return read_info(folder).factors
     except SessionError:
-        with suppress(SessionError):  # whoever reads it is told
+        with suppress(SessionError):  # reading the session reports the error
             begun = SessionRecords(folder).begun
             return begun.factors if begun is not None else ()
         return ()
 
 
 def _trial_columns_of(folder: Path) -> list[str] | None:
-    """What the scenario of a session declares as columns of trials; None: it has no trials, or cannot be read."""
+    """Return the columns of trials that a session's scenario declares. None: it has no trials, or cannot be read."""
     try:
         said = tomllib.loads((folder / SCENARIO_COPY / SCENARIO_FILE).read_text("utf-8"))["trials"]
         return [text for text in said.get("columns", ()) if isinstance(text, str)]
-    except (OSError, ValueError, KeyError, AttributeError, TypeError):  # whoever reads the session is told
+    except (OSError, ValueError, KeyError, AttributeError, TypeError):  # reading the session reports the error
         return None
 
 
@@ -128,9 +127,9 @@ class NewExport(Struct):
     """An export that is being written."""
 
     here: Path
-    """Where it is to be made; nothing is there yet."""
+    """The path to write to; nothing exists there yet."""
     problems: list[str] = field(default_factory=list)
-    """Studies that could not be told of it, in sentences."""
+    """Sentences about studies whose logs could not note it."""
 
 
 @contextmanager
@@ -143,19 +142,19 @@ def new_export(
     folder: bool = False,
     people: Mapping[Path, Iterable[str]] | None = None,
 ) -> Iterator[NewExport]:
-    """Something that tells of sessions: it is there whole when the statement ends without an error, or not at all.
+    """Make a file or folder with data of sessions. It appears whole if the `with` statement succeeds, or not at all.
 
-    The log of each study whose sessions are in it says so first, so that a withdrawal and a redaction know of it even
-    if it is killed. So read what goes into it within the statement. At the end the log takes the export's hash, because
-    a withdrawal erases only what was not changed since.
+    The log of each study in it notes it first, so that withdrawals and redactions know of it even after a kill.
+    Therefore read its data within the statement. At the end, the log gets the export's hash, because a withdrawal
+    erases only unchanged exports.
 
-    :param path: where it is to be.
-    :param folders: the sessions'; of those that are of no study, no log is told.
-    :param format: its name, for people.
-    :param level: how much it tells.
+    :param path: the final place.
+    :param folders: the sessions' folders; sessions without a study are logged nowhere.
+    :param format: the format's name, for people.
+    :param level: how much it shows.
     :param folder: whether it is a folder.
-    :param people: further participants whom it names, by the folder of their study.
-    :raises ExportError: something is there, it cannot be written, or a participant has withdrawn meanwhile.
+    :param people: further participants in it, by the folder of their study.
+    :raises ExportError: something exists there, it cannot be written, or a participant has withdrawn meanwhile.
     """
     notes = [_Note(study, theirs, path, (people or {}).get(study, ())) for study, theirs in _by_study(folders).items()]
     for study in set(people or ()) - {note.study for note in notes}:
@@ -177,23 +176,23 @@ def new_export(
 
 
 def _by_study(sessions: Iterable[Path]) -> dict[Path, list[Path]]:
-    """Sessions by the study whose log knows of exports."""
+    """Group the sessions by studies whose logs note exports."""
     found: dict[Path, list[Path]] = {}
     for session in sessions:
         study = study_of_session(session)
-        if study is not None and not (study / MANIFEST_FILE).is_file():  # a bundle stays as its check sums have it
+        if study is not None and not (study / MANIFEST_FILE).is_file():  # a bundle must match its checksums
             found.setdefault(study, []).append(session)
     return found
 
 
 class _Note:
-    """What the log of one study says of an export."""
+    """The entry of one study's log about an export."""
 
     def __init__(self, study: Path, sessions: Sequence[Path], path: Path, people: Iterable[str]) -> None:
         path = path.resolve()
         self.study = study
         self.is_inside = path.is_relative_to(study.resolve())
-        """Whether it is to be in the study's folder, from where a withdrawal erases it."""
+        """Whether it will be in the study's folder, where a withdrawal can erase it."""
         self._sessions = sessions
         self._path = str(path.relative_to(study.resolve()) if self.is_inside else path)
         self._out = path
@@ -201,7 +200,7 @@ class _Note:
         self._noted: LogEntry | None = None
 
     def write(self, format: str, level: ExportLevel, *, folder: bool) -> str:
-        """Before anything else is written; why it cannot be, or empty. Raises ExportError: somebody has withdrawn."""
+        """Write the entry. Returns why it failed, or an empty text. Raises ExportError after a withdrawal."""
         fields = {"path": self._path, "format": format, "level": level, **self._who()}
         try:
             with LockedLog(self.study) as log:
@@ -212,23 +211,23 @@ class _Note:
         return ""
 
     def confirm(self, stack: ExitStack, digest: str) -> None:
-        """Keep the log locked until the export is in place. Raises ExportError: somebody has withdrawn."""
+        """Keep the log locked until the export is in place. Raises ExportError after a withdrawal."""
         log = LockedLog(self.study)
         try:
             stack.enter_context(log)
-        except StudyLogError:  # `write` has said so
+        except StudyLogError:  # `write` has reported it
             self._refuse_gone(None)
             return
         self._refuse_gone(log)
         if self._noted is not None and self.is_inside:
-            with suppress(StudyLogError):  # then a withdrawal says that nobody knows its hash
+            with suppress(StudyLogError):  # a withdrawal then reports that the hash is unknown
                 log.append("written", path=self._path, sha256=digest, **self._who())
 
     def _who(self) -> dict[str, Json]:
         return {"sessions": [session.resolve().name for session in self._sessions], "participants": [*self._people]}
 
     def _refuse_gone(self, log: LockedLog | None) -> None:
-        """A withdrawal takes the sessions, and what the log says of them, out of the study while it has it locked."""
+        """Refuse if a withdrawal has removed the sessions and their log entries, which it does with the log locked."""
         gone = [each.name for each in self._sessions if not each.is_dir()]
         entries = log.entries() if log is not None else []
         gone += [each for each in self._people if is_withdrawn(each, entries)]
@@ -259,7 +258,7 @@ class _Note:
 def _read(
     folders: Sequence[Path], level: ExportLevel, private: Iterable[str], report: ExportReport
 ) -> Iterator[SessionData]:
-    """The sessions one after the other; what cannot be read goes to the report."""
+    """Read the sessions one after the other. The report gets what cannot be read."""
 
     def note_unreadable(folder: Path, error: SessionError) -> None:
         report.problems.append(f"{folder.name} is not in it: {error}")

@@ -1,12 +1,12 @@
-"""A session as an XDF file, as LabRecorder makes them, for who puts it beside an EEG without a live stream.
+"""A session as an XDF file, as from LabRecorder, for use beside an EEG without a live stream.
 
 Extensible Data Format 1.0 (https://github.com/sccn/xdf/wiki/Specifications): `XDF:`, then chunks, each with its length,
-a tag and its content. One file header; of each stream a header, its samples, and a footer that counts them; a boundary
-before each stream's samples and at least every ten seconds of them lets a reader go on in a file that was damaged.
+a tag and its content. There is one file header. Each stream has a header, its samples, and a footer that counts them.
+Boundaries before each stream's samples, and at least every ten seconds, let readers continue in a damaged file.
 
-Two streams. `rise`, type `Markers`: the same markers as the live stream (`rise_engine.results.analysis.markers`).
-`rise-records`, type `Records`: every record as JSON. Stamps are session seconds. Both streams and the file have that
-one clock, so their clock offsets are 0; without any, readers take the streams for ones that were never synchronised.
+There are two streams. `rise`, type `Markers`, has the markers of the live stream
+(`rise_engine.results.analysis.markers`); `rise-records`, type `Records`, has every record as JSON. Stamps are session
+seconds. The file and both streams share this clock, so their offsets are 0. Without any, they count as unsynchronised.
 """
 
 from __future__ import annotations
@@ -28,15 +28,15 @@ from rise_engine.session.journal_format import encode_record
 
 MAGIC = b"XDF:"
 BOUNDARY = bytes.fromhex("43a546dccbf5410fb30ed5467383cbe4")
-"""The 16 bytes by which a reader finds its way again."""
+"""The 16 bytes at which a reader resumes after damage."""
 FILE_HEADER, STREAM_HEADER, SAMPLES, CLOCK_OFFSET, BOUNDARY_TAG, STREAM_FOOTER = range(1, 7)
 SECONDS_AT_ONCE = 10.0
 SAMPLES_AT_ONCE = 1000
-"""Of a chunk of samples, at most: what a damaged byte can take with it."""
+"""The most samples of a chunk, which is what a damaged byte can destroy."""
 MARKERS, RECORDS = "rise", "rise-records"
 
 Sample = tuple[float, str]
-"""Its stamp in seconds, and its text."""
+"""A stamp in seconds, and a text."""
 
 
 def write_xdf(path: Path, sessions: Iterable[SessionData], context: ExportContext) -> None:
@@ -98,7 +98,7 @@ def _stream_footer(samples: Sequence[Sample], looks: Sequence[float]) -> bytes:
 
 
 def _file_time(facts: SessionFacts) -> dict[str, str]:
-    """When it was recorded, where the level tells that, as LabRecorder writes it."""
+    """Return the time of recording in LabRecorder's form, if the level shows it."""
     try:
         moment = datetime.fromisoformat(facts.started)
         return {"datetime": f"{moment:%Y-%m-%dT%H:%M:%S}.{moment.microsecond // 1000:03d}{moment:%z}"}
@@ -133,7 +133,7 @@ def _write_chunk(file: BinaryIO, tag: int, content: bytes, stream: int | None = 
 
 
 def _count(number: int) -> bytes:
-    """A number with the count of its bytes before it: 1, 4 or 8."""
+    """Encode a number after the count of its bytes: 1, 4 or 8."""
     if number < 1 << 8:
         return struct.pack("<BB", 1, number)
     return struct.pack("<BI", 4, number) if number < 1 << 32 else struct.pack("<BQ", 8, number)
@@ -142,12 +142,12 @@ def _count(number: int) -> bytes:
 def _text_bytes(text: str) -> bytes:
     try:
         return text.encode()
-    except UnicodeEncodeError:  # half a character, as it stands for the bytes of a file name that is no text
+    except UnicodeEncodeError:  # a lone surrogate, from a byte of a file name that is not text
         return escape_surrogates(text).encode()
 
 
 def _info(values: dict[str, str], description: dict[str, str] | None = None) -> etree._Element:
-    """An `info` element with an element of each name, and perhaps `desc` with more."""
+    """Make an `info` element with an element for each name, and `desc` with more if there is a description."""
     info = etree.Element("info")
     for name, value in values.items():
         etree.SubElement(info, name).text = _xml_text(value)
@@ -163,7 +163,7 @@ def _xml(info: etree._Element) -> bytes:
 
 
 def _xml_text(text: str) -> str:
-    """Without characters that XML cannot hold (https://www.w3.org/TR/xml/#charsets)."""
+    """Replace characters that XML cannot hold (https://www.w3.org/TR/xml/#charsets)."""
     return "".join(
         each
         if each in "\t\n\r" or " " <= each < "\ud800" or "\ue000" <= each < "\ufffe" or each > "\uffff"

@@ -1,1 +1,1 @@
-"""What happened in a session or a study, on one page: as HTML, as text in a terminal."""
+"""The report of a session or a study on one page: as HTML, or as text in a terminal."""

@@ -1,7 +1,7 @@
-"""Distributions of waiting times over the reference bands: histograms, dot plots, and courses over sessions.
+"""Charts of waiting times over the reference bands: histograms, dot plots, and courses over sessions.
 
-All of a report share one scale of seconds, so that they can be compared by eye; what lies beyond it is counted in the
-last bin, or drawn at the edge.
+All charts of a report share one scale of seconds, so that they can be compared by eye. Values beyond it are counted in
+the last bin, or drawn at the edge.
 """
 
 from __future__ import annotations
@@ -26,18 +26,18 @@ class DotRow(Struct, frozen=True):
 
     name: str
     values: tuple[float, ...]
-    """A dot each."""
+    """One dot for each value."""
     hovers: tuple[str, ...]
     note: str = ""
-    """How many, of what."""
+    """The numbers behind it, in words."""
 
 
 class CourseOfSessions(Struct, frozen=True):
-    """How something went from session to session, of one wizard."""
+    """A measure of one wizard from session to session."""
 
     name: str
     summaries: tuple[Summary | None, ...]
-    """Of each session in their order; None: nothing to measure in it."""
+    """Summaries of the sessions in their order. None: nothing to measure."""
     hovers: tuple[str, ...]
 
 
@@ -45,7 +45,7 @@ class CourseOfSessions(Struct, frozen=True):
 
 
 def latency_figure(facts: LatencyFacts) -> Figure:
-    """Small histograms of the parts, and a larger one of the whole response, on the same scale."""
+    """Draw small histograms of the parts and a larger one of the whole response, on the same scale."""
     shown = [facts.response, *(part for part in facts.parts if part.values)]
     cell, gap, tall, small = 318.0, 23.0, 136.0, 92.0
     rows = (len(shown) - 1 + 2) // 3
@@ -107,7 +107,7 @@ def _draw_histogram(
 
 
 def _draw_count(drawing: Drawing, count: int, x: float, width: float, top: float, *, is_first: bool) -> None:
-    """How many the highest bar stands for: above it, or beside it where there is no room to the left."""
+    """Write the count of the highest bar above it, or beside it where there is no room to the left."""
     if is_first:
         drawing.text(x + width + 3, top + 9, str(count), "axis")
     else:
@@ -138,7 +138,7 @@ def _summary_words(summary: Summary | None) -> str:
 
 
 def _histogram_lines(parts: Sequence[LatencyPart], width: int) -> list[str]:
-    """A line of blocks for each part: as many characters for a bin as there is room for."""
+    """Draw a line of blocks for each part. A bin gets as many characters as there is room for."""
     bins = round(LAST_BIN / BIN) + 1
     label = 11
     each = 2 if width >= label + 2 * bins + 12 else 1
@@ -163,7 +163,7 @@ def _histogram_lines(parts: Sequence[LatencyPart], width: int) -> list[str]:
 
 
 def dot_plot(title: str, rows: Sequence[DotRow], caption: str) -> Figure:
-    """A line of dots for each row, with the median and the middle half of the dots; over the reference bands."""
+    """Draw a line of dots for each row, with the median and the middle half, over the reference bands."""
     line, label, right = 34.0, 190.0, 150.0
     drawing = Drawing(
         WIDTH,
@@ -201,7 +201,7 @@ def _draw_seconds(drawing: Drawing, left: float, y: float, unit: float, room: fl
 
 
 def _scale(values: Sequence[float]) -> float:
-    """How many seconds a drawing shows: at least 2.5, at most 20, so that most bands are always in sight."""
+    """Choose how many seconds a drawing shows: 2.5 to 20, so that most bands are visible."""
     return min(20.0, max(2.5, 1.06 * max(values, default=0.0)))
 
 
@@ -235,7 +235,7 @@ def _cell(value: float, scale: float, room: int) -> int:
 
 
 def drift_figure(title: str, courses: Sequence[CourseOfSessions], caption: str) -> Figure:
-    """For each wizard, the median and the middle half of every session, in their order, on the same scale."""
+    """Draw the median and the middle half of each wizard's sessions in their order, on the same scale."""
     height, label, gap = 84.0, 190.0, 26.0
     drawing = Drawing(
         WIDTH,

@@ -1,4 +1,4 @@
-"""The course of a session, drawn like music: lanes above one another, in as many rows as it needs to be read."""
+"""The course of a session, drawn like music: lanes above one another, in as many rows as are needed to read it."""
 
 from __future__ import annotations
 
@@ -16,10 +16,10 @@ from rise_engine.results.report.svg import Drawing
 SpanKind: TypeAlias = Literal["cue", "unanswered", "act", "filler", "part", "state", "other-state"]
 MarkKind: TypeAlias = Literal["note", "mistake", "stop", "sync", "fault"]
 MAX_RULES = 8
-"""So many rules have a lane; those with most phases come first."""
+"""The most rules that have a lane. Those with most phases are chosen."""
 _CHANNELS = ("speech", "gaze", "face", "body", "arms")
 _NO_NEWS = ("latched", "connected")
-"""Of a stop, that it was carried out; of the robot, that it is there."""
+"""Points without news: a stop was carried out, or the robot is connected."""
 _MARKS: dict[str, MarkKind] = {
     "note": "note",
     "mistake": "mistake",
@@ -50,7 +50,7 @@ class MomentMark(Struct, frozen=True):
 
 
 class Lane(Struct, frozen=True):
-    """What lies on one line of the course."""
+    """One line of the course."""
 
     name: str
     spans: tuple[LaneSpan, ...] = ()
@@ -58,7 +58,7 @@ class Lane(Struct, frozen=True):
 
 
 def lanes_of(data: SessionData) -> list[Lane]:
-    """Every lane in which something lies, from the participant down to the rules."""
+    """Return every lane that is not empty, from the participant down to the rules."""
     end = data.facts.duration
     lanes = [Lane("cues", tuple(_cue_span(cue, end) for cue in data.cues if cue.undone_at is None))]
     lanes += [Lane(f"robot {channel}", _parts_on(channel, data.acts, end)) for channel in _CHANNELS]
@@ -71,7 +71,7 @@ def lanes_of(data: SessionData) -> list[Lane]:
 
 
 def left_out_rules(phases: Iterable[Phase]) -> list[str]:
-    """The rules that have no lane of their own, because there are too many."""
+    """Return the rules without a lane, because there are too many."""
     return _rules_by_size(phases)[MAX_RULES:]
 
 
@@ -86,7 +86,7 @@ def _cue_span(cue: Cue, end: float) -> LaneSpan:
 
 
 def _parts_on(channel: str, acts: Iterable[PlayedAct], end: float) -> tuple[LaneSpan, ...]:
-    """The actions that take a channel; with an empty one, those that take none of the known ones."""
+    """Return the actions that use a channel, or with an empty one, those that use only unknown channels."""
     spans = []
     for act in acts:
         for part in act.parts:
@@ -151,16 +151,16 @@ def _rules_by_size(phases: Iterable[Phase]) -> list[str]:
 WIDTH, LABELS, RIGHT = 1000.0, 128.0, 8.0
 LANE, AXIS = 17.0, 16.0
 ROW_SECONDS = (20, 30, 60, 120, 300, 600, 900, 1200, 1800, 3600, 7200, 14400, 28800, 86400)
-"""How much of the session a row may show."""
+"""Possible lengths of a row in seconds."""
 FEW_ROWS, MAX_ROWS, SHORT = 4, 6, 600.0
-"""At most so many rows, for sessions of up to `SHORT` seconds and for longer ones."""
+"""The most rows for sessions of up to `SHORT` seconds, and for longer ones."""
 CHARACTER = 5.9
-"""Units that a character of a label takes, at most."""
+"""The largest width of a label's character, in units."""
 _TICKS = (1, 2, 5, 10, 15, 30, 60, 120, 300, 600, 900, 1800, 3600, 7200, 14400)
 
 
 def course_figure(data: SessionData) -> Figure | None:
-    """The drawing, and the same in characters; None when nothing happened.
+    """Draw the course, also in characters. None when nothing happened.
 
     :param data: one session.
     """
@@ -178,7 +178,7 @@ def course_figure(data: SessionData) -> Figure | None:
 
 
 def row_seconds(duration: float) -> float:
-    """How many seconds of the session a row shows: a round number, so that there are few rows."""
+    """Choose the seconds of a row: a round number that gives few rows."""
     if duration < ROW_SECONDS[0]:
         return max(1.0, math.ceil(duration))
     most = FEW_ROWS if duration <= SHORT else MAX_ROWS
@@ -254,7 +254,7 @@ def _shorten(text: str, room: int) -> str:
 
 
 def _lines(lanes: list[Lane], duration: float, width: int) -> list[str]:
-    """The lanes in characters: a block where something lies, a bar where something happened."""
+    """Draw the lanes in characters: blocks for spans, bars for moments."""
     label = min(16, max(len(clean(lane.name)) for lane in lanes) + 1)
     room = width - label
     lines = []

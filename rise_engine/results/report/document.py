@@ -1,8 +1,7 @@
-"""A report before anybody knows where it is shown: sections of facts, tables and figures.
+"""A report independent of its output: sections of facts, tables and figures.
 
-What makes reports (`session_report`, `study_report`) makes these; `page` writes them as HTML and `plain_text` as lines
-for a terminal, so that both give the same numbers. All texts are as they were recorded; whoever writes them out makes
-them safe.
+`session_report` and `study_report` make it. `page` writes it as HTML, and `plain_text` as lines for a terminal, so that
+both show the same numbers. Texts are as recorded; the output modules make them safe.
 """
 
 from __future__ import annotations
@@ -17,7 +16,7 @@ from rise_engine.results.analysis.model import ActorKind
 from rise_engine.results.analysis.statistics import Share
 
 Voice: TypeAlias = Literal["plain", "note", "warning"]
-"""note: an aside in small print. warning: something that somebody must know who uses the numbers."""
+"""note: an aside in small print. warning: something that every user of the numbers must know."""
 
 
 class Paragraph(Struct, frozen=True):
@@ -28,7 +27,7 @@ class Paragraph(Struct, frozen=True):
 
 
 class Facts(Struct, frozen=True):
-    """Names and what is true of them."""
+    """Names with their values."""
 
     rows: tuple[tuple[str, str], ...]
 
@@ -40,32 +39,32 @@ class ReportTable(Struct, frozen=True, kw_only=True):
     head: tuple[str, ...]
     rows: tuple[tuple[str, ...], ...]
     numbers: frozenset[int] = frozenset()
-    """The columns whose values are numbers, which stand under one another to the right."""
+    """The columns with numbers, which are aligned on the right."""
     marked: frozenset[int] = frozenset()
-    """Rows that somebody should look at."""
+    """Rows that somebody should check."""
     note: str = ""
     folded: bool = False
-    """Whether it is long, and nobody has to read it: a page shows its caption, and the rest when it is asked for."""
+    """Whether it is long and optional. A page then shows its caption, and the rest on demand."""
     page_only: bool = False
-    """Whether a terminal only says where it stands."""
+    """Whether a terminal only says where to find it."""
 
 
 class Figure(Struct, frozen=True, kw_only=True):
-    """A drawing, and the same for who cannot see one."""
+    """A drawing, with a text for people who cannot see it."""
 
     caption: str
-    """On the page, how to read it."""
+    """How to read it on the page."""
     svg: tuple[str, ...]
-    """Whole `<svg>` elements, made by `rise_engine.results.report.svg`; a page can break between them."""
+    """Whole `<svg>` elements, made by `rise_engine.results.report.svg`. A page can break between them."""
     text: Callable[[int], list[str]] | None = None
-    """Lines that say the same, for a width in characters, and how to read them; None: the tables beside it do."""
+    """Makes lines with the same content and how to read them, for a width in characters. None: tables beside it do."""
 
 
 Block: TypeAlias = Paragraph | Facts | ReportTable | Figure
 
 
 class Section(Struct, frozen=True):
-    """A part of a report, under a title."""
+    """A part of a report under a title."""
 
     title: str
     blocks: tuple[Block, ...]
@@ -76,20 +75,20 @@ class Document(Struct, frozen=True, kw_only=True):
 
     title: str
     kind: str
-    """What it is, above the title: `Session report`."""
+    """The kind of report, above the title: `Session report`."""
     summary: str = ""
-    """One or two sentences with what matters most."""
+    """One or two sentences with the most important facts."""
     banner: str = ""
-    """What must not be overlooked, such as that the robot was simulated."""
+    """A fact that must not be overlooked, such as a simulated robot."""
     facts: tuple[tuple[str, str], ...] = ()
-    """What stands in its head."""
+    """The facts in its head."""
     sections: tuple[Section, ...] = ()
     colophon: str = ""
-    """What made it, and from what."""
+    """The program that made it, and its sources."""
 
 
 def number_text(value: float | None, digits: int = 2) -> str:
-    """A number with that many places, empty when there is none.
+    """Write a number with that many places. Empty when there is none.
 
     >>> number_text(0.6155)
     '0.62'
@@ -101,12 +100,12 @@ def number_text(value: float | None, digits: int = 2) -> str:
 
 
 def seconds_text(value: float | None) -> str:
-    """A time in seconds: `0.62 s`; an en dash when there is none."""
+    """Write a time in seconds: `0.62 s`. An en dash when there is none."""
     return "\u2013" if value is None else f"{number_text(value)}\u00a0s"
 
 
 def length_text(seconds: float) -> str:
-    """How long something took, for people: `42 s`, `3 min 20 s`, `1 h 02 min`.
+    """Write a duration for people: `42 s`, `3 min 20 s`, `1 h 02 min`.
 
     >>> length_text(3750).replace(chr(160), " ")
     '1 h 02 min'
@@ -120,7 +119,7 @@ def length_text(seconds: float) -> str:
 
 
 def clock_text(seconds: float) -> str:
-    """A moment of the session: `4:07`, `1:04:07`.
+    """Write a moment of the session: `4:07`, `1:04:07`.
 
     >>> clock_text(247.4)
     '4:07'
@@ -132,12 +131,12 @@ def clock_text(seconds: float) -> str:
 
 
 def share_text(count: int, n: int) -> str:
-    """`3 of 12 (25 %)`; `none` of nothing."""
+    """Write a share: `3 of 12 (25 %)`. `none` if the total is 0."""
     return f"{count} of {n} ({percent_text(count / n)})" if n else "none"
 
 
 def percent_text(fraction: float) -> str:
-    """`25 %`, with a place below 10 % so that rare things can be told apart."""
+    """Write a percentage: `25 %`. Below 10 %, it has one decimal place to distinguish rare events."""
     percent = fraction * 100
     digits = 1 if 0 < percent < 10 else 0
     return f"{percent:.{digits}f}\u00a0%"
@@ -154,13 +153,13 @@ ACTOR_NAMES: Mapping[ActorKind, str] = {
 
 
 def actor_shares(actors: Mapping[ActorKind, int]) -> list[str]:
-    """`wizard 12 of 20 (60 %)`, one for each kind of actor that caused anything."""
+    """Write `wizard 12 of 20 (60 %)` for each kind of actor that caused anything."""
     whole = sum(actors.values())
     return [f"{ACTOR_NAMES[actor]} {share_text(number, whole)}" for actor, number in actors.items() if number]
 
 
 def source_name(source: str) -> str:
-    """Who did something, without what kind of source it is, where that is a wizard or a rule.
+    """Name a source without its kind if it is a wizard, and readably if it is a rule.
 
     >>> source_name("wizard:anna"), source_name("rule:Greeting"), source_name("engine")
     ('anna', 'rule Greeting', 'engine')
@@ -172,7 +171,7 @@ def source_name(source: str) -> str:
 
 
 def interval_text(share: Share) -> str:
-    """Its 95 % interval, per hundred: `(1.2–14)`; empty of nothing."""
+    """Write the 95 % interval of a share per hundred: `(1.2–14)`. Empty if the total is 0."""
     if share.interval is None:
         return ""
     low, high = (_hundred(each) for each in share.interval)
@@ -180,17 +179,17 @@ def interval_text(share: Share) -> str:
 
 
 def per_hundred(share: Share) -> str:
-    """A share per hundred; `none` of nothing."""
+    """Write a share per hundred. `none` if the total is 0."""
     return "none" if share.fraction is None else _hundred(share.fraction)
 
 
 def marks_text(marks: Mapping[str, int]) -> str:
-    """`2 late, 1 wrong`."""
+    """Write marks: `2 late, 1 wrong`."""
     return ", ".join(f"{number} {mark}" for mark, number in marks.items())
 
 
 def moment_text(moment: str) -> str:
-    """A date and a time of day for people; empty where there is none."""
+    """Write a date with time of day for people. Empty where there is none."""
     try:
         return f"{datetime.fromisoformat(moment):%Y-%m-%d %H:%M %z}".rstrip()
     except ValueError:

@@ -1,4 +1,4 @@
-"""How long participants waited for an answer, in its parts: numbers and their distribution."""
+"""The waiting times of participants for answers, in parts: numbers and distributions."""
 
 from __future__ import annotations
 
@@ -11,16 +11,16 @@ from rise_engine.results.analysis.statistics import Share, Summary, share_over, 
 
 
 class Band(Struct, frozen=True):
-    """Latencies above the band before, up to a limit."""
+    """A range of latencies, from the band before up to a limit."""
 
     limit: float
-    """Seconds; infinite for the last."""
+    """Seconds. Infinite for the last band."""
     name: str
     """`up to 1 s`."""
     short: str
-    """For a drawing: `1 s`."""
+    """The name in a drawing: `1 s`."""
     known: str
-    """What is known of it."""
+    """What is known about it."""
 
 
 class Source(Struct, frozen=True):
@@ -30,7 +30,7 @@ class Source(Struct, frozen=True):
     doi: str = ""
     """Empty: it has none."""
     found: str = ""
-    """What it says, in our words."""
+    """Its finding in our words."""
 
 
 BANDS = (
@@ -106,7 +106,7 @@ CAVEATS = (
 
 
 def band_of(seconds: float) -> int:
-    """The index of the band in which a latency lies; its limit belongs to it.
+    """Return the index of a latency's band. A band includes its limit.
 
     >>> [band_of(each) for each in (0.25, 0.26, 1.0, 60.0)]
     [0, 1, 1, 4]
@@ -115,11 +115,11 @@ def band_of(seconds: float) -> int:
 
 
 BIN = 0.25
-"""Seconds of a histogram's bin."""
+"""The width of a histogram's bin in seconds."""
 LAST_BIN = 6.0
-"""Seconds from which on values are counted together, as the last bin."""
+"""The start of the last bin in seconds; it counts all larger values."""
 LIMITS = (1.0, 2.0)
-"""Seconds over which shares are told."""
+"""Limits in seconds; reports give the shares above them."""
 
 
 class LatencyPart(Struct, frozen=True):
@@ -127,7 +127,7 @@ class LatencyPart(Struct, frozen=True):
 
     name: str
     about: str
-    """From when to when."""
+    """Its start and end."""
     values: tuple[float, ...]
 
     @property
@@ -135,32 +135,32 @@ class LatencyPart(Struct, frozen=True):
         return summarise(self.values)
 
     def over(self, limit: float) -> Share:
-        """How many are longer than that many seconds."""
+        """Return the share above that many seconds."""
         return share_over(self.values, limit)
 
 
 class LatencyFacts(Struct, frozen=True):
-    """The latencies of the acts that answered a cue, and apart from them those of fillers."""
+    """The latencies of acts that answered a cue, and separately those of fillers."""
 
     parts: tuple[LatencyPart, ...]
-    """wizard, way (or, of acts that no key led to, no key), queue, robot, voice: of answers, and those of an act add up
-    to its response."""
+    """wizard, way (no key: if no key caused the act), queue, robot, voice. Only of answers; an act's parts add up to
+    its response."""
     response: LatencyPart
     to_filler: LatencyPart
-    """From the cue until the first filler."""
+    """Seconds from the cue to the first filler."""
     after_filler: LatencyPart
-    """From the cue to the answer, of cues that a filler bridged."""
+    """Seconds from the cue to the answer, for cues with a filler."""
     without_filler: LatencyPart
-    """The same, of the others."""
+    """The same for cues without a filler."""
     in_bands: tuple[int, ...]
-    """How many responses lie in each of `rise_engine.results.report.latency.BANDS`."""
+    """The number of responses in each of `rise_engine.results.report.latency.BANDS`."""
 
 
 def latencies(acts: Iterable[PlayedAct], cues: Iterable[Cue] = ()) -> LatencyFacts:
-    """The numbers of answers and fillers.
+    """Compute the numbers of answers and fillers.
 
-    :param acts: all acts of one session or of several; those that answered no cue are left out.
-    :param cues: of the same sessions.
+    :param acts: all acts of one or several sessions; those that answered no cue are left out.
+    :param cues: the cues of the same sessions.
     """
     found = answers(acts)
     marked = [cue for cue in cues if cue.undone_at is None]
@@ -190,14 +190,14 @@ def latencies(acts: Iterable[PlayedAct], cues: Iterable[Cue] = ()) -> LatencyFac
 
 
 def answers(acts: Iterable[PlayedAct]) -> list[PlayedAct]:
-    """The acts that answered a cue (`PlayedAct.answer_s`), of which the answer's moment is known."""
+    """Return the acts that answered a cue at a known time (`PlayedAct.answer_s`)."""
     return [act for act in acts if act.answer_s is not None]
 
 
 def histogram(values: Iterable[float]) -> list[int]:
-    """How many values lie in each bin of `BIN` seconds up to `LAST_BIN`, and, as the last one, beyond.
+    """Count the values in each bin of `BIN` seconds up to `LAST_BIN`, and beyond it in the last bin.
 
-    A bin holds its lower limit and not its upper one.
+    A bin includes its lower limit but not its upper one.
     """
     counts = [0] * (round(LAST_BIN / BIN) + 1)
     for value in values:

@@ -1,7 +1,6 @@
-"""From a folder to its report: a session's or a study's, read once, at one level.
+"""Makes the report of a session or a study from its folder, read once at one level.
 
-What reports tell comes from `analysis.reading` alone; beside it only whether a session replays is looked
-at, and of a study its plan and how it stands.
+The contents come from `analysis.reading` alone. Only replays, and a study's plan and progress, are read separately.
 """
 
 from __future__ import annotations
@@ -29,15 +28,15 @@ from rise_engine.study.withdrawn import withdrawn_of
 
 
 class MadeReport(Struct, frozen=True):
-    """A report, and what it was made of."""
+    """A report with its sources."""
 
     document: Document
     folders: tuple[Path, ...]
-    """The sessions that it tells of."""
+    """The sessions in it."""
     problems: tuple[str, ...] = ()
-    """What could not be read, in sentences."""
+    """Sentences about what could not be read."""
     sheet: str = ""
-    """Of a study: its reporting sheet as Markdown."""
+    """The reporting sheet of a study as Markdown."""
 
 
 def make_session_report(
@@ -46,13 +45,13 @@ def make_session_report(
     private: Iterable[str] = (),
     label: Callable[[str], str] | None = None,
 ) -> MadeReport:
-    """The report of one session; also of one that runs, is torn or damaged.
+    """Make the report of one session, which may be running, torn or damaged.
 
-    :param folder: the session's.
-    :param level: how much is told.
-    :param private: further private memory keys.
-    :param label: how the condition is called for whoever must not know what it stands for.
-    :raises SessionError: nothing can be read, or nobody can say what is private.
+    :param folder: the session's folder.
+    :param level: how much is shown.
+    :param private: private memory keys in addition to the scenario's.
+    :param label: gives the condition's label for readers who must stay blinded.
+    :raises SessionError: nothing can be read, or the private keys are unknown.
     """
     data = read_session(folder, level=level, private=private)
     if label is not None and (shown := label(data.facts.condition)) != data.facts.condition:
@@ -68,14 +67,14 @@ def make_study_report(
     conditions: bool = False,
     left_out: Mapping[str, int] | None = None,
 ) -> MadeReport:
-    """The report of a study, over all its sessions: complete ones are counted, the others are named.
+    """Make the report of a study over all its sessions. Complete ones are counted, the others are named.
 
-    :param folder: the study's.
-    :param level: how much is told.
-    :param private: further private memory keys.
-    :param conditions: tell them also while the study hides them and is not complete.
-    :param left_out: of a bundle: how many sessions that do not count are not in it, by their purpose.
-    :raises rise_engine.base.errors.FileError: its files are not right.
+    :param folder: the study's folder.
+    :param level: how much is shown.
+    :param private: private memory keys in addition to the scenario's.
+    :param conditions: show conditions even while the study hides them and is not complete.
+    :param left_out: for a bundle: the number of rehearsals that it leaves out, by their purpose.
+    :raises rise_engine.base.errors.FileError: the study's files have errors.
     :raises rise_engine.study.study_log.StudyLogError: its log cannot be read.
     """
     state = read_state(folder)
@@ -104,7 +103,7 @@ def make_study_report(
 
 
 def report_folders(state: StudyStatus) -> list[Path]:
-    """The sessions that the report of a study tells of: those that do not run."""
+    """Return the sessions for a study's report: those that do not run."""
     return [each.path for each in _kept(state) if each.info is not None and each.entry.status != "running"]
 
 
@@ -113,9 +112,9 @@ def _kept(state: StudyStatus) -> list[StudySession]:
 
 
 def replay_words(folder: Path) -> str:
-    """Whether a session replays identically, in a few words; never what was recorded.
+    """Say in a few words whether a session replays identically, without any recorded content.
 
-    :param folder: the session's.
+    :param folder: the session's folder.
     """
     try:
         return _verdict(compare_replay(folder))

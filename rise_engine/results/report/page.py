@@ -1,6 +1,6 @@
 """A report as one HTML file: its own drawings, no script, nothing fetched; light and dark, on a screen and on A4.
 
-It can be read in a browser for text, too: headings, tables with headers, and every drawing with a title.
+Text browsers can read it too: it has headings, tables with headers, and a title on every drawing.
 """
 
 from __future__ import annotations
@@ -12,13 +12,13 @@ from rise_engine.results.report.document import Block, Document, Facts, Figure, 
 from rise_engine.results.report.svg import element, escape
 
 POLICY = "default-src 'none'; style-src 'unsafe-inline'"
-"""What a browser may do with it: show it, with the styles that stand in it."""
+"""What a browser may do with it: show it with its own styles."""
 
 
 def page_text(document: Document) -> str:
-    """The whole file. It is the same for the same document, byte for byte.
+    """Write the whole file. Equal documents give the same bytes.
 
-    :param document: what the report says.
+    :param document: the report.
     """
     style = files("rise_engine.results.report").joinpath("page.css").read_text("utf-8")
     body = [_head(document), *(_contents(document.sections)), *map(_section, document.sections)]
@@ -102,7 +102,7 @@ def _table(table: ReportTable) -> str:
     made += element("p", escape(table.note), class_="note") if table.note else ""
     if table.folded:
         return element("details", element("summary", escape(table.caption)) + made)
-    return element("p", escape(table.caption), class_="caption") + made  # a `caption` would be as narrow as its table
+    return element("p", escape(table.caption), class_="caption") + made  # a `caption` is as narrow as its table
 
 
 def _cells(row: tuple[str, ...], numbers: frozenset[int]) -> Iterable[str]:

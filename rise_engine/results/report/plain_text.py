@@ -1,4 +1,4 @@
-"""A report as lines for a terminal: the same numbers as on the page, drawings as their texts."""
+"""A report as lines for a terminal: the numbers of the page, and drawings as text."""
 
 from __future__ import annotations
 
@@ -12,14 +12,14 @@ from rise_engine.results.report.document import Block, Document, Facts, Figure, 
 WIDTH = 80
 _GAP = 2
 _LEAST = 6
-"""Characters below which no column is made narrower."""
+"""The smallest width to which columns are narrowed, in characters."""
 
 
 def text_lines(document: Document, width: int = WIDTH) -> list[str]:
-    """The report in lines, none longer than the width, made safe to be shown.
+    """Write the report in lines that fit the width and are safe to show.
 
-    :param document: what the report says.
-    :param width: in characters, from 40 on.
+    :param document: the report.
+    :param width: the width in characters, at least 40.
     """
     width = max(40, width)
     lines = [clean(document.kind).upper(), *_wrap(document.title, width)]
@@ -40,7 +40,7 @@ def text_lines(document: Document, width: int = WIDTH) -> list[str]:
 
 
 def cells_wide(text: str) -> int:
-    """How many cells of a terminal a text takes."""
+    """Count a text's cells in a terminal."""
     return sum(2 if east_asian_width(each) in "WF" else 1 for each in text)
 
 
@@ -73,7 +73,7 @@ def _facts(rows: Iterable[tuple[str, str]], width: int) -> list[str]:
 def _table(table: ReportTable, width: int) -> list[str]:
     lines = _wrap(table.caption, width)
     shown = [table.head, *table.rows]
-    columns = [at for at in range(len(table.head)) if any(row[at] for row in table.rows)]  # empty ones say nothing
+    columns = [at for at in range(len(table.head)) if any(row[at] for row in table.rows)]  # without empty ones
     widths, gap = _column_widths([[clean(row[at]).replace("\u00a0", " ") for at in columns] for row in shown], width)
     for number, row in enumerate(shown):
         cells = [_wrap(row[at], widths[place]) or [""] for place, at in enumerate(columns)]
@@ -89,8 +89,8 @@ def _table(table: ReportTable, width: int) -> list[str]:
 
 
 def _column_widths(rows: list[list[str]], width: int) -> tuple[list[int], int]:
-    """As wide as their texts, and the gap between them. When that is too much, the widest ones give way, as long as
-    their words stay whole; then the gaps; then the words."""
+    """Choose column widths and the gap between columns. If the texts are too wide, the widest columns shrink while
+    their words stay whole; then the gaps shrink; then words are broken."""
     if not rows or not rows[0]:
         return [], _GAP
     columns = range(len(rows[0]))
@@ -116,7 +116,7 @@ def _pad(text: str, width: int, *, right: bool = False) -> str:
 
 
 def _wrap(text: str, width: int) -> list[str]:
-    """Lines of at most so many cells; characters of two cells are counted as two."""
+    """Wrap a text to a number of cells. Wide characters count as two."""
     text = clean(text).replace("\u00a0", " ")
     if cells_wide(text) <= width:
         return [text] if text else []

@@ -1,4 +1,4 @@
-"""What a session's report tells, counted from its data: acts, rules, mistakes, faults. No words, no drawings."""
+"""The facts of a session's report, counted from its data: acts, rules, mistakes, faults. No words, no drawings."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ _NOT_DONE: tuple[ActionStatus, ...] = ("failed", "timed-out", "lost")
 
 
 class ActFacts(Struct, frozen=True):
-    """Every time that one act was asked for."""
+    """All requests of one act."""
 
     name: str
     begun: int
@@ -35,13 +35,13 @@ class ActFacts(Struct, frozen=True):
     by: dict[ActorKind, int]
     """How often each kind of actor caused it."""
     statuses: dict[str, int]
-    """How the begun ones ended."""
+    """How the requested ones ended."""
     length: Summary | None
-    """Seconds from its turn to its end, of those that succeeded."""
+    """Seconds from its turn to its end, for those that succeeded."""
     response: Summary | None
-    """Seconds from a cue, of those that answered one."""
+    """Seconds from a cue, for those that answered one."""
     marks: dict[str, int]
-    """What wizards said was wrong about them."""
+    """The mistakes that wizards marked on them."""
     fillers: int = 0
 
 
@@ -52,28 +52,28 @@ class StateFacts(Struct, frozen=True):
     state: str
     visits: int
     seconds: float
-    """All of them together."""
+    """The sum of all visits."""
     each: Summary | None
     stepped_back: int = 0
 
 
 class MistakeFacts(Struct, frozen=True):
-    """What went wrong, as wizards marked it and as the record itself shows it."""
+    """Mistakes, as wizards marked them and as the record shows them."""
 
     marks: dict[str, int]
-    """All marks, by what was said to be wrong."""
+    """All marks by kind of mistake."""
     marked: Share
-    """Keys of wizards that were marked, or whose acts were."""
+    """The share of wizards' keys that were marked, or whose acts were."""
     rejected: int
-    """Acts that were asked for and could not be."""
+    """Acts that were requested and refused."""
     canceled: int
-    """Acts that were broken off."""
+    """Acts that were stopped before their end."""
     actions_failed: dict[str, int]
-    """Actions by how they failed: failed, timed-out, lost."""
+    """Actions by kind of failure: failed, timed-out, lost."""
     aborted: int
-    """Acts that ended so."""
+    """Acts that failed."""
     failures: int
-    """Failed acts that somebody had to decide about."""
+    """Failed acts that needed somebody's decision."""
     rules_faulted: int
     stops: int
     robot_lost: int
@@ -82,29 +82,29 @@ class MistakeFacts(Struct, frozen=True):
 
 
 class SessionFigures(Struct, frozen=True):
-    """Everything that is counted of one session."""
+    """Everything that is counted in one session."""
 
     latency: LatencyFacts
     by_source: tuple[LatencyPart, ...]
-    """Responses of each who acted, most first."""
+    """Responses by actor, the most frequent first."""
     acts: tuple[ActFacts, ...]
     states: tuple[StateFacts, ...]
     mistakes: MistakeFacts
     actors: dict[ActorKind, int]
     """Acts whose turn came, by who caused them."""
     cues: int
-    """That were not taken back."""
+    """The number of cues that were not undone."""
     answered: int
     before_cue: int
-    """Answers that were asked for before their cue: no latency counts them."""
+    """Answers that were requested before their cue. No latency includes them."""
     said_freely: Share
-    """Of what the robot said, how much a wizard typed."""
+    """The share of the robot's speech that a wizard typed."""
 
 
 def session_figures(data: SessionData) -> SessionFigures:
-    """Count it all.
+    """Count everything in a session.
 
-    :param data: one session, at any level: nothing here depends on what texts say.
+    :param data: one session at any level, because the counts do not depend on texts.
     """
     begun = [act for act in data.acts if act.started_at is not None]
     actors = Counter(act.actor for act in begun)
@@ -174,7 +174,7 @@ _OF_MISTAKES = (ControlRecord, FailureRecord, RobotRecord, RuleRecord, StopRecor
 def _mistakes(data: SessionData, begun: list[PlayedAct]) -> MistakeFacts:
     marks = Counter(point.name for point in data.points if point.kind == "mistake")
     actions = Counter(part.status for act in data.acts for part in act.parts)
-    told = [record for record in data.records if isinstance(record, _OF_MISTAKES)]  # read once, and few
+    told = [record for record in data.records if isinstance(record, _OF_MISTAKES)]  # one pass that keeps few records
     control = [record for record in told if isinstance(record, ControlRecord) and record.status != "asked"]
     return MistakeFacts(
         marks={mark: marks[mark] for mark in MARKS if marks[mark]},
@@ -185,7 +185,7 @@ def _mistakes(data: SessionData, begun: list[PlayedAct]) -> MistakeFacts:
         aborted=sum(act.status == "ABORTED" for act in begun),
         failures=sum(isinstance(record, FailureRecord) and record.status == "asked" for record in told),
         rules_faulted=sum(isinstance(record, RuleRecord) and record.status == "faulted" for record in told),
-        # The engine stops everything when a session ends: that is no stop of anybody.
+        # The engine's own stop at the end of a session does not count.
         stops=sum(
             isinstance(record, StopRecord) and record.status == "requested" and record.source != ENGINE
             for record in told

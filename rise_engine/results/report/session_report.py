@@ -1,4 +1,4 @@
-"""The report of one session, as a document: what ran, how it went, how long people waited, what went wrong."""
+"""The report of one session as a document: what ran, how it went, how long people waited, what went wrong."""
 
 from __future__ import annotations
 
@@ -42,10 +42,10 @@ LEVEL_WORDS = {
 
 
 def session_report(data: SessionData, replay: str = "") -> Document:
-    """What is told of a session.
+    """Make the report of a session.
 
-    :param data: the session, at the level of the report.
-    :param replay: whether it replays identically, in a sentence; empty: nobody has looked.
+    :param data: the session at the report's level.
+    :param replay: whether it replays identically, in words; empty: not checked.
     """
     facts, figures = data.facts, session_figures(data)
     sections = (
@@ -71,14 +71,14 @@ def session_report(data: SessionData, replay: str = "") -> Document:
 
 
 def report_title(facts: SessionFacts) -> str:
-    """`P07, run 2, yes+loud`; of a session of no study the scenario's title."""
+    """Return the title: `P07, run 2, yes+loud`, or the scenario's title for a session without a study."""
     run = f"run {facts.run}" if facts.run else ""
     named = ", ".join(filter(None, (facts.participant, run, facts.condition)))
     return named or facts.title or facts.session
 
 
 def colophon(what: str, level: str) -> str:
-    """What stands at the end of every report."""
+    """Return the text at the end of every report."""
     return (
         f"Made by rise-tui {__version__} from the record of {what}, at the level {level}. Quartiles and percentiles "
         "are of definition 7 of Hyndman and Fan (1996), as R and numpy give them; intervals of shares are Wilson's, "
@@ -87,8 +87,7 @@ def colophon(what: str, level: str) -> str:
 
 
 def problem_paragraphs(problems: Sequence[str], level: ExportLevel) -> Iterable[Paragraph]:
-    """What could not be read. The sentences name files, and with them dates and folders, so only the level full has
-    them."""
+    """Report what could not be read. The sentences name files, dates and folders, so only the level full has them."""
     if level == "full":
         yield from (Paragraph(problem, "warning") for problem in problems)
     elif problems:
@@ -130,7 +129,7 @@ def _summary(facts: SessionFacts, figures: SessionFigures) -> str:
 
 
 def _timed_answers(figures: SessionFigures) -> str:
-    """The answers that the median is of."""
+    """Name the answers that the median covers."""
     return (
         f"the {len(figures.latency.response.values)} that were asked for after their cue"
         if figures.before_cue
@@ -398,7 +397,7 @@ def _megabytes(size: int | None) -> str:
 
 
 def _in_order(data: SessionData) -> Iterable[Block]:
-    """For who cannot see the course, and to look things up."""
+    """List everything in order, for looking things up and for readers who cannot see the course."""
     rows: list[tuple[float, tuple[str, ...]]] = []
     for act in data.acts:
         texts = "; ".join(part.text for part in act.parts if part.text)

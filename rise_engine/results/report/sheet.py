@@ -1,8 +1,8 @@
-"""The reporting sheet of a study: what a paper should say of a study with a wizard.
+"""The reporting sheet of a study: what a paper on a study with a wizard should report.
 
-Its items are paraphrased from the guidelines in Riek 2012 (doi 10.5898/JHRI.1.1.Riek); compare them with the paper's
-own table before you say that you follow it. What the record knows is filled in; what only people can say stands in
-`[report]` of study.toml, and what is missing there is listed as still to say.
+The items paraphrase the guidelines in Riek 2012 (doi 10.5898/JHRI.1.1.Riek). Compare them with the paper's own table
+before you claim to follow it. Facts from the record are filled in. People write the rest in `[report]` of study.toml;
+missing entries are listed as still to say.
 """
 
 from __future__ import annotations
@@ -45,15 +45,15 @@ class SheetItem(Struct, frozen=True):
     """Robot, Participants, Wizard, General."""
     title: str
     known: tuple[str, ...] = ()
-    """What the record says, in sentences."""
+    """Sentences from the record."""
     asked: tuple[str, ...] = ()
-    """The names of what people are asked, in `[report]`."""
+    """The names of the questions to people, in `[report]`."""
     said: tuple[str, ...] = ()
-    """What they have said, in the same order; empty where they have not."""
+    """Their answers in the same order. Empty: no answer."""
 
     @property
     def missing(self) -> tuple[str, ...]:
-        """What nobody has said yet."""
+        """The names of the questions without an answer."""
         return tuple(name for name, text in zip(self.asked, self.said, strict=True) if not text)
 
 
@@ -64,13 +64,13 @@ def reporting_sheet(
     withdrawn: Withdrawn = NOBODY,
     left_out: Mapping[str, int] | None = None,
 ) -> list[SheetItem]:
-    """The whole sheet.
+    """Make the whole sheet.
 
-    :param study: the checked design, with what people have said.
-    :param standing: how it stands.
-    :param figures: of its sessions.
-    :param withdrawn: how many have withdrawn.
-    :param left_out: sessions that do not count and are not in these figures, by their purpose.
+    :param study: the checked design with people's answers.
+    :param standing: its progress.
+    :param figures: the figures of its sessions.
+    :param withdrawn: the number of withdrawn participants.
+    :param left_out: the number of rehearsals missing in these figures, by their purpose.
     """
     wizards, left_out = figures.wizards(), left_out or {}
 
@@ -107,7 +107,7 @@ def reporting_sheet(
 
 
 def begun_text(standing: StudyStanding, withdrawn: Withdrawn) -> str:
-    """How many began a session, those who have withdrawn since included."""
+    """Say how many began a session, including those who withdrew later."""
     people = [each for each in standing.participants if each.state != "withdrawn"]
     begun = sum(bool(each.sessions) for each in people) + withdrawn.begun
     verb = "has" if withdrawn.begun == 1 else "have"
@@ -115,7 +115,7 @@ def begun_text(standing: StudyStanding, withdrawn: Withdrawn) -> str:
 
 
 def left_out_text(left_out: Mapping[str, int]) -> str:
-    """How many sessions that do not count are left out.
+    """Say how many rehearsals are left out.
 
     >>> left_out_text({"pilot": 2, "training": 1})
     '2 pilot sessions, 1 training session'
@@ -124,20 +124,20 @@ def left_out_text(left_out: Mapping[str, int]) -> str:
 
 
 def still_to_say(sheet: Iterable[SheetItem]) -> list[str]:
-    """The names in `[report]` of everything that nobody has said yet."""
+    """Return the names of all questions in `[report]` without an answer."""
     return [name for item in sheet for name in item.missing]
 
 
 def question_of(name: str) -> str:
-    """What an item of `[report]` asks."""
+    """Return the question of an item of `[report]`."""
     return next(item.question for item in REPORT_ITEMS if item.name == name)
 
 
 def sheet_markdown(study: Study, sheet: Sequence[SheetItem]) -> str:
-    """The sheet as Markdown, to be taken into a paper's appendix.
+    """Write the sheet as Markdown for a paper's appendix.
 
-    :param study: whose it is.
-    :param sheet: of `reporting_sheet`.
+    :param study: its study.
+    :param sheet: from `reporting_sheet`.
     """
     lines = [f"# {_plain(study.title)}: reporting sheet", "", _plain(ORIGIN), ""]
     missing = still_to_say(sheet)
@@ -159,7 +159,7 @@ def sheet_markdown(study: Study, sheet: Sequence[SheetItem]) -> str:
 
 
 def _plain(text: str) -> str:
-    """A text that Markdown takes as it is."""
+    """Escape a text for Markdown."""
     flat = " ".join(clean(text, keep="\n\t").split()).replace("&", "&amp;").replace("<", "&lt;")
     for sign in "\\`*_>[]#|":
         flat = flat.replace(sign, f"\\{sign}")
@@ -178,7 +178,7 @@ def _robots(figures: StudyFigures) -> str:
 
 
 def _injected(figures: StudyFigures) -> str:
-    """What simulated robots were told to do wrong."""
+    """Say which errors simulated robots were asked to make."""
     found = [row.facts.injected_faults for row in figures.complete if row.facts.injected_faults]
     faults = dict.fromkeys(fault for faults in found for fault in faults)
     return f"Faults were injected in {pluralize(len(found), 'session')}: {', '.join(faults)}." if found else ""
@@ -287,7 +287,7 @@ def _training(wizards: Iterable[WizardCourse], left_out: Mapping[str, int]) -> l
 
 
 def _how_they_did(course: WizardCourse, row: SessionRow) -> str:
-    """How a wizard did in one session: from cue to key, and mistakes."""
+    """Describe a wizard's performance in one session: cue to key, and mistakes."""
     part = course.part_in(row)
     summary = summarise(part.reactions)
     waited = f"cue to key {number_text(summary.median)} s (median of {summary.n})" if summary else "no cue answered"

@@ -1,4 +1,4 @@
-"""What a study's report tells, counted from its sessions. One of them at a time is in memory; a row of each is kept."""
+"""The facts of a study's report, counted from its sessions. Only one session is in memory; a row of each is kept."""
 
 from __future__ import annotations
 
@@ -17,36 +17,36 @@ from rise_engine.study.model import StudyCheck
 
 
 class WizardPart(Struct, frozen=True):
-    """What one wizard did in one session."""
+    """The part of one wizard in one session."""
 
     wizard: str
-    """As the record has it: `wizard:anna`."""
+    """As in the record: `wizard:anna`."""
     keys: int
-    """What they asked for."""
+    """The number of their requests."""
     marked: int
-    """That were marked as mistakes, or whose acts were."""
+    """The number of keys marked as mistakes, or whose acts were."""
     reactions: tuple[float, ...]
-    """Seconds from cue to key, of answers, through rules, too."""
+    """Seconds from cue to key of their answers, also through rules."""
 
 
 class SessionRow(Struct, frozen=True):
-    """What is kept of one session."""
+    """The facts kept of one session."""
 
     facts: SessionFacts
     figures: SessionFigures
     wizards: tuple[WizardPart, ...]
     checks: dict[str, str]
-    """Their results, by id."""
+    """The checks' results by id."""
     acts_used: tuple[str, ...]
     channels: tuple[str, ...]
-    """Of the robot, that it took."""
+    """The robot's channels that it used."""
     problems: tuple[str, ...]
     measure: str = ""
-    """The dependent variable of its trials; empty: its scenario does not say what a trial is."""
+    """The dependent variable of its trials. Empty: its scenario does not define trials."""
     trials: tuple[float | None, ...] = ()
-    """What it is in each trial."""
+    """Its value in each trial."""
     interrupted: frozenset[int] = frozenset()
-    """The numbers of the trials in which there was no engine for a while."""
+    """The numbers of trials with an outage of the engine."""
 
     @property
     def is_complete(self) -> bool:
@@ -59,14 +59,14 @@ class SessionRow(Struct, frozen=True):
 
 
 class CheckCounts(Struct, frozen=True):
-    """What came of one check over the complete sessions."""
+    """The results of one check over the complete sessions."""
 
     id: str
     passed: int
     failed: int
     skipped: int
     missing: int
-    """Sessions that have no record of it."""
+    """The number of sessions without a record of it."""
 
 
 class WizardCourse(Struct, frozen=True):
@@ -74,31 +74,31 @@ class WizardCourse(Struct, frozen=True):
 
     wizard: str
     sessions: tuple[SessionRow, ...]
-    """Complete ones, in their order."""
+    """Complete sessions in their order."""
     rehearsals: tuple[SessionRow, ...]
-    """Sessions that did not count, before the first of these."""
+    """Rehearsals before the first of these."""
 
     def part_in(self, row: SessionRow) -> WizardPart:
-        """What they did in one of their sessions."""
+        """Return what they did in one of their sessions."""
         return next(part for part in row.wizards if part.wizard == self.wizard)
 
     @property
     def marked(self) -> Share:
-        """Of their keys in complete sessions, those that were marked as mistakes."""
+        """The share of their keys in complete sessions that were marked as mistakes."""
         parts = [self.part_in(row) for row in self.sessions]
         return Share(sum(part.marked for part in parts), sum(part.keys for part in parts))
 
     @property
     def reactions(self) -> Summary | None:
-        """Seconds from cue to key, over all complete sessions."""
+        """Seconds from cue to key over all complete sessions."""
         return summarise(value for row in self.sessions for value in self.part_in(row).reactions)
 
 
 class StudyFigures(Struct, frozen=True):
-    """Everything that is counted of a study's sessions."""
+    """Everything that is counted in a study's sessions."""
 
     rows: tuple[SessionRow, ...]
-    """All that could be read, in the order in which they began."""
+    """All readable sessions, in the order in which they began."""
 
     @property
     def complete(self) -> tuple[SessionRow, ...]:
@@ -110,12 +110,12 @@ class StudyFigures(Struct, frozen=True):
 
     @property
     def latency(self) -> LatencyFacts:
-        """Of all complete sessions together."""
+        """The latencies of all complete sessions together."""
         return pool([row.figures.latency for row in self.complete])
 
     @property
     def actors(self) -> dict[ActorKind, int]:
-        """Acts that began in complete sessions, by who caused them."""
+        """The number of acts that began in complete sessions, by who caused them."""
         counts: Counter[ActorKind] = Counter()
         for row in self.complete:
             counts.update(row.figures.actors)
@@ -123,13 +123,13 @@ class StudyFigures(Struct, frozen=True):
 
     @property
     def marked(self) -> Share:
-        """Keys of wizards in complete sessions that were marked as mistakes."""
+        """The share of wizards' keys in complete sessions that were marked as mistakes."""
         found = [row.figures.mistakes.marked for row in self.complete]
         return Share(sum(each.count for each in found), sum(each.n for each in found))
 
     @property
     def marks(self) -> dict[str, int]:
-        """Marks in complete sessions."""
+        """The marks in complete sessions by kind."""
         counts: Counter[str] = Counter()
         for row in self.complete:
             counts.update(row.figures.mistakes.marks)
@@ -141,12 +141,12 @@ class StudyFigures(Struct, frozen=True):
         return Share(sum(each.count for each in found), sum(each.n for each in found))
 
     def conditions(self) -> dict[str, tuple[SessionRow, ...]]:
-        """Complete sessions by condition, in the order of the names."""
+        """Return the complete sessions by condition, in the order of the names."""
         names = sorted({row.facts.condition for row in self.complete})
         return {name: tuple(row for row in self.complete if row.facts.condition == name) for name in names}
 
     def wizards(self) -> tuple[WizardCourse, ...]:
-        """Everybody who acted as a wizard in a complete session, most sessions first."""
+        """Return everybody who acted as a wizard in a complete session, most sessions first."""
         courses = []
         for name in dict.fromkeys(part.wizard for row in self.complete for part in row.wizards):
             sessions = tuple(row for row in self.complete if any(part.wizard == name for part in row.wizards))
@@ -160,9 +160,9 @@ class StudyFigures(Struct, frozen=True):
         return tuple(sorted(courses, key=lambda each: (-len(each.sessions), each.wizard)))
 
     def checks(self, expected: Iterable[str] = ()) -> tuple[CheckCounts, ...]:
-        """Results of each check in the complete sessions.
+        """Count the results of each check in the complete sessions.
 
-        :param expected: ids of the study's checks, in their order; others follow.
+        :param expected: the ids of the study's checks in their order; others follow.
         """
         rows = self.complete
         ids = dict.fromkeys([*expected, *(name for row in rows for name in row.checks)])
@@ -173,9 +173,9 @@ class StudyFigures(Struct, frozen=True):
         return tuple(counts)
 
     def debriefed(self, checks: Iterable[StudyCheck] = ()) -> Share | None:
-        """Complete sessions after which the participant was debriefed; None: no check asks for it.
+        """Return the share of complete sessions with a debriefing. None: no check asks for it.
 
-        :param checks: those of the study.
+        :param checks: the study's checks.
         """
         rows = self.complete
         ids = {check.id for check in checks if asks_debriefing(check.id, check_text(check))}
@@ -184,11 +184,11 @@ class StudyFigures(Struct, frozen=True):
         return Share(passed, len(rows)) if ids else None
 
     def scenario_hashes(self) -> dict[str, str]:
-        """Of the scenarios that complete sessions ran, in their order, each with its language."""
+        """Return the hashes of the scenarios in complete sessions, in their order, each with its language."""
         return {row.facts.scenario_hash: row.facts.language for row in self.complete}
 
     def scenario_versions(self) -> int:
-        """How many versions of the scenarios complete sessions ran; one in several languages counts once."""
+        """Count the versions of the scenarios in complete sessions. Versions in several languages count once."""
         by_language: dict[str, set[str]] = {}
         for row in self.complete:
             by_language.setdefault(row.facts.language, set()).add(row.facts.scenario_hash)
@@ -196,10 +196,10 @@ class StudyFigures(Struct, frozen=True):
 
 
 def session_row(data: SessionData, checked: Mapping[str, str] | None = None) -> SessionRow:
-    """What is kept of a session.
+    """Collect the facts to keep of a session.
 
-    :param data: the session, at the report's level.
-    :param checked: what the study's log says of checks after it: results by id.
+    :param data: the session at the report's level.
+    :param checked: results of checks after the session from the study's log, by id.
     """
     settings = data.scenario.trials if data.scenario is not None else None
     trials = trials_of(data)
@@ -227,17 +227,17 @@ def session_row(data: SessionData, checked: Mapping[str, str] | None = None) -> 
 def study_figures(
     sessions: Iterable[SessionData], checked: Mapping[str, Mapping[str, str]] | None = None
 ) -> StudyFigures:
-    """Count a study.
+    """Count the facts of a study.
 
-    :param sessions: its sessions in the order in which they began, rehearsals, too; each is let go after it was read.
-    :param checked: what the study's log says of checks after sessions, by their folders' names.
+    :param sessions: its sessions in the order in which they began, rehearsals included; none is kept.
+    :param checked: results of checks after sessions from the study's log, by the sessions' folder names.
     """
     checked = checked or {}
     return StudyFigures(tuple(session_row(data, checked.get(data.folder.name)) for data in sessions))
 
 
 def pool(found: Sequence[LatencyFacts]) -> LatencyFacts:
-    """The latencies of several sessions as if they were of one."""
+    """Pool the latencies of several sessions as if they were one."""
     names = dict.fromkeys((part.name, part.about) for facts in found for part in facts.parts)
     return LatencyFacts(
         parts=tuple(

@@ -1,4 +1,4 @@
-"""The report of a study, as a document: plan against reality, conditions, wizards, checks, the reporting sheet."""
+"""The report of a study as a document: plan and reality, conditions, wizards, checks, the reporting sheet."""
 
 from __future__ import annotations
 
@@ -60,30 +60,29 @@ HIDDEN = (
 
 
 class StudyReportInput(Struct, frozen=True):
-    """All that a study's report is made of."""
+    """The contents of a study's report."""
 
     study: Study
     standing: StudyStanding
     figures: StudyFigures
     level: ExportLevel = "full"
     shows_conditions: bool = True
-    """Whether conditions are told; a study that hides them and is not complete should not."""
+    """Whether conditions are shown. A study that hides them should not, until it is complete."""
     withdrawn: Withdrawn = Withdrawn()
     problems: tuple[str, ...] = ()
-    """What could not be read, in sentences."""
+    """Sentences about what could not be read."""
     left_out: dict[str, int] = {}
-    """Sessions that do not count and are not in the bundle of which this is the report, by their purpose."""
+    """For a bundle's report: the number of rehearsals that the bundle leaves out, by their purpose."""
 
     @property
     def trials(self) -> list[TrialRow]:
-        """By condition, where that may be shown; else of all together."""
+        """Rows by condition if conditions may be shown, else one row for all."""
         if self.shows_conditions:
             return trial_rows(self.figures.conditions().items())
         return trial_rows([("", self.figures.complete)])
 
     @property
     def sheet(self) -> list[SheetItem]:
-        """Its reporting sheet."""
         if self.shows_conditions:
             return reporting_sheet(self.study, self.standing, self.figures, self.withdrawn, self.left_out)
         without_cells = replace(self.standing, cells=())
@@ -91,9 +90,9 @@ class StudyReportInput(Struct, frozen=True):
 
 
 def study_report(given: StudyReportInput) -> Document:
-    """What is told of a study.
+    """Make the report of a study.
 
-    :param given: its design, how it stands, and what was counted of its sessions.
+    :param given: its design, its progress, and the figures of its sessions.
     """
     study, figures = given.study, given.figures
     sections = (
@@ -145,7 +144,7 @@ def _banner(given: StudyReportInput) -> str:
 
 
 def _assignment(study: Study) -> str:
-    """How cells, and orders, are assigned, as far as the study has factors between or within participants."""
+    """Describe the assignment of cells and orders, for the kinds of factors that the study has."""
     named = {"between": study.assignment.between, "within": f"orders {study.assignment.within}"}
     return ", ".join(words for kind, words in named.items() if factors_of(study, kind))
 
@@ -198,7 +197,7 @@ def _plan(given: StudyReportInput) -> Iterable[Block]:
 
 
 def _flow(standing: StudyStanding, withdrawn: Withdrawn) -> Iterable[tuple[str, str]]:
-    """How many came how far."""
+    """Count the participants at each stage."""
     people = standing.participants
     states = Counter(each.state for each in people)
     yield "Listed in participants.csv", str(len(people))
@@ -217,10 +216,10 @@ def _flow(standing: StudyStanding, withdrawn: Withdrawn) -> Iterable[tuple[str, 
 
 
 def _out(standing: StudyStanding, level: ExportLevel) -> Iterable[tuple[str, str, str]]:
-    """Who is excluded, and every session that was broken off, also one that was run again since."""
+    """List excluded participants and all aborted sessions, even if they were repeated."""
     for each in standing.participants:
         if each.state == "withdrawn":
-            continue  # what a backup has brought back of them
+            continue  # restored from a backup
         if each.state == "excluded":
             yield each.participant, "excluded", _reason(each.why, level)
         for session in each.sessions:
@@ -230,8 +229,7 @@ def _out(standing: StudyStanding, level: ExportLevel) -> Iterable[tuple[str, str
 
 
 def _reason(why: str, level: ExportLevel) -> str:
-    """Reasons that people typed are told at the level full only; what the log of a bundle has counted already is not
-    counted again."""
+    """Show typed reasons only at the level full. Texts that a bundle's log has already counted stay."""
     return why if level == "full" or not why else count_words("free text", why)
 
 
@@ -454,7 +452,7 @@ def _sessions(given: StudyReportInput) -> Iterable[Block]:
 
 
 def _went_wrong(row: SessionRow) -> str:
-    """What no wizard marked: the record shows it."""
+    """Describe problems in the record that no wizard marked."""
     facts, found = row.facts, row.figures.mistakes
     told = [
         f"{pluralize(found.aborted, 'act')} failed" if found.aborted else "",

@@ -1,6 +1,6 @@
-"""Drawings in SVG, which stand in a page as they are: no address, no script, no file beside them.
+"""SVG drawings that are embedded in a page: no URL, no script, no separate file.
 
-Colours and fonts come from the page's style sheet by class, so that a drawing follows light, dark and print.
+Colours and fonts come from the page's style sheet by class, so that drawings follow light, dark and print.
 """
 
 from __future__ import annotations
@@ -15,7 +15,7 @@ _ADDRESSES = re.compile(r"http|url\(", re.IGNORECASE)
 
 
 def escape(text: str) -> str:
-    """A text for the inside of an element or an attribute: unseen characters marked, everything else as it reads.
+    """Escape a text for an element or an attribute. Invisible characters are marked, all others read the same.
 
     >>> escape("<b>see http://x</b>")
     '&lt;b&gt;see &#104;ttp://x&lt;/b&gt;'
@@ -25,11 +25,11 @@ def escape(text: str) -> str:
 
 
 def element(tag: str, inner: str = "", **attributes: str) -> str:
-    """An element.
+    """Write an element.
 
     :param tag: its name.
-    :param inner: markup, made by this module.
-    :param attributes: texts by name; `class_` is `class`, `_` stands for `-`. Empty ones are left out.
+    :param inner: markup made by this module.
+    :param attributes: texts by name; `class_` is `class`, `_` becomes `-`, empty ones are left out.
     """
     given = "".join(
         f' {name.rstrip("_").replace("_", "-")}="{escape(value)}"' for name, value in attributes.items() if value
@@ -38,21 +38,21 @@ def element(tag: str, inner: str = "", **attributes: str) -> str:
 
 
 class Drawing:
-    """One drawing; marks are added in the order in which they lie over one another."""
+    """A drawing. Later marks lie over earlier ones."""
 
     def __init__(self, width: float, height: float, title: str, description: str = "", *, name: str) -> None:
         """
         :param width: in units, which are pixels on a screen as wide as the drawing.
-        :param height: in the same.
-        :param title: what it is, for whoever cannot see it.
-        :param description: what it shows, in a sentence or some.
-        :param name: of its kind, for the style sheet.
+        :param height: in the same units.
+        :param title: a title for people who cannot see it.
+        :param description: its content in one or a few sentences.
+        :param name: its kind, for the style sheet.
         """
         self.width, self.height, self.title, self.description, self.name = width, height, title, description, name
         self._marks: list[str] = []
 
     def box(self, x: float, y: float, width: float, height: float, kind: str, hover: str = "") -> None:
-        """A filled rectangle; `hover` is shown by a browser when somebody points at it."""
+        """Draw a filled rectangle. Browsers show `hover` under the pointer."""
         self._add("rect", hover, x=x, y=y, width=max(0.0, width), height=max(0.0, height), class_=kind)
 
     def line(self, x1: float, y1: float, x2: float, y2: float, kind: str, hover: str = "") -> None:
@@ -62,16 +62,16 @@ class Drawing:
         self._add("circle", hover, cx=x, cy=y, r=radius, class_=kind)
 
     def path(self, points: Iterable[tuple[float, float]], kind: str) -> None:
-        """A line through points."""
+        """Draw a line through points."""
         steps = " ".join(f"{'L' if at else 'M'}{_number(x)} {_number(y)}" for at, (x, y) in enumerate(points))
         self._add("path", "", d=steps, class_=kind)
 
     def text(self, x: float, y: float, text: str, kind: str = "", anchor: str = "start") -> None:
-        """A text whose base line begins (`start`), ends (`end`) or has its middle (`middle`) there."""
+        """Write a text whose base line begins (`start`), ends (`end`) or has its middle (`middle`) there."""
         self._marks.append(element("text", escape(text), x=_number(x), y=_number(y), class_=kind, text_anchor=anchor))
 
     def whole(self) -> str:
-        """The `<svg>` element."""
+        """Return the `<svg>` element."""
         head = f"<title>{escape(self.title)}</title>"
         head += f"<desc>{escape(self.description)}</desc>" if self.description else ""
         return element(
@@ -90,5 +90,5 @@ class Drawing:
 
 
 def _number(value: float) -> str:
-    """A place in a drawing: to a hundredth of a unit."""
+    """Write a coordinate to a hundredth of a unit."""
     return f"{value:.2f}".rstrip("0").rstrip(".")

@@ -1,4 +1,4 @@
-"""Two sections of reports: a study's trials, each a dot, by condition; and how long participants waited for answers."""
+"""Two sections of reports: a study's trials by condition, each a dot, and the waiting times for answers."""
 
 from __future__ import annotations
 
@@ -38,23 +38,23 @@ class TrialRow(Struct, frozen=True):
     measure: str
     values: tuple[float, ...]
     hovers: tuple[str, ...]
-    """Whose each is."""
+    """The participant and trial of each value."""
     trials: int
-    """All, also those without a value."""
+    """All trials, also those without a value."""
     people: int
     interrupted: tuple[str, ...] = ()
-    """Those in which there was no engine for a while."""
+    """Trials with an outage of the engine."""
 
     @property
     def interval(self) -> tuple[float, float] | None:
-        """Of the median."""
+        """The interval of the median."""
         return median_interval(self.values)
 
 
 def trial_rows(conditions: Iterable[tuple[str, Sequence[SessionRow]]]) -> list[TrialRow]:
-    """A row for each measure and condition; none where no session has a trial.
+    """Make a row for each measure and condition. Empty where no session has a trial.
 
-    :param conditions: names, and the complete sessions of each.
+    :param conditions: names, with the complete sessions of each.
     """
     found = []
     by_name = [(name, [row for row in sessions if row.measure]) for name, sessions in conditions]
@@ -80,10 +80,10 @@ def trial_rows(conditions: Iterable[tuple[str, Sequence[SessionRow]]]) -> list[T
 
 
 def trials_section(rows: Sequence[TrialRow], *, declared: bool) -> Section:
-    """The section.
+    """Make the section.
 
-    :param rows: of `trial_rows`.
-    :param declared: whether any scenario says what a trial is.
+    :param rows: from `trial_rows`.
+    :param declared: whether any scenario defines trials.
     """
     if not rows:
         said = "No complete session has a trial yet." if declared else UNDECLARED
@@ -98,7 +98,7 @@ def trials_section(rows: Sequence[TrialRow], *, declared: bool) -> Section:
 
 
 def trials_summary(rows: Sequence[TrialRow]) -> str:
-    """The first sentence of the report: the dependent variable by condition; empty where there is none."""
+    """Write the first sentence of the report: the dependent variable by condition. Empty where there is none."""
     told = [
         f"{number_text(median(row.values))}{_unit(row.measure)}{f' in {row.name}' if row.name else ''} "
         f"(n {len(row.values)}{_interval_words(row)})"
@@ -191,7 +191,7 @@ def _words(row: TrialRow) -> str:
 
 
 def _lines(measure: str, rows: Sequence[TrialRow], width: int) -> list[str]:
-    """The same in characters."""
+    """Draw the same in characters."""
     label = min(24, max(len(clean(row.name or "all")) for row in rows) + 2)
     room = max(20, width - label - 12)
     low, high = _scale(rows)
@@ -225,10 +225,10 @@ _NUMBERS = frozenset(range(1, len(_HEAD)))
 
 
 def latency_section(facts: LatencyFacts, by_source: Sequence[LatencyPart]) -> Section:
-    """Latencies in parts over the reference bands, fillers apart, with sources and caveats.
+    """Make the section on latencies: parts over the reference bands, fillers separately, sources and caveats.
 
     :param facts: the numbers.
-    :param by_source: responses of each who acted.
+    :param by_source: responses by actor.
     """
     return Section("Latency", tuple(_blocks(facts, by_source)))
 
