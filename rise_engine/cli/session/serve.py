@@ -132,8 +132,10 @@ def serve(
 
 
 def _lines(message: StartupProgress | StartOutcome, scenario_folder: str) -> list[str]:
-    """How far it is, and at last whether it serves. `scenario_folder`: what was to run; empty for a study, which is
-    right as it is."""
+    """Format the progress of the start, and finally whether the session is served.
+
+    :param scenario_folder: the scenario's; empty for a study.
+    """
     match message:
         case StartupProgress(sentence=sentence):
             return [sentence]
