@@ -252,8 +252,7 @@ def merge(looks: Iterable[tuple[SessionKind, bool, Sequence[KindFinding]]]) -> l
     """Merge the findings of all kinds, each once, problems first.
 
     A finding that something "never" happens counts only if it holds in every kind that runs the scenario, and all of
-    them
-    were explored completely.
+    them were explored completely.
 
     :param looks: for each kind, whether it was explored completely, and its findings.
     """

@@ -1,8 +1,7 @@
 """Runs of a study's own check programs, `run = ["./check-tracker.sh"]`, and of our own child processes.
 
 A program gets no shell and has a time limit. It leads a process group of its own. At the limit, or when the caller
-gives
-up, the whole group is ended. Everything here blocks; `rise_engine.checks.runner` calls it.
+gives up, the whole group is ended. Everything here blocks; `rise_engine.checks.runner` calls it.
 """
 
 from __future__ import annotations

@@ -114,8 +114,7 @@ async def run_check(check: StudyCheck, context: CheckContext) -> CheckOutcome:
     :param check: the check.
     :param context: the session that it is made for.
     :return: passed or failed; or `asked`, if somebody has to answer `question`: immediately for a check that asks,
-        after
-        the word for `sound`.
+        after the word for `sound`.
     :raises asyncio.CancelledError: the caller was cancelled; what the check had started is ended first.
     """
     if check.ask:

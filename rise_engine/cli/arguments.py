@@ -190,8 +190,7 @@ def apply_task_file(
     """Add the faults, seed and condition of a task file to a session's options.
 
     Seed and condition on the command line take precedence. Ends the command if the file cannot be played in this mode,
-    or
-    with this study.
+    or with this study.
 
     :param options: from the command line.
     :param file: the parsed file.

@@ -89,8 +89,7 @@ class StatementAddress(Struct, frozen=True, forbid_unknown_fields=True):
 
     `path` leads down the statements in the file's order (`outline.WrittenStatement`). It starts with the number of a
     statement. Inside an `if`, the numbers of a branch and of a statement in it follow; inside a `oneOf`, the number of
-    a
-    choice.
+    a choice.
     """
 
     rule: str

@@ -2,8 +2,7 @@
 
 It renames acts, rules, states, events, memory keys and actionIDs in files of acts and rules, conditions, templates,
 keys, settings, start values, task files, `study.toml` and translations. An act's new name also renames the events of
-its
-end. A rename that would collide with another name is refused. Comments with the old name are listed.
+its end. A rename that would collide with another name is refused. Comments with the old name are listed.
 """
 
 from __future__ import annotations

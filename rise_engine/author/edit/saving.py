@@ -43,8 +43,7 @@ def write_files(folder: Path, before: Files, after: Files, *, reached: Reached =
     :param reached: gets each step, for tests.
     :return: the names of the files that were written, made or deleted.
     :raises EditRefused: the study comes with the program, a study cannot have files of these names (`study_paths`), a
-        file
-        has changed meanwhile, or the disk refuses.
+        file has changed meanwhile, or the disk refuses.
     """
     refuse_shipped(folder)
     names = sorted(name for name in {*before, *after} if before.get(name) != after.get(name))

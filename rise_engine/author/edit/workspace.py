@@ -208,8 +208,7 @@ class Workspace:
         """Read the files that have changed on the disk. None: there are none.
 
         A file with unsaved changes here keeps its content from here. It is named in `clash`, and `take_outside` takes
-        the
-        content of the disk.
+        the content of the disk.
 
         :raises EditRefused: the folder cannot be read.
         """
@@ -291,8 +290,7 @@ class Workspace:
         """The unsaved work of an earlier editor; None: there is none.
 
         Read it before the first change. After that, this is the own draft, and the earlier one is offered when the
-        study is
-        opened next.
+        study is opened next.
         """
         return None if self._lock.holder else self._draft.read()
 

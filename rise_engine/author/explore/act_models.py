@@ -1,10 +1,9 @@
 """Acts as single units: only what rules and the scheduler can see of them.
 
 Rules learn only that an act has ended, and how. The scheduler uses only the channels of the whole act. So exploring
-does
-not follow an act action by action: it runs until it succeeds, fails, or is cancelled. After a failure or cancellation,
-the robot may have to confirm before the act ends. Where the next step depends on the moment within the act, each
-possibility is a decision (`Decisions`), so that exploring tries them all.
+does not follow an act action by action: it runs until it succeeds, fails, or is cancelled. After a failure or
+cancellation, the robot may have to confirm before the act ends. Where the next step depends on the moment within the
+act, each possibility is a decision (`Decisions`), so that exploring tries them all.
 """
 
 from __future__ import annotations
@@ -91,8 +90,7 @@ class WholeActs(ActRunner):
 
     The robot reports on an act by an `ActionReport` for the action `ACT` of its task. `succeeded`; `failed`, also with
     `aborted`, by the robot or somebody else; `canceled`: an act that was failing or being cancelled is over;
-    `accepted`:
-    it has changed between speaking and silence.
+    `accepted`: it has changed between speaking and silence.
     """
 
     def __init__(self, core: Core, on_ended: Callable[[ActRun, TaskStatus, str], None]) -> None:

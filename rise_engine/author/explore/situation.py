@@ -40,8 +40,7 @@ class RuleInState(NamedTuple):
     """Like `RuleSnapshot.latched`."""
     own_acts: tuple[tuple[str, int], ...]
     """The acts whose ends it may wait for: name, and index among all waiting, running and failed acts of the situation,
-    in
-    this order; -1: it has ended.
+    in this order; -1: it has ended.
     """
 
 

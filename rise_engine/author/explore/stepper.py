@@ -49,11 +49,10 @@ class FollowedMove(NamedTuple):
 class Stepper:
     """Finder of what can follow a situation.
 
-    It reports these facts: `("transition", rule, state, index)`, `("state", rule, state)`, `("act", name)`,
-    `("ended", rule, state)`, `("faulted", rule, reason)`, `("cut off", act, reason)`, `("missing", key, text, rule)`,
-    `("error", text, problem, rule)`, `("note", text)`, `("two at once", act, act)`, `("out of step", rule, state,
-    act)`,
-    `("in line", act, source)`, `("failure matters", act, source)` and `("failure alike", act, source)`.
+    It reports these facts: `("transition", rule, state, index)`, `("state", rule, state)`, `("act", name)`, `("ended",
+    rule, state)`, `("faulted", rule, reason)`, `("cut off", act, reason)`, `("missing", key, text, rule)`, `("error",
+    text, problem, rule)`, `("note", text)`, `("two at once", act, act)`, `("out of step", rule, state, act)`, `("in
+    line", act, source)`, `("failure matters", act, source)` and `("failure alike", act, source)`.
     """
 
     def __init__(

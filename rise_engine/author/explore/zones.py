@@ -2,8 +2,8 @@
 
 Each act or timer that is under way has a clock that began with it. For each pair of clocks, a zone limits how far one
 can be ahead of the other. Clock 0 always shows 0, so that row and column 0 are the bounds of a single clock. All values
-are whole milliseconds. Zones are kept closed: no bound could be lower without losing a possible time.
-Source: D. Dill, Timing assumptions and verification of finite-state concurrent systems, 1989. UPPAAL does the same.
+are whole milliseconds. Zones are kept closed: no bound could be lower without losing a possible time. Source: D. Dill,
+Timing assumptions and verification of finite-state concurrent systems, 1989. UPPAAL does the same.
 """
 
 from __future__ import annotations

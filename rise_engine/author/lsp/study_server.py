@@ -29,10 +29,8 @@ class OpenFilesProtocol(LanguageServerProtocol):
     """The protocol, for editors that send messages in the wrong order: the newest version of a file counts.
 
     Helix 25.01 sends quick changes in the wrong order. For a file that a quick fix has made, it sends first the
-    content, and
-    then that the file is open and empty. Each change has the whole text (`TextDocumentSyncKind.Full`), so that a late
-    one
-    can be ignored.
+    content, and then that the file is open and empty. Each change has the whole text (`TextDocumentSyncKind.Full`), so
+    that a late one can be ignored.
     """
 
     def structure_message(self, data: dict[str, Any]) -> Any:

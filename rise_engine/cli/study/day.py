@@ -248,8 +248,7 @@ def _cell_rows(state: StudyStatus) -> list[list[str]]:
     """Make the table of cells, without planned numbers if the sizes of strata are unknown.
 
     For a study with hidden conditions, it has only the strata: somebody who sees how full each cell is can guess the
-    next
-    condition.
+    next condition.
     """
     cells, hidden = state.standing.cells, state.study.assignment.hidden
     columns = list(cells[0].strata)

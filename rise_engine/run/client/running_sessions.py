@@ -16,8 +16,7 @@ def all_running_sessions() -> dict[str, SessionSummary | None]:
     """Return every session that runs on this computer, with its summary.
 
     Keys are names for sessions of this runtime folder, and paths of sockets for the others. Raises RegistryError.
-    Blocks up
-    to a second for each session.
+    Blocks up to a second for each session.
     """
     summaries = ask_all_summaries()
     ours = {str(socket_path(name).absolute()) for name in summaries}

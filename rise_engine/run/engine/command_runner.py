@@ -48,8 +48,7 @@ class CommandRunner:
         :param clock: the session's.
         :param post: takes the robot's reports, and every elapsed timer.
         :param session_id: the source of the goals' UUIDs, the same for every engine of the session; empty: no other
-            engine
-            will continue the session.
+            engine will continue the session.
         """
         self._robot = robot
         self._robot_name = scenario.robot.name

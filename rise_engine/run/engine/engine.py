@@ -2,8 +2,7 @@
 
 One step: input -> time -> kernel -> journal -> records to the sinks -> commands carried out. The engine is synchronous
 and belongs to one thread. Real time comes from a `RealClock` on an asyncio loop, virtual time from a caller who
-advances
-a `VirtualClock`.
+advances a `VirtualClock`.
 
 With a journal, the effects of a step wait until the step is on the disk: no console shows, no robot begins and nobody
 gets an answer about anything that could still be lost. The loop does not wait meanwhile. Only what makes the robot safe
@@ -303,8 +302,7 @@ class Engine:
 
         :param input: what happened; its time is set here.
         :param answer: gets the reply, once the input is recorded and the sinks have had it. It is called once, perhaps
-            before
-            this returns, also if the input is refused because the session has ended or is paused.
+            before this returns, also if the input is refused because the session has ended or is paused.
         :raises RuntimeError: inside a step. Robots and sinks use `post`.
         """
         if self._stepping:

@@ -167,8 +167,8 @@ class Client(Protocol):
     def records(self) -> AsyncIterator[Sequence[ClientUpdate]]:
         """Yield what happens from `attach` on, until the session ends.
 
-        :return: for `async for`: batches, in order and without gaps, of records and of what comes
-            among them (`JournalStatus`, `Heartbeat`).
+        :return: for `async for`: batches, in order and without gaps, of records and of what comes among them
+            (`JournalStatus`, `Heartbeat`).
         :raises LinkLost: while iterating, if only this connection was cut.
         :raises EngineGone: while iterating, if the engine has gone without an end.
         """

@@ -153,8 +153,7 @@ class HelloMessage(Struct, tag_field="type", tag="hello", frozen=True):
     """How many tasks the state has."""
     origin: float | None = None
     """This computer's monotonic clock at session time 0, in seconds: at `t` it shows `origin + t / speed`. For a
-    recovered
-    session it is valid from the recovery on. Null: the session's time is virtual.
+    recovered session it is valid from the recovery on. Null: the session's time is virtual.
     """
 
 

@@ -46,8 +46,8 @@ class SessionOptions(Struct, frozen=True):
     """The name of the socket; None: made from the folder's path, so that a folder has one session at a time."""
     unfinished: str = "ask"
     """What to do if an earlier session of the folder did not end: ask (refuse and report it), new, recover (the
-    latest),
-    or the path of the session to recover. With a participant or a condition, only their own session is recovered.
+    latest), or the path of the session to recover. With a participant or a condition, only their own session is
+    recovered.
     """
     from_other_computer: bool = False
     """Whether to continue a session that another computer had last, on a file system that does not share its locks."""
@@ -64,8 +64,7 @@ class SessionOptions(Struct, frozen=True):
     """Results of the study's checks: the first inputs after the start."""
     language: str = ""
     """The language of what the robot says, by BCP 47, one that the scenario has translations into; empty: that of the
-    acts,
-    or the study's.
+    acts, or the study's.
     """
     allow_untranslated: bool = False
     """Whether texts without a translation are said as the acts have them."""

@@ -2,8 +2,7 @@
 sending.
 
 The feed is an observer of the session. Markers wait for the first consumer, so that a recorder that starts a little
-late
-loses nothing; the session never waits. The payload `short` describes what happened, in names of the scenario
+late loses nothing; the session never waits. The payload `short` describes what happened, in names of the scenario
 (`rise_engine.results.analysis.markers`). `json` has whole records, as the export level `shared` includes them.
 """
 

@@ -83,10 +83,8 @@ async def give_mark(
 
     A problem becomes a note in the record, and is part of the result. The time of a sound has known bounds: its program
     starts, and ends when the end of the sound has been played. `at` is the middle of the possible beginnings, and
-    `within`
-    half of their range. The delay of a loudspeaker (a wireless one has a tenth of a second and more) is not included;
-    it
-    is the same for every mark of a session.
+    `within` half of their range. The delay of a loudspeaker (a wireless one has a tenth of a second and more) is not
+    included; it is the same for every mark of a session.
 
     :param session: attached as a program.
     :param number: the mark's; odd ones sweep up, even ones down.

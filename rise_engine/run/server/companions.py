@@ -2,8 +2,7 @@
 
 `rise_engine.run.recording.companion` describes them. Each is a child with the session's socket. Any failure of a
 companion (it cannot start, dies, hangs, does not finish) becomes a `recording` record, `failed` with the reason, and
-has
-no other effect: nothing here raises, blocks, or takes longer than its limit.
+has no other effect: nothing here raises, blocks, or takes longer than its limit.
 """
 
 from __future__ import annotations
@@ -94,8 +93,7 @@ class Companions:
         """Let the recorders finish and exit, before the session ends.
 
         Returns after `finish_seconds` at the latest, plus twice GRACE_SECONDS and LEFT_SECONDS for processes that must
-        be
-        ended.
+        be ended.
         """
         await self._finish([(each, task) for each, task in self._pairs() if each.request.kind == "recorders"])
 
@@ -208,8 +206,7 @@ class _Companion:
         """Wait until the companion has gone or has given no sign of life for too long.
 
         It has gone when its output ends (unless a child holds that open). Silence is counted in steps, so that a pause
-        of this
-        process or of the computer does not count.
+        of this process or of the computer does not count.
         """
         assert process.stdout is not None
         step = min(GRACE_SECONDS, self.silent_seconds)

@@ -4,8 +4,7 @@ At most one client has control: the wizard who may act. Everybody else watches, 
 Changes of control go through the engine like any other input, so that they are in the record.
 
 A client has two names. Its own name is unique (`wizard:anna#2` is Anna's second console), because control belongs to
-one
-console. The `source` of its inputs is the person (`wizard:anna`), because the record names who did it.
+one console. The `source` of its inputs is the person (`wizard:anna`), because the record names who did it.
 """
 
 from __future__ import annotations
@@ -294,8 +293,7 @@ class SessionHub:
         """Give control to `holder`, because of what `by` did. It is effective immediately, before it is recorded.
 
         With `answer` it is a request, and undone if it is rejected. Without, it is a fact (somebody has gone), and
-        recorded
-        later if that is not possible now.
+        recorded later if that is not possible now.
         """
         before = self._holder, self._requester
         after = self._holder, self._requester = holder, by if status == "asked" else None
