@@ -5,8 +5,7 @@
         if outcome.result == "asked":
             outcome = answer_check(outcome, yes=ask_somebody(outcome.question))
 
-Consoles and commands only show results and ask questions. What a check does, and what its result means, is defined
-here.
+Consoles and commands only show and ask. What a check does, and what its result means, is defined here.
 """
 
 from __future__ import annotations

@@ -26,9 +26,7 @@ from rise_engine.study.labels import refuse_relabelled
 
 
 def look_at_last_session(sessions: Path) -> Finding:
-    """Replay the last session and return the result (blocking, and long for a long session).
-
-    A study without sessions passes.
+    """Replay the last session (blocking, long for a long session); a study without sessions passes.
 
     :param sessions: the study's folder of sessions.
     """

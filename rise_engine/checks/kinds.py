@@ -251,8 +251,7 @@ def findings_of(
 def merge(looks: Iterable[tuple[SessionKind, bool, Sequence[KindFinding]]]) -> list[MergedFinding]:
     """Merge the findings of all kinds, each once, problems first.
 
-    A finding that something "never" happens counts only if it holds in every kind that runs the scenario, and all of
-    them were explored completely.
+    That something "never" happens counts only if it holds in every completely explored kind that runs the scenario.
 
     :param looks: for each kind, whether it was explored completely, and its findings.
     """

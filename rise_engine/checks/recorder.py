@@ -1,6 +1,4 @@
-"""The check of recorders: each records for three seconds, and its file must grow meanwhile.
-
-Otherwise nobody would notice in time that a recorder reports recording but writes nothing.
+"""The check of recorders, so that none reports recording but writes nothing: three seconds, in which files must grow.
 """
 
 from __future__ import annotations
@@ -104,9 +102,7 @@ async def _watch(recorder: Recorder) -> tuple[RecorderStatus, RecorderStatus]:
 
 
 async def _growth(first: RecorderStatus, last: RecorderStatus, path: str) -> float:
-    """Measure how much a recording has grown, in bytes or seconds.
-
-    A file written in large pieces is measured after the end. A recorder that gives no measure counts as growing.
+    """Measure a recording's growth in bytes or seconds, also after its end; without any measure, it counts as growing.
     """
     whole = await asyncio.to_thread(recording_size, path)
     if first.bytes is not None:

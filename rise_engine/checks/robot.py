@@ -37,8 +37,7 @@ WORDS = dict(zip(_WORDS.split()[::2], _WORDS.split()[1::2], strict=True))
 
 
 async def look_at_robot(request: ChildRequest) -> Finding:
-    """Check that the scenario's robot answers, and offers every action that the scenario uses. Nothing is sent to it.
-    """
+    """Check that the scenario's robot answers and offers every action that the scenario uses, without sending any."""
     try:
         scenario = _load(request)
         needed = needed_actions(scenario)

@@ -34,10 +34,9 @@ ENDING_SECONDS = 3.0
 
 
 class BackgroundExecutor(Executor):
-    """An executor with a new thread for each call.
+    """An executor with a new thread for each call, so that a disk that hangs blocks neither the loop nor the exit.
 
-    A disk that does not answer then blocks neither the loop nor the program's exit, which would wait for the threads of
-    asyncio's own executor.
+    The exit would wait for the threads of asyncio's own executor.
     """
 
     def submit(self, function: Callable[..., Any], /, *arguments: Any, **named: Any) -> Future[Any]:

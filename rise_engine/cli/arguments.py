@@ -31,10 +31,9 @@ from rise_engine.scenario.model import Mode, Scenario
 def add_ros_parameters(
     own: list[str], ros_args: tuple[str, ...], command: click.Command
 ) -> tuple[list[str], tuple[str, ...]]:
-    """Insert a command's options that are given as ROS parameters (`-p robot:=pepper`, or in a file) among its
-    arguments.
+    """Add options from ROS parameters (`-p robot:=pepper`, or in a file), with which ROS launches programs.
 
-    ROS launches programs in this way. Ends the command if a parameter is invalid.
+    Ends the command if a parameter is invalid.
     """
     if not {"-p", "--param", "--params-file"} & set(ros_args):
         return own, ros_args
@@ -187,10 +186,9 @@ def read_tasks_option(path: str | None, *, virtual: bool) -> tuple[TaskFile, boo
 def apply_task_file(
     options: SessionOptions, file: TaskFile, path: str | None, mode: Mode, *, of_study: bool
 ) -> SessionOptions:
-    """Add the faults, seed and condition of a task file to a session's options.
+    """Add a task file's faults, seed and condition to a session's options; the command line's own take precedence.
 
-    Seed and condition on the command line take precedence. Ends the command if the file cannot be played in this mode,
-    or with this study.
+    Ends the command if the file cannot be played in this mode, or with this study.
 
     :param options: from the command line.
     :param file: the parsed file.
@@ -224,10 +222,7 @@ def rehearsal_options(options: SessionOptions, path: str, mode: Mode) -> Session
 
 
 def _standard_input() -> Iterator[bytes]:
-    """Yield all of standard input.
-
-    `sys.stdin.buffer.read()` would notice an interrupt between two of its reads only at the end.
-    """
+    """Yield all of standard input: `sys.stdin.buffer.read()` would notice some interrupts only at its end."""
     descriptor = sys.stdin.fileno()
     while True:
         if select([descriptor], [], [], 0.5)[0]:

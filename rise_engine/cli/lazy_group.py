@@ -10,10 +10,7 @@ import click
 
 
 def load_command(place: str) -> click.Command:
-    """Load a command.
-
-    :param place: where it is: `package.module:attribute`.
-    """
+    """Load a command from its place, `package.module:attribute`."""
     module, _, attribute = place.partition(":")
     command: click.Command = getattr(import_module(module), attribute)
     return command

@@ -21,8 +21,7 @@ Command = TypeVar("Command", bound=Callable[..., Any])
 
 
 def resolve_scenario(folder: str) -> str:
-    """Return the path of a scenario: a folder, its scenario.toml, or a shipped study by name. Ends the command if none.
-    """
+    """Return the path of a scenario: a folder, its scenario.toml, or a shipped study. Ends the command if none."""
     folder = resolve_study(folder)
     path = Path(folder)
     if is_study(path) and not (path / SCENARIO_FILE).exists():
@@ -65,10 +64,9 @@ def _resolve_session(session: str) -> Path:
 
 
 def _named(name: str, resolve: Callable[[str], Any], **about: Any) -> Callable[[Command], Command]:
-    """Make an argument that names something.
+    """Make an argument that names something; the command gets what `resolve` makes of it.
 
-    The command gets what `resolve` returns for the name. `resolve` ends the command before anything else if there is
-    nothing of that name.
+    `resolve` ends the command before anything else if there is nothing of that name.
     """
 
     def add(command: Command) -> Command:
@@ -156,8 +154,9 @@ SESSION_OPTIONS = (
     ),
     ROS,
 )
-"""How a session runs, for `rise-tui` too: `robot`, `mode`, `participant`, `condition`, `language`,
-`allow_untranslated`, `ros`.
+"""How a session runs: `robot`, `mode`, `participant`, `condition`, `language`, `allow_untranslated`, `ros`.
+
+`rise-tui` has the same options.
 """
 BEGIN_OPTIONS = (
     SETTINGS,

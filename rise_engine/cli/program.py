@@ -71,10 +71,7 @@ _SECTIONS = {
 }
 """The commands in the order of help, each with its place and its line of the help."""
 PLUGINS = "rise.commands"
-"""The entry-point group in which a package names its own commands, each a `click.Command`.
-
-The module must load fast, because help loads it.
-"""
+"""The entry-point group for a package's own commands, each a `click.Command` in a light module: help loads it."""
 
 
 def split_ros_args(arguments: Sequence[str]) -> tuple[list[str], tuple[str, ...]]:

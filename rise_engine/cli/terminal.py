@@ -122,10 +122,7 @@ class Refused(click.ClickException):
 
     @classmethod
     def of(cls, error: RiseError, status: int = REFUSED, *, where: str = "") -> Refused:
-        """Turn an error into a refusal.
-
-        :param where: the subject of its sentences, if they do not name it.
-        """
+        """Turn an error into a refusal; `where` is the subject of its sentences, if they do not name it."""
         if isinstance(error, FileError):
             return cls(status=status, findings=error.lines)
         return cls(*(f"{where}: {line}" if where else line for line in error.lines), status=status)
@@ -213,8 +210,7 @@ class CleanStream:
 def clean_standard_streams() -> Iterator[None]:
     """Make standard output and error clean within the block; their failures become a sentence.
 
-    Characters that a terminal cannot show become escapes (`\\xe9`, `\\udcff`), so that no command fails because of
-    them.
+    Characters that a terminal cannot show become escapes (`\\xe9`, `\\udcff`), and never make a command fail.
     """
     _guard_streams()
     try:

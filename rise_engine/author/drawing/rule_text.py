@@ -140,10 +140,7 @@ def parse_rule_result(scenario: Scenario, topic: str) -> tuple[str, str] | None:
 
 
 def find_what_to_start(scenario: Scenario, topic: str) -> str | None:
-    """Find the act or rule to start so that the engine raises this event when it ends.
-
-    None for an event about a failure or a stop: nobody starts an act so that it fails.
-    """
+    """Find the act or rule whose end raises this event; None for a failure or a stop: nobody starts an act to fail."""
     found = parse_engine_event(scenario, topic)
     if found is not None:
         return found[0] if found[1] in ("_end", "_succeeded") else None

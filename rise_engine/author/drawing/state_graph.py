@@ -1,9 +1,8 @@
 """A rule as a drawing in text: its states below each other, loops and branches as rails at the left. Pure.
 
 Each state has a row, and so has each transition. A transition to the state below goes straight down. Every other one
-leaves to the left into the rail of its target and follows it to the arrow. All transitions to one state share a rail,
-so a rail has exactly one arrow. A rail that crosses a transition is drawn over it. A transition without a free rail
-names its target in words.
+leaves to the left and follows the rail of its target to the arrow. All transitions to one state share a rail with one
+arrow. A rail that crosses a transition is drawn over it. A transition without a free rail names its target.
 
 The layout depends on the rule and the width alone: a state never changes its place, only its marks change.
 """
@@ -26,9 +25,9 @@ _WITHOUT_WIDTH = ("Mn", "Me", "Cf")
 
 
 def cell_length(text: str) -> int:
-    """Count the cells of a text: two for East Asian wide characters and most emoji, none for combining marks.
+    """Count the cells of a text (https://www.unicode.org/reports/tr11/).
 
-    Source: https://www.unicode.org/reports/tr11/
+    A cell is two for East Asian wide characters and most emoji, none for combining marks.
 
     >>> cell_length("Grün"), cell_length("挨拶"), cell_length("e\\u0301")
     (4, 4, 1)
@@ -120,8 +119,7 @@ def _onward_states(source: str, ways: Ways, loops: set[tuple[str, str]], among: 
 def _explore(
     roots: Iterable[str], ways: Ways, known: frozenset[str]
 ) -> tuple[list[str], set[tuple[str, str]], list[str]]:
-    """Search depth first, first transitions first: return the entries, the transitions that close a loop, and the
-    states.
+    """Search depth first, first transitions first: return the entries, the transitions that close a loop, the states.
     """
     entries: list[str] = []
     loops: set[tuple[str, str]] = set()
@@ -308,8 +306,7 @@ def _plan_rows(rule: Rule, order: StateOrder, compact: bool) -> list[GraphRow]:
 
 
 def _assign_lanes(edges: list[GraphEdge], row_of: dict[str, int], most: int) -> list[_Rail]:
-    """Give each target one rail. Short transitions come first, so that the farthest go without where there is no room.
-    """
+    """Give each target one rail, short transitions first: where there is no room, the farthest go without."""
     rails: dict[str, _Rail] = {}
     for edge in sorted(edges, key=lambda each: (abs(each.row - row_of[each.target or ""]), each.row)):
         target = edge.target or ""

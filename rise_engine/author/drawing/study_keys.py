@@ -89,10 +89,7 @@ class StudyKeys:
     def keys_for(
         self, transition: Transition, memory: Mapping[str, Any], running: Iterable[str] = ()
     ) -> Iterator[KeyBinding]:
-        """Yield the keys that would make a rule take this transition now.
-
-        :param running: acts and rules that run or wait already.
-        """
+        """Yield the keys that would make a rule take this transition now; `running` acts and rules are not started."""
         if transition.is_eventless and transition.condition is not None:
             yield from self.keys_setting(transition.condition, memory)
         if transition.event is None:
@@ -109,9 +106,7 @@ class StudyKeys:
                     yield starter
 
     def keys_raising(self, topic: str | None) -> Sequence[KeyBinding]:
-        """Return the keys that raise a topic (without its slash), themselves or through a rule they start, in file
-        order.
-        """
+        """Return the keys that raise a topic (without its slash) themselves or by starting a rule, in file order."""
         return self._by_topic.get(topic, ()) if topic is not None else ()
 
     def keys_setting(self, condition: Expression, memory: Mapping[str, Any]) -> Iterator[KeyBinding]:
@@ -129,10 +124,7 @@ class StudyKeys:
     def expected_keys(
         self, states: Mapping[str, str | None], memory: Mapping[str, Any], running: Iterable[str] = ()
     ) -> frozenset[str]:
-        """Collect the keys (as Textual spells them) that a running rule waits for.
-
-        :param states: each rule's state.
-        """
+        """Collect the keys (as Textual spells them) that the rules in these `states` wait for."""
         busy = {*running, *states}
         return frozenset(
             key.key
@@ -159,9 +151,7 @@ class StudyKeys:
         }
 
     def _possible_keys(self, rule: str, transition: Transition, started: set[str]) -> Iterator[KeyBinding]:
-        """Yield the keys that could make this rule take this transition.
-
-        :param started: acts that rules start themselves.
+        """Yield the keys that could make this rule take this transition; `started`: acts that rules start themselves.
         """
         if transition.event is not None:
             raising = self.keys_raising(transition.event)

@@ -57,10 +57,7 @@ def rule_of(study: StudyState, name: str) -> WrittenRule:
 
 
 def refuse_unknown(study: StudyState, kind: str, name: str, known: list[str]) -> NoReturn:
-    """Refuse an unknown name, and name the files that cannot be read: it may be in one of them.
-
-    :raises EditRefused: always.
-    """
+    """:raises EditRefused: always, with the files that cannot be read: the unknown name may be in one of them."""
     unread = "".join(f"; {file} cannot be read now" for file in study.outline.unreadable)
     raise EditRefused(f"there is no {kind} `{name}`{did_you_mean(name, known)}{unread}")
 
@@ -86,11 +83,7 @@ def action_of(study: StudyState, act: str, name: str) -> tuple[WrittenAct, Writt
 
 
 def check_changeable(what: str, reason: str, file: str = "", line: int = 0) -> None:
-    """Check that a form can change something.
-
-    :param reason: why it cannot; empty: it can.
-    :raises EditRefused: it cannot, with the reason, and the file and line if they are given.
-    """
+    """:raises EditRefused: a form cannot change it, with the `reason` and, if given, the file and line."""
     if reason:
         where = f" ({file}, line {line})" if file else ""
         raise EditRefused(f"{what} cannot be changed: {reason}{where}")
@@ -154,10 +147,7 @@ class BranchPlace:
 
 
 def list_at(address: StatementAddress, study: StudyState) -> StatementList:
-    """Return the list of statements that an address ends in.
-
-    :raises EditRefused: there is none, or a form cannot change it.
-    """
+    """Return the list of statements that an address ends in. :raises EditRefused: a form cannot reach or change it."""
     found = _walk(address, study, address.path[:-1])
     if isinstance(found, BranchPlace):
         raise EditRefused(f"{found.place.where}: the address ends with a branch; say which statement of it")

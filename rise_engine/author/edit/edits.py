@@ -87,9 +87,8 @@ StatementForm: TypeAlias = CallForm | IfForm | OneOfForm
 class StatementAddress(Struct, frozen=True, forbid_unknown_fields=True):
     """The place of a statement.
 
-    `path` leads down the statements in the file's order (`outline.WrittenStatement`). It starts with the number of a
-    statement. Inside an `if`, the numbers of a branch and of a statement in it follow; inside a `oneOf`, the number of
-    a choice.
+    `path` leads down the statements in the file's order (`outline.WrittenStatement`): the number of a statement; in an
+    `if`, then the numbers of a branch and of a statement in it; in a `oneOf`, then the number of a choice.
     """
 
     rule: str

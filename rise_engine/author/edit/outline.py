@@ -54,9 +54,7 @@ class WrittenValue(Written, frozen=True):
     text: str
     """As it is read: without entities, CDATA and the blanks around it."""
     parameter: str = ""
-    """The parameter of the `<use>` that is the complete value, in the result of a template; empty: there is none.
-
-    `SetUseParameter` changes it.
+    """In the result of a template: the parameter of the `<use>` that is the whole value; `SetUseParameter` changes it.
     """
 
 

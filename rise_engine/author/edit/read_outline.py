@@ -96,9 +96,7 @@ def _value(element: Element, name: str) -> str:
 
 
 def _template(element: Element) -> str:
-    """Return the template that makes an element, as the `<use>` in the file names it; empty: the file has the element
-    itself.
-    """
+    """Return the template that the `<use>` of an element names; empty: the file has the element itself."""
     return "" if call_of(element) is None else _value(written_here(element), "template")
 
 

@@ -144,8 +144,7 @@ def plan_rename(edit: Rename, study: StudyState) -> Plan:
 
 
 def _owner_and_name(edit: Rename, uses: Uses) -> tuple[str, str]:
-    """Return the rule of a state or the act of an action, and the name. :raises EditRefused: the name does not exist.
-    """
+    """Return a state's rule or an action's act, and the name. :raises EditRefused: the name does not exist."""
     old = normal_topic(edit.old) if edit.kind == "event" else edit.old
     known = uses.names(edit.kind)
     if edit.kind in ("state", "action"):
@@ -214,8 +213,7 @@ def _check_collisions(names: _RenamedName, study: StudyState) -> None:
 
 
 def _topics_of_others(names: _RenamedName) -> set[str]:
-    """Return the events that the engine raises for all other acts and rules than the renamed one (or its state's rule).
-    """
+    """Return the events that the engine raises for all acts and rules except the renamed one (or its state's rule)."""
     draft, name = names.draft, names.old if names.edit.kind != "state" else names.owner
     found = {
         each + ending for each in draft.acts if names.edit.kind != "act" or each != name for ending in ACT_END_SUFFIXES
@@ -253,9 +251,7 @@ def _check_key(names: _RenamedName) -> None:
 
 
 def _check_settings(names: _RenamedName, study: StudyState) -> None:
-    """Check tables for several acts. :raises EditRefused: one applies to the act by its old name, or would by its new
-    one.
-    """
+    """:raises EditRefused: a table for several acts applies to this one by its old name, or would by its new one."""
     tables = _act_tables(study)
     before = {key: table.given[key] for key, table in tables.find_sources(names.old).items()}
     own = tables.by_name.get(names.old)

@@ -56,9 +56,7 @@ class Renaming:
 
 
 def renamed_key(written: str, old: str, new: str) -> str | None:
-    """Return the new name of a key where `old` becomes `new`: also of `person.name`, if `old` is `person`. None:
-    another key.
-    """
+    """Return a key's new name when `old` becomes `new`, also for a part: `person.name`. None: it is another key."""
     if written == old:
         return new
     return new + written[len(old) :] if written.startswith(f"{old}.") else None

@@ -98,10 +98,7 @@ def plan_remove_state(edit: RemoveState, study: StudyState) -> Plan:
 
 
 def _check_not_reached(rule: WrittenRule, name: str) -> None:
-    """Check that nothing leads to a state.
-
-    :raises EditRefused: the rule begins in it, or a transition of another state leads to it.
-    """
+    """:raises EditRefused: the rule begins in a state, or another state's transition leads to it."""
     if rule.initial == name:
         instead = "let it begin in another state first" if len(rule.states) > 1 else "remove the rule"
         raise EditRefused(f"{rule.name} begins in {name}; {instead}")

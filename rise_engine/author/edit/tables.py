@@ -1,7 +1,6 @@
 """Edits of tables, `tables/NAME.csv`: a cell, a new row or column, a removed row. Separators, quotes, line ends stay.
 
-A study's `participants.csv` is also a table, named after its file. Participants with recordings stay in it under their
-name.
+A study's `participants.csv` is also a table, named after its file. Recorded participants keep their row and name.
 """
 
 from __future__ import annotations
@@ -117,8 +116,7 @@ def plan_set_cell(edit: SetCell, study: StudyState) -> Plan:
 
 
 def plan_add_row(edit: AddRow, study: StudyState) -> Plan:
-    """Plan a new row; columns that are not given stay empty. :raises EditRefused: a column is unknown, or all are
-    empty.
+    """Plan a new row, empty in columns that are not given. :raises EditRefused: a column is unknown, or all are empty.
     """
     table = _read(edit.table, study.files)
     given = {table.column(name): _value(value) for name, value in edit.values.items()}

@@ -32,9 +32,7 @@ _SHOWN = 60
 
 
 def plan_set_translation(edit: SetTranslation, study: StudyState) -> Plan:
-    """Plan the translation of a text, with the act's present text as its original (`of`).
-
-    Without a value, the translation goes, even if its act no longer exists.
+    """Plan a translation of the act's present text; without a value, it goes, even if its act no longer exists.
 
     :raises EditRefused: there is no such text or language, or the file cannot be changed there.
     """

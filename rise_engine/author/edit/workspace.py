@@ -287,10 +287,9 @@ class Workspace:
 
     @property
     def draft(self) -> Draft | None:
-        """The unsaved work of an earlier editor; None: there is none.
+        """The unsaved work of an earlier editor; None: there is none. Read it before the first change.
 
-        Read it before the first change. After that, this is the own draft, and the earlier one is offered when the
-        study is opened next.
+        Later, this is the own draft, and the earlier one is offered when the study is opened next.
         """
         return None if self._lock.holder else self._draft.read()
 

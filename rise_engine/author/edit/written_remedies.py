@@ -197,8 +197,7 @@ def _time_unit(place: FindingPlace) -> Iterator[WrittenRemedy]:
 
 
 def _escaped_marks(place: FindingPlace) -> Iterator[WrittenRemedy]:
-    """Offer to escape `<`, `&` and quotation marks in the whole file, which cannot be read with even one of them left.
-    """
+    """Offer to escape `<`, `&` and quotation marks in the whole file: one left over would make it unreadable."""
     if place.finding.code not in ("unescaped", "quotes") or not place.is_xml:
         return
     mended = RepairedText(place.text).text

@@ -196,10 +196,9 @@ def find_growing_lines(explored: Explored) -> Iterator[ExploreFinding]:
 
 
 def _comes_again(explored: Explored, number: Number, longer: Situation) -> bool:
-    """Return whether the queue can grow once more in the same way.
+    """Return whether the queue can grow again: the situation without the added act can reach the place of the addition.
 
-    It can if the situation without the added act can reach the one where it was added. What rules do does not depend on
-    the queue.
+    What rules do does not depend on the queue.
     """
     shorter = longer._replace(waiting=longer.waiting[:-1])
     last = len(longer.waiting) - 1

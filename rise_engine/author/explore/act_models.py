@@ -54,9 +54,7 @@ class Decisions(Rng):
         return FRACTIONS[self.choose(len(FRACTIONS))]
 
     def next_script(self) -> list[int] | None:
-        """Return the script of the next outcome: the last decision with a possibility left takes it; None: all were
-        tried.
-        """
+        """Return the next script: the last decision with a possibility left takes it; None: all were tried."""
         made = self.made
         while made:
             choice, count = made.pop()

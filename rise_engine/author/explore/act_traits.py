@@ -44,10 +44,7 @@ class ActTraits(Struct, frozen=True):
 
 
 def traits_of(scenario: Scenario, act: Act, memories: Sequence[Mapping[str, Any]], pace: Pace) -> ActTraits:
-    """Compute the traits of an act.
-
-    :param memories: possible memories at the beginning, for the durations.
-    """
+    """Compute an act's traits; `memories`, the possible memories at the beginning, decide the durations."""
     on_robot = [action for action in act.actions if not _is_wait(scenario, action)]
     speaking = [action for action in on_robot if _speaks(scenario, action)]
     initial = [action for action in act.actions if not action.wait_for]
@@ -101,9 +98,7 @@ def begin(
 
 
 def keys_without_fallback(act: Act) -> Iterable[str]:
-    """Yield the memory keys whose absence makes an action of an act fail; parts of values (`items[i]`) are not
-    followed.
-    """
+    """Yield the memory keys whose absence makes an action fail, without parts of values (`items[i]`)."""
     for action in act.actions:
         for call in action.calls:
             yield from (slot.key for slot in _slots(call) if slot.fallback is None and slot.part is None)

@@ -44,10 +44,9 @@ _stepper: Stepper | None = None
 
 
 def explore_on_cores(space: Space, cores: int, go_on: Callable[[], bool]) -> None:
-    """Explore like `Space.explore`, on several cores.
+    """Explore like `Space.explore`, on several cores; one core does everything where forking is not available.
 
-    Processes are forked, so that the scenario need not be sent. One core does everything where forking is not
-    available.
+    Forked processes need no copy of the scenario.
     """
     if cores < 2 or "fork" not in multiprocessing.get_all_start_methods():
         space.explore(go_on)
@@ -206,9 +205,9 @@ def sessions_of(scenario: Scenario) -> list[SessionStarted]:
 
 
 def main_rule(scenario: Scenario) -> str:
-    """Return the rule whose end is the study's end; empty: there is none.
+    """Return the rule that ends the study; empty: there is none.
 
-    It is the one that the scenario names, else that of the first key that starts a rule, else the first rule.
+    The scenario names it; else it is the one of the first key that starts a rule, or the first rule.
     """
     if scenario.explore.end:
         return scenario.explore.end

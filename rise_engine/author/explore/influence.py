@@ -123,7 +123,7 @@ def _heads(keys: Iterable[str]) -> set[str]:
 def _add_reads_of_block(block: Block, made_of: dict[str, set[str]], matter: set[str]) -> None:
     """Add the keys that the conditions of a block read.
 
-    :param made_of: the keys that the block has set before, each with the keys that its value was made of.
+    :param made_of: the keys that the block has set before, each with the keys that made its value.
     """
     for statement in block:
         match statement:

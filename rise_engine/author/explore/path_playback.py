@@ -64,9 +64,7 @@ class PlayedPath(Struct, frozen=True):
 
 
 def find_times(scenario: Scenario, path: Path, bounds: Bounds | None = None) -> PlayedPath:
-    """Play a path on the engine, and return how.
-
-    Between two steps, other situations may come and go: a gaze ends and begins again.
+    """Play a path on the engine, and return how. Between two steps, other situations may pass: a gaze ends and returns.
 
     :param scenario: the explored one.
     :param path: a path through its situations.

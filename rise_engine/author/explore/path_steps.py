@@ -164,10 +164,7 @@ def _find_timer(kernel: SituationKernel, countdown: Countdown) -> int:
 
 
 def submit_of(scenario: Scenario, tries: Mapping[str, tuple[object, ...]], move: Move, before: Situation) -> Submit:
-    """Return what a person requests in a move that is not an answer to a failure.
-
-    Raises LookupError if it is not possible.
-    """
+    """Return the request of a move that is not an answer to a failure. Raises LookupError if it is not possible."""
     function, behavior = "", ""
     match move.kind:
         case "key":

@@ -76,9 +76,7 @@ class Paths:
         return Path(space.begun_in(at), space.situations[at], tuple(steps))
 
     def to_fact(self, fact: Fact) -> Path | None:
-        """Return the path to the first observation of a fact, including the move that showed it; None: it was not
-        observed.
-        """
+        """Return the path to a fact's first observation, with the move that showed it; None: it was not observed."""
         found = self._space.facts.get(fact)
         if found is None:
             return None

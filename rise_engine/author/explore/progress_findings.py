@@ -204,7 +204,7 @@ def _path(explored: Explored, numbers: list[Number]) -> Path | None:
 
 
 def _components(explored: Explored, allowed: list[bool]) -> list[int]:
-    """Find for each situation the group of situations that can all reach each other by allowed moves.
+    """Find for each situation the group that can all reach each other by allowed moves.
 
     Source: R. Tarjan, Depth-first search and linear graph algorithms, 1972.
     """

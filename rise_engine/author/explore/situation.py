@@ -39,9 +39,7 @@ class RuleInState(NamedTuple):
     latched: tuple[int, ...]
     """Like `RuleSnapshot.latched`."""
     own_acts: tuple[tuple[str, int], ...]
-    """The acts whose ends it may wait for: name, and index among all waiting, running and failed acts of the situation,
-    in this order; -1: it has ended.
-    """
+    """The acts whose ends it may wait for: name and index among the waiting, running and failed acts; -1: ended."""
 
 
 class ActTask(NamedTuple):
@@ -56,9 +54,8 @@ class ActTask(NamedTuple):
     is_own: bool
     """Whether the present run of the rule has started it, and not an earlier run of that rule."""
     phase: ActPhase = ""
-    """The phase of a running act; for a failed one, whether it will be repeated automatically: after a pause that has
-    begun, or that begins when the robot is back.
-    """
+    """A running act's phase; for a failed one, whether it is in the pause before an automatic repetition, or waits for
+    the robot before that."""
     speaking: bool = False
     interfered: bool = False
     """Whether it cannot be repeated automatically any more, because of who has ended one of its actions."""
@@ -211,8 +208,7 @@ class SituationKernel:
 
     @staticmethod
     def _first_rule_task(situation: Situation) -> int:
-        """Tasks are numbered so that what a rule has started itself comes after the rule, and everything else before
-        all rules."""
+        """Number the rules so that what a rule has started comes after it, and everything else before all rules."""
         return 1 + len(situation.waiting) + len(situation.running) + len(situation.asked)
 
     def _put_countdowns(self, situation: Situation, runs: dict[str, RuleRun]) -> dict[str, int]:

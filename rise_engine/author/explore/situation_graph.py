@@ -71,10 +71,7 @@ class Explored:
 
     @cached_property
     def unknown(self) -> set[Number]:
-        """The situations with unexplored successors.
-
-        One more kept event does not count: it could as well come when a rule waits for it.
-        """
+        """The situations with unexplored successors, apart from more kept events: those could come later as well."""
         return {number for number, why in self.space.beyond.items() if why - {"kept"}} | set(self.space.pending)
 
     @cached_property
@@ -122,10 +119,7 @@ class Explored:
     def reaching(
         self, goals: Iterable[Number], allowed: Callable[[Move], bool], avoiding: Container[Number] = ()
     ) -> set[Number]:
-        """Return the situations that can reach a goal by allowed moves, including the goals.
-
-        Paths do not pass through those to avoid.
-        """
+        """Return the situations that can reach a goal by allowed moves, including the goals, without those to avoid."""
         allows = [allowed(move) for move in self.space.moves]
         found = set(goals)
         pending = list(found)

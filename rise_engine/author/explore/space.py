@@ -34,9 +34,7 @@ class Space:
         self.moves: list[Move] = []
         """Every move found so far, by its number."""
         self.edges: list[array[int]] = []
-        """For each situation, its steps one after the other: move, next situation, and the rules that moved
-        (`FollowedMove.moved`).
-        """
+        """For each situation, its steps in a row: move, next situation, rules that moved (`FollowedMove.moved`)."""
         self.beyond: dict[Number, frozenset[str]] = {}
         """The situations with a step that was not followed, and why."""
         self.keys_beyond: dict[Number, frozenset[str]] = {}

@@ -51,8 +51,8 @@ class Stepper:
 
     It reports these facts: `("transition", rule, state, index)`, `("state", rule, state)`, `("act", name)`, `("ended",
     rule, state)`, `("faulted", rule, reason)`, `("cut off", act, reason)`, `("missing", key, text, rule)`, `("error",
-    text, problem, rule)`, `("note", text)`, `("two at once", act, act)`, `("out of step", rule, state, act)`, `("in
-    line", act, source)`, `("failure matters", act, source)` and `("failure alike", act, source)`.
+    text, problem, rule)`, `("note", text)`, `("two at once", act, act)`, `("in line", act, source)`, `("out of step",
+    rule, state, act)`, `("failure matters", act, source)` and `("failure alike", act, source)`.
     """
 
     def __init__(
@@ -63,9 +63,7 @@ class Stepper:
         end: str,
         properties: Sequence[Expression] = (),
     ) -> None:
-        """Make a stepper.
-
-        :param beginnings: the sessions to explore, one for each condition.
+        """:param beginnings: the sessions to explore, one for each condition.
         :param end: the rule that ends the study.
         :param properties: conditions that will be evaluated in the situations.
         """
@@ -333,9 +331,7 @@ _CUT = ("interrupted by ", "stopped by rule:")
 
 
 def _comes_second(situation: Situation, zone: Zone, place: int) -> bool:
-    """Return whether another timer always elapses first: of an earlier transition of the same state, equally long, set
-    with it.
-    """
+    """Return whether an equally long timer of an earlier transition, set with this one, always elapses first."""
     own = situation.countdowns[place]
     first = 1 + len(situation.running)
     return any(

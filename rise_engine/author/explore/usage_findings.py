@@ -99,9 +99,7 @@ def _transition_text(transition: Transition) -> str:
 
 
 def keys_by_state(explored: Explored) -> dict[str, dict[str, str]]:
-    """Compute for each state of the study's main rule and each key whether it does something: always, sometimes or
-    never.
-    """
+    """Compute for each state of the main rule whether each key does something there: always, sometimes or never."""
     keys = [name for name, key in explored.space.stepper.moves.keys.items() if _is_followed(key.function)]
     counts: Counter[str] = Counter()
     effective: Counter[tuple[str, str]] = Counter()
@@ -153,10 +151,7 @@ def find_idle_keys(explored: Explored, by_state: dict[str, dict[str, str]]) -> I
 
 
 def find_lost_keys(explored: Explored) -> Iterator[ExploreFinding]:
-    """Find events of keys, and the participant's cue, that are lost when they come early.
-
-    No rule waits for them yet, but one will after the next thing that happens without a person.
-    """
+    """Find events of keys, and the cue, that are lost when they come early: just before a rule waits for them."""
     for name, key in explored.space.stepper.moves.keys.items():
         if key.function == "raiseEventTopic" and key.keep is None:
             title = f" ({key.title})" if key.title else ""
@@ -247,10 +242,7 @@ def find_missing_values(explored: Explored) -> Iterator[ExploreFinding]:
 
 
 def find_missing_parts(explored: Explored) -> Iterator[ExploreFinding]:
-    """Find acts that need a part of a value that can never exist, given the beginning of the session.
-
-    An index that the study computes stands for any entry.
-    """
+    """Find acts that need a part of a value that the session never has; a computed index stands for any entry."""
     scenario = explored.scenario
     changed = {assignment.key.partition(".")[0] for assignment in assignments_of(scenario)}
     told: set[tuple[str, str]] = set()

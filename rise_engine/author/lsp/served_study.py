@@ -99,9 +99,7 @@ class ServedStudy:
         return list({each.place: each for each in reversed(self.checked.uses.of(use.kind, use.name))}.values())[::-1]
 
     def definitions(self, use: Use) -> list[Use]:
-        """Return the definitions of a name: for the end of an act, the act; for an event, where it is raised or
-        awaited.
-        """
+        """Return the definitions of a name: for an act's end, the act; for an event, where it is raised or awaited."""
         found = [each for each in self.uses_like(use) if each.defines and each.length]
         if not found and use.kind == "event":
             head, _, ending = use.name.rpartition("_")

@@ -56,9 +56,7 @@ class _FileSymbols:
 
 
 def _spans(study: ServedStudy, name: str) -> dict[tuple[str, str], tuple[int, int]]:
-    """Return where acts, rules and states begin and end in a file, so that an editor knows which one contains the
-    cursor.
-    """
+    """Return where acts, rules and states are in a file, so that an editor finds the one at the cursor."""
     try:
         outline = study.state.outline
     except EditRefused:  # the folder cannot be read

@@ -1,8 +1,7 @@
 """Import of a table of texts: its changes become edits, one for each text (docs/reference/languages.md).
 
-The import compares a row with the state that the table was made from (`of`, `check`) and with the study's present
-state. It takes what only the table has changed, leaves what only the study has changed, and refuses each row that both
-changed.
+It compares a row with the state at the export (`of`, `check`) and with the study's present state. It takes what only
+the table has changed, leaves what only the study has changed, and refuses each row that both have changed.
 """
 
 from __future__ import annotations

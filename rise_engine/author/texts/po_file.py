@@ -1,5 +1,4 @@
-"""Tables of texts for gettext's tools (Poedit, Weblate): one file for each language, with stale translations as fuzzy.
-"""
+"""Tables of texts for gettext's tools (Poedit, Weblate): one file a language, with stale translations as fuzzy."""
 
 from __future__ import annotations
 

@@ -16,9 +16,7 @@ MAX_BYTES = 100_000_000
 
 
 def write_xlsx(table: TextTable) -> bytes:
-    """Write the table as a file. :raises ExchangeError: openpyxl is missing, or a text has a character that no cell
-    allows.
-    """
+    """Write the table as a file. :raises ExchangeError: openpyxl is missing, or no cell allows a text's character."""
     openpyxl = _openpyxl()
     book = openpyxl.Workbook()
     sheet = book.active

@@ -96,10 +96,7 @@ def _compared(folders: Sequence[Path], level: ExportLevel, problems: list[str]) 
 
 
 def _judged(folders: Sequence[Path], level: ExportLevel, problems: list[str]) -> Iterator[JudgedSession]:
-    """Yield each readable session with its decisions.
-
-    Only the labels of decisions are shown, so the level concerns only the facts of the session and the people's names.
-    """
+    """Yield each readable session with its decisions, by labels: the level applies to the facts and the people only."""
 
     def note_unreadable(folder: Path, error: SessionError) -> None:
         problems.append(f"{folder} could not be read: {error}")

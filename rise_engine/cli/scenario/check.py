@@ -91,10 +91,7 @@ def _exploration_lines(exploration: Exploration) -> Iterator[str]:
 
 
 def _driver_diagnostics(folder: str, loaded: LoadResult, *, is_real: bool) -> list[Diagnostic]:
-    """Return the driver's diagnostics of the profile.
-
-    A problem that only prevents a real session is a warning in a rehearsal.
-    """
+    """Return the driver's diagnostics of the profile; in a rehearsal, problems of real sessions only are warnings."""
     files = FileReader(robots_folder(folder), Diagnostics())
     found = Diagnostics()
     errors = {each.location.file for each in loaded.errors}

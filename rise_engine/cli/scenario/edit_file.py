@@ -44,8 +44,7 @@ def edit(folder: str, edits: str, dry_run: bool, as_json: bool) -> int:
 
 
 def read_edits(text: str, name: str) -> list[AnyEdit]:
-    """Read the edits of a file: a list, or a single one. Ends the command if the file is not JSON or an edit is
-    invalid.
+    """Read a file's edits, a list or a single one. Ends the command if it is not JSON or an edit is invalid.
 
     :param text: the file's content.
     :param name: its name in messages.

@@ -132,10 +132,7 @@ def serve(
 
 
 def _lines(message: StartupProgress | StartOutcome, scenario_folder: str) -> list[str]:
-    """Format the progress of the start, and finally whether the session is served.
-
-    :param scenario_folder: the scenario's; empty for a study.
-    """
+    """Format the start's progress and outcome; `scenario_folder` is empty for a study."""
     match message:
         case StartupProgress(sentence=sentence):
             return [sentence]

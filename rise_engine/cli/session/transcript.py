@@ -118,10 +118,7 @@ class Output:
     """A sink for records. It writes and flushes every line immediately."""
 
     def __init__(self, *, json: bool) -> None:
-        """Make a sink.
-
-        :param json: JSON lines instead of a transcript.
-        """
+        """:param json: JSON lines instead of a transcript."""
         self.broken = False
         """Whether nothing can be written any more (a closed pipe, a full disk)."""
         self.failure: Exception | None = None

@@ -26,10 +26,7 @@ class UnfinishedSession(NamedTuple):
 
 
 def unfinished_sessions(running: Mapping[str, SessionSummary | None]) -> list[UnfinishedSession]:
-    """Find unfinished sessions, the latest first.
-
-    :param running: those that run, which have not ended either; see `registry.ask_all_summaries`.
-    """
+    """Find unfinished sessions, the latest first, without the `running` ones (`registry.ask_all_summaries`)."""
     recorded = {os.path.realpath(about.folder) for about in running.values() if about is not None and about.folder}
     found: dict[str, UnfinishedSession] = {}
     for folder in find_unfinished():

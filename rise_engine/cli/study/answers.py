@@ -233,10 +233,7 @@ def same_levels(levels: list[Level]) -> list[str]:
 
 @contextmanager
 def meaning(option: str) -> Iterator[None]:
-    """End the command with the reason if an answer within the block is invalid.
-
-    :param option: the source of the answer.
-    """
+    """End the command with the reason if an answer within the block is invalid; `option` is its source."""
     try:
         yield
     except ValueError as error:

@@ -96,9 +96,8 @@ def gather_check_reports(
 ) -> tuple[CheckReport, ...]:
     """Make the checks of a study, one after the other, and write each result to study.jsonl.
 
-    A session that counts cannot begin before every check that blocks has passed or was skipped. After a session, and
-    before one that does not count, nothing is refused: missing checks are only reported. In debug mode no checks are
-    made.
+    A session that counts begins only after every check that blocks has passed or was skipped. After a session, and
+    before one that does not count, missing checks are only reported. In debug mode no checks are made.
 
     :param context: the session.
     :param options: the answers on the command line.

@@ -247,8 +247,7 @@ def _last_text(last: SessionEntry | None) -> str:
 def _cell_rows(state: StudyStatus) -> list[list[str]]:
     """Make the table of cells, without planned numbers if the sizes of strata are unknown.
 
-    For a study with hidden conditions, it has only the strata: somebody who sees how full each cell is can guess the
-    next condition.
+    If conditions are hidden, it has only the strata: the fullness of cells would reveal the next condition.
     """
     cells, hidden = state.standing.cells, state.study.assignment.hidden
     columns = list(cells[0].strata)

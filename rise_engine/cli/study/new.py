@@ -214,10 +214,7 @@ class _Conversation:
         return self.answer(question.question, usual, question.parse)
 
     def answer(self, question: str, usual: str, parse: Callable[[str], _Answer]) -> _Answer:
-        """Ask until the answer is valid, each time with the reason.
-
-        :param usual: what Enter means.
-        """
+        """Ask until the answer is valid, each time with the reason; Enter means `usual`."""
         if not self.asks:
             return parse(usual)
         while True:
@@ -359,10 +356,7 @@ class _Conversation:
 
 
 def _print_filled(text: str, indent: str = "", *, break_on_hyphens: bool = False) -> None:
-    """Print a paragraph as wide as the terminal.
-
-    :param indent: of all lines but the first.
-    """
+    """Print a paragraph as wide as the terminal, with an `indent` from its second line on."""
     width = min(_WIDEST, get_terminal_size().columns - 1)
     print_lines(*fill(text, width, subsequent_indent=indent, break_on_hyphens=break_on_hyphens).split("\n"))
 

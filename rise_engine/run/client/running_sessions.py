@@ -1,5 +1,4 @@
-"""Running sessions outside of this runtime folder: with another RISE_RUNTIME or XDG_RUNTIME_DIR, or on another
-computer.
+"""Running sessions outside of this runtime folder (RISE_RUNTIME or XDG_RUNTIME_DIR), or on another computer.
 
 Their folders show them: the journal is locked, and a file beside it says where the session is reached.
 """
@@ -13,10 +12,9 @@ from rise_engine.session.lock import running_message
 
 
 def all_running_sessions() -> dict[str, SessionSummary | None]:
-    """Return every session that runs on this computer, with its summary.
+    """Return every session on this computer and its summary, by name, or by socket outside of this runtime folder.
 
-    Keys are names for sessions of this runtime folder, and paths of sockets for the others. Raises RegistryError.
-    Blocks up to a second for each session.
+    Raises RegistryError. Blocks up to a second for each.
     """
     summaries = ask_all_summaries()
     ours = {str(socket_path(name).absolute()) for name in summaries}

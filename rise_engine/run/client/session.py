@@ -332,8 +332,7 @@ class Session:
     async def change_control(self, verb: ControlVerb) -> None:
         """Change who has control, as a wizard.
 
-        :param verb: `take` it (whoever has it), `ask` the holder for it, `give` it to the one who asked, or `release`
-            it.
+        :param verb: `take` it (whoever has it), `ask` the holder for it, `give` it to the asker, or `release` it.
         :raises Rejected: with the engine's sentence; always for a `node` or an `observer`.
         """
         reply = await self._client.change_control(verb)

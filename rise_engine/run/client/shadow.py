@@ -66,8 +66,7 @@ _NOT_HERE = Reply(False, "this is a shadow of a session: there is nothing to tak
 
 
 def start_time(folder: Path, text: str) -> float:
-    """Return the session time of `--at`: seconds (`12.5`), or a mark for recordings (`mark`: the first; `mark3`: number
-    3).
+    """Return the session time of `--at`: seconds (`12.5`) or a mark (`mark`: the first one; `mark3`: number 3).
 
     :raises SessionError: there is no such time or mark; the text names the existing ones.
     """

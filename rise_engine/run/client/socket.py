@@ -90,9 +90,7 @@ class SocketClient:
         """Session time, speed, and the time of this process' clock then."""
 
     async def attach(self) -> AttachReply:
-        """Attach as `Client` does. Also raises EngineGone, with the engine's sentence, if the engine refuses this
-        client.
-        """
+        """Attach as `Client` does. Raises EngineGone, with the engine's sentence, also if the engine refuses."""
         await self._disconnect()
         connection = await _ServerConnection.open(self._socket_path())
         try:

@@ -126,10 +126,8 @@ class RealClock:
 
     @property
     def origin(self) -> float:
-        """The loop's clock at session time 0: at `t` it shows `origin + t / speed`.
-
-        For a session that continues, it is the value that would fit if the session had run since then.
-        """
+        """The loop's clock at session time 0: at `t` it shows `origin + t / speed`, as if a recovered session had never
+        stopped."""
         return self._origin
 
     def now(self) -> float:

@@ -76,10 +76,7 @@ class CommandRunner:
             return None
 
     def connect(self, unfinished: Iterable[StartAction] = ()) -> None:
-        """Begin to connect to the robot.
-
-        :param unfinished: actions that an earlier engine may have left running.
-        """
+        """Connect to the robot, which may still do actions left `unfinished` by an earlier engine."""
         goals = [self._with_id(goal) for goal in unfinished]
         robot = self._robot
         if goals and isinstance(robot, RobotWithOpenGoals):
@@ -143,9 +140,7 @@ class CommandRunner:
         self._call_robot("close", lambda: self._robot.close())
 
     def _call_robot(self, what: str, call: Callable[[], None]) -> str:
-        """Call the robot's adapter; return a sentence if it fails or does not support the call, otherwise an empty
-        text.
-        """
+        """Call the robot's adapter; return a sentence if it fails or cannot do that, otherwise an empty text."""
         try:
             call()
         except Exception as error:  # other people's code

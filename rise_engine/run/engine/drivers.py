@@ -1,9 +1,7 @@
-"""The search for a robot's code: drivers in the entry-point group `rise.drivers`, connections in the group
-`rise.bridges`.
+"""The search for a robot's code: drivers in the group `rise.drivers`, connections in the group `rise.bridges`.
 
-Drivers that share a session's connection are bridges. None is imported by name. A profile (data, see
-docs/reference/robots.md) names its driver. In debug mode the driver is always `simulated`, whatever the profile says:
-no robot moves.
+Entry points name them; none is imported by name. A bridge shares a session's connection. A profile (data, see
+docs/reference/robots.md) names its driver. In debug mode the driver is always `simulated`: no robot moves.
 """
 
 from __future__ import annotations
@@ -124,9 +122,9 @@ def profile_findings(profile: RobotProfile) -> list[ProfileFinding]:
 
 
 def load_ros_plugin(group: str) -> Any:
-    """Load a plugin of the ROS 2 bridge from a group of entry points.
+    """Load a plugin of the ROS 2 bridge from a group of entry points. Raises AdapterError.
 
-    BRIDGES has a `BridgeOpener`, DOCTORS an `Examiner`, PARAMETERS a `ParameterReader`. Raises AdapterError.
+    BRIDGES has a `BridgeOpener`, DOCTORS an `Examiner`, PARAMETERS a `ParameterReader`.
     """
     entry = find_plugin(group, ROS_BRIDGE)
     if entry is None:

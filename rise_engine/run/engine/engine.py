@@ -200,7 +200,7 @@ class Engine:
     def stop_before_end(self) -> None:
         """Stop the robot and every rule immediately if anything runs or waits, because the session will end soon.
 
-        Inputs until then find everything stopped. Never call it within a step.
+        Later inputs find everything stopped. Never call it within a step.
         """
         if self._last_record_made or self._end_reason is not None:
             return
@@ -225,9 +225,9 @@ class Engine:
         self._end_if_idle()
 
     def end_now(self, reason: str = "") -> None:
-        """End the session without waiting for the robot any longer.
+        """End the session without waiting for the robot, and record what still runs as lost.
 
-        What still runs is recorded as lost. The last record says what the robot may still be doing.
+        The last record says what the robot may still be doing.
 
         :param reason: why, for the record; an earlier reason given to `end` takes precedence.
         """
@@ -254,7 +254,7 @@ class Engine:
 
     @property
     def kernel(self) -> Kernel:
-        """The state of the session, for observers of a played one. Only inputs change it."""
+        """The session's state, for observers of a played one. Only inputs change it."""
         return self._kernel
 
     @property

@@ -19,13 +19,11 @@ from rise_engine.scenario.model import Scenario
 
 Role: TypeAlias = Literal["wizard", "observer", "node"]
 """wizard: a console that may have control. observer: only watches, but may stop everything and add notes. node: a
-program, which may submit tasks at any time, like a ROS node.
-"""
+program, which may submit tasks at any time, like a ROS node."""
 
 ControlVerb: TypeAlias = Literal["take", "ask", "give", "release"]
-"""A wizard's actions about control: take it (whoever has it), ask the holder for it, give it to the one who asked,
-release it. A wizard who attaches while nobody has control gets it.
-"""
+"""take control (whoever has it), ask the holder for it, give it to the asker, or release it. A wizard who attaches
+while nobody has control gets it."""
 
 ClientInput: TypeAlias = Submit | Note | CheckReport | OutcomeReport | RecordingReport | SyncMark
 """What a client may send. The engine sets the time and the source."""
@@ -43,7 +41,7 @@ class JournalStatus(Struct, frozen=True, tag_field="kind", tag="journaling"):
 
 
 class Heartbeat(Struct, frozen=True, tag_field="kind", tag="pulse"):
-    """Signs of life, about once a second. It comes among the records, and is not a record itself."""
+    """Signs of life, about once a second, among the records; not a record itself."""
 
     robot_seen: float | None = None
     """Session time of the robot's last sign of life; None: its driver does not know."""
@@ -52,9 +50,9 @@ class Heartbeat(Struct, frozen=True, tag_field="kind", tag="pulse"):
 
 
 class ShadowStatus(Struct, frozen=True):
-    """The state of a shadow (`run.client.shadow`).
+    """The state of a shadow (`run.client.shadow`), among the records whenever it changes.
 
-    It comes among the records whenever it changes. It is not a record itself, and is never sent over a socket.
+    It is not a record itself, and is never sent over a socket.
     """
 
     paused: bool
@@ -81,9 +79,8 @@ class AttachReply(Struct, frozen=True):
     view: SessionView
     """The state at `view.seq`; the next record has the next number."""
     you: str = ""
-    """The session's name for this client: `wizard:anna`; a second Anna is `wizard:anna#2`. `view.control` names the one
-    who has control.
-    """
+    """The session's name for this client: `wizard:anna`, or `wizard:anna#2` for a second Anna. `view.control` names the
+    holder of control."""
     role: Role = "wizard"
     folder: str = ""
     """The session's folder; empty if nothing is stored."""
@@ -96,17 +93,16 @@ class AttachReply(Struct, frozen=True):
     """Session seconds in a second."""
     origin: float | None = None
     """This computer's monotonic clock (`time.monotonic()`) at session time 0: at `t` it shows `origin + t / speed`, in
-    every process. For a recovered session it is valid from the recovery on. None: unknown.
-    """
+    every process. For a recovered session it is valid from the recovery on. None: unknown."""
 
     @property
     def is_recorded(self) -> bool:
-        """Whether what is shown has happened already, and no robot is there."""
+        """Whether everything shown has happened already, without a robot."""
         return self.replay or self.shadow
 
     @property
     def recorded_as(self) -> str:
-        """What it is then, in a word."""
+        """The kind of recorded session, in a word."""
         return "shadow" if self.shadow else "replay"
 
 
@@ -201,8 +197,7 @@ class Client(Protocol):
         ...
 
     def now(self) -> float:
-        """Return the session's time in seconds, as precisely as this client knows it; for running clocks on the screen.
-        """
+        """Return the session's time in seconds, as well as this client knows it, for running clocks on the screen."""
         ...
 
     async def close(self, *, end_session: bool = False) -> None:

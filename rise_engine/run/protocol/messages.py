@@ -153,8 +153,7 @@ class HelloMessage(Struct, tag_field="type", tag="hello", frozen=True):
     """How many tasks the state has."""
     origin: float | None = None
     """This computer's monotonic clock at session time 0, in seconds: at `t` it shows `origin + t / speed`. For a
-    recovered session it is valid from the recovery on. Null: the session's time is virtual.
-    """
+    recovered session it is valid from the recovery on. Null: the session's time is virtual."""
 
 
 class ScenarioMessage(Struct, tag_field="type", tag="scenario", frozen=True):
@@ -268,9 +267,7 @@ ServerMessage: TypeAlias = (
 
 @cache
 def _decoder(kind: Any) -> msgspec.json.Decoder[Any]:
-    """Return a decoder, made at its first use: that takes milliseconds, and each side reads only what the other one
-    writes.
-    """
+    """Make a decoder at its first use: that takes milliseconds, and each side reads only what the other writes."""
     return msgspec.json.Decoder(kind)
 
 
@@ -301,8 +298,7 @@ def without_tasks(view: SessionView) -> ViewWithoutTasks:
 
 
 def with_tasks(state: ViewWithoutTasks, tasks: Iterable[TaskView]) -> SessionView:
-    """Restore the view that `without_tasks` split. The last task of an act is again the same object as among the tasks.
-    """
+    """Restore the view from `without_tasks`. An act's last task is again the same object as among the tasks."""
     view = SessionView(tasks={task.id: task for task in sorted(tasks, key=lambda task: task.id)})
     for name in ViewWithoutTasks.__struct_fields__:
         setattr(view, name, getattr(state, name))

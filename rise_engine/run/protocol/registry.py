@@ -64,9 +64,7 @@ def runtime_folder() -> Path:
 
 
 def session_name(folder: str | os.PathLike[str]) -> str:
-    """Return the name of a scenario folder's session: the folder's own name, and six hexadecimal digits of its path's
-    hash.
-    """
+    """Return the name of a scenario folder's session: the folder's own name, and six digits of its path's hash."""
     real = os.path.realpath(folder)
     plain = unicodedata.normalize("NFKD", os.path.basename(real)).encode("ascii", "ignore").decode()  # noqa: PTH119
     slug = re.sub(r"[^a-z0-9]+", "-", plain.lower()).strip("-")[:32].strip("-") or "scenario"
@@ -162,8 +160,7 @@ def running_names() -> list[str]:
 
 
 def find_running(name: str) -> str:
-    """Find a running session by its whole name, by the part before the six digits, or by the path of its socket in any
-    folder.
+    """Find a running session by its name, with or without the six digits, or by its socket's path in any folder.
 
     Raises RegistryError if there is none, or more than one.
     """

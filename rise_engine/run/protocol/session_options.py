@@ -11,8 +11,7 @@ from rise_engine.run.protocol.task_file import TimedTask
 
 
 class SessionOptions(Struct, frozen=True):
-    """What to run; None and empty: as the scenario says. A session that continues keeps its own options, except its
-    folder.
+    """What to run; None and empty: as the scenario says. A continued session keeps its own options except its folder.
     """
 
     folder: str
@@ -46,9 +45,8 @@ class SessionOptions(Struct, frozen=True):
     """The name of the socket; None: made from the folder's path, so that a folder has one session at a time."""
     unfinished: str = "ask"
     """What to do if an earlier session of the folder did not end: ask (refuse and report it), new, recover (the
-    latest), or the path of the session to recover. With a participant or a condition, only their own session is
-    recovered.
-    """
+    latest),
+    or the path of the session to recover. With a participant or a condition, only their own is recovered."""
     from_other_computer: bool = False
     """Whether to continue a session that another computer had last, on a file system that does not share its locks."""
     study: str = ""
@@ -63,8 +61,6 @@ class SessionOptions(Struct, frozen=True):
     checks: tuple[CheckReport, ...] = ()
     """Results of the study's checks: the first inputs after the start."""
     language: str = ""
-    """The language of what the robot says, by BCP 47, one that the scenario has translations into; empty: that of the
-    acts, or the study's.
-    """
+    """The robot's spoken language, by BCP 47, one with translations; empty: that of the acts, or the study's."""
     allow_untranslated: bool = False
     """Whether texts without a translation are said as the acts have them."""

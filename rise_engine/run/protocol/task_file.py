@@ -68,10 +68,7 @@ class TaskFileReader:
     """A reader of a task file, line by line as it comes."""
 
     def __init__(self, file: str, *, as_it_comes: bool = True) -> None:
-        """Make a reader.
-
-        :param as_it_comes: whether the session runs already, so that lines about the whole of it come too late.
-        """
+        """:param as_it_comes: whether the session runs already, too late for lines about the whole of it."""
         self.file = file
         self.faults: list[str] = []
         self.seed: int | None = None

@@ -38,9 +38,7 @@ class SessionMark(Struct, frozen=True):
     """Maximum error of that in seconds."""
     medium: str = "sound"
     part: int = 0
-    """How many interruptions of the session came before it: a camera went on during them, but the session's clock did
-    not.
-    """
+    """Earlier interruptions of the session, which a camera's clock counts and the session's does not."""
 
 
 class HeardMark(Struct, frozen=True):

@@ -1,5 +1,4 @@
-"""The markers of a running session for a stream, each with the exact time at which it happened, not the time of
-sending.
+"""The markers of a running session for a stream, each with the exact time at which it happened.
 
 The feed is an observer of the session. Markers wait for the first consumer, so that a recorder that starts a little
 late loses nothing; the session never waits. The payload `short` describes what happened, in names of the scenario
@@ -65,8 +64,7 @@ class MarkerOutlet(Protocol):
     def send(self, text: str, at: float) -> None:
         """Send one marker.
 
-        :param at: when it happened, possibly long ago, on this computer's monotonic clock (`time.monotonic()`), in
-            seconds.
+        :param at: when it happened, perhaps long ago, in seconds of `time.monotonic()` on this computer.
         """
 
     def has_consumers(self) -> bool:
@@ -171,9 +169,7 @@ class MarkerFeed:
             _LOG.warning("whole records go out in clear text: all that is said, but for private keys, notes and names")
 
     async def _make_words(self, session: Session) -> Callable[[AnyRecord], Iterable[str]]:
-        """Return the function that turns records into markers. Raises AdapterError if private values cannot be
-        determined.
-        """
+        """Return the function that makes markers. Raises AdapterError if it cannot know which values are private."""
         private = PrivateValues(session.scenario)
         folder = Path(session.attach_reply.folder) if session.attach_reply.folder else None
         study = study_of_session(folder) if folder is not None else None
@@ -234,10 +230,7 @@ class MarkerFeed:
 
 
 def session_facts(session: Session) -> SessionFacts:
-    """Collect a running session's facts for a stream.
-
-    The session's whole name is included: today's date is no secret to a live listener.
-    """
+    """Collect a session's facts for a stream, with its whole name: today's date is no secret to a live listener."""
     reply, about = session.attach_reply, session.view.session
     return SessionFacts(
         session=Path(reply.folder).name if reply.folder else "",

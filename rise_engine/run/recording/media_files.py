@@ -1,8 +1,7 @@
-"""Facts about a recording and its sound: from ffmpeg and ffprobe if they are installed, otherwise as far as Python
-knows.
+"""Facts about a recording and its sound, from ffmpeg and ffprobe if installed, otherwise as far as Python knows.
 
-It finds marks in the sound of a file by cross-correlation with the sweeps. It works in blocks, so that a file of two
-hours takes no more memory than one of a minute. It needs numpy (extra `sync`).
+It finds marks in a file's sound by cross-correlation with the sweeps, in blocks, so that a file of two hours takes no
+more memory than one of a minute. It needs numpy (extra `sync`).
 
 At each moment, the sound of the last half second, from 0.8 to 4.2 kHz, is compared with a sweep. The result is a
 correlation coefficient between 0 and 1, whatever the loudness. A mark as loud as the noise around it gets 0.7, one with
@@ -87,10 +86,9 @@ def find_marks(blocks: Iterable[Samples], rate: int) -> list[HeardMark]:
 
 
 def _overlapping(numpy: Any, blocks: Iterable[Samples], length: int) -> Iterator[tuple[int, Samples]]:
-    """Cut the sound into blocks of one size, each with the index of its first sample.
+    """Cut the sound into overlapping blocks of one size, each with the index of its first sample.
 
-    The last samples of a block are the first of the next, so that no mark is cut in two. The file's end is filled with
-    silence.
+    The overlap keeps every mark whole. The file's end is filled with silence.
     """
     buffer = numpy.zeros(_BLOCK, dtype=numpy.float32)
     filled = start = 0

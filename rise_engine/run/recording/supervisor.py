@@ -138,11 +138,8 @@ OWN_FOLDER = "recordings"
 START_MARK_SECONDS, END_MARK_SECONDS = 8.0, 3.0
 """Time limit of a mark."""
 TAIL_SECONDS = {"sound": 2.5, "flash": 1.0}
-"""How long recording continues after the last mark, so that the files contain it.
-
-ffmpeg's sound input from PulseAudio holds two seconds back (measured: a film's sound ended 1.9 s before its picture),
-and a flash must still be drawn.
-"""
+"""How long recording continues after the last mark, so that the files contain it: ffmpeg's sound input from PulseAudio
+holds two seconds back (measured: a film's sound ended 1.9 s before its picture), and a flash must still be drawn."""
 START_SECONDS = 10.0
 """How long the first mark waits until everything records."""
 

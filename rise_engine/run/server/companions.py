@@ -92,13 +92,12 @@ class Companions:
     async def finish_recorders(self) -> None:
         """Let the recorders finish and exit, before the session ends.
 
-        Returns after `finish_seconds` at the latest, plus twice GRACE_SECONDS and LEFT_SECONDS for processes that must
-        be ended.
+        It takes `finish_seconds` at most, and twice GRACE_SECONDS and LEFT_SECONDS for what must be ended.
         """
         await self._finish([(each, task) for each, task in self._pairs() if each.request.kind == "recorders"])
 
     async def finish(self) -> None:
-        """Let all remaining companions finish and exit, after the session's end, which outlets have seen and pass on.
+        """Let all other companions finish and exit, after outlets have seen the session's end and passed it on.
 
         The limits are the same (an outlet's is OUTLET_SECONDS).
         """
@@ -203,10 +202,10 @@ class _Companion:
                 task.cancel()
 
     async def _follow_signs(self, process: Process) -> Literal["gone", "silent"]:
-        """Wait until the companion has gone or has given no sign of life for too long.
+        """Wait until the companion has gone (its output ends, unless a child holds that open) or is silent for too
+        long.
 
-        It has gone when its output ends (unless a child holds that open). Silence is counted in steps, so that a pause
-        of this process or of the computer does not count.
+        Silence is counted in steps, so that a pause of this process or of the computer does not count.
         """
         assert process.stdout is not None
         step = min(GRACE_SECONDS, self.silent_seconds)
@@ -262,7 +261,7 @@ async def _end(process: Process) -> None:
 async def _exit_status(process: Process) -> int | None:
     """Return the exit status as soon as there is one; None after GRACE_SECONDS.
 
-    On some versions of Python, `Process.wait` would also wait for other processes that hold its pipes open.
+    On some versions of Python, `Process.wait` would also wait for other holders of its pipes.
     """
     for _ in range(round(GRACE_SECONDS / 0.02)):
         if process.returncode is not None:
@@ -272,9 +271,9 @@ async def _exit_status(process: Process) -> int | None:
 
 
 async def _end_group(group: int) -> None:
-    """End what a dead companion has left running (a camera's program).
+    """End what a dead companion has left running (a camera's program): SIGINT lets it complete its file.
 
-    SIGINT lets it complete its file; SIGKILL makes sure that it records nobody any longer.
+    SIGKILL makes sure that it records nobody any longer.
     """
     with suppress(ProcessLookupError, PermissionError):
         os.killpg(group, signal.SIGINT)

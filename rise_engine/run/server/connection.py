@@ -47,9 +47,7 @@ class ConnectionOwner(Protocol):
         ...
 
     def line_arrived(self, connection: ClientConnection, *, urgent: bool) -> None:
-        """Handle a connection's first waiting line; `take_line` returns it. Nothing more is read until all lines are
-        taken.
-        """
+        """Handle the first waiting line (`take_line` returns it). Nothing more is read until all lines are taken."""
         ...
 
     def connection_closed(self, connection: ClientConnection) -> None:
@@ -172,15 +170,13 @@ class ClientConnection(asyncio.Protocol):
         return self._full_since is not None and self._loop.time() > self._full_since + STALL_SECONDS
 
     def send_state(self, pieces: Iterator[bytes]) -> None:
-        """Send these pieces first, a few in a turn of the loop, each made when it can leave. Nothing was sent before.
-        """
+        """Send these first, a few in a turn of the loop, each made when it can leave. Nothing was sent before."""
         self._state = pieces
         self._backlog = ARRIVAL_BACKLOG
         self._send_waiting()
 
     def send(self, pieces: Iterable[bytes]) -> None:
-        """Send pieces, none longer than PIECE, as soon as the client takes them. A client that is too far behind is
-        cut.
+        """Send pieces, none longer than PIECE, as soon as the client takes them; cut a client that is too far behind.
         """
         if self.closing or self._transport.is_closing():
             return

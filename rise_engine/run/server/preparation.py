@@ -139,8 +139,7 @@ class SessionPreparation:
         return theirs[0] if theirs else None
 
     def _refuse_if_running(self, scenario_folder: str) -> None:
-        """Allow only one session of a scenario at a time, in whatever environment its engine runs, unless it has its
-        own name.
+        """Refuse a second session of a scenario, whatever its engine's environment, unless it has its own socket name.
         """
         if self.options.socket_name is not None:
             return

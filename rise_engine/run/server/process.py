@@ -1,8 +1,7 @@
 """`rise-engine serve`: one session in its own process, which survives its consoles.
 
-`SessionPreparation` determines what is run. The process runs its engine and listens on the session's socket until it
-has ended. SIGTERM and SIGINT stop the robot and end the session in order. SIGHUP, which a lost terminal sends, is
-ignored.
+`SessionPreparation` decides what is run. The process runs its engine and listens on the session's socket to its end.
+SIGTERM and SIGINT stop the robot and end the session in order; SIGHUP, which a lost terminal sends, is ignored.
 """
 
 from __future__ import annotations

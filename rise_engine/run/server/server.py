@@ -118,9 +118,7 @@ class SessionServer:
         self._heartbeat = self._loop.call_later(HEARTBEAT_SECONDS, self._on_heartbeat)
 
     async def close(self) -> None:
-        """Announce the end of the session, if it is over, and end all connections. Waits a moment for clients that
-        read.
-        """
+        """Announce the session's end, if it is over, and end all connections. Waits a moment for clients that read."""
         if self._server is None:
             return
         self._server.close()

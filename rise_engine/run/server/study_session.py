@@ -1,12 +1,8 @@
 """A session of a study from its options to its entries in the study's log.
 
-The writes are in this order, under the log's lock. An interruption between two of them leaves a known state:
-
-- `taken`: the participant has a row and has had no session yet; they get the same row again.
-- The session's folder: it is empty, and passed over.
-- The session's journal.
-- `session`: the folder has the same facts; whoever opens the study next writes the entry.
-- `outcome`, at the end: the journal has it too.
+It writes in this order, under the log's lock; a kill after a write leaves a known state. After `taken`, the participant
+gets the same row again. A session's folder in which nothing has happened is passed over. The journal follows. Then
+`session` and, at the end, `outcome`: the folder and the journal say the same, and the study's next opening writes them.
 """
 
 from __future__ import annotations
@@ -149,9 +145,7 @@ class StudyPreparation:
             raise ServeRefused(exit_status.REFUSED, *error.lines) from None
 
     def _raise_running(self, state: StudyStatus, *sentences: str) -> None:
-        """Refuse because a session runs; only the participant's own session is named with its socket, for a console to
-        attach.
-        """
+        """Refuse because a session runs; name only the participant's own with its socket, for a console to attach."""
         participant = self.options.participant
         running = next((each for each in state.sessions if each.entry.status == "running"), None)
         if running is None:
@@ -261,9 +255,7 @@ class StudyPreparation:
         return [each for each in reports if each.id not in view.checks]
 
     def note_ended(self) -> None:
-        """Write the outcome after the journal is closed.
-
-        If that fails, whoever opens the study next finds it in the journal.
+        """Write the outcome after the journal is closed, or leave it to the study's next opening, which finds it there.
         """
         try:
             with OpenStudy(self.folder):

@@ -19,9 +19,7 @@ MOST_ERRORS = 3
 
 
 class ScenarioTakeover:
-    """The transfer of changed files: it reads them, copies them into the session's folder, and passes them to the
-    engine.
-    """
+    """The transfer of changed files: it reads and copies them, and passes them to the engine."""
 
     def __init__(self, engine: Engine, folder: Path, paths: dict[str, str], taken_over: Callable[[], object]) -> None:
         """:param engine: the session's.
