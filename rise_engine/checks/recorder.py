@@ -1,4 +1,6 @@
-"""The check of recorders, so that none reports recording but writes nothing: three seconds, in which files must grow.
+"""The check of recorders: each records for three seconds, and its file must grow.
+
+Otherwise nobody would notice in time that a recorder reports recording but writes nothing.
 """
 
 from __future__ import annotations
@@ -102,8 +104,7 @@ async def _watch(recorder: Recorder) -> tuple[RecorderStatus, RecorderStatus]:
 
 
 async def _growth(first: RecorderStatus, last: RecorderStatus, path: str) -> float:
-    """Measure a recording's growth in bytes or seconds, also after its end; without any measure, it counts as growing.
-    """
+    """Measure a recording's growth in bytes or seconds, also after its end; without a measure, it counts as growing."""
     whole = await asyncio.to_thread(recording_size, path)
     if first.bytes is not None:
         return max(whole or 0, last.bytes or 0) - first.bytes

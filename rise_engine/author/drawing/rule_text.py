@@ -149,8 +149,7 @@ def find_what_to_start(scenario: Scenario, topic: str) -> str | None:
 
 
 def awaited_ends(transition: Transition) -> tuple[str, ...]:
-    """Return the endings that a transition waits for at the end of its rule's own act: `_end`, or those that it names.
-    """
+    """Return the endings that a transition awaits from its rule's own act: `_end`, or those that it names."""
     return tuple(f"_{outcome}" for outcome in transition.outcomes) or ("_end",)
 
 

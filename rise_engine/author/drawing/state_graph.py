@@ -119,8 +119,7 @@ def _onward_states(source: str, ways: Ways, loops: set[tuple[str, str]], among: 
 def _explore(
     roots: Iterable[str], ways: Ways, known: frozenset[str]
 ) -> tuple[list[str], set[tuple[str, str]], list[str]]:
-    """Search depth first, first transitions first: return the entries, the transitions that close a loop, the states.
-    """
+    """Search depth first, first transitions first: return the entries, the transitions closing a loop, the states."""
     entries: list[str] = []
     loops: set[tuple[str, str]] = set()
     found: list[str] = []

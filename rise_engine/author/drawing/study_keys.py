@@ -151,8 +151,7 @@ class StudyKeys:
         }
 
     def _possible_keys(self, rule: str, transition: Transition, started: set[str]) -> Iterator[KeyBinding]:
-        """Yield the keys that could make this rule take this transition; `started`: acts that rules start themselves.
-        """
+        """Yield the keys that could make this rule take this transition; `started`: acts that rules start."""
         if transition.event is not None:
             raising = self.keys_raising(transition.event)
             yield from (key for key in raising if key.function != RULE or key.behavior != rule)

@@ -401,8 +401,7 @@ class AddLanguage(Edit, frozen=True):
 
 
 class Rename(Edit, frozen=True):
-    """A new name everywhere: files of acts and rules, conditions, templates, keys, settings, task files, translations.
-    """
+    """A new name everywhere: in acts, rules, conditions, templates, keys, settings, task files, translations."""
 
     kind: NameKind
     old: str

@@ -54,8 +54,7 @@ class WrittenValue(Written, frozen=True):
     text: str
     """As it is read: without entities, CDATA and the blanks around it."""
     parameter: str = ""
-    """In the result of a template: the parameter of the `<use>` that is the whole value; `SetUseParameter` changes it.
-    """
+    """In the result of a template: the `<use>` parameter that is the whole value; `SetUseParameter` changes it."""
 
 
 class WrittenCall(Written, frozen=True):

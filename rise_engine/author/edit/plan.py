@@ -90,8 +90,7 @@ class StudyState(Struct, frozen=True, dict=True):
     folder: Path
     """The folder of the study. Planning reads nothing of it except where links lead."""
     above: Files = {}
-    """The study.toml of a folder above, by its path (`read_study_above`): its names are known, and it is not changed.
-    """
+    """The study.toml of a folder above, by its path (`read_study_above`): its names are known, but not changed."""
 
     @cached_property
     def outline(self) -> Outline:

@@ -54,8 +54,7 @@ _BRANCHES = ("else", "elseif")
 
 
 def call_attributes(call: CallForm) -> dict[str, str | None]:
-    """Return the attributes of a function. :raises EditRefused: an attribute does not fit the function, or is missing.
-    """
+    """Return the attributes of a function. :raises EditRefused: one does not fit the function, or is missing."""
     argument = call.argument.strip()
     if not argument or (call.function == "raiseEventTopic" and not normal_topic(argument)):
         raise EditRefused(f"`{call.function}` needs to know what; name it")

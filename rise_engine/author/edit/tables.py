@@ -93,8 +93,7 @@ def _table_files(files: Files) -> dict[str, str]:
 
 
 def plan_set_cell(edit: SetCell, study: StudyState) -> Plan:
-    """Plan a value of a table. :raises EditRefused: there is no such table, row or column, or the row would be empty.
-    """
+    """Plan a value of a table. :raises EditRefused: its table, row or column is unknown, or the row would be empty."""
     table = _read(edit.table, study.files)
     at, row = table.column(edit.column), table.row(edit.row)
     value = _value(edit.value)
@@ -116,8 +115,7 @@ def plan_set_cell(edit: SetCell, study: StudyState) -> Plan:
 
 
 def plan_add_row(edit: AddRow, study: StudyState) -> Plan:
-    """Plan a new row, empty in columns that are not given. :raises EditRefused: a column is unknown, or all are empty.
-    """
+    """Plan a new row, empty where no value is given. :raises EditRefused: a column is unknown, or all are empty."""
     table = _read(edit.table, study.files)
     given = {table.column(name): _value(value) for name, value in edit.values.items()}
     values = [given.get(at, "") for at in range(len(table.columns))]

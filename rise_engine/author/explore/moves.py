@@ -62,8 +62,7 @@ class Possibility(NamedTuple):
     move: Move
     input: AnyInput
     clock: int = 0
-    """The clock that decides when, from 1: first those of acts, then those of countdowns; 0: it can come at any time.
-    """
+    """The clock that decides when, from 1: those of acts, then those of countdowns; 0: it can come at any time."""
     least: int = 0
     """What the clock shows then at least, in ms, and at most."""
     most: int = 0

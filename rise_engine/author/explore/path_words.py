@@ -201,7 +201,7 @@ def _other_text(record: AnyRecord, *, by_chance: bool) -> Iterator[str]:
     said = words_of(record).sentence
     match record:
         case FailureRecord(status="asked" | "waiting" | "repeated" | "dropped"):
-            comes = words_of(replace(record, reason="")).text.removeprefix("failed, and ")  # the reason is already there
+            comes = words_of(replace(record, reason="")).text.removeprefix("failed, and ")  # it says why already
             yield comes if record.status in ("asked", "dropped") else f"{record.act} {comes}"
         case KeptRecord(status="kept" | "taken"):
             yield said

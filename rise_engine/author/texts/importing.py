@@ -93,7 +93,7 @@ class _Importer:
             else:
                 self.seen[id] = row.line
                 self._read_row(row, id)
-        edits = (*self.edits, *self._new_columns(), *self.translated)  # translations go last: they translate what the act says then
+        edits = (*self.edits, *self._new_columns(), *self.translated)  # of the new originals
         return TextImport(edits, tuple(self.refused), tuple(self._notices()), len(self.seen))
 
     def _new_columns(self) -> Iterator[AnyEdit]:

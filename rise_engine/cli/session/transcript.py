@@ -70,7 +70,7 @@ class Transcript:
                 words = words_of(record, took=record.t - action.since if action is not None and ended else None)
                 return words._replace(kind=f"  {words.kind}", subject=words.subject or record.action)
             case FailureRecord(status="asked" | "waiting"):
-                words = words_of(replace(record, reason=""), sources=True)  # the act's own record has just given the reason
+                words = words_of(replace(record, reason=""), sources=True)  # the act's record has just said why
                 answers = f"repeatAct {record.task}, goOn {record.task} or stopRuleOfAct {record.task}"
                 return words._replace(text=f"{words.text}; answers: {answers}")
             case _:

@@ -233,7 +233,7 @@ def _participant_row(standing: ParticipantStanding, strata: Sequence[str]) -> li
         "" if standing.slot is None else str(standing.slot),
         f"{done} of {standing.runs}",
         _last_text(last),
-        standing.why if standing.state not in ("running", "unfinished", "to-judge") else "",  # the last session shows it
+        standing.why if standing.state not in ("running", "unfinished", "to-judge") else "",  # the last session has it
     ]
 
 

@@ -36,9 +36,9 @@ T = TypeVar("T")
 class Session:
     """A session that this program is attached to, as `async with connect(...) as session`.
 
-    Every method that asks for something returns when the session has taken it (and it is on the disk), and raises
-    Rejected when it has not. All raise LinkLost when this connection was cut (attach again), and EngineGone when the
-    session is over. What came of an accepted task at once is in `view` when its method returns.
+    Every method with a request returns when the session has accepted it (and it is on the disk), and raises Rejected
+    otherwise. All raise LinkLost if this connection was cut (attach again), and EngineGone if the session is over.
+    When a method returns, the immediate effects of its task are in `view`.
 
         import asyncio
         from rise_engine.run.client import Rejected, connect

@@ -281,7 +281,7 @@ class _ServerConnection:
         began = time.monotonic()
         try:
             while True:
-                if time.monotonic() - began > SLICE_SECONDS:  # much came at once: give other tasks of the loop their turn
+                if time.monotonic() - began > SLICE_SECONDS:  # much came at once: others get their turn
                     await asyncio.sleep(0)
                     began = time.monotonic()
                 message = await self._read_message()

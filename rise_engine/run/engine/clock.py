@@ -126,8 +126,7 @@ class RealClock:
 
     @property
     def origin(self) -> float:
-        """The loop's clock at session time 0: at `t` it shows `origin + t / speed`, as if a recovered session had never
-        stopped."""
+        """The loop's clock at session time 0: it shows `origin + t / speed` at `t`, for a recovered session too."""
         return self._origin
 
     def now(self) -> float:

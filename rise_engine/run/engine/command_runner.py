@@ -69,7 +69,7 @@ class CommandRunner:
 
     @property
     def robot_seen(self) -> float | None:
-        """Session time of the robot's last sign of life; None when its driver does not know, or has failed."""
+        """Session time of the robot's last sign of life; None if its driver does not know, or has failed."""
         try:
             return self._robot.last_seen()
         except Exception:  # other people's adapter, perhaps older than this method

@@ -259,7 +259,7 @@ class Engine:
 
     @property
     def holding_goals(self) -> tuple[OpenGoal, ...]:
-        """What the robot may still be doing of actions that have ended, and can be asked to stop."""
+        """What the robot may still be doing for ended actions, and can be asked to stop."""
         return self._kernel.holding_goals
 
     @property
@@ -269,7 +269,7 @@ class Engine:
 
     @property
     def idle(self) -> bool:
-        """Whether nothing will happen without an input: nothing runs and no timer is set. Waiting rules do not count.
+        """Whether nothing will happen without an input: nothing runs and no timer is set; waiting rules do not count.
         """
         return not (self._kernel.is_busy or self._commands.has_timers or self._queue or self._unrecorded_steps)
 
@@ -477,8 +477,7 @@ class Engine:
                     self.post(Note(text=f"an output failed and gets no more records: {error_text(error)}"))
 
     def _carry_out_before_recording(self, command: Command) -> None:
-        """Carry out a command that needs no record first. An action that is cancelled before it went out never starts.
-        """
+        """Carry out a command that needs no record first. An action cancelled before it went out never starts."""
         if isinstance(command, CancelAction):
             for step in self._unrecorded_steps:
                 for start in step.starts:

@@ -130,7 +130,7 @@ class Rejected(RiseError):
 class Client(Protocol):
     """One connection to one engine. All methods belong to the client's loop.
 
-    Programs have it easier with `rise_engine.run.client.connect`; who wants the batches and replies themselves:
+    `rise_engine.run.client.connect` is easier for programs. This example handles the batches and replies itself:
 
         import asyncio
         from rise_engine.run.client.socket import SocketClient

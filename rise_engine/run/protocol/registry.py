@@ -1,11 +1,11 @@
-"""Where sessions are reached: a folder of the user's own, with a socket and a lock for each running session.
+"""The registry of running sessions: a folder of the user's own, with a socket and a lock for each of them.
 
     $RISE_RUNTIME, or $XDG_RUNTIME_DIR/rise-tui, or /tmp/rise-tui-<uid>      0700
         lablinking-3f09ac.sock                                              0600
         lablinking-3f09ac.lock      held by the engine's process as long as it lives
 
-A lock is the operating system's (flock): it goes with the process, however that ends. So a session runs exactly when
-its lock is held, and a socket without one is left over from an engine that was killed.
+The locks belong to the operating system (flock) and end with the process, however it ends. So a session runs exactly
+when its lock is held, and a socket without a held lock is left over from an engine that was killed.
 """
 
 from __future__ import annotations

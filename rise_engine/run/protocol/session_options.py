@@ -11,8 +11,7 @@ from rise_engine.run.protocol.task_file import TimedTask
 
 
 class SessionOptions(Struct, frozen=True):
-    """What to run; None and empty: as the scenario says. A continued session keeps its own options except its folder.
-    """
+    """What to run; None and empty: as the scenario says. A continued session keeps its options except its folder."""
 
     folder: str
     """The scenario's; empty with a study, which sets it."""
@@ -50,8 +49,7 @@ class SessionOptions(Struct, frozen=True):
     from_other_computer: bool = False
     """Whether to continue a session that another computer had last, on a file system that does not share its locks."""
     study: str = ""
-    """The study's folder; empty: the session belongs to no study. Its plan sets scenario, condition, memory and seed.
-    """
+    """The study's folder; empty: none. The study's plan sets scenario, condition, memory and seed."""
     run: int = 0
     """Which of the participant's runs; 0: the next."""
     purpose: Purpose = "counted"

@@ -176,7 +176,7 @@ class MarkerFeed:
         tells = LevelFilter("shared", private, wizard_names(study))
         words = live_words(session.scenario, lambda name: str(private.hide_value(name)))
         words.skip_to(session.view)  # before the first await: the view continues, and later records still come
-        if session.view.seq and (self._plan.payload == "json" or private.keys):  # values that were private before are still private
+        if session.view.seq and (self._plan.payload == "json" or private.keys):  # old private values still count
             tells.note(await asyncio.to_thread(_records_before, folder))
         if self._plan.payload == "json":
 

@@ -127,8 +127,7 @@ def _time_of(session: MarkSession, number: int, played: _Played) -> GivenMark:
 
 
 async def _play_with_one_of(commands: Sequence[Sequence[str]], number: int) -> tuple[str, _Played | None]:
-    """Play the mark with the first program that can; return its name and result, or those of the last one that failed.
-    """
+    """Play the mark with the first program that can; return its name and result, or those of the last failure."""
     deadline = monotonic() + PLAY_SECONDS
     name, played = "", None
     with tempfile.TemporaryDirectory(prefix="rise-mark-") as folder:  # readable only by its owner

@@ -128,8 +128,7 @@ class _Matcher:
         return numpy.conj(numpy.fft.rfft(tone)) * self._band
 
     def best_matches(self, start: int, block: Samples) -> Iterator[tuple[float, float, Sweep]]:
-        """Yield the best match of each sweep in each piece of the block: its quality, and where in the file it begins.
-        """
+        """Yield each sweep's best match in each piece of the block: its quality, and where in the file it begins."""
         numpy = self._numpy
         spectrum = numpy.fft.rfft(block)
         heard = numpy.fft.irfft(spectrum * self._band, _BLOCK).astype(numpy.float64)

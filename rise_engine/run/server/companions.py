@@ -202,8 +202,7 @@ class _Companion:
                 task.cancel()
 
     async def _follow_signs(self, process: Process) -> Literal["gone", "silent"]:
-        """Wait until the companion has gone (its output ends, unless a child holds that open) or is silent for too
-        long.
+        """Wait until the companion is silent for too long, or has gone: its output ends, unless a child holds it open.
 
         Silence is counted in steps, so that a pause of this process or of the computer does not count.
         """

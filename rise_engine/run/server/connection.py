@@ -176,8 +176,7 @@ class ClientConnection(asyncio.Protocol):
         self._send_waiting()
 
     def send(self, pieces: Iterable[bytes]) -> None:
-        """Send pieces, none longer than PIECE, as soon as the client takes them; cut a client that is too far behind.
-        """
+        """Send pieces, none longer than PIECE, as soon as the client takes them; cut one that is too far behind."""
         if self.closing or self._transport.is_closing():
             return
         if self.waiting > self._backlog:

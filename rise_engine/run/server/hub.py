@@ -89,8 +89,7 @@ class SessionHub:
         return [tasks[id] for id in sorted(self._changing_tasks) if id in tasks]
 
     def all_tasks(self) -> list[TaskView]:
-        """Return the view's tasks, made once until there is a new task: copying the whole view takes ten times as long.
-        """
+        """Return the view's tasks, made once until there is a new one: copying the view takes ten times as long."""
         if self._all_tasks is None:
             self._all_tasks = list(self.view.tasks.values())
         return self._all_tasks
@@ -250,8 +249,10 @@ class SessionHub:
         return f"you do not hold control: {self._holder_sentence()}"
 
     def _why_not_judge(self, client: AttachedClient, what: str) -> str:
-        """Return why a client may not decide about the session, as its holder, a program, or any wizard without a
-        holder may."""
+        """Return why a client may not decide about the whole session; empty: it may.
+
+        The wizard who has control may, programs may, and any wizard may while nobody has control.
+        """
         if client.role == "observer":
             return f"an observer cannot {what}"
         if client.role == "wizard" and self._holder not in (None, client):

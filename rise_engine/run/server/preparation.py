@@ -139,8 +139,7 @@ class SessionPreparation:
         return theirs[0] if theirs else None
 
     def _refuse_if_running(self, scenario_folder: str) -> None:
-        """Refuse a second session of a scenario, whatever its engine's environment, unless it has its own socket name.
-        """
+        """Refuse a second session of a scenario in any environment, unless this one has its own socket name."""
         if self.options.socket_name is not None:
             return
         for folder, holder in running_sessions(str(Path(scenario_folder).absolute())).items():

@@ -255,8 +255,7 @@ class StudyPreparation:
         return [each for each in reports if each.id not in view.checks]
 
     def note_ended(self) -> None:
-        """Write the outcome after the journal is closed, or leave it to the study's next opening, which finds it there.
-        """
+        """Write the outcome after the journal is closed; failing that, the study's next opening finds it there."""
         try:
             with OpenStudy(self.folder):
                 pass  # opening it writes what the session folders say

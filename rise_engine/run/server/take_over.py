@@ -47,7 +47,7 @@ class ScenarioTakeover:
     async def _take_over(self, source: str, answer: ReplyCallback) -> None:
         try:
             await self._read_and_take_over(source, answer)
-        except Exception as error:  # whatever the error is, somebody waits for the answer, and the session continues unchanged
+        except Exception as error:  # somebody waits for the answer
             answer(Reply(False, f"the changed files could not be taken over ({error})"))
             raise
         finally:
