@@ -1,6 +1,6 @@
 """Runs of a study's own check programs, `run = ["./check-tracker.sh"]`, and of our own child processes.
 
-A program gets no shell and has a time limit. It leads a process group of its own. At the limit, or when the caller
+A program gets no shell, no input and a time limit. It leads its own process group. At the limit, or when the caller
 gives up, the whole group is ended. Everything here blocks; `rise_engine.checks.runner` calls it.
 """
 

@@ -27,7 +27,7 @@ _WITHOUT_WIDTH = ("Mn", "Me", "Cf")
 def cell_length(text: str) -> int:
     """Count the cells of a text (https://www.unicode.org/reports/tr11/).
 
-    A cell is two for East Asian wide characters and most emoji, none for combining marks.
+    East Asian wide characters and most emoji take two cells, combining marks none.
 
     >>> cell_length("Grün"), cell_length("挨拶"), cell_length("e\\u0301")
     (4, 4, 1)

@@ -1,6 +1,6 @@
 """Unsaved drafts, stored where a lost terminal does not reach them; and the lock of a study's editor.
 
-A draft is a file for each study in the state folder of the account. It holds the complete changed files, the changes in
+Each study has one draft file in the state folder of the account. It holds the complete changed files, the changes in
 words, and check sums of the files that the changes were made on.
 """
 

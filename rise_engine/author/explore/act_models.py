@@ -86,9 +86,10 @@ class WholeActRun(ActRun):
 class WholeActs(ActRunner):
     """All running acts, each as a single unit.
 
-    The robot reports on an act by an `ActionReport` for the action `ACT` of its task. `succeeded`; `failed`, also with
-    `aborted`, by the robot or somebody else; `canceled`: an act that was failing or being cancelled is over;
-    `accepted`: it has changed between speaking and silence.
+    The robot's report on an act is an `ActionReport` for the action `ACT` of its task: `succeeded`; `failed`, also
+    `aborted`, by the robot or somebody else; `canceled`, when a failing or cancelled act is over; `accepted`, when an
+    act
+    changes between speaking and silence.
     """
 
     def __init__(self, core: Core, on_ended: Callable[[ActRun, TaskStatus, str], None]) -> None:

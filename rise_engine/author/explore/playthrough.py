@@ -1,7 +1,8 @@
 """A scenario played on the engine in virtual time by a simulated person who presses what the rules wait for.
 
-It is not a proof: it only tries each possibility as rarely as the others. What it shows has really happened, down to
-the actions: a value that is missing when the robot should say it fails here as it would with a participant.
+It proves nothing: of several possibilities, it takes the one taken least so far. What it shows has really happened,
+down
+to the actions: a missing value makes the robot fail here as it would with a participant.
 """
 
 from __future__ import annotations

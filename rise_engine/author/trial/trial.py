@@ -1,4 +1,4 @@
-"""A trial run of a study on a virtual clock with the simulated robot, without records on disk, journal and people.
+"""A trial run of a study on a virtual clock with the simulated robot, without record, journal and people.
 
 It uses the engine of a session, so that it shows what `rise-engine run --speed max` would record. A trial is the list
 of its steps: going one step back takes all steps but the last again.

@@ -126,7 +126,10 @@ class RealClock:
 
     @property
     def origin(self) -> float:
-        """The loop's clock at session time 0: it shows `origin + t / speed` at `t`, for a recovered session too."""
+        """The loop's clock at session time 0: it shows `origin + t / speed` at `t`.
+
+        For a continued session, it is the time at which it would have begun without the break.
+        """
         return self._origin
 
     def now(self) -> float:

@@ -43,9 +43,11 @@ class SessionOptions(Struct, frozen=True):
     socket_name: str | None = None
     """The name of the socket; None: made from the folder's path, so that a folder has one session at a time."""
     unfinished: str = "ask"
-    """What to do if an earlier session of the folder did not end: ask (refuse and report it), new, recover (the
-    latest),
-    or the path of the session to recover. With a participant or a condition, only their own is recovered."""
+    """If an earlier session of the folder did not end: ask (refuse and report it), new, recover (the latest), or a
+    path.
+
+    With a path, that session is recovered. With a participant or a condition, only their own is.
+    """
     from_other_computer: bool = False
     """Whether to continue a session that another computer had last, on a file system that does not share its locks."""
     study: str = ""

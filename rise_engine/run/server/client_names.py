@@ -2,7 +2,7 @@
 
 The record identifies people by name alone, so a name that looks like another would attribute words to the wrong person.
 Following Unicode's UTS 39, a name must not mix scripts whose letters look alike. Two names must differ in their
-skeleton, in which the Latin letter that it looks like replaces each letter.
+skeleton, in which each letter becomes the Latin letter that it looks like.
 """
 
 from __future__ import annotations
