@@ -36,7 +36,6 @@ class Draft(Struct, frozen=True):
     files: dict[str, bytes | None]
     """The complete files that differ; None: deleted."""
     says: tuple[str, ...]
-    """The changes in words."""
     format: int = FORMAT
 
 

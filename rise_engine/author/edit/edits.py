@@ -425,4 +425,3 @@ AnyEdit: TypeAlias = (
     | SetCell | AddRow | RemoveRow | AddColumn | SetUseParameter | SetTranslation | AddLanguage
     | Rename | ReplaceFile
 )  # fmt: skip
-"""Every edit."""

@@ -208,7 +208,7 @@ class SituationKernel:
 
     @staticmethod
     def _first_rule_task(situation: Situation) -> int:
-        """Number the rules so that what a rule has started comes after it, and everything else before all rules."""
+        """Return the number of the first rule's task: a rule's own tasks come after it, all others before the rules."""
         return 1 + len(situation.waiting) + len(situation.running) + len(situation.asked)
 
     def _put_countdowns(self, situation: Situation, runs: dict[str, RuleRun]) -> dict[str, int]:

@@ -33,7 +33,6 @@ class ExploreFinding(Struct, frozen=True, kw_only=True):
     """A word for programs: `dead-end`, `no-end`, `never-taken`, ... (docs/reference/explore.md)."""
     level: FindingLevel
     text: str
-    """The sentence."""
     location: SourceLocation | None = None
     """The place in the study's files that it is about."""
     rule: str = ""

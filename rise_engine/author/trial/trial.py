@@ -103,7 +103,6 @@ class Trial:
         self.view = SessionView()
         """The session as an outside observer sees it."""
         self.records: list[AnyRecord] = []
-        """All records so far."""
         robot = make_robot(scenario.robot, "debug", self.clock, self.seed)
         started = replace(self._started, memory={**self._started.memory, **self.start_memory})
         sinks = (self.records.append, self.view.apply)

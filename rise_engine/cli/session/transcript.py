@@ -46,7 +46,6 @@ class Transcript:
 
     def __init__(self) -> None:
         self._tasks: dict[int, TaskView] = {}
-        """The unfinished tasks."""
 
     def line_for(self, record: AnyRecord) -> str | None:
         """Return the line for a record, without line end; None if it tells a reader nothing new."""

@@ -54,7 +54,6 @@ from rise_engine.scenario.model import Scenario
 from rise_engine.scenario.serialization import decode_scenario
 
 READ_BYTES = 262_144
-"""Bytes to read at once."""
 SLICE_SECONDS = 0.001
 """Seconds of reading after which other tasks of the loop get their turn."""
 MAX_WAITING_RECORDS = 20_000

@@ -232,7 +232,6 @@ class SessionSummary(Struct, tag_field="type", tag="about", frozen=True, kw_only
     """Whether everything is stopped until the stop is released."""
     control: str | None
     clients: list[str]
-    """The attached clients."""
     participant: str = ""
     """The participant's name in the record."""
     condition: str = ""

@@ -27,7 +27,6 @@ class SessionOptions(Struct, frozen=True):
     paths: dict[str, str] = {}
     """`acts`, `rules`, `memory`: paths relative to the folder, if they differ from the scenario's."""
     ros: RosConnection = RosConnection()
-    """How ROS 2 is reached."""
     participant: str = ""
     """The participant's name in the record."""
     condition: str = ""
@@ -43,11 +42,8 @@ class SessionOptions(Struct, frozen=True):
     socket_name: str | None = None
     """The name of the socket; None: made from the folder's path, so that a folder has one session at a time."""
     unfinished: str = "ask"
-    """If an earlier session of the folder did not end: ask (refuse and report it), new, recover (the latest), or a
-    path.
-
-    With a path, that session is recovered. With a participant or a condition, only their own is.
-    """
+    """If the folder's earlier session did not end: ask (refuse and report it), new, recover (the latest), or its path to
+    recover it. With a participant or a condition, only their own session is recovered."""
     from_other_computer: bool = False
     """Whether to continue a session that another computer had last, on a file system that does not share its locks."""
     study: str = ""

@@ -40,7 +40,6 @@ class AttachedClient(Struct, frozen=True, eq=False):
     source: str
     """The source of its inputs in the record: `wizard:anna`."""
     role: Role
-    """What it may do."""
 
 
 class SessionHub:

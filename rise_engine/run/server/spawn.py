@@ -34,7 +34,6 @@ class EngineStarted(Struct, frozen=True, tag="started"):
     name: str
     """The session's name, for `SocketClient`."""
     folder: str
-    """The session's folder."""
     lines: list[str] = []
     """About a recovery, for a person."""
     recovered: bool = False
