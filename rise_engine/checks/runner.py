@@ -206,7 +206,7 @@ _OF_THE_STUDY: dict[str, _LookAtStudy] = {
 }
 
 
-# --- what is kept of it ---------------------------------------------------------------------------------------------
+# --- reports and the log --------------------------------------------------------------------------------------------
 
 
 def report_check(outcome: CheckOutcome, source: str = ENGINE) -> CheckReport:

@@ -101,7 +101,7 @@ def parse_paths(options: tuple[str, ...]) -> dict[str, str]:
     return paths
 
 
-# --- what a session begins with ---------------------------------------------------------------------------------------
+# --- the beginning of a session ---------------------------------------------------------------------------------------
 
 
 def tasks_at_start(

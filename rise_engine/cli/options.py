@@ -17,7 +17,7 @@ from rise_engine.scenario.shipped_studies import resolve_study, shipped_hint
 
 Command = TypeVar("Command", bound=Callable[..., Any])
 
-# --- what an argument names -------------------------------------------------------------------------------------------
+# --- arguments --------------------------------------------------------------------------------------------------------
 
 
 def resolve_scenario(folder: str) -> str:

@@ -11,7 +11,7 @@ from rise_engine.scenario.model import Act, Action, ActionCall, Scenario
 from rise_engine.scenario.parameters import fill_parameters
 from rise_engine.scenario.template import MissingValueError
 
-# --- levels of blocks -------------------------------------------------------------------------------------------------
+# --- levels of actions ------------------------------------------------------------------------------------------------
 
 
 def action_levels(act: Act) -> list[list[int]]:

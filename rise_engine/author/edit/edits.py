@@ -30,7 +30,7 @@ class Edit(Struct, frozen=True, forbid_unknown_fields=True, tag_field="edit", ta
     """One change. `AnyEdit` lists all subclasses."""
 
 
-# --- what is written in a form --------------------------------------------------------------------------------------
+# --- forms ----------------------------------------------------------------------------------------------------------
 
 
 class TransitionForm(Struct, frozen=True, forbid_unknown_fields=True):

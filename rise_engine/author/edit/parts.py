@@ -86,7 +86,7 @@ _ACTS = _Kind("act", "Dialog", "Dialogs", ACT_WRAPPERS, "acts")
 _RULES = _Kind("rule", "InteractionRule", "InteractionRules", RULE_WRAPPERS, "rules")
 
 
-# --- making -------------------------------------------------------------------------------------------------------
+# --- new acts and rules -------------------------------------------------------------------------------------------
 
 
 def plan_add_act(edit: AddAct, study: StudyState) -> Plan:

@@ -235,7 +235,7 @@ PLANNERS: dict[type[Edit], Callable[[Any, StudyState], Plan]] = {
 }
 
 
-# --- translations go with their texts --------------------------------------------------------------------------------
+# --- translations of changed texts -----------------------------------------------------------------------------------
 
 
 def follow_act(study: StudyState, act: str, key_of: Callable[[SpokenText], str | None]) -> tuple[Splice, ...]:
@@ -255,7 +255,7 @@ def follow_action(
     return follow_act(study, act, lambda text: key_of(text) if text.action.id == action else text.key)
 
 
-# --- what an act says itself -----------------------------------------------------------------------------------------
+# --- originals -------------------------------------------------------------------------------------------------------
 
 
 def edit_of_original(text: SpokenText, said: str, outline: Outline) -> AnyEdit:

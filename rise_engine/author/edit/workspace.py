@@ -92,7 +92,7 @@ class Workspace:
             return "you may not write into this folder; work on a copy of it"
         return ""
 
-    # --- what is there --------------------------------------------------------------------------------------------
+    # --- the state ------------------------------------------------------------------------------------------------
 
     @property
     def state(self) -> StudyState:
@@ -202,7 +202,7 @@ class Workspace:
         """Show what saving would change, as `diff -u` does."""
         return diff_of(self.saved, self.files)
 
-    # --- what others do -------------------------------------------------------------------------------------------
+    # --- changes from outside -------------------------------------------------------------------------------------
 
     def notice_outside(self) -> OutsideChange | None:
         """Read the files that have changed on the disk. None: there are none.

@@ -87,7 +87,7 @@ class FindingPlace(Struct, frozen=True):
         """Escape a text for an attribute if this file is XML."""
         return escape(new, {'"': "&quot;"}).replace("&gt;", ">") if self.is_xml else new
 
-    # --- what it stands in ------------------------------------------------------------------------------------------
+    # --- the enclosing parts ----------------------------------------------------------------------------------------
 
     @property
     def act(self) -> WrittenAct | None:

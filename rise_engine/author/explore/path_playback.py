@@ -102,7 +102,7 @@ def _mismatch_text(scenario: Scenario, followed: Sequence[Followed], reached: in
     return f"no times were found at which step {reached + 1}, “{text}”, comes as it is told here"
 
 
-# --- one play ---------------------------------------------------------------------------------------------------------
+# --- one playback -----------------------------------------------------------------------------------------------------
 
 
 class _Needs(Struct, frozen=True):
@@ -256,7 +256,7 @@ class _Play:
         return self._engine.inputs - self._inputs <= _LIVELOCK
 
 
-# --- what is compared -------------------------------------------------------------------------------------------------
+# --- comparison -------------------------------------------------------------------------------------------------------
 
 
 def _look_in(situation: Situation, keys: Sequence[str]) -> tuple[object, ...]:

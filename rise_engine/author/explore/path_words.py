@@ -119,7 +119,7 @@ def _countdown_text(countdown: Countdown, before: Followed) -> str:
     return f"{seconds} pass in {state}" + (f" ({countdown.owner})" if len(before.situation.rules) > 1 else "")
 
 
-# --- what comes of it -------------------------------------------------------------------------------------------------
+# --- consequences -----------------------------------------------------------------------------------------------------
 
 
 def _consequences(before: Followed, step: Followed) -> Iterator[str]:

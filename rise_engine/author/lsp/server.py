@@ -185,7 +185,7 @@ def _answer_about_files(server: StudyServer) -> None:
         return [lsp.TextEdit(server.range_of(source, 0, len(source.text)), after)]
 
 
-# --- plans of edits as the protocol has them --------------------------------------------------------------------------
+# --- plans as edits of the protocol -----------------------------------------------------------------------------------
 
 
 _BEGINNING = lsp.Range(lsp.Position(0, 0), lsp.Position(0, 0))

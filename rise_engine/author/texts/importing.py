@@ -136,7 +136,7 @@ class _Importer:
             RefusedRow(row.line, f"{self.table.what} {row.line}, {id}" if id else f"{self.table.what} {row.line}", why)
         )
 
-    # --- a text that there is ---------------------------------------------------------------------------------------
+    # --- existing texts ---------------------------------------------------------------------------------------------
 
     def _read_row(self, row: ReadRow, id: str) -> None:
         text = self.texts.get(id)
@@ -238,7 +238,7 @@ class _Importer:
     def _is_stale(self, text: SpokenText | TableText, language: str) -> bool:
         return isinstance(text, SpokenText) and bool(self.loaded.translations[language].stale([text]))
 
-    # --- one that there is not yet ----------------------------------------------------------------------------------
+    # --- new texts --------------------------------------------------------------------------------------------------
 
     def _read_new(self, row: ReadRow) -> None:
         act, said = row.values.get("act", "").strip(), _normal(row.values.get("text", ""))

@@ -19,7 +19,7 @@ from rise_engine.kernel.inputs import Submit
 from rise_engine.kernel.records import ActionRecord, AnyRecord, EventRecord, MemoryRecord, RuleRecord, TaskRecord
 from rise_engine.scenario.model import Scenario, normal_topic
 
-# --- keeping a trial run ----------------------------------------------------------------------------------------------
+# --- saving a trial run -----------------------------------------------------------------------------------------------
 
 _NO_NAME = re.compile(r"[^\w]+")
 

@@ -113,7 +113,7 @@ class Trial:
         self._handled_until = -1.0
         """The last moment that a timer reached; a person's action comes after it."""
 
-    # --- how it stands --------------------------------------------------------------------------------------------
+    # --- the state ------------------------------------------------------------------------------------------------
 
     @property
     def now(self) -> float:
@@ -144,7 +144,7 @@ class Trial:
         end = self.steps[number + 1].first_record if number + 1 < len(self.steps) else len(self.records) + 1
         return self.records[self.steps[number].first_record - 1 : end - 1]
 
-    # --- what can be done -----------------------------------------------------------------------------------------
+    # --- steps ----------------------------------------------------------------------------------------------------
 
     def press(self, key: KeyBinding, at: float | None = None) -> TrialStep:
         """Press a key of the study; `at` as in `submit`."""
@@ -214,7 +214,7 @@ class Trial:
         """Go back to the start, without any steps."""
         self._replay([])
 
-    # --- doing it -------------------------------------------------------------------------------------------------
+    # --- execution ------------------------------------------------------------------------------------------------
 
     def _replay(self, steps: Iterable[TrialStep]) -> None:
         self.steps = []

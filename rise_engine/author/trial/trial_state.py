@@ -243,7 +243,7 @@ def running_acts(trial: Trial) -> list[RunningAct]:
     return found
 
 
-# --- what somebody can do ---------------------------------------------------------------------------------------------
+# --- possible actions -------------------------------------------------------------------------------------------------
 
 
 def key_choices(trial: Trial) -> list[KeyChoice]:
@@ -302,7 +302,7 @@ def events_to_raise(trial: Trial) -> list[str]:
     return [topic for topic in dict.fromkeys(found) if not keys.keys_raising(topic)]
 
 
-# --- what counts ------------------------------------------------------------------------------------------------------
+# --- the memory -------------------------------------------------------------------------------------------------------
 
 
 def memory_that_counts(trial: Trial, rule: str) -> list[MemoryLine]:

@@ -134,7 +134,7 @@ def _formatted(report: AgreementReport, form: Form) -> bytes:
     return text.encode("utf-8", "backslashreplace")
 
 
-# --- a comparison, as text for people and as a table ------------------------------------------------------------------
+# --- reports as text and as a table -----------------------------------------------------------------------------------
 
 WIDTH = 100
 VALUES = 44

@@ -54,7 +54,7 @@ def sessions(where: str | None, everything: bool, as_json: bool) -> None:
         print_sessions(as_json=as_json)
 
 
-# --- those that run -------------------------------------------------------------------------------------------------
+# --- running sessions -----------------------------------------------------------------------------------------------
 
 
 def print_sessions(*, as_json: bool) -> None:
@@ -88,7 +88,7 @@ def _running_lines(name: str, summary: SessionSummary | None) -> list[str]:
     return lines
 
 
-# --- those that were recorded ---------------------------------------------------------------------------------------
+# --- recorded sessions ----------------------------------------------------------------------------------------------
 
 
 def _print_recorded(where: str | None, *, as_json: bool) -> None:

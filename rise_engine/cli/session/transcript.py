@@ -110,7 +110,7 @@ def _cell(text: str, width: int) -> str:
     return text.ljust(width) if len(text) <= width else text[: width - 1] + "…"
 
 
-# --- written while it runs ------------------------------------------------------------------------------------------
+# --- output during a session ----------------------------------------------------------------------------------------
 
 
 class Output:

@@ -92,7 +92,7 @@ class Session:
                 await self._following
         await self._client.close()
 
-    # --- what there is to see -----------------------------------------------------------------------------------
+    # --- the state ----------------------------------------------------------------------------------------------
 
     @property
     def attach_reply(self) -> AttachReply:
@@ -175,7 +175,7 @@ class Session:
 
         return await self.wait_until(find_ended, seconds)
 
-    # --- what there is to do ------------------------------------------------------------------------------------
+    # --- requests -----------------------------------------------------------------------------------------------
 
     async def start(self, act: str, calling_type: str = "") -> int:
         """Start an act. It may wait for its turn.

@@ -180,7 +180,7 @@ class ShadowClient:
         """Return whether a record is still to be played: by its time, or from the cue that is shown again."""
         return record.seq >= self._again if self._again else record.t >= self._at
 
-    # --- what is played -------------------------------------------------------------------------------------------
+    # --- records --------------------------------------------------------------------------------------------------
 
     async def records(self) -> AsyncIterator[Sequence[ClientUpdate]]:
         yield [self._status]
@@ -272,7 +272,7 @@ class ShadowClient:
         self._own.append(update)
         self._wake.set()
 
-    # --- what is pressed ------------------------------------------------------------------------------------------
+    # --- keys -----------------------------------------------------------------------------------------------------
 
     async def send(self, message: ClientInput) -> Reply:
         if self._over or self._closed:

@@ -166,7 +166,7 @@ class SessionHub:
             versions=versions(),
         )
 
-    # --- what clients do ----------------------------------------------------------------------------------------
+    # --- requests of clients ------------------------------------------------------------------------------------
 
     def submit(self, client: AttachedClient, message: ClientInput, answer: ReplyCallback) -> None:
         """Pass an input on, in the client's name; `answer` is called once."""

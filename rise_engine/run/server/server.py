@@ -173,7 +173,7 @@ class SessionServer:
         if not self.connections and self._server is not None and not self._server.is_serving():
             self._all_gone.set()
 
-    # --- in: one message of each client in turn ---------------------------------------------------------------------
+    # --- input: one message of each client in turn ------------------------------------------------------------------
 
     def line_arrived(self, connection: ClientConnection, *, urgent: bool) -> None:
         if urgent:  # a stop-all does not wait behind long messages of others
@@ -264,7 +264,7 @@ class SessionServer:
         first = encode_line(self._make_hello(client)) + scenario + encode_line(TasksMessage(changing))
         connection.send_state(_state_pieces(first, self.hub.all_tasks(), {task.id for task in changing}))
 
-    # --- out: everything of one turn together -----------------------------------------------------------------------
+    # --- output: everything of one turn together --------------------------------------------------------------------
 
     def _on_update(self, update: Update) -> None:
         if not self._attached or isinstance(update, Heartbeat):

@@ -243,7 +243,7 @@ class StudyPreparation:
         asked = self.options.record
         return decide_recording(state.study, state.participants, info.participant, purpose, asked)
 
-    # --- going on and ending ----------------------------------------------------------------------------------------
+    # --- continuing and ending --------------------------------------------------------------------------------------
 
     def unrecorded_checks(self, folder: Path, view: SessionView) -> list[CheckReport]:
         """Return the checks of a continued session that its earlier engine did not record."""
