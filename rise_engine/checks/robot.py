@@ -25,7 +25,7 @@ from rise_engine.scenario.model import SIMULATED, RobotProfile, Scenario
 ANSWER_SECONDS = 30.0
 """How long to wait for the robot's answer."""
 SETTLE_SECONDS = 1.0
-"""How long a new connection must stay: a second program of the same name may appear, or a part may go again."""
+"""How long a link must stay unchanged: a second program of the same name may appear, or a part may go again."""
 WORD_SECONDS = 40.0
 """How long to wait for the end of the word."""
 _WORDS = """

@@ -21,7 +21,7 @@ from rise_engine.syntax.xml import CDATA, XmlSyntaxError, XmlTree
 
 
 class NamePlace(Struct, frozen=True):
-    """The place of a name: its file, and its first and last character."""
+    """The place of a name: its file, and from which character to which."""
 
     file: str
     start: int

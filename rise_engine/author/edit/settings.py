@@ -96,7 +96,7 @@ def _changed(file: EditedText, change: Callable[[str], str]) -> str:
 def _check_outcome(file: EditedText, after: str, wanted: dict[str, Any]) -> None:
     """Check that the file has the intended values, and otherwise its old ones. (Tables that became empty may be gone.)
 
-    :raises EditRefused: it has not, because it is written in a way that the program cannot edit.
+    :raises EditRefused: it has not, because the program cannot edit its form.
     """
     try:
         is_right = _typed(TomlText(after).values) == _typed(wanted)

@@ -152,7 +152,7 @@ def _read(file: EditedText) -> TomlText:
 
 
 def _splices(file: EditedText, after: str) -> tuple[Splice, ...]:
-    """Find the changes of a file. :raises EditRefused: its form is such that it would not be TOML any more."""
+    """Find the changes of a file. :raises EditRefused: because of its form, it would not be TOML any more."""
     try:
         TomlText(after)
     except EditRefused:

@@ -229,7 +229,7 @@ def _rewritten(server: StudyServer, source: SourceFile, after: str) -> list[lsp.
 
 
 def file_operations(server: StudyServer) -> set[str]:
-    """Return the file operations that the editor supports besides changes: "create", "delete"."""
+    """Return the file operations that the editor supports in addition to changes: "create", "delete"."""
     workspace = server.client_capabilities.workspace
     edits = workspace.workspace_edit if workspace is not None else None
     known = edits is not None and edits.document_changes and edits.resource_operations

@@ -280,7 +280,7 @@ def _way_lines(scenario: Scenario, exploration: Exploration, finding: ExploreFin
 
 
 def _key_lines(scenario: Scenario, exploration: Exploration) -> Iterator[str]:
-    """Yield a table of which key does something in which state: `x` always, `-` sometimes, a blank never."""
+    """Yield a table of keys and states where they do something: `x` always, `-` sometimes, a blank never."""
     signs = {"always": "x", "sometimes": "-", "never": " "}
     keys = next(iter(exploration.keys.values()), {})
     labels = [scenario.keys[key].label for key in keys]

@@ -318,7 +318,7 @@ class Session:
     async def mark_sync(
         self, number: int, medium: str, text: str = "", *, at: float | None = None, within: float | None = None
     ) -> None:
-        """Record that a mark was given which recordings show.
+        """Record a mark that recordings show.
 
         :param number: the mark's; `view.sync` has the number of the last one.
         :param medium: how it is seen or heard: `sound`, `flash`.

@@ -22,7 +22,7 @@ Role: TypeAlias = Literal["wizard", "observer", "node"]
 program, which may submit tasks at any time, like a ROS node."""
 
 ControlVerb: TypeAlias = Literal["take", "ask", "give", "release"]
-"""take control (whoever has it), ask the holder for it, give it to the asker, or release it. A wizard who attaches
+"""Take control (whoever has it), ask the holder for it, give it to the asker, or release it. A wizard who attaches
 while nobody has control gets it."""
 
 ClientInput: TypeAlias = Submit | Note | CheckReport | OutcomeReport | RecordingReport | SyncMark

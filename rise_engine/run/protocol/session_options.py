@@ -42,8 +42,8 @@ class SessionOptions(Struct, frozen=True):
     socket_name: str | None = None
     """The name of the socket; None: made from the folder's path, so that a folder has one session at a time."""
     unfinished: str = "ask"
-    """If the folder's earlier session did not end: ask (refuse and report it), new, recover (the latest), or its path to
-    recover it. With a participant or a condition, only their own session is recovered."""
+    """If the folder's earlier session did not end: ask (refuse and report it), new, recover (the latest), or its path
+    to recover it. With a participant or a condition, only their own session is recovered."""
     from_other_computer: bool = False
     """Whether to continue a session that another computer had last, on a file system that does not share its locks."""
     study: str = ""
