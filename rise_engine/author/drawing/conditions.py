@@ -18,7 +18,7 @@ _JOINTS = {"and": ("and", "&&"), "or": ("or", "||")}
 
 
 def is_met(condition: Expression | None, memory: Mapping[str, Any]) -> bool:
-    """Return whether a condition holds with these values: no condition always holds, one with an error never does."""
+    """Return whether a condition holds with these values: `None` always holds, a condition with an error never does."""
     if condition is None:
         return True
     try:

@@ -263,7 +263,7 @@ def format_file(name: str, files: Files) -> bytes:
 
 
 def _kind(name: str, files: Files) -> str:
-    """ Return "xml", "toml", "memory", or an empty text for a file without a layout."""
+    """Return "xml", "toml", "memory", or an empty text for a file without a layout."""
     if name == memory_file(files):
         return "memory"
     folder, _, rest = name.rpartition("/")

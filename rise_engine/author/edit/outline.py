@@ -54,7 +54,7 @@ class WrittenValue(Written, frozen=True):
     text: str
     """As it is read: without entities, CDATA and the blanks around it."""
     parameter: str = ""
-    """In the result of a template: the `<use>` parameter that is the whole value; `SetUseParameter` changes it."""
+    """The `<use>` parameter that is the whole value, in the result of a template; empty: none (`SetUseParameter`)."""
 
 
 class WrittenCall(Written, frozen=True):

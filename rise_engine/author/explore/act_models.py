@@ -88,8 +88,7 @@ class WholeActs(ActRunner):
 
     The robot's report on an act is an `ActionReport` for the action `ACT` of its task: `succeeded`; `failed`, also
     `aborted`, by the robot or somebody else; `canceled`, when a failing or cancelled act is over; `accepted`, when an
-    act
-    changes between speaking and silence.
+    act changes between speaking and silence.
     """
 
     def __init__(self, core: Core, on_ended: Callable[[ActRun, TaskStatus, str], None]) -> None:

@@ -154,8 +154,7 @@ def explore(
         bounds: how far to go; None: as the scenario says.
         sessions: the sessions to explore; empty: one for each condition of the scenario.
         cores: how many processes explore at once.
-        go_on: is called some hundred times a second with the results so far; if it returns false, exploring stops
-        there.
+        go_on: is called some hundred times a second with the results so far; false stops it.
 
     >>> from rise_engine.scenario.loader import load
     >>> found = explore(load("scenarios/lablinking").scenario, Bounds(faults=0))

@@ -21,8 +21,7 @@ def keys_that_matter(
         properties: conditions that will be evaluated in each situation.
 
     A condition does not count if it reads a key that the same block has set before: within a block, the value depends
-    only
-    on the keys that it was made of.
+    only on the keys that it was made of.
     """
     matter = {key.partition(".")[0] for expression in properties for key in _reads(expression)}
     writes = [*_assignments_of_keys(scenario)]

@@ -1,8 +1,7 @@
 """A scenario played on the engine in virtual time by a simulated person who presses what the rules wait for.
 
 It proves nothing: of several possibilities, it takes the one taken least so far. What it shows has really happened,
-down
-to the actions: a missing value makes the robot fail here as it would with a participant.
+down to the actions: a missing value makes the robot fail here as it would with a participant.
 """
 
 from __future__ import annotations

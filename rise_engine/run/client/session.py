@@ -37,8 +37,8 @@ class Session:
     """A session that this program is attached to, as `async with connect(...) as session`.
 
     Every method with a request returns when the session has accepted it (and it is on the disk), and raises Rejected
-    otherwise. All raise LinkLost if this connection was cut (attach again), and EngineGone if the session is over.
-    When a method returns, the immediate effects of its task are in `view`.
+    otherwise. All raise LinkLost if this connection was cut (attach again), and EngineGone if the session is over. When
+    a method returns, the immediate effects of its task are in `view`.
 
         import asyncio
         from rise_engine.run.client import Rejected, connect
