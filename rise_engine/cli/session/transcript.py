@@ -188,8 +188,7 @@ class ThreadedOutput(Output):
             if deadline is None and hurried():
                 deadline = time.monotonic() + self.CLOSE_SECONDS
         if self._thread.is_alive():
-            # The thread hangs in a write and holds the stream's lock: the interpreter's own flush at exit would hang
-            # too.
+            # The thread hangs in a write with the stream's lock: the interpreter's flush at exit would hang, too.
             discard_rest(sys.stdout)
             self._fail(TimeoutError("nobody has read the last of the output"))
 

@@ -78,8 +78,7 @@ class VirtualClock:
         return (_EPOCH + timedelta(seconds=min(max(0.0, t), _LAST_SECOND))).isoformat(timespec="milliseconds")
 
     def call_at(self, when: float, callback: Callable[[], None]) -> Timer:
-        # Rounded to microseconds, like the engine's times: timers that are due together run in the order of their
-        # setting.
+        # In microseconds, like the engine's times: timers that are due together run in the order of their setting.
         timer = _VirtualTimer(callback)
         heappush(self._heap, (max(round(when, 6), self._now), next(self._numbers), timer))
         return timer

@@ -210,8 +210,7 @@ class Engine:
     def end(self, reason: str = "", *, stop: bool | None = None) -> None:
         """Begin to end the session: stop the robot, then make the last record. Has no effect if it is already ending.
 
-        `ended` becomes true immediately, or when the robot has ended all its actions, but after END_SECONDS at the
-        latest.
+        `ended` becomes true immediately, or when the robot has ended all its actions, within END_SECONDS.
 
         :param reason: why, for the record.
         :param stop: whether the robot is stopped first; None: if anything runs.

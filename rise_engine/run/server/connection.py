@@ -199,9 +199,8 @@ class ClientConnection(asyncio.Protocol):
         self._full_since = self._loop.time()
 
     def resume_writing(self) -> None:
-        # The transport calls this in the middle of its own write. If we wrote or closed now, and that failed, asyncio
-        # would
-        # call connection_lost twice, the second time on nothing. So the rest is sent in the next turn.
+        # The transport calls this in the middle of its own write. If a write or close here failed, asyncio would call
+        # connection_lost twice, the second time on nothing. So the rest is sent in the next turn.
         self._full_since = None
         self._loop.call_soon(self._send_waiting)
 
