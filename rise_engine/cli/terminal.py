@@ -118,7 +118,7 @@ class Refused(click.ClickException):
         """
         self.lines = [*map(str, findings), *(f"error: {each}" for each in problems), *hints]
         super().__init__("\n".join(self.lines))
-        self.exit_code = status  # a class attribute in click, which reads it from the instance
+        self.exit_code = status  # type: ignore[misc]  # a class attribute in click, which reads it from the instance
 
     @classmethod
     def of(cls, error: RiseError, status: int = REFUSED, *, where: str = "") -> Refused:

@@ -268,8 +268,7 @@ class Engine:
 
     @property
     def idle(self) -> bool:
-        """Whether nothing will happen without an input: nothing runs and no timer is set; waiting rules do not count.
-        """
+        """Whether nothing will happen without an input: nothing runs, no timer is set. Waiting rules do not count."""
         return not (self._kernel.is_busy or self._commands.has_timers or self._queue or self._unrecorded_steps)
 
     @property

@@ -165,7 +165,7 @@ def find_running(name: str) -> str:
     Raises RegistryError if there is none, or more than one.
     """
     if "/" in name:
-        path = os.path.abspath(name)  # does not resolve links
+        path = os.path.abspath(name)  # noqa: PTH100  # does not resolve links
         if is_locked(lock_path(Path(path))):
             return path
         raise RegistryError(f"no session runs at {name}")

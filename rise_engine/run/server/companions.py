@@ -171,7 +171,7 @@ class _Companion:
         finally:
             await _end_group(process.pid)
             self._reading.cancel()
-            process._transport.close()  # its children may hold the pipes open
+            process._transport.close()  # type: ignore[attr-defined]  # its children may hold the pipes open
 
     async def _attend(self, process: Process) -> None:
         """Follow the companion until it has gone."""
