@@ -302,8 +302,7 @@ async def _run_connected(options: RunOptions, bridge: Bridge[SessionHub] | None)
 
     for each in (signal.SIGINT, signal.SIGTERM):
         # Python runs `on_signal` only when the loop does something. This handler makes each signal wake the loop, even
-        # one that
-        # comes just before it begins to wait.
+        # one that comes just before it begins to wait.
         loop.add_signal_handler(each, lambda: None)
     with _signals_to(on_signal):
         try:

@@ -223,7 +223,7 @@ def asked_check(sentence: str, taken: Collection[str], *, after: bool = False) -
 
 
 def same_levels(levels: list[Level]) -> list[str]:
-    """Find two levels in which the robot does the same; return their names."""
+    """Find the first two levels in which the robot does the same; return their names."""
     for at, level in enumerate(levels):
         for other in levels[:at]:
             if what_it_does(level) == what_it_does(other):
