@@ -1,1 +1,1 @@
-"""Tools for authors of studies: editing, drawing, trying, exploring, and the language server."""
+"""Tools for authors of studies: editing, drawing, trial runs, exploring, and the language server."""

@@ -1,11 +1,11 @@
-"""The checks of a study: what is looked at before and after each session (docs/how-to/check-before-a-session.md).
+"""The checks of a study before and after each session (docs/how-to/check-before-a-session.md).
 
     for pending in pending_checks(study, "before", read_log(folder), now):
         outcome = kept_check(pending) if pending.good_since else await run_check(pending.check, context)
         if outcome.result == "asked":
             outcome = answer_check(outcome, yes=ask_somebody(outcome.question))
 
-Consoles and commands show and ask; what is looked at, and what it means, is here alone.
+Consoles and commands only show and ask. What a check does, and what its result means, is defined here.
 """
 
 from __future__ import annotations

@@ -1,6 +1,6 @@
-"""What the program itself looks at without a robot: disk, clock, consent, participant, scenario, wizard (`auto`).
+"""Automatic checks without a robot: disk, clock, consent, participant, scenario, wizard (`auto`).
 
-Each function takes what it needs and gives a `Finding`; those that read files or ask programs block.
+Each function takes what it needs and returns a `Finding`. Those that read files or run programs block.
 """
 
 from __future__ import annotations
@@ -23,7 +23,7 @@ from rise_engine.study.study_log import LogEntry
 from rise_engine.study.study_scenarios import scenario_folder
 
 DEFAULT_SPACE = 1_000_000_000
-"""Bytes that must be free where `disk` does not say how many."""
+"""Bytes that must be free if `disk` does not set a number."""
 TIMEDATECTL_SECONDS = 5.0
 NOBODYS_NAMES = frozenset(
     {
@@ -32,14 +32,14 @@ NOBODYS_NAMES = frozenset(
         *("unknown", "user", "vagrant", "wizard"),
     }
 )
-"""Logins of machines, roles and shared accounts: they do not say who sat there."""
+"""Logins of machines, roles and shared accounts, which do not identify a person."""
 
 
 def look_at_disk(sessions: Path, minimum: str) -> Finding:
-    """Whether there is room where the sessions are kept, and it may be written.
+    """Check that the disk of the sessions has room and is writable.
 
-    :param sessions: the folder of the study's sessions, which may still have to be made.
-    :param minimum: as `min` says; empty: DEFAULT_SPACE.
+    :param sessions: the folder of the study's sessions, which may not exist yet.
+    :param minimum: the value of `min`; empty: DEFAULT_SPACE.
     """
     wanted = parse_size(minimum) if minimum else DEFAULT_SPACE
     if wanted is None:
@@ -62,12 +62,12 @@ def look_at_disk(sessions: Path, minimum: str) -> Finding:
 def look_at_clock(
     now: datetime, log: Sequence[LogEntry], sessions: Sequence[SessionEntry], synchronised: bool | None
 ) -> Finding:
-    """Whether this computer's clock is right, as far as it can tell.
+    """Check this computer's clock, as far as it can tell.
 
-    :param now: what it says, with its zone.
-    :param log: what study.jsonl says: nothing in it can be later than now.
+    :param now: its time, with its zone.
+    :param log: the entries of study.jsonl: none of them can be later than now.
     :param sessions: the study's.
-    :param synchronised: whether a time server sets it; None: that is not known.
+    :param synchronised: whether a time server sets it; None: unknown.
     """
     moments = [moment for text in (*(each.at for each in log), *(each.started for each in sessions))
                if (moment := _moment(text)) is not None]  # fmt: skip
@@ -83,7 +83,7 @@ def look_at_clock(
 
 
 def is_clock_synchronised() -> bool | None:
-    """What `timedatectl` says, where there is one (blocking, for some seconds at most); None: nothing."""
+    """Return the answer of `timedatectl` if there is one (blocking, for TIMEDATECTL_SECONDS at most); None: unknown."""
     try:
         found = subprocess.run(
             ["timedatectl", "show", "--property=NTPSynchronized", "--value"],
@@ -99,12 +99,12 @@ def is_clock_synchronised() -> bool | None:
 
 
 def look_at_consent(needed: Sequence[str], participant: Participant | None, name: str, today: date) -> Finding:
-    """Whether everything that must be consented to has a date, which has come.
+    """Check that every necessary consent has a date that is not in the future.
 
-    :param needed: what `[consent] needed` names.
-    :param participant: as participants.csv has them; None: it does not.
-    :param name: of the participant.
-    :param today: the date here.
+    :param needed: the names in `[consent] needed`.
+    :param participant: the row of participants.csv; None: there is none.
+    :param name: the participant's.
+    :param today: the local date.
     """
     if participant is None:
         return Finding(False, reason=f"{name or 'nobody'} is not in participants.csv, so nothing is known of consent")
@@ -131,12 +131,12 @@ def look_at_consent(needed: Sequence[str], participant: Participant | None, name
 def look_at_participant(
     name: str, listed: Sequence[Participant], standing: ParticipantStanding | None, run: int
 ) -> Finding:
-    """Whether somebody may take part now.
+    """Check whether a participant may take part now.
 
-    :param name: of the participant.
+    :param name: the participant's.
     :param listed: participants.csv.
-    :param standing: how they stand.
-    :param run: the run that is to begin; 0: their next one.
+    :param standing: the participant's state in the study.
+    :param run: the run that will begin; 0: their next one.
     """
     names = [each.participant for each in listed]
     if name not in names or standing is None:
@@ -166,11 +166,11 @@ def look_at_participant(
 
 
 def look_at_scenario(folder: Path, study: Study, log: Sequence[LogEntry]) -> Finding:
-    """Whether the scenario is the one that the plan was made with (blocking: it is read).
+    """Check that the scenario is the one that the plan was made with (blocking: it reads the scenario).
 
-    :param folder: of the scenario that will run.
+    :param folder: that of the scenario that will run.
     :param study: whose plan.
-    :param log: what study.jsonl says; the last `planned` counts, with `scenarios`: hashes by folder.
+    :param log: the entries of study.jsonl; the last `planned` counts, with `scenarios`: hashes by folder.
     """
     planned = last_planned(log)
     if planned is None:
@@ -199,10 +199,10 @@ def look_at_scenario(folder: Path, study: Study, log: Sequence[LogEntry]) -> Fin
 
 
 def look_at_wizard(name: str, wizards: Mapping[str, str]) -> Finding:
-    """Whether the record will say who the wizard was.
+    """Check that the record will say who the wizard was.
 
-    :param name: as consoles name them.
-    :param wizards: the table `[wizards]`, by name; where there is one, it lists all.
+    :param name: as consoles give it.
+    :param wizards: the table `[wizards]`, by name; if it exists, it lists all wizards.
     """
     if not name.strip():
         return Finding(False, reason="the wizard has given no name (--wizard NAME)")
@@ -217,7 +217,7 @@ def look_at_wizard(name: str, wizards: Mapping[str, str]) -> Finding:
 
 
 def size_text(size: float) -> str:
-    """Bytes in words.
+    """Format a number of bytes.
 
     >>> size_text(34_123_000_000), size_text(999)
     ('34.1 GB', '999 bytes')

@@ -1,8 +1,7 @@
-"""Checks that run in a process of their own: those that talk to robots or work long, so that whatever hangs or crashes
-there does so without the program that asked.
+"""Checks in a process of their own: those that talk to robots or take long.
 
-The child (`rise_engine.checks.child_main`) reads one request from standard input and writes one `Finding` to standard
-output.
+A hang or a crash in the child then does not affect the program that started it. The child
+(`rise_engine.checks.child_main`) reads one request from standard input and writes one `Finding` to standard output.
 """
 
 from __future__ import annotations
@@ -26,7 +25,7 @@ KINDS = frozenset({"robot", "sound", "replay", "recorder", "explored"})
 
 
 class ChildRequest(Struct, frozen=True):
-    """What the child is to look at."""
+    """The request for a child."""
 
     kind: str
     """One of KINDS."""
@@ -38,22 +37,22 @@ class ChildRequest(Struct, frozen=True):
     """For `replay`: the study's folder of sessions."""
     study: str = ""
     session: SessionKind | None = None
-    """For `explored`: the study's folder, and which kind of session is about to begin; None: every kind counts."""
+    """For `explored`: the study's folder, and the kind of session that will begin; None: every kind counts."""
     recording: RecordingSettings | None = None
-    """For `recorder`: what records."""
+    """For `recorder`: the recorders."""
     task: str = ""
     """The study's id."""
 
 
 def look_in_child(request: ChildRequest, limit: float, cancelled: Event | None = None) -> Finding:
-    """What a child finds (blocking).
+    """Run a check in a child and return its finding (blocking).
 
-    :param request: what it is to look at.
-    :param limit: seconds after which it is ended.
+    :param request: what to check.
+    :param limit: seconds after which the child is ended.
     :param cancelled: set by another thread when nobody waits any more.
     """
     arguments = [sys.executable, "-m", "rise_engine.checks.child_main"]
-    # The folder of this process: it may be where the program is found, as in a checkout.
+    # Use the folder of this process: in a checkout, the program is found from there.
     end = run_program(arguments, Path.cwd(), limit, given=encode(request), cancelled=cancelled)
     if end.problem:
         return Finding(False, reason=end.problem)
@@ -68,5 +67,5 @@ def look_in_child(request: ChildRequest, limit: float, cancelled: Event | None =
 
 
 def last_line(output: bytes) -> str:
-    """The last line that says anything, safe to show: of a traceback, the error."""
+    """Return the last line with text, safe to show; for a traceback, the error."""
     return next((text for line in reversed(output.splitlines()) if (text := first_line(line))), "")

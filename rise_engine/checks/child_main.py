@@ -1,4 +1,4 @@
-"""What a child of `rise_engine.checks.child` does: it looks once, answers, and is gone."""
+"""The main program of a child of `rise_engine.checks.child`: it makes one check, answers, and exits."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ from rise_engine.study.labels import refuse_relabelled
 
 
 def look_at_last_session(sessions: Path) -> Finding:
-    """What came of its replay (blocking, and long for a long session); a study without any session has passed.
+    """Replay the last session (blocking, long for a long session); a study without sessions passes.
 
     :param sessions: the study's folder of sessions.
     """
@@ -45,7 +45,7 @@ def look_at_last_session(sessions: Path) -> Finding:
 
 
 def last_session(sessions: Path) -> Path | None:
-    """The session that began last and does not run; None: there is none."""
+    """Return the session that began last and does not run; None: there is none."""
     found: list[tuple[datetime, Path]] = []
     with suppress(OSError):
         for folder in sessions.iterdir():
@@ -56,16 +56,16 @@ def last_session(sessions: Path) -> Path | None:
 
 
 def main() -> None:
-    """The child's whole life."""
+    """Handle one request."""
     answer = os.dup(1)
-    os.dup2(2, 1)  # what libraries print is no answer
+    os.dup2(2, 1)  # output that libraries print is not the answer
     request = msgspec.convert(restore_all_surrogates(msgspec.json.decode(sys.stdin.buffer.read())), ChildRequest)
     finding = _look(request)
     os.write(answer, encode(finding))
     os.close(answer)
     sys.stdout.flush()
     sys.stderr.flush()
-    os._exit(0)  # threads of a middleware that do not end are nobody's concern any more
+    os._exit(0)  # does not wait for threads of a middleware that never end
 
 
 def _look(request: ChildRequest) -> Finding:

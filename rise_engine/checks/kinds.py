@@ -1,6 +1,6 @@
-"""Every kind of session of a study, explored and played through: what is wrong in one condition, in one language.
+"""Exploration and playthrough of every kind of session of a study: what is wrong in one condition, in one language.
 
-What came of it is kept beside the study, so that a study that has not changed is looked at once.
+The results are stored beside the study, so that an unchanged study is explored only once.
 """
 
 from __future__ import annotations
@@ -35,7 +35,7 @@ from rise_engine.study.review import review_study
 from rise_engine.study.session_kinds import SessionKind, session_kinds
 
 KEPT = ".kinds.json"
-"""In the study's folder; hidden, so that it is no part of what is published."""
+"""In the study's folder; hidden, so that it is not published."""
 _MOST_KEPT = 200
 _EVERYWHERE = frozenset(
     {"never-started", "never-entered", "never-taken", "never-done", "not-met", "idle-key", "failure-alike"}
@@ -43,30 +43,30 @@ _EVERYWHERE = frozenset(
 """Findings that hold only if they hold in every kind of session that runs the scenario."""
 _LEVELS: tuple[FindingLevel, ...] = ("problem", "warning", "remark")
 _NAMED = 3
-"""So many kinds of session are named beside a finding."""
+"""Number of kinds of session that a finding names."""
 
 
 class KindFinding(Struct, frozen=True):
-    """What was found in a kind of session."""
+    """A finding in a kind of session."""
 
     level: FindingLevel
     kind: str
-    """As `ExploreFinding.kind`, or `play-failed`."""
+    """Like `ExploreFinding.kind`, or `play-failed`."""
     text: str
     place: str
-    """`scenario/rules/quiz.xml:75:3`, from the study's folder on; empty: there is none."""
+    """`scenario/rules/quiz.xml:75:3`, relative to the study's folder; empty: there is none."""
 
 
 class KindLook(Struct, frozen=True):
-    """One kind of session, looked at."""
+    """The results for one kind of session."""
 
     situations: int
     is_complete: bool
-    """Whether all situations within the bounds were looked at."""
+    """Whether all situations within the bounds were explored."""
     is_played: bool
-    """Whether it was played until nothing new came of it."""
+    """Whether it was played until nothing new happened."""
     acts: tuple[str, ...]
-    """Those that began when it was played."""
+    """The acts that began during the playthrough."""
     findings: tuple[KindFinding, ...]
 
 
@@ -74,13 +74,13 @@ class MergedFinding(Struct, frozen=True):
     """The same finding in one or several kinds of session."""
 
     finding: KindFinding
-    """As it is in the first of them."""
+    """Its form in the first of them."""
     kinds: tuple[str, ...]
     """The names of these kinds."""
     of: int
     """How many kinds there are."""
     first: tuple[int, int]
-    """Where it was met first: the number of the kind, and of the finding in it."""
+    """Its first occurrence: the index of the kind, and the index of the finding in it."""
 
     @property
     def where(self) -> str:
@@ -91,12 +91,12 @@ class MergedFinding(Struct, frozen=True):
         return f"(in {len(self.kinds)} of {self.of} kinds of session: {', '.join(self.kinds[:_NAMED])}{more})"
 
     def row(self) -> dict[str, Any]:
-        """As programs read it (`--json`)."""
+        """Return the finding for programs (`--json`)."""
         return {**msgspec.structs.asdict(self.finding), "kinds": self.kinds}
 
 
 class StudyLook(Struct, frozen=True):
-    """All kinds of session of a study, looked at."""
+    """The results for all kinds of session of a study."""
 
     kinds: tuple[SessionKind, ...]
     looks: tuple[KindLook, ...]
@@ -111,7 +111,7 @@ class StudyLook(Struct, frozen=True):
 
     @property
     def sentence(self) -> str:
-        """What was looked at, in one line with numbers."""
+        """A summary in one line with numbers."""
         conditions = dict.fromkeys(kind.run.condition for kind in self.kinds)
         languages = [*filter(None, dict.fromkeys(kind.language for kind in self.kinds))]
         made_of = [pluralize(len(conditions), "condition")] if len(conditions) > 1 else []
@@ -135,7 +135,7 @@ class StudyLook(Struct, frozen=True):
         return text
 
     def row(self) -> dict[str, Any]:
-        """As programs read it (`--json`)."""
+        """Return the results for programs (`--json`)."""
         return {
             "kinds": [
                 {
@@ -155,11 +155,11 @@ class StudyLook(Struct, frozen=True):
 def look_at_kinds(
     study: Study, kinds: Sequence[SessionKind], say: Callable[[str], None] = lambda sentence: None
 ) -> StudyLook:
-    """Explore and play each kind of session, a few seconds each at most. What is kept of an unchanged one is taken.
+    """Explore and play each kind of session for a few seconds at most. Stored results of unchanged ones are used.
 
-    :param study: the study, in whose folder the answers are kept.
-    :param kinds: of `rise_engine.study.session_kinds`.
-    :param say: is told which one is being looked at, when there is something to wait for.
+    :param study: the study, in whose folder the results are stored.
+    :param kinds: from `rise_engine.study.session_kinds`.
+    :param say: gets a sentence about each kind that takes time.
     """
     folder = Path(study.folder)
     before = _read_kept(folder)
@@ -170,7 +170,7 @@ def look_at_kinds(
     for number, kind in enumerate(kinds, start=1):
         scenario = loaded(kind.run.scenario, kind.language)
         if scenario is None:
-            continue  # `study check` says what is wrong with it
+            continue  # `study check` reports its errors
         acts.update((kind.run.scenario, act) for act in scenario.acts)
         key = _digest(study, kind, scenario)
         if key not in kept:
@@ -180,17 +180,17 @@ def look_at_kinds(
         looked.append((kind, kept[key]))
     if kept.keys() - before.keys():
         newest = dict([*kept.items(), *((key, look) for key, look in before.items() if key not in kept)][:_MOST_KEPT])
-        with suppress(OSError):  # what cannot be kept is looked at again
+        with suppress(OSError):  # results that cannot be stored are computed again
             write_whole(folder / KEPT, encode(newest))
     found = merge([(kind, look.is_complete, look.findings) for kind, look in looked])
     return StudyLook(tuple(kind for kind, _ in looked), tuple(look for _, look in looked), tuple(found), len(acts))
 
 
 def look_at_explored(study_folder: Path, kind: SessionKind | None, robot: str | None, mode: Mode) -> Finding:
-    """Whether anything can get stuck or fail in a session that is about to begin (`auto = "explored"`; blocking).
+    """Check that nothing gets stuck or fails in a session that will begin (`auto = "explored"`; blocking).
 
-    :param study_folder: where the answer is kept.
-    :param kind: the session's; None: every kind of the study is looked at.
+    :param study_folder: where the results are stored.
+    :param kind: the session's; None: every kind of the study.
     :param robot: another robot than the scenario's; None: its own.
     :param mode: the session's.
     """
@@ -208,7 +208,7 @@ def look_at_explored(study_folder: Path, kind: SessionKind | None, robot: str | 
 
 
 def load_for(study: Study, folder: str, language: str) -> Scenario | None:
-    """A scenario as a kind of session runs it; None: it has errors."""
+    """Load a scenario for a kind of session; None: it has errors."""
     return load(folder, robot=study.robot or None, mode=study.mode, language=language or None).scenario
 
 
@@ -231,7 +231,7 @@ def explore_kind(
 def findings_of(
     study: Study, kind: SessionKind, exploration: Exploration, played: PlayedThrough
 ) -> tuple[KindFinding, ...]:
-    """What exploring has found, in its order, and then what failed when it was played."""
+    """Collect the findings of exploring, in their order, and then the failures of the playthrough."""
     prefix = Path(kind.run.scenario)
     prefix = prefix.relative_to(study.folder) if prefix.is_relative_to(study.folder) else prefix
     found = [
@@ -249,11 +249,11 @@ def findings_of(
 
 
 def merge(looks: Iterable[tuple[SessionKind, bool, Sequence[KindFinding]]]) -> list[MergedFinding]:
-    """The findings of all kinds, each once, problems first.
+    """Merge the findings of all kinds, each once, problems first.
 
-    What "never" comes in one kind of session is a finding only when it comes in none, and all were looked at whole.
+    That something "never" happens counts only if it holds in every completely explored kind that runs the scenario.
 
-    :param looks: of each kind, whether all of it was looked at, and its findings.
+    :param looks: for each kind, whether it was explored completely, and its findings.
     """
     looks = list(looks)
     same: dict[tuple[str, str, str], list[tuple[int, int]]] = {}
@@ -275,7 +275,7 @@ def merge(looks: Iterable[tuple[SessionKind, bool, Sequence[KindFinding]]]) -> l
 
 
 _NUMBERS = re.compile(r"[0-9][0-9,.]*")
-"""How many situations it is in differs between kinds of session."""
+"""Numbers of situations, which differ between kinds of session."""
 
 
 def _look(study: Study, kind: SessionKind, scenario: Scenario) -> KindLook:
@@ -289,7 +289,7 @@ def _look(study: Study, kind: SessionKind, scenario: Scenario) -> KindLook:
 
 
 def _digest(study: Study, kind: SessionKind, scenario: Scenario) -> str:
-    """What decides what comes of it."""
+    """Hash everything that the results depend on."""
     parts = [__version__, scenario.hash, kind.language, kind.run.memory, QUICK_SECONDS, study.id]
     return sha256(encode([*parts, kind.run.factors if scenario.reads_session else None])).hexdigest()
 

@@ -1,4 +1,4 @@
-"""What a check is made for, and what comes of it."""
+"""The context and the outcome of a check."""
 
 from __future__ import annotations
 
@@ -16,11 +16,11 @@ from rise_engine.study.model import Purpose, Study, StudyCheck
 from rise_engine.study.session_kinds import SessionKind
 
 NO = "somebody answered no"
-"""Why an asked check failed, when nobody said more."""
+"""The reason of a failed question without a comment."""
 
 
 def local_now() -> datetime:
-    """The time of this computer, with its zone."""
+    """Return the time of this computer, with its zone."""
     return datetime.now().astimezone()
 
 
@@ -30,43 +30,43 @@ class CheckContext(Struct, frozen=True):
     study: Study
     participant: str
     scenario: str
-    """Absolute folder of what will run."""
+    """The absolute folder of the scenario that will run."""
     mode: Mode
     purpose: Purpose = "counted"
     run: int = 0
     robot: str | None = None
     """Another robot than the scenario's."""
     wizard: str = ""
-    """Who will hold control, as consoles name them (`anna`)."""
+    """The name of the wizard who will have control, as consoles give it (`anna`)."""
     ros: RosConnection = RosConnection()
     kind: SessionKind | None = None
-    """What begins alike; None: no session is about to begin."""
+    """The kind of the session; None: no session will begin."""
     session: str = ""
-    """Of a check after a session: the name of its folder."""
+    """For a check after a session: the name of its folder."""
     now: Callable[[], datetime] = local_now
 
 
 class Finding(Struct, frozen=True):
-    """What an automatic check or a program has found."""
+    """The result of an automatic check or a program."""
 
     passed: bool
     value: str = ""
     """What was found, in a few words: `34.1 GB free`."""
     reason: str = ""
-    """Why it failed, in a sentence, which goes on after the value."""
+    """Why it failed, in a sentence, which continues the value."""
     question: str = ""
-    """What a person has to say before it has passed; empty: nothing."""
+    """What a person has to confirm before it passes; empty: nothing."""
 
 
 OutcomeResult: TypeAlias = Literal["passed", "failed", "skipped", "asked"]
 
 
 class CheckOutcome(Struct, frozen=True):
-    """What has come of one check."""
+    """The outcome of one check."""
 
     id: str
     text: str
-    """What was looked at."""
+    """What was checked."""
     result: OutcomeResult
     """asked: somebody has to answer `question` (`answer_check`)."""
     value: str = ""
@@ -75,22 +75,22 @@ class CheckOutcome(Struct, frozen=True):
 
     @property
     def found(self) -> str:
-        """What was found and why it failed or was skipped, in a line; empty: there is nothing more to say."""
+        """What was found, and why it failed or was skipped, in a line; empty: there is nothing more to say."""
         return ": ".join(filter(None, (self.value, self.reason)))
 
 
 def make_outcome(check: StudyCheck, finding: Finding) -> CheckOutcome:
-    """The outcome of a check that has found this."""
+    """Make the outcome of a check from its finding."""
     result: OutcomeResult = "failed" if not finding.passed else "asked" if finding.question else "passed"
     return CheckOutcome(check.id, check_text(check), result, finding.value, finding.reason, finding.question)
 
 
 def answer_check(outcome: CheckOutcome, yes: bool, comment: str = "") -> CheckOutcome:
-    """What becomes of a check by somebody's answer.
+    """Apply somebody's answer to a check.
 
-    :param outcome: whose result is `asked`.
-    :param yes: whether it is as `question` says.
-    :param comment: what they say about it: with a yes a value (`23 °C`), with a no the reason.
+    :param outcome: one with the result `asked`.
+    :param yes: whether `question` is true.
+    :param comment: with yes, a value (`23 °C`); with no, the reason.
     """
     comment = " ".join(comment.split())
     if yes:
@@ -100,11 +100,11 @@ def answer_check(outcome: CheckOutcome, yes: bool, comment: str = "") -> CheckOu
 
 
 def skipped_check(check: StudyCheck, reason: str, found: CheckOutcome | None = None) -> CheckOutcome:
-    """A check that somebody skips. Whether they may says `skip_problem`.
+    """Make the outcome of a check that somebody skips. `skip_problem` decides whether they may.
 
-    :param check: which.
+    :param check: the check.
     :param reason: why, in their words.
-    :param found: what had come of it before, which stays in the record.
+    :param found: an earlier outcome, which stays in the record.
     """
     reason = " ".join(reason.split())
     value = ""
@@ -114,7 +114,7 @@ def skipped_check(check: StudyCheck, reason: str, found: CheckOutcome | None = N
 
 
 def kept_check(pending: PendingCheck) -> CheckOutcome:
-    """One that passed earlier and is still good."""
+    """Return the outcome of a check that passed earlier and is still valid."""
     since = datetime.fromisoformat(pending.good_since)
     value = f"good since {since:%Y-%m-%d %H:%M}" + (f": {pending.value}" if pending.value else "")
     return CheckOutcome(pending.check.id, check_text(pending.check), "passed", value)

@@ -1,7 +1,7 @@
-"""Programs of a study that look at something, `run = ["./check-tracker.sh"]`, and children of our own that do.
+"""Runs of a study's own check programs, `run = ["./check-tracker.sh"]`, and of our own child processes.
 
-A program gets no shell, no input and a limit. It is the leader of a process group of its own, all of which is ended at
-the limit, or when whoever waits for it gives up. Everything here blocks; `rise_engine.checks.runner` calls it.
+A program gets no shell, no input and a time limit. It leads its own process group. At the limit, or when the caller
+gives up, the whole group is ended. Everything here blocks; `rise_engine.checks.runner` calls it.
 """
 
 from __future__ import annotations
@@ -25,20 +25,20 @@ from rise_engine.checks.outcome import CheckContext, Finding
 from rise_engine.study.check_tables import program_problem
 
 TICK_SECONDS = 0.05
-"""How often it is looked whether the program has ended although something still holds its output open."""
+"""Interval for noticing that the program has ended while something else still holds its output open."""
 GRACE_SECONDS = 1.0
-"""Between the request to end (SIGTERM) and the end (SIGKILL)."""
+"""Time between the request to end (SIGTERM) and the forced end (SIGKILL)."""
 KEPT_BYTES = 65_536
-"""Of what a program writes; the rest is read and dropped, so that it does not stand still."""
+"""Limit of stored output; the rest is read and dropped, so that the program does not block."""
 SHOWN_CHARACTERS = 200
-"""Of a line that becomes the value of a check."""
+"""Limit of a line that becomes the value of a check."""
 
 
 class ProgramEnd(Struct, frozen=True):
     """How a program has ended."""
 
     status: int | None
-    """The exit status; negative: the signal that ended it; None: it did not end in time, or was given up."""
+    """The exit status; negative: the signal that ended it; None: it did not end in time, or the caller gave up."""
     output: bytes = b""
     errors: bytes = b""
     problem: str = ""
@@ -56,13 +56,13 @@ def run_program(
 ) -> ProgramEnd:
     """Run a program and wait (blocking) for its end, for `limit` seconds at most and a little longer.
 
-    What it has left running when it ends by itself goes on: it may have started what it looks at.
+    Processes that it leaves running when it ends by itself continue: it may have started what it checks.
 
     :param arguments: the program and its arguments; a path is relative to the folder.
     :param folder: where it runs.
     :param limit: seconds after which its process group is ended.
     :param environment: added to this process' own.
-    :param given: what it can read from standard input, at most what a pipe holds (64 KiB on Linux, 16 KiB elsewhere).
+    :param given: its standard input, at most what a pipe holds (64 KiB on Linux, 16 KiB elsewhere).
     :param cancelled: set by another thread when nobody waits any more.
     """
     until = monotonic() + limit
@@ -104,7 +104,7 @@ def _may_go_on(until: float, cancelled: Event | None) -> bool:
 
 
 class _Pipes:
-    """What a program writes, as far as it is kept."""
+    """The stored output of a program."""
 
     def __init__(self, *streams: IO[bytes]) -> None:
         self._streams = streams
@@ -119,7 +119,7 @@ class _Pipes:
         return not self._selector.get_map()
 
     def read(self, timeout: float) -> bool:
-        """Read what is there, or wait for it; whether there was anything."""
+        """Read what is available, or wait for it; return whether there was anything."""
         events = self._selector.select(timeout)
         for key, _ in events:
             with suppress(BlockingIOError):
@@ -131,7 +131,7 @@ class _Pipes:
         return bool(events)
 
     def read_rest(self) -> None:
-        """What lies in the pipes when the program has ended; what others still write to them is theirs."""
+        """Read what is in the pipes after the program's end, and not what other processes still write."""
         for _ in range(64):
             if self.all_closed or not self.read(0):
                 return
@@ -143,12 +143,12 @@ class _Pipes:
 
 
 def _end_group(process: subprocess.Popen[bytes]) -> None:
-    """End a program with all that it has started: asked first, then by force."""
+    """End a program with all processes of its group: first ask, then by force."""
     _signal_group(process.pid, signal.SIGTERM)
     with suppress(subprocess.TimeoutExpired):
         process.wait(GRACE_SECONDS)
-    _signal_group(process.pid, signal.SIGKILL)  # also those of the group that did not listen
-    with suppress(subprocess.TimeoutExpired):  # a process that hangs in the kernel is left to it
+    _signal_group(process.pid, signal.SIGKILL)  # also those of the group that ignored SIGTERM
+    with suppress(subprocess.TimeoutExpired):  # a process that hangs in the kernel stays
         process.wait(GRACE_SECONDS)
 
 
@@ -163,7 +163,7 @@ def _signal_group(group: int, number: signal.Signals) -> None:
 def look_with_program(
     arguments: Sequence[str], context: CheckContext, limit: float, cancelled: Event | None = None
 ) -> Finding:
-    """What a study's own program finds (blocking): exit status 0 is passed, its first line the value."""
+    """Run a study's own check (blocking): exit status 0 passes, and the first line of output is the value."""
     study = context.study
     if problem := program_problem(arguments, study.folder):
         return Finding(False, reason=problem)
@@ -191,7 +191,7 @@ def look_with_program(
 
 
 def first_line(output: bytes) -> str:
-    """The first line that says anything, safe to show; empty: there is none."""
+    """Return the first line with text, safe to show; empty: there is none."""
     for line in output.decode("utf-8", "replace").splitlines():
         if text := clean(line).strip():
             return text if len(text) <= SHOWN_CHARACTERS else f"{text[: SHOWN_CHARACTERS - 1]}…"
@@ -199,7 +199,7 @@ def first_line(output: bytes) -> str:
 
 
 def _start_problem(name: str, folder: Path, error: OSError | ValueError) -> str:
-    """Why the system did not start it."""
+    """Say why the system did not start a program."""
     if isinstance(error, ValueError):
         return f"{name} cannot be started: {error}"
     if not folder.is_dir():

@@ -1,5 +1,7 @@
-"""The recorders: whether each records three seconds, and its file grows meanwhile. A recorder that says that it records
-and writes nothing is what nobody sees before it is too late."""
+"""The check of recorders: each records for three seconds, and its file must grow.
+
+Otherwise nobody would notice in time that a recorder reports recording but writes nothing.
+"""
 
 from __future__ import annotations
 
@@ -20,24 +22,24 @@ from rise_engine.study.model import RecorderSettings, RecordingSettings
 from rise_engine.study.recording_table import open_recorder
 
 TEST_SECONDS = 3.0
-"""That each records."""
+"""Seconds that each recorder records."""
 LOOK_SECONDS = 0.5
 TEST_SESSION = "check"
-"""What the session of a trial is called in the names of files."""
+"""The session's name in the names of test files."""
 
 
 class RecorderTrial(Struct, frozen=True):
-    """What came of one recorder's three seconds."""
+    """The result of one recorder's test."""
 
     name: str
     found: str = ""
     problem: str = ""
     left: str = ""
-    """Where the test file still lies; empty: it is gone, or there was none."""
+    """Where the test file still is; empty: it was deleted, or there was none."""
 
 
 async def look_at_recorders(request: ChildRequest) -> Finding:
-    """Whether every recorder of the study records; the files of the trial are erased, as far as they lie here.
+    """Check that every recorder of the study records. Test files on this computer are deleted.
 
     :param request: with the recorders.
     """
@@ -60,7 +62,7 @@ async def look_at_recorders(request: ChildRequest) -> Finding:
 
 
 async def _try(settings: RecorderSettings, plan: RecordingPlan) -> RecorderTrial:
-    """One recorder, whatever it does."""
+    """Test one recorder, and report any failure."""
     name = settings.name
     try:
         recorder = open_recorder(settings.driver, name, settings.options)
@@ -91,7 +93,7 @@ async def _try(settings: RecorderSettings, plan: RecordingPlan) -> RecorderTrial
 
 
 async def _watch(recorder: Recorder) -> tuple[RecorderStatus, RecorderStatus]:
-    """How it stood at the beginning and after TEST_SECONDS."""
+    """Return its status at the beginning and after TEST_SECONDS."""
     first = last = await call_within(CALL_SECONDS, recorder.status(), "its state")
     for _ in range(round(TEST_SECONDS / LOOK_SECONDS)):
         await asyncio.sleep(LOOK_SECONDS)
@@ -102,8 +104,7 @@ async def _watch(recorder: Recorder) -> tuple[RecorderStatus, RecorderStatus]:
 
 
 async def _growth(first: RecorderStatus, last: RecorderStatus, path: str) -> float:
-    """By how much it has grown, in whatever; what is written in large pieces is counted when it is whole. Of one about
-    which nobody can know anything, it is believed."""
+    """Measure a recording's growth in bytes or seconds, also after its end; without a measure, it counts as growing."""
     whole = await asyncio.to_thread(recording_size, path)
     if first.bytes is not None:
         return max(whole or 0, last.bytes or 0) - first.bytes
@@ -113,7 +114,7 @@ async def _growth(first: RecorderStatus, last: RecorderStatus, path: str) -> flo
 
 
 def _erase(path: str) -> str:
-    """Where the test file still lies; empty: it does not."""
+    """Delete the test file; return where it still is; empty: it is gone."""
     if not path:
         return ""
     place = Path(path).expanduser()

@@ -1,4 +1,4 @@
-"""The robot: whether it answers and offers what the scenario needs, and whether it can be heard."""
+"""The checks of the robot: it answers, offers what the scenario needs, and can be heard."""
 
 from __future__ import annotations
 
@@ -23,21 +23,21 @@ from rise_engine.scenario.loader import load
 from rise_engine.scenario.model import SIMULATED, RobotProfile, Scenario
 
 ANSWER_SECONDS = 30.0
-"""For which a robot is waited for."""
+"""How long to wait for the robot's answer."""
 SETTLE_SECONDS = 1.0
-"""For which it goes on once it is connected: a second program of the same name may appear, or a part go again."""
+"""How long a link must stay unchanged: a second program of the same name may appear, or a part may go again."""
 WORD_SECONDS = 40.0
-"""For which the end of the word is waited for."""
+"""How long to wait for the end of the word."""
 _WORDS = """
     ar مرحبا  cs Ahoj  da Hej  de Hallo  el Γεια  en Hello  es Hola  fi Hei  fr Bonjour  he שלום  hi नमस्ते  it Ciao
     ja こんにちは  ko 안녕하세요  nb Hei  nl Hallo  pl Cześć  pt Olá  ru Здравствуйте  sv Hej  tr Merhaba  zh 你好
 """
 WORDS = dict(zip(_WORDS.split()[::2], _WORDS.split()[1::2], strict=True))
-"""What the robot says to be heard, by the scenario's language."""
+"""The word that the robot says, by the scenario's language."""
 
 
 async def look_at_robot(request: ChildRequest) -> Finding:
-    """Whether the scenario's robot answers, and offers every action that the scenario uses. Nothing is sent to it."""
+    """Check that the scenario's robot answers and offers every action that the scenario uses, without sending any."""
     try:
         scenario = _load(request)
         needed = needed_actions(scenario)
@@ -63,7 +63,7 @@ async def look_at_robot(request: ChildRequest) -> Finding:
 
 
 async def say_word(request: ChildRequest) -> Finding:
-    """Let the robot say a word, in a session of its own that nothing is kept of; a person says whether it was heard."""
+    """Make the robot say a word, in a session that is not stored; a person says whether it was heard."""
     try:
         scenario = _load(request)
         if why := why_not_speak(scenario):
@@ -71,7 +71,7 @@ async def say_word(request: ChildRequest) -> Finding:
         if _is_simulated(scenario):
             return Finding(True, "the robot is simulated: there is nothing to hear")
         word = word_for(scenario.language)
-        # Of the robot only its voice is needed: that its arms are not there yet is another check's concern.
+        # Only the voice is needed: another check reports parts that are not there yet.
         profile = narrow_profile(scenario.robot, frozenset({_sent_as(scenario.robot, SPEECH)}))
         async with _connected_robot(request, scenario, profile) as (robot, clock):
             ended = await _say(replace(scenario, robot=profile), robot, clock, word)
@@ -85,14 +85,14 @@ async def say_word(request: ChildRequest) -> Finding:
 
 
 def word_for(language: str) -> str:
-    """The word for a scenario's language; the English one where the scenario names none, or one that is not known."""
+    """Return the word for a scenario's language; the English one if the language is unknown or not set."""
     return WORDS.get(language.lower().partition("-")[0], WORDS["en"])
 
 
 def needed_actions(scenario: Scenario) -> frozenset[str]:
-    """The robot's actions that a scenario can use, free speech of a wizard among them.
+    """Return the robot's actions that a scenario can use, including free speech of a wizard.
 
-    An action that the engine does itself is none of the robot's; one that the robot does as another one is that one.
+    An action of the engine does not count. An action that the robot replaces by another counts as that other one.
     """
     used = {call.type for act in scenario.acts.values() for action in act.actions for call in action.calls}
     if not why_not_speak(scenario):
@@ -103,7 +103,7 @@ def needed_actions(scenario: Scenario) -> frozenset[str]:
 
 
 def narrow_profile(profile: RobotProfile, needed: frozenset[str]) -> RobotProfile:
-    """The profile of a robot that can do nothing else: what else is missing of it hinders nobody."""
+    """Restrict a robot's profile to these actions, so that other missing actions do not matter."""
     actions = {
         name: spec if name in needed or spec.engine or spec.substitute is not None else replace(spec, supported=False)
         for name, spec in profile.actions.items()
@@ -134,7 +134,7 @@ def _load(request: ChildRequest) -> Scenario:
 
 
 class _RobotChanges:
-    """What a robot says of its link."""
+    """A robot's reports of its link."""
 
     def __init__(self) -> None:
         self.last: RobotChanged | None = None
@@ -146,7 +146,7 @@ class _RobotChanges:
             self._changed.set()
 
     async def wait(self) -> RobotChanged | None:
-        """How the link stands once it has stood for a moment; None: nothing was said."""
+        """Wait until the link is stable for a moment, and return its last report; None: there was none."""
         loop = asyncio.get_running_loop()
         until = loop.time() + ANSWER_SECONDS
         while (left := until - loop.time()) > 0:
@@ -163,7 +163,7 @@ class _RobotChanges:
 async def _connected_robot(
     request: ChildRequest, scenario: Scenario, profile: RobotProfile
 ) -> AsyncIterator[tuple[Robot, RealClock]]:
-    """The robot as a session would have it, not connected yet, and its clock. Raises AdapterError."""
+    """Open the robot as a session would, not connected yet, with its clock. Raises AdapterError."""
     clock = RealClock(asyncio.get_running_loop())
     try:
         bridge = await open_bridge(request.ros, profile, scenario.mode)
@@ -183,7 +183,7 @@ async def _connected_robot(
 
 
 async def _say(scenario: Scenario, robot: Robot, clock: RealClock, word: str) -> TaskRecord | None:
-    """The last record of the task that says the word; None: it did not end."""
+    """Say the word, and return the last record of its task; None: it did not end."""
     ended: asyncio.Future[TaskRecord] = asyncio.get_running_loop().create_future()
 
     def take(record: AnyRecord) -> None:

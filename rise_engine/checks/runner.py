@@ -1,6 +1,6 @@
-"""Making one check, of whatever kind: one call, with a limit, which never blocks and never raises for what it finds.
+"""The runner of checks: one call for any kind, with a limit. It never blocks, and never raises for what a check finds.
 
-A check that takes long goes on in the background.
+A check that takes long runs in the background.
 """
 
 from __future__ import annotations
@@ -30,12 +30,14 @@ from rise_engine.study.study_log import LockedLog
 Result = TypeVar("Result")
 
 ENDING_SECONDS = 3.0
-"""For which the work may go on after its limit, to end what it has started."""
+"""Seconds after its limit in which the work may end what it has started."""
 
 
 class BackgroundExecutor(Executor):
-    """A thread of its own for each call. A disk that does not answer holds up neither the loop nor the program's end,
-    which would wait for the threads of asyncio's own executor."""
+    """An executor with a new thread for each call, so that a disk that hangs blocks neither the loop nor the exit.
+
+    The exit would wait for the threads of asyncio's own executor.
+    """
 
     def submit(self, function: Callable[..., Any], /, *arguments: Any, **named: Any) -> Future[Any]:
         future: Future[Any] = Future()
@@ -45,7 +47,7 @@ class BackgroundExecutor(Executor):
                 return
             try:
                 result = function(*arguments, **named)
-            except BaseException as error:  # whoever waits is told
+            except BaseException as error:  # the caller gets it
                 future.set_exception(error)
             else:
                 future.set_result(result)
@@ -60,10 +62,10 @@ _EXECUTOR = BackgroundExecutor()
 async def call_in_background(work: Callable[[Event], Result], limit: float) -> Result:
     """Call something that blocks, and wait without blocking.
 
-    :param work: gets an event that is set when nobody waits any more, and then ends what it has started, soon.
-    :param limit: seconds after which it is given up.
+    :param work: gets an event that is set when nobody waits any more, and then soon ends what it has started.
+    :param limit: seconds until the call gives up.
     :raises TimeoutError: it did not end within the limit, nor within ENDING_SECONDS after that.
-    :raises asyncio.CancelledError: whoever waits was cancelled; the work was told, and had a moment to end.
+    :raises asyncio.CancelledError: the caller was cancelled; the work was told, and had ENDING_SECONDS to end.
     """
     cancelled = Event()
     future = asyncio.get_running_loop().run_in_executor(_EXECUTOR, work, cancelled)
@@ -81,11 +83,11 @@ async def call_in_background(work: Callable[[Event], Result], limit: float) -> R
         await asyncio.wait({future}, timeout=ENDING_SECONDS)
         raise
     finally:
-        future.cancel()  # what is still not done goes nowhere
+        future.cancel()  # a result that comes later is dropped
 
 
 def _take_exception(future: asyncio.Future[Any]) -> None:
-    """So that one which came after everybody had left is nobody's warning."""
+    """Take a late exception, so that asyncio does not warn about it."""
     if not future.cancelled():
         future.exception()
 
@@ -95,24 +97,24 @@ _LOG = logging.getLogger(__name__)
 PROGRAM_SECONDS = 30.0
 LIMITS = {"robot": 60.0, "sound": 90.0, "replay": 300.0, "recorder": 40.0, "explored": 60.0}
 OTHER_SECONDS = 15.0
-"""For what only looks at files."""
+"""For a check that only reads files."""
 
 
 def limit_seconds(check: StudyCheck) -> float:
-    """How long a check may take: as study.toml says (`limit`), or as usual for its kind."""
+    """Return how long a check may take: `limit` in study.toml, or the default of its kind."""
     if check.limit is not None:
         return check.limit
     return LIMITS.get(check.auto, OTHER_SECONDS) if check.auto else PROGRAM_SECONDS
 
 
 async def run_check(check: StudyCheck, context: CheckContext) -> CheckOutcome:
-    """Make a check. Nothing blocks the loop, and it takes its limit and some seconds at most.
+    """Make a check without blocking the loop, for its limit and some seconds at most.
 
-    :param check: which.
+    :param check: the check.
     :param context: the session that it is made for.
-    :return: passed or failed; or `asked`, when somebody has to answer `question`: at once for a check that asks, after
-        the word for `sound`.
-    :raises asyncio.CancelledError: whoever waits was cancelled; what it had started is ended first.
+    :return: passed or failed; or `asked`, if somebody has to answer `question`: immediately for a check that asks,
+        after the word for `sound`.
+    :raises asyncio.CancelledError: the caller was cancelled; what the check had started is ended first.
     """
     if check.ask:
         return make_outcome(check, Finding(True, question=check.ask))
@@ -122,13 +124,13 @@ async def run_check(check: StudyCheck, context: CheckContext) -> CheckOutcome:
         return _look(check, context, limit, cancelled)
 
     try:
-        # Programs and children keep the limit themselves, so that what they said until then is told.
+        # Programs and children apply the limit themselves, so that their output until then is reported.
         finding = await call_in_background(work, limit + 1.0)
     except TimeoutError:
         finding = Finding(False, reason=f"there was no answer within {limit:g} s")
     except RiseError as error:
         finding = Finding(False, reason=str(error))
-    except Exception as error:  # a check that fails is a failed check
+    except Exception as error:  # an exception in a check is a failed check
         _LOG.exception("the check %s failed", check.id)
         finding = Finding(False, reason=f"the check itself failed ({type(error).__name__}: {error})")
     return make_outcome(check, finding)
@@ -169,7 +171,7 @@ def _look(check: StudyCheck, context: CheckContext, limit: float, cancelled: Eve
 
 
 def _decide_recording(context: CheckContext) -> RecordingDecision:
-    """Also a trial records nobody who has not consented."""
+    """Decide what to record: the test, too, records nobody who has not consented."""
     participants = read_state(Path(context.study.folder)).participants if context.participant else ()
     return decide_recording(context.study, participants, context.participant, context.purpose)
 
@@ -204,14 +206,14 @@ _OF_THE_STUDY: dict[str, _LookAtStudy] = {
 }
 
 
-# --- what is kept of it ---------------------------------------------------------------------------------------------
+# --- reports and the log --------------------------------------------------------------------------------------------
 
 
 def report_check(outcome: CheckOutcome, source: str = ENGINE) -> CheckReport:
-    """What the session is told of a check.
+    """Make the session's report of a check.
 
     :param outcome: a final one, not `asked`.
-    :param source: who answered or skipped it: `wizard:anna`; the program's own word without.
+    :param source: who answered or skipped it, such as `wizard:anna`; by default the program itself.
     :raises ValueError: nobody has answered it yet.
     """
     if outcome.result == "asked":
@@ -227,11 +229,11 @@ def report_check(outcome: CheckOutcome, source: str = ENGINE) -> CheckReport:
 
 
 def append_checked(check: StudyCheck, context: CheckContext, report: CheckReport) -> None:
-    """Write what came of a check to study.jsonl (blocking), also when no session begins after it.
+    """Write the result of a check to study.jsonl (blocking), also if no session begins after it.
 
-    :param check: which.
+    :param check: the check.
     :param context: the session that it was made for.
-    :param report: what came of it.
+    :param report: its result.
     :raises rise_engine.study.study_log.StudyLogError: it cannot be written.
     """
     fields: dict[str, Json] = {
@@ -244,7 +246,7 @@ def append_checked(check: StudyCheck, context: CheckContext, report: CheckReport
         "source": report.source,
         "purpose": context.purpose,
     }
-    if check.valid is None:  # what stays good for others too is nobody's: it outlives a participant who withdraws
+    if check.valid is None:  # a check that stays valid belongs to no participant: it outlives a withdrawal
         fields |= {"participant": context.participant, "run": context.run}
     if context.session:
         fields["session"] = context.session

@@ -1,4 +1,4 @@
-"""What the command line says of a session: its options, what it begins with, and the tasks that it plays."""
+"""Parsing of a session's command line: its options, its first tasks, and its task file."""
 
 from __future__ import annotations
 
@@ -31,8 +31,10 @@ from rise_engine.scenario.model import Mode, Scenario
 def add_ros_parameters(
     own: list[str], ros_args: tuple[str, ...], command: click.Command
 ) -> tuple[list[str], tuple[str, ...]]:
-    """Options of a command that are given as parameters of ROS (`-p robot:=pepper`, or in a file), where they stand on
-    the command line; ROS programs are started in that way. Ends the command when a parameter is none."""
+    """Add options from ROS parameters (`-p robot:=pepper`, or in a file), with which ROS launches programs.
+
+    Ends the command if a parameter is invalid.
+    """
     if not {"-p", "--param", "--params-file"} & set(ros_args):
         return own, ros_args
     options = [each for each in command.params if isinstance(each, click.Option)]
@@ -51,9 +53,9 @@ def add_ros_parameters(
 
 
 def named_scenario(folder: str | None, *of_study: object) -> str:
-    """The scenario of a session that is of no study. Ends the command if none is named.
+    """Return the scenario of a session outside of a study. Ends the command if none is named.
 
-    :param folder: as somebody named it.
+    :param folder: as the user named it.
     :param of_study: options that only a session of a study has.
     """
     if folder is None:
@@ -64,11 +66,11 @@ def named_scenario(folder: str | None, *of_study: object) -> str:
 
 
 def session_options(folder: str, speed: float, *, ros: RosTransport, **session: Any) -> SessionOptions:
-    """The options of a session.
+    """Make the options of a session.
 
-    :param folder: the scenario's; empty: the study says it.
+    :param folder: the scenario's; empty: the study sets it.
     :param speed: how many times faster.
-    :param ros: how ROS 2 is spoken.
+    :param ros: how ROS 2 is reached.
     :param session: `options.SESSION_OPTIONS` and `--seed`, which have the names of the fields.
     """
     if session["allow_untranslated"] and not session["language"]:
@@ -78,7 +80,7 @@ def session_options(folder: str, speed: float, *, ros: RosTransport, **session: 
 
 
 def load_for_session(options: SessionOptions) -> Scenario:
-    """The scenario of a session. Ends the command if it has errors."""
+    """Load the scenario of a session. Ends the command if it has errors."""
     return load_scenario(
         options.folder,
         robot=options.robot,
@@ -89,7 +91,7 @@ def load_for_session(options: SessionOptions) -> Scenario:
 
 
 def parse_paths(options: tuple[str, ...]) -> dict[str, str]:
-    """Where acts, rules and memory are read instead of where the scenario says: each written as `memory=PATH`."""
+    """Parse other places of acts, rules and memory, each written as `memory=PATH`."""
     paths = dict(each.partition("=")[::2] for each in options)
     for kind, path in paths.items():
         if kind not in ("acts", "rules", "memory") or not path.strip():
@@ -99,15 +101,15 @@ def parse_paths(options: tuple[str, ...]) -> dict[str, str]:
     return paths
 
 
-# --- what a session begins with ---------------------------------------------------------------------------------------
+# --- the beginning of a session ---------------------------------------------------------------------------------------
 
 
 def tasks_at_start(
     scenario: Scenario, settings: tuple[str, ...], rules: tuple[str, ...], acts: tuple[str, ...]
 ) -> tuple[Submit, ...]:
-    """What `--set`, `--rule` and `--act` submit at the beginning, in this order.
+    """Make the tasks of `--set`, `--rule` and `--act` at the beginning, in this order.
 
-    Ends the command with everything that cannot be used.
+    Ends the command with all errors.
     """
     problems = [
         f"--{what}: {unknown_name_sentence(what, name, known)}"
@@ -125,7 +127,7 @@ def tasks_at_start(
 
 
 def parse_assignments(settings: Sequence[str], problems: Sequence[str] = ()) -> list[Submit]:
-    """Every `--set` as an assignment. Ends the command with all that cannot be used, behind other `problems`."""
+    """Parse every `--set` as an assignment. Ends the command with all errors, after the other `problems`."""
     assigned, found = [], [*problems]
     for setting in settings:
         try:
@@ -140,7 +142,7 @@ def parse_assignments(settings: Sequence[str], problems: Sequence[str] = ()) -> 
 
 
 def _parse_assignment(text: str) -> str:
-    """`KEY=JSON` as an assignment. Raises ValueError with a sentence."""
+    """Parse `KEY=JSON` as an assignment. Raises ValueError with a sentence."""
     key, equals, value = text.partition("=")
     key = key.strip()
     if not equals or not key:
@@ -167,12 +169,12 @@ def _parse_assignment(text: str) -> str:
 
 @refusing(USAGE)
 def read_tasks_option(path: str | None, *, virtual: bool) -> tuple[TaskFile, bool]:
-    """What is known before the session starts, and whether more tasks will come on standard input."""
+    """Read the tasks known before the start, and whether more will come on standard input."""
     if path is None:
         return TaskFile(), False
     if path == "-" and not virtual:
         return TaskFile(), True
-    if path == "-" and sys.stdin is None:  # closed by whoever started this: as good as empty
+    if path == "-" and sys.stdin is None:  # closed by the parent process: like an empty one
         return TaskFile(), False
     try:
         text = b"".join(_standard_input()) if path == "-" else Path(path).read_bytes()
@@ -184,14 +186,15 @@ def read_tasks_option(path: str | None, *, virtual: bool) -> tuple[TaskFile, boo
 def apply_task_file(
     options: SessionOptions, file: TaskFile, path: str | None, mode: Mode, *, of_study: bool
 ) -> SessionOptions:
-    """The options of a session that plays a task file: with its faults, seed and condition. What the command line says
-    of seed and condition counts more. Ends the command if it cannot be played in this mode, or with this study.
+    """Add a task file's faults, seed and condition to a session's options; the command line's own take precedence.
 
-    :param options: as the command line has them.
-    :param file: what was read.
-    :param path: of the file, for messages.
+    Ends the command if the file cannot be played in this mode, or with this study.
+
+    :param options: from the command line.
+    :param file: the parsed file.
+    :param path: its path, for messages.
     :param mode: the session's.
-    :param of_study: whether it is a session of a study, whose plan says seed and condition.
+    :param of_study: whether it is a session of a study, whose plan sets seed and condition.
     """
     if file.faults and mode == "real":
         exit_with_usage(
@@ -209,7 +212,7 @@ def apply_task_file(
 
 
 def rehearsal_options(options: SessionOptions, path: str, mode: Mode) -> SessionOptions:
-    """The options of a session for consoles that plays a task file by itself. Ends the command if it cannot."""
+    """Make the options of a session for consoles that plays a task file. Ends the command if it cannot."""
     if mode == "real":
         exit_with_usage("--tasks plays a rehearsal by itself: add --mode debug")
     if path == "-":
@@ -219,7 +222,7 @@ def rehearsal_options(options: SessionOptions, path: str, mode: Mode) -> Session
 
 
 def _standard_input() -> Iterator[bytes]:
-    """All of it. `sys.stdin.buffer.read()` notices an interrupt that comes between two of its reads only at the end."""
+    """Yield all of standard input: `sys.stdin.buffer.read()` would notice some interrupts only at its end."""
     descriptor = sys.stdin.fileno()
     while True:
         if select([descriptor], [], [], 0.5)[0]:

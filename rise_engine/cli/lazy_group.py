@@ -1,4 +1,4 @@
-"""A group of commands, each of which is loaded when it is asked for."""
+"""A group of commands that loads each command only when it is used."""
 
 from __future__ import annotations
 
@@ -10,17 +10,17 @@ import click
 
 
 def load_command(place: str) -> click.Command:
-    """:param place: where a command lies: `package.module:attribute`."""
+    """Load a command from its place, `package.module:attribute`."""
     module, _, attribute = place.partition(":")
     command: click.Command = getattr(import_module(module), attribute)
     return command
 
 
 class LazyGroup(click.Group):
-    """A group that knows where its commands lie, and what its help says of each."""
+    """A group that knows where its commands are, and their lines of the help."""
 
     def __init__(self, *arguments: Any, sections: Mapping[str, Mapping[str, tuple[str, str]]], **more: Any) -> None:
-        """:param sections: the sections of the help: by the name of each command, where it lies and what it does."""
+        """:param sections: the sections of the help: by the name of each command, where it is and what it does."""
         super().__init__(*arguments, **more)
         self._sections = sections
         self.places = {name: place for section in sections.values() for name, (place, _) in section.items()}
@@ -32,7 +32,7 @@ class LazyGroup(click.Group):
         return load_command(self.places[name]) if name in self.places else None
 
     def help_sections(self) -> dict[str, list[tuple[str, str]]]:
-        """The commands and what help says of each, by section. Loads none of them."""
+        """Return the commands and their lines of the help, by section, without loading them."""
         return {
             title: [(name, about) for name, (_, about) in section.items()] for title, section in self._sections.items()
         }

@@ -1,4 +1,4 @@
-"""Arguments and options that several commands have, those of `rise-tui` too."""
+"""Arguments and options that several commands share, including those of `rise-tui`."""
 
 from __future__ import annotations
 
@@ -17,11 +17,11 @@ from rise_engine.scenario.shipped_studies import resolve_study, shipped_hint
 
 Command = TypeVar("Command", bound=Callable[..., Any])
 
-# --- what an argument names -------------------------------------------------------------------------------------------
+# --- arguments --------------------------------------------------------------------------------------------------------
 
 
 def resolve_scenario(folder: str) -> str:
-    """The path of a scenario: a folder, its scenario.toml, or a shipped study by its name. Ends the command if none."""
+    """Return the path of a scenario: a folder, its scenario.toml, or a shipped study. Ends the command if none."""
     folder = resolve_study(folder)
     path = Path(folder)
     if is_study(path) and not (path / SCENARIO_FILE).exists():
@@ -34,7 +34,7 @@ def resolve_scenario(folder: str) -> str:
 
 
 def resolve_study_folder(folder: str) -> Path:
-    """The folder of a study, given as itself or as its study.toml. Ends the command if it is none."""
+    """Return the folder of a study, given as itself or as its study.toml. Ends the command if it is not a study."""
     path = without_file(folder, STUDY_FILE)
     if is_study(path):
         return path
@@ -46,12 +46,12 @@ def resolve_study_folder(folder: str) -> Path:
 
 
 def is_study(path: Path) -> bool:
-    """Whether a folder is a study's."""
+    """Return whether a folder is a study's."""
     return (path / STUDY_FILE).is_file()
 
 
 def without_file(named: str | Path, file: str) -> Path:
-    """The folder that is meant, also where a file in it was named."""
+    """Return the folder, also if a file in it was named."""
     path = Path(named)
     return path.parent if path.name == file else path
 
@@ -64,8 +64,10 @@ def _resolve_session(session: str) -> Path:
 
 
 def _named(name: str, resolve: Callable[[str], Any], **about: Any) -> Callable[[Command], Command]:
-    """An argument that names something. The command gets what is meant; it ends, before anything else, if that is
-    nothing."""
+    """Make an argument that names something; the command gets what `resolve` makes of it.
+
+    `resolve` ends the command before anything else if there is nothing of that name.
+    """
 
     def add(command: Command) -> Command:
         @wraps(command)
@@ -152,14 +154,16 @@ SESSION_OPTIONS = (
     ),
     ROS,
 )
-"""How a session runs, for `rise-tui` too: `robot`, `mode`, `participant`, `condition`, `language`,
-`allow_untranslated`, `ros`."""
+"""How a session runs: `robot`, `mode`, `participant`, `condition`, `language`, `allow_untranslated`, `ros`.
+
+`rise-tui` has the same options.
+"""
 BEGIN_OPTIONS = (
     SETTINGS,
     click.option("--rule", "rules", metavar="NAME", multiple=True, help="Start an interaction rule. Repeatable."),
     click.option("--act", "acts", metavar="NAME", multiple=True, help="Start an act. Repeatable."),
 )
-"""What a session begins with: `settings`, `rules`, `acts`."""
+"""How a session begins: `settings`, `rules`, `acts`."""
 STUDY_OPTIONS = (
     click.option(
         "--study",
@@ -192,11 +196,11 @@ CHECK_OPTIONS = (
         help="Skip this check of the study. The record keeps the reason. Repeatable.",
     ),
 )
-"""What somebody says about a study's checks: `confirmed`, `skipped`."""
+"""Answers to a study's checks: `confirmed`, `skipped`."""
 
 
 def options(*several: Callable[[Command], Command]) -> Callable[[Command], Command]:
-    """A decorator that adds them in this order."""
+    """Make a decorator that adds these options in this order."""
 
     def add(command: Command) -> Command:
         for option in reversed(several):
@@ -209,13 +213,13 @@ def options(*several: Callable[[Command], Command]) -> Callable[[Command], Comma
 def number(
     option: str, wanted: str, most: float, *, above: float | None = None, word: str = ""
 ) -> Callable[[str], float | None]:
-    """The type of an option that is a number from 0 on, or a word instead of it, which becomes None.
+    """Make the type of an option that is a number from 0 on, or a word that becomes None.
 
     :param option: its name.
     :param wanted: what it must be, in words.
-    :param most: the largest.
-    :param above: what it must be larger than; None: it may be 0.
-    :param word: what may be written instead.
+    :param most: the maximum.
+    :param above: the number must be larger than this; None: it may be 0.
+    :param word: the word that is allowed instead.
     """
 
     def parse(text: str) -> float | None:

@@ -1,7 +1,7 @@
-"""The program `rise-engine`: its commands, each loaded when it is asked for.
+"""The program `rise-engine`; it loads each command only when it is used.
 
-`check` must be there at once, for editors and scripts that run it all the time: it loads no engine, and a session's
-commands load no checker.
+`check` must start fast, because editors and scripts run it all the time: it loads no engine, and a session's commands
+load no checker.
 """
 
 from __future__ import annotations
@@ -69,14 +69,13 @@ _SECTIONS = {
         "reproduce": ("rise_engine.cli.data.reproduce:reproduce", "Check that a bundle reproduces its results."),
     },
 }
-"""The commands in the order of help, each with the place where it lies and its line of the help."""
+"""The commands in the order of help, each with its place and its line of the help."""
 PLUGINS = "rise.commands"
-"""The entry-point group in which a package names commands of its own, each a `click.Command`. The module that it names
-is light: help loads it."""
+"""The entry-point group for a package's own commands, each a `click.Command` in a light module: help loads it."""
 
 
 def split_ros_args(arguments: Sequence[str]) -> tuple[list[str], tuple[str, ...]]:
-    """Our own arguments, and those between `--ros-args` and `--` or the end, as every ROS 2 program takes them."""
+    """Split our own arguments from those between `--ros-args` and `--` or the end, like every ROS 2 program."""
     own: list[str] = []
     ros_args: list[str] = []
     inside = False
@@ -109,12 +108,12 @@ class CommandGroup(LazyGroup):
         with clean_standard_streams():
             if own[:1] == ["serve"]:
                 serve = load_command(self.places["serve"])
-                arguments = import_module("rise_engine.cli.arguments")  # which needs what `serve` needs
+                arguments = import_module("rise_engine.cli.arguments")  # needs what `serve` needs
                 own, ros_args = arguments.add_ros_parameters(own, ros_args, serve)
             return super().main(own, *rest, obj=ros_args, **more)
 
     def invoke(self, ctx: click.Context) -> Any:
-        """Ends with the exit status that a command returns (None: 0), or with the error that it raises."""
+        """Run a command, and exit with the status that it returns (None: 0), or with the error that it raises."""
         try:
             status = super().invoke(ctx)
         except RiseError as error:
@@ -122,7 +121,7 @@ class CommandGroup(LazyGroup):
         except BrokenPipeError:
             discard_rest(sys.stdout)
             status = BROKEN_PIPE
-        except KeyboardInterrupt:  # before a session has begun; click would end with 1, which means refused
+        except KeyboardInterrupt:  # before a session has begun; click would exit with 1, which means refused
             status = INTERRUPTED
         return ctx.exit(status or OK)
 

@@ -1,10 +1,10 @@
-"""What every command writes, and how it ends: standard output, standard error and the exit status.
+"""The output and the end of every command: standard output, standard error and the exit status.
 
-`clean_standard_streams` is put around a whole program. Within it, text passes `clean`: a title or a file name can
-neither move the cursor nor rename the window. Documents (`--json`, a schema) go another way and keep every character,
-those that a terminal would obey written as the format's own escapes.
+A whole program runs inside `clean_standard_streams`. There, text passes through `clean`, so that a title or a file name
+can neither move the cursor nor rename the window. Documents (`--json`, a schema) are written in another way: they keep
+every character, and write those that a terminal would obey as escapes of the format.
 
-A command that cannot do what it was asked for raises `Refused`.
+A command that cannot do its work raises `Refused`.
 """
 
 from __future__ import annotations
@@ -29,17 +29,17 @@ from rise_engine.base.text import UNSEEN, clean, escape_unseen_json
 
 
 def print_lines(*lines: object) -> None:
-    """Write lines to standard output, at once. Nothing in one of them begins another."""
+    """Write lines to standard output, immediately. A line end inside a line does not begin a new one."""
     _print(sys.stdout, lines)
 
 
 def print_notes(*lines: object) -> None:
-    """Write lines to standard error: what is said beside the result of a command."""
+    """Write lines to standard error: messages beside the result of a command."""
     _print(sys.stderr, lines)
 
 
 def show(lines: Iterable[object], document: Any, *, as_json: bool) -> None:
-    """Write what a command has found: as a JSON document, or else in lines."""
+    """Write a command's result: as a JSON document, or else as lines."""
     if as_json:
         write_json(document)
     else:
@@ -47,7 +47,7 @@ def show(lines: Iterable[object], document: Any, *, as_json: bool) -> None:
 
 
 def table_lines(rows: Sequence[Sequence[str]], *, indent: str = "  ") -> list[str]:
-    """Rows of text with their columns below one another."""
+    """Align the columns of rows of text."""
     widths = [max(len(row[at]) for row in rows) for at in range(len(rows[0]))]
     return [indent + "  ".join(map(str.ljust, row, widths)).rstrip() for row in rows]
 
@@ -58,16 +58,16 @@ def _print(stream: TextIO, lines: Iterable[object]) -> None:
 
 
 def write_json(value: Any, *, indent: int = 2) -> None:
-    """Write a JSON document and a line end: UTF-8 on every terminal, because an escaped character would spoil it.
+    """Write a JSON document and a line end, in UTF-8 on every terminal: escapes for other encodings would spoil it.
 
-    :param value: what the document says: JSON-like, or a Struct.
-    :param indent: blanks for each level; 0: all in one line; -1: without any blank.
+    :param value: the content: JSON-like, or a Struct.
+    :param indent: blanks for each level; 0: everything on one line; -1: without any blank.
     """
     write_bytes(json_document(value, indent=indent) + b"\n")
 
 
 def json_document(value: Any, *, indent: int = 2) -> bytes:
-    """A JSON document, without line end."""
+    """Return a JSON document, without line end."""
     return escape_json(msgspec.json.format(encode(value), indent=indent))
 
 
@@ -77,7 +77,7 @@ def write_xml(text: str) -> None:
 
 
 def escape_json(data: bytes) -> bytes:
-    """JSON in UTF-8, the same values, with escapes for all that a terminal would obey or nobody would see."""
+    """Escape everything in JSON that a terminal would obey or that is invisible; the values stay the same."""
     if data.isascii() and b"\x7f" not in data:
         return data
     return escape_unseen_json(data.decode("utf-8", "backslashreplace")).encode()
@@ -88,14 +88,14 @@ def _xml_escape(found: re.Match[str]) -> str:
 
 
 def write_bytes(data: bytes) -> None:
-    """Write bytes to standard output as they are."""
+    """Write bytes to standard output unchanged."""
     with standard_output() as file:
         file.write(data)
 
 
 @contextmanager
 def standard_output() -> Iterator[BinaryIO]:
-    """Standard output for bytes. Within it, a full disk ends the command."""
+    """Provide standard output for bytes. Within the block, a full disk ends the command."""
     with _output_errors():
         sys.stdout.flush()
         yield sys.stdout.buffer
@@ -106,30 +106,29 @@ def standard_output() -> Iterator[BinaryIO]:
 
 
 class Refused(click.ClickException):
-    """Ends a command with lines on standard error and an exit status."""
+    """The end of a command, with lines on standard error and an exit status."""
 
     def __init__(
         self, *problems: str, status: int = REFUSED, findings: Iterable[object] = (), hints: Iterable[str] = ()
     ) -> None:
-        """
-        :param problems: what is in the way, a sentence each; `error: ` is put in front of them.
+        """:param problems: what is wrong, a sentence each; each gets the prefix `error: `.
         :param status: the exit status.
         :param findings: lines before the problems, each of which says itself what is wrong and where.
-        :param hints: lines behind the problems.
+        :param hints: lines after the problems.
         """
         self.lines = [*map(str, findings), *(f"error: {each}" for each in problems), *hints]
         super().__init__("\n".join(self.lines))
-        self.exit_code = status  # type: ignore[misc]  # of the class in click, which reads it of the instance
+        self.exit_code = status  # type: ignore[misc]  # a class attribute in click, which reads it from the instance
 
     @classmethod
     def of(cls, error: RiseError, status: int = REFUSED, *, where: str = "") -> Refused:
-        """The refusal that an error is. `where`: what its sentences are about, if they do not say it."""
+        """Turn an error into a refusal; `where` is the subject of its sentences, if they do not name it."""
         if isinstance(error, FileError):
             return cls(status=status, findings=error.lines)
         return cls(*(f"{where}: {line}" if where else line for line in error.lines), status=status)
 
     def with_hint(self, hint: str) -> Refused:
-        """The same, with a line more behind the others."""
+        """Add a line after the others, and return the same refusal."""
         self.lines.append(hint)
         return self
 
@@ -140,11 +139,11 @@ class Refused(click.ClickException):
 
 @contextmanager
 def refusing(status: int, *, of: type[RiseError] = RiseError, where: str = "") -> Iterator[None]:
-    """Within it, or within a function that has it as decorator, an error ends the command.
+    """Make an error end the command, within a block or a decorated function.
 
     :param status: the exit status.
     :param of: the kind of error.
-    :param where: what the sentences of an error are about, if they do not say it.
+    :param where: the subject of the error's sentences, if they do not name it.
     """
     try:
         yield
@@ -158,12 +157,12 @@ def exit_with_usage(problem: str) -> NoReturn:
 
 
 def not_written(what: object, error: OSError) -> Refused:
-    """The refusal of the system to write a file or a folder."""
+    """Make the refusal for a file or folder that the system cannot write."""
     return Refused(f"{what} cannot be written: {reason_of(error)}", status=NOT_WRITTEN)
 
 
 def reason_of(error: OSError) -> str:
-    """Why the system does not do what it was asked for."""
+    """Return the system's reason for an error."""
     return error.strerror or str(error)
 
 
@@ -171,9 +170,9 @@ def reason_of(error: OSError) -> str:
 
 
 class CleanStream:
-    """A text stream through which only printable characters, line ends and tabs go; otherwise the stream itself.
+    """A text stream that passes only printable characters, line ends and tabs; otherwise like the stream itself.
 
-    A failing standard output is a Refused. A failing standard error is nobody's business: there is no one to tell.
+    A failing standard output raises Refused. A failing standard error is ignored, because nobody could read a message.
     """
 
     def __init__(self, stream: TextIO, *, may_fail: bool) -> None:
@@ -209,16 +208,16 @@ class CleanStream:
 
 @contextmanager
 def clean_standard_streams() -> Iterator[None]:
-    """Within it, standard output and error are clean, and fail with a sentence.
+    """Make standard output and error clean within the block; their failures become a sentence.
 
-    What a terminal cannot show is shown as an escape (`\\xe9`, `\\udcff`): no command fails because of it.
+    Characters that a terminal cannot show become escapes (`\\xe9`, `\\udcff`), and never make a command fail.
     """
     _guard_streams()
     try:
         try:
             yield
         except SystemExit as ended:
-            if ended.code == NOT_WRITTEN:  # what this flush would say has been said
+            if ended.code == NOT_WRITTEN:  # this failure has been reported already
                 with suppress(Refused):
                     sys.stdout.flush()
                 discard_rest(sys.stdout)
@@ -226,7 +225,7 @@ def clean_standard_streams() -> Iterator[None]:
         finally:
             with suppress(BrokenPipeError):
                 sys.stdout.flush()
-    except Refused as refused:  # at the last flush: click shows all others
+    except Refused as refused:  # at the last flush; click shows all others
         discard_rest(sys.stdout)
         refused.show()
         sys.exit(refused.exit_code)
@@ -234,7 +233,7 @@ def clean_standard_streams() -> Iterator[None]:
 
 @contextmanager
 def _output_errors() -> Iterator[None]:
-    """An OSError within it becomes a Refused; but for a closed pipe, which ends the program in its own way."""
+    """Turn an OSError into a Refused, except for a closed pipe, which ends the program in its own way."""
     try:
         yield
     except BrokenPipeError:
@@ -247,7 +246,7 @@ def _output_errors() -> Iterator[None]:
 def _guard_streams() -> None:
     for name, may_fail in (("stdout", False), ("stderr", True)):
         stream = getattr(sys, name)
-        if stream is None:  # closed by whoever started this
+        if stream is None:  # closed by the parent process
             stream = open(os.devnull, "w")  # noqa: PTH123, SIM115
         if isinstance(stream, CleanStream):
             continue
@@ -257,7 +256,7 @@ def _guard_streams() -> None:
 
 
 def discard_rest(stream: Any) -> None:
-    """Let what is still buffered in a standard stream, and its flush at exit, go nowhere."""
+    """Discard the rest of a standard stream's buffer, and its flush at exit."""
     with suppress(AttributeError, OSError, ValueError):
         nowhere = os.open(os.devnull, os.O_WRONLY)
         os.dup2(nowhere, stream.fileno())

@@ -1,1 +1,1 @@
-"""A session that runs: the engine, its protocol, its clients, its server, and what records it."""
+"""A running session: the engine, its protocol, its clients, its server, and its recorders."""

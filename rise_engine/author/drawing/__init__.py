@@ -1,1 +1,1 @@
-"""How rules, acts and keys are shown to people: their words, the layout that the console shows, and pictures of it."""
+"""How people see rules, acts and keys: their wording, the layout that the console shows, and pictures."""

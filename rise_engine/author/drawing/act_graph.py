@@ -1,9 +1,9 @@
-"""An act's graph as lines beside its actions: what has to end before what begins. Pure.
+"""An act's graph as lines beside its actions: which action must end before which begins. Pure.
 
-Time runs downwards, one row for each action, level by level. A line is "this action has ended": it begins at its
-action (`╭`, or `┬` behind others) and leads down to all that wait for it (`├ ┼`, and `╰ ┴` at the last one). A line
-that only passes is drawn over the others (`│`). `╶` stands before an action that waits for nothing and that nothing
-waits for.
+Time runs downwards, level by level, with one row for each action. A line means "this action has ended". It begins at
+its action (`╭`, or `┬` to the right of others) and leads down to every action that waits for it (`├ ┼`, and `╰ ┴` at
+the last one). A line that only passes is drawn over the others (`│`). `╶` marks an action that waits for nothing and
+that nothing waits for.
 """
 
 from __future__ import annotations
@@ -14,33 +14,33 @@ from rise_engine.author.drawing.act_seconds import action_levels
 from rise_engine.scenario.model import Act
 
 _ENTERS = {(True, True): "╰", (True, False): "├", (False, True): "┴", (False, False): "┼"}
-"""Where a line meets the row of what waits for it, by: nothing is left of it, it ends here."""
+"""How a line meets the row of a waiting action, by: no other line is to its left, it ends here."""
 
 
 class ActRow(NamedTuple):
     """One action."""
 
     position: int
-    """In the act."""
+    """Index in the act."""
     level: int
-    """Counting from 1: it can begin when the levels before have ended."""
+    """From 1. It can begin when the levels before have ended."""
     first: bool
-    """It is the first of its level."""
+    """Whether it is the first of its level."""
     rails: str = ""
-    """As many cells in every row."""
+    """Box-drawing characters, the same number in every row."""
     untold: tuple[str, ...] = ()
-    """Ids of actions for which it waits and from which no line leads here, because there are too many."""
+    """Ids of actions that it waits for and whose line does not lead here, because there are too many lines."""
 
 
 def act_rows(act: Act, most: int) -> list[ActRow]:
-    """All actions of an act with at most `most` lines beside each other."""
+    """Lay out all actions of an act with at most `most` lines side by side."""
     positions = {action.id: position for position, action in enumerate(act.actions)}
     waits = [dict.fromkeys(positions[id] for id in action.wait_for if id in positions) for action in act.actions]
     open_ends = [sum(position in each for each in waits) for position in range(len(act.actions))]
     lanes: dict[int, int] = {}
-    """Which action's line is in which lane."""
+    """The action whose line is in each lane."""
     drawn: list[tuple[ActRow, dict[int, str]]] = []
-    """Each row, and what is in its lanes."""
+    """Each row with the cells of its lanes."""
     for number, level in enumerate(action_levels(act), 1):
         for position in level:
             cells = dict.fromkeys(lanes, "│")

@@ -1,4 +1,4 @@
-"""How long an act will probably take before it has ever run."""
+"""Estimates of an act's duration before its first run."""
 
 from __future__ import annotations
 
@@ -11,11 +11,11 @@ from rise_engine.scenario.model import Act, Action, ActionCall, Scenario
 from rise_engine.scenario.parameters import fill_parameters
 from rise_engine.scenario.template import MissingValueError
 
-# --- levels of blocks -------------------------------------------------------------------------------------------------
+# --- levels of actions ------------------------------------------------------------------------------------------------
 
 
 def action_levels(act: Act) -> list[list[int]]:
-    """An act's graph by levels: indexes of actions, each level one after all that it waits for."""
+    """Sort an act's actions into levels: lists of indexes, each level after everything that it waits for."""
     index_of = {action.id: index for index, action in enumerate(act.actions)}
     sorter = TopologicalSorter(
         {index: [index_of[id] for id in action.wait_for if id in index_of] for index, action in enumerate(act.actions)}
@@ -30,12 +30,12 @@ def action_levels(act: Act) -> list[list[int]]:
 
 
 def actions_in_order(act: Act) -> list[Action]:
-    """An act's actions, each after those that it waits for."""
+    """Sort an act's actions so that each comes after those that it waits for."""
     return [act.actions[index] for level in action_levels(act) for index in level]
 
 
 def estimate_act_seconds(scenario: Scenario, act: Act, memory: Mapping[str, Any]) -> float:
-    """Seconds, with this memory; what needs a value that is not there counts by its declaration."""
+    """Estimate an act's seconds with this memory; an action that needs a missing value counts by its declaration."""
     ends: dict[str, float] = {}
     for action in actions_in_order(act):
         begin = max((ends.get(before, 0.0) for before in action.wait_for), default=0.0)
@@ -44,13 +44,13 @@ def estimate_act_seconds(scenario: Scenario, act: Act, memory: Mapping[str, Any]
 
 
 def _mean_seconds(scenario: Scenario, action: Action, memory: Mapping[str, Any]) -> float:
-    """The mean of an action's variants."""
+    """Average the seconds of an action's variants."""
     estimates = (estimate_call_seconds(scenario, call, memory) for call in action.calls)
     return sum(seconds or 0.0 for seconds in estimates) / max(1, len(action.calls))
 
 
 def estimate_call_seconds(scenario: Scenario, call: ActionCall, memory: Mapping[str, Any]) -> float | None:
-    """Seconds that one call will probably take with this memory; None for an action that the robot does not know."""
+    """Estimate the seconds of one call with this memory; None for an action that the robot does not know."""
     spec = scenario.robot.actions.get(call.type)
     if spec is None:
         return None

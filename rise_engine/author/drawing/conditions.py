@@ -1,4 +1,4 @@
-"""Whether a condition holds now, and its parts, each as it was written. Pure."""
+"""Whether a condition holds now, and its parts as the author wrote them. Pure."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ _JOINTS = {"and": ("and", "&&"), "or": ("or", "||")}
 
 
 def is_met(condition: Expression | None, memory: Mapping[str, Any]) -> bool:
-    """Whether a condition holds with these values; one that cannot be worked out does not, and none always does."""
+    """Return whether a condition holds with these values: `None` always holds, a condition with an error never does."""
     if condition is None:
         return True
     try:
@@ -29,20 +29,20 @@ def is_met(condition: Expression | None, memory: Mapping[str, Any]) -> bool:
 
 class ConditionParts(NamedTuple):
     joint: Joint
-    """What stands between them; empty for a condition of one part."""
+    """The operator between them; empty for a condition of one part."""
     parts: tuple[Expression, ...]
 
 
 @lru_cache(512)
 def split_condition(condition: Expression) -> ConditionParts:
-    """The parts that `and`, or else `or`, joins at the top; `xor` is not taken apart."""
+    """Split a condition at its top-level `and` or `or`; `xor` is not split."""
     root = condition.root
     if not isinstance(root, Logic) or root.operator not in _JOINTS:
         return ConditionParts("", (condition,))
     try:
         texts = _split_text(condition.text, _JOINTS[root.operator])
         found = tuple(Expression.parse(text) for text in texts)
-        if tuple(part.root for part in found) != root.operands:  # written in a way that is not taken apart by eye
+        if tuple(part.root for part in found) != root.operands:  # the text's own pieces mean something else
             found = tuple(Expression.parse(with_all_brackets(operand)) for operand in root.operands)
     except LanguageError:
         return ConditionParts("", (condition,))
@@ -50,7 +50,7 @@ def split_condition(condition: Expression) -> ConditionParts:
 
 
 def _split_text(text: str, joints: tuple[str, ...]) -> list[str]:
-    """The text between these words where they stand outside of brackets and quotes."""
+    """Split the text at these words where they are outside of brackets and quotes."""
     bare = text.strip()
     while bare.startswith("(") and _find_closing(bare) == len(bare) - 1:
         bare = bare[1:-1].strip()
@@ -64,7 +64,7 @@ def _split_text(text: str, joints: tuple[str, ...]) -> list[str]:
 
 
 def _find_closing(text: str) -> int:
-    """Where the bracket with which a text begins is closed."""
+    """Find where the bracket that opens a text is closed."""
     depth = 0
     for found in _PIECE.finditer(text):
         depth += _LEVELS.get(found[0], 0)

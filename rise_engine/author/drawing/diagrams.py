@@ -1,4 +1,4 @@
-"""Rules and acts as Mermaid draws them (https://mermaid.js.org/syntax/stateDiagram.html)."""
+"""Rules and acts as Mermaid diagrams (https://mermaid.js.org/syntax/stateDiagram.html)."""
 
 from __future__ import annotations
 
@@ -11,11 +11,11 @@ from rise_engine.base.text import clean
 from rise_engine.scenario.model import Act, Action, Rule
 
 _MERMAID_MARKS = {"#": "#35;", '"': "#quot;", ";": "#59;", ":": "#58;", "<": "#lt;", ">": "#gt;", "%": "#37;"}
-"""What has a meaning of its own in Mermaid, and how it is written instead."""
+"""Characters with a special meaning in Mermaid, and their replacements."""
 
 
 def mermaid_of_rules(rules: Sequence[Rule]) -> str:
-    """A state diagram; several rules are composite states beside each other."""
+    """Draw a state diagram; several rules become composite states beside each other."""
     lines = ["stateDiagram-v2"]
     for number, rule in enumerate(rules):
         if len(rules) == 1:
@@ -42,7 +42,7 @@ def _mermaid_states(rule: Rule, prefix: str, indent: str) -> Iterator[str]:
 
 
 def mermaid_of_acts(acts: Sequence[Act]) -> str:
-    """A flowchart from top to bottom: an arrow is "has to end before"."""
+    """Draw a flowchart from top to bottom; an arrow means "has to end before"."""
     lines = ["flowchart TD"]
     for number, act in enumerate(acts):
         ids = {action.id: f"a{number}_{index}" for index, action in enumerate(act.actions)}
@@ -59,7 +59,7 @@ def _mermaid(text: str) -> str:
 
 
 def action_text(action: Action) -> str:
-    """An action in a box: its id, its type, and what it says."""
+    """Describe an action for its box: its id, its type, and its words."""
     words = " / ".join(filter(None, map(call_text, action.calls)))
     types = " / ".join(dict.fromkeys(call.type for call in action.calls))
     return f"{action.id} {types}  {words}".strip()

@@ -1,4 +1,4 @@
-"""A rule or an act as rows of a picture, from which text and SVG are made: lines at the left, words behind them."""
+"""A rule or an act as rows of a picture, the source of text and SVG: lines at the left, words to their right."""
 
 from __future__ import annotations
 
@@ -19,13 +19,13 @@ from rise_engine.scenario.ssml import plain_words
 
 PieceRole: TypeAlias = Literal["name", "label", "note"]
 FAR = 8
-"""A rail longer than this many rows has its target's name at the label too."""
+"""Rows of a rail beyond which the label also names the target."""
 LEAST_NAME = 4
-"""Cells of a state's name that are shown whatever else there is."""
+"""Cells of a state's name that always stay visible."""
 INDENT = 2
-"""Cells by which ways stand behind names where a state and its way down share a row."""
+"""Cells that indent transitions behind names where a state and its transition down share a row."""
 MOST_LINES = 8
-"""Lines beside each other in an act."""
+"""Lines side by side in an act."""
 
 
 class Piece(NamedTuple):
@@ -38,7 +38,7 @@ class Piece(NamedTuple):
 
 class PictureRow(NamedTuple):
     lines: str
-    """Box-drawing characters, a cell each, from the left edge."""
+    """Box-drawing characters, one cell each, from the left edge."""
     pieces: tuple[Piece, ...]
     """From left to right; they do not overlap."""
 
@@ -47,14 +47,14 @@ class Picture(NamedTuple):
     kind: Literal["rule", "act"]
     name: str
     summary: str
-    """What there is in it: `45 states, 69 ways out`."""
+    """Its size in words: `45 states, 69 ways out`."""
     rows: tuple[PictureRow, ...]
     width: int
-    """Cells that no row exceeds."""
+    """The maximum number of cells in a row."""
 
 
 def picture_of_rule(rule: Rule, width: int) -> Picture:
-    """A rule, as the console draws it while it does not run."""
+    """Draw a rule as the console shows it while it does not run."""
     layout = lay_out_graph(rule, width)
     ways = sum(len(state.transitions) for state in rule.states.values())
     summary = f"{pluralize(len(rule.states), 'state')}, {pluralize(ways, 'way')} out"
@@ -86,7 +86,7 @@ def _state_row(layout: GraphLayout, row: GraphRow) -> PictureRow:
 
 
 def _way_pieces(layout: GraphLayout, edge: GraphEdge, column: int) -> list[Piece]:
-    """A way's label, and its target where no rail shows it."""
+    """Place a transition's label, and its target where no rail shows it."""
     room = max(3, layout.width - column)
     label, tail = clean(edge.label), ""
     if edge.way in ("stays", "again"):
@@ -106,7 +106,7 @@ def _rail_length(layout: GraphLayout, edge: GraphEdge) -> int:
 
 
 def picture_of_act(act: Act, width: int) -> Picture:
-    """An act: what has to end before what begins."""
+    """Draw an act: which actions must end before which begin."""
     rows = act_rows(act, MOST_LINES)
     ids = max((cell_length(action.id) for action in act.actions), default=0)
     types = max((cell_length(_types_text(action)) for action in act.actions), default=0)
@@ -131,7 +131,7 @@ def _action_row(action: Action, row: ActRow, ids: int, types: int, width: int) -
 
 
 def call_text(call: ActionCall) -> str:
-    """What an action says, or its parameters, in short; as they are written, memory values in braces."""
+    """Shorten what an action says, or its parameters, as the author wrote them; memory values are in braces."""
     parameters = {name: template.text for name, template in call.parameters.items()}
     message = parameters.pop("message", None)
     said = [] if message is None else [f"“{plain_words(message).strip()}”"]
@@ -139,7 +139,7 @@ def call_text(call: ActionCall) -> str:
 
 
 def text_of(picture: Picture) -> list[str]:
-    """The picture in lines of characters, none wider than it."""
+    """Return the picture's lines of characters, none wider than the picture."""
     lines = []
     for row in picture.rows:
         line = row.lines

@@ -1,4 +1,4 @@
-"""Why a rule stands where it stands: what each transition waits for, and what of that the wizard can bring about."""
+"""Why a rule is in its state: what each transition waits for, and what the wizard can do about it."""
 
 from __future__ import annotations
 
@@ -26,12 +26,12 @@ from rise_engine.scenario.model import (
 
 
 def delay_text(delay: Delay) -> str:
-    """A time as it is shown: `8 s`, or the expression that gives it."""
+    """Format a time for display: `8 s`, or the expression that gives it."""
     return delay.text if delay.seconds is None else f"{delay.seconds:g} s"
 
 
 def transition_label(transition: Transition, *, condition: bool = False) -> str:
-    """A transition's short name: its event, its time, or its condition; with `condition`, also what must be true then.
+    """Name a transition in short: its event, time or condition; with `condition`, also the condition of an event.
 
     >>> transition_label(Transition(event="next", target="Tea"))
     'next'
@@ -54,12 +54,12 @@ def _waited_label(transition: Transition) -> str:
 
 
 ENDINGS = {"_end": "to end", "_succeeded": "to succeed", "_failed": "to fail", "_stopped": "to be stopped"}
-"""What the engine raises about acts; about rules only the first."""
+"""Endings that the engine raises as events: all of them for acts, only the first for rules."""
 _WHEN = {"_end": "ends", "_succeeded": "succeeds", "_failed": "fails", "_stopped": "is stopped"}
 
 
 MOST_PARTS = 20
-"""Parts of a value beyond which only their number is told."""
+"""Parts above which only the number of a value's parts is shown."""
 
 
 class Truth(NamedTuple):
@@ -73,7 +73,7 @@ class Truth(NamedTuple):
 
 
 def truth_of(expression: Expression, memory: Mapping[str, Any]) -> Truth:
-    """The condition's value over the present memory."""
+    """Evaluate a condition over the present memory."""
     parts: dict[str, Any] = {}
     holds, error = False, ""
     try:
@@ -90,14 +90,14 @@ def truth_of(expression: Expression, memory: Mapping[str, Any]) -> Truth:
 
 
 def _short_value(value: Any) -> str:
-    """A value beside others: of a long list or object, how much there is of it."""
+    """Format a value that is shown beside others; a long list or object is given by its size."""
     if isinstance(value, list | dict) and len(value) > MOST_PARTS:
         return f"{'a list' if isinstance(value, list) else 'an object'} of {len(value)}"
     return format_value(value)
 
 
 def wait_text(scenario: Scenario, transition: Transition) -> str:
-    """What must happen for a transition, in words."""
+    """Say in words what must happen for a transition."""
     if transition.after is not None:
         time = delay_text(transition.after)
         return f"{time} to pass" if transition.held is None else f"its condition to hold for {time}"
@@ -115,13 +115,13 @@ def wait_text(scenario: Scenario, transition: Transition) -> str:
 
 
 def engine_raises_text(scenario: Scenario, topic: str) -> str:
-    """For an event that the engine raises about an act or a rule: that it does. Empty for other events."""
+    """Say that the engine itself raises this event about an act or a rule; empty for other events."""
     found = parse_engine_event(scenario, topic)
     return f"{found[0]} raises this event itself when it {_WHEN[found[1]]}" if found is not None else ""
 
 
 def parse_engine_event(scenario: Scenario, topic: str) -> tuple[str, str] | None:
-    """The act or rule, and the ending, of an event that the engine raises."""
+    """Return the act or rule and the ending of an event that the engine raises."""
     for ending in ENDINGS:
         name = topic.removesuffix(ending)
         if name != topic and (name in scenario.acts or (name in scenario.rules and ending == "_end")):
@@ -130,7 +130,7 @@ def parse_engine_event(scenario: Scenario, topic: str) -> tuple[str, str] | None
 
 
 def parse_rule_result(scenario: Scenario, topic: str) -> tuple[str, str] | None:
-    """The rule, and the state in which it has ended, of an event by which the engine tells a rule's result."""
+    """Return the rule and its end state for an event by which the engine reports a rule's result."""
     for rule in scenario.rules.values():
         if topic.startswith(rule.name):
             for state, event in result_topics(rule):
@@ -140,8 +140,7 @@ def parse_rule_result(scenario: Scenario, topic: str) -> tuple[str, str] | None:
 
 
 def find_what_to_start(scenario: Scenario, topic: str) -> str | None:
-    """The act or rule that somebody starts so that the engine raises this event when it ends; nobody starts one so that
-    it fails."""
+    """Find the act or rule whose end raises this event; None for a failure or a stop: nobody starts an act to fail."""
     found = parse_engine_event(scenario, topic)
     if found is not None:
         return found[0] if found[1] in ("_end", "_succeeded") else None
@@ -150,12 +149,12 @@ def find_what_to_start(scenario: Scenario, topic: str) -> str | None:
 
 
 def awaited_ends(transition: Transition) -> tuple[str, ...]:
-    """Of a transition that waits for the end of its rule's own act, the endings: `_end`, or those that it names."""
+    """Return the endings that a transition awaits from its rule's own act: `_end`, or those that it names."""
     return tuple(f"_{outcome}" for outcome in transition.outcomes) or ("_end",)
 
 
 def find_awaited_act(scenario: Scenario, transition: Transition) -> str | None:
-    """The act or rule whose end a transition waits for."""
+    """Find the act or rule whose end a transition waits for."""
     if transition.ended is not None:
         return transition.ended
     if transition.event is None:
@@ -165,13 +164,13 @@ def find_awaited_act(scenario: Scenario, transition: Transition) -> str | None:
 
 
 def events_raised_by(rule: Rule) -> frozenset[str]:
-    """Every topic that a rule raises anywhere, without its slash."""
+    """Collect every topic that a rule raises anywhere, without its slash."""
     raised = (function.argument for function in functions_of_rule(rule) if function.name == "raiseEventTopic")
     return frozenset(map(normal_topic, raised))
 
 
 def functions_of_rule(rule: Rule) -> Iterator[Function]:
-    """Every function anywhere in a rule."""
+    """Yield every function anywhere in a rule."""
     for state in rule.states.values():
         for block in (state.on_entry, state.on_exit, *(transition.block for transition in state.transitions)):
             for function, _ in functions_in(block):
@@ -179,7 +178,7 @@ def functions_of_rule(rule: Rule) -> Iterator[Function]:
 
 
 def functions_in(block: Block | tuple[Statement, ...], *, sure: bool = True) -> Iterator[tuple[Function, bool]]:
-    """Every function of a block, and whether it is run whatever the memory and chance say."""
+    """Yield every function of a block, and whether it always runs, whatever the memory and chance say."""
     for statement in block:
         match statement:
             case Function():

@@ -1,8 +1,8 @@
 """A rule as a drawing in text: its states below each other, loops and branches as rails at the left. Pure.
 
-One row for each state and one for each way out of it. A way to the state below goes straight down; every other one
-leaves to the left, into the rail of its target, and follows it to the arrow. All ways to one state share one rail, so
-a rail has exactly one arrow. A rail that crosses a way is drawn over it. What finds no rail is said in words.
+Each state has a row, and so has each transition. A transition to the state below goes straight down. Every other one
+leaves to the left and follows the rail of its target to the arrow. All transitions to one state share a rail with one
+arrow. A rail that crosses a transition is drawn over it. A transition without a free rail names its target.
 
 The layout depends on the rule and the width alone: a state never changes its place, only its marks change.
 """
@@ -21,12 +21,13 @@ from rise_engine.scenario.model import Rule
 # --- cells of text ----------------------------------------------------------------------------------------------------
 
 _WITHOUT_WIDTH = ("Mn", "Me", "Cf")
-"""Marks that stand on the character before, and characters that are not seen."""
+"""Unicode categories of combining marks and invisible characters."""
 
 
 def cell_length(text: str) -> int:
-    """The cells of a text: two for East Asian wide characters and most emoji, none for combining marks
-    (https://www.unicode.org/reports/tr11/).
+    """Count the cells of a text (https://www.unicode.org/reports/tr11/).
+
+    East Asian wide characters and most emoji take two cells, combining marks none.
 
     >>> cell_length("Grün"), cell_length("挨拶"), cell_length("e\\u0301")
     (4, 4, 1)
@@ -43,7 +44,7 @@ def _character_cells(character: str) -> int:
 
 
 def shorten_to(text: str, width: int) -> str:
-    """The text, made safe to show, in at most `width` cells; what does not fit ends in `…`.
+    """Make a text safe to show in at most `width` cells; a longer text ends in `…`.
 
     >>> shorten_to("After the welcome", 10)
     'After the…'
@@ -63,7 +64,7 @@ def shorten_to(text: str, width: int) -> str:
 # --- the order of states ----------------------------------------------------------------------------------------------
 
 Ways = Mapping[str, Sequence[str]]
-"""For every state the states that it can go to, in the file's order, each once."""
+"""For every state, the states that it can go to, in the file's order, each once."""
 
 
 class StateOrder(NamedTuple):
@@ -71,13 +72,13 @@ class StateOrder(NamedTuple):
 
     states: tuple[str, ...]
     reached: int
-    """How many of them, from the first on, some course of the rule can reach; the others stand behind them."""
+    """How many of them, from the first on, the rule can reach; the others follow."""
 
 
 def find_state_order(rule: Rule) -> StateOrder:
-    """The rule's states: what follows stands below, its first way first, and an end behind what goes on.
+    """Order the rule's states: successors come below, first transitions first, end states after states that go on.
 
-    Depends on the rule alone, so that a state never changes its place.
+    The order depends on the rule alone, so that a state never changes its place.
     """
     ways = {
         name: tuple(dict.fromkeys(way.target for way in state.transitions if way.target in rule.states))
@@ -90,7 +91,7 @@ def find_state_order(rule: Rule) -> StateOrder:
 
 
 def _find_course(roots: Iterable[str], ways: Ways, known: frozenset[str] = frozenset()) -> list[str]:
-    """Everything that the roots reach: a state comes after all that lead to it, loops left aside."""
+    """Order everything that the roots reach: a state comes after all that lead to it, apart from loops."""
     entries, loops, found = _explore(roots, ways, known)
     open_ways = dict.fromkeys(found, 0)
     for source in found:
@@ -106,7 +107,7 @@ def _find_course(roots: Iterable[str], ways: Ways, known: frozenset[str] = froze
             open_ways[target] -= 1
             if not open_ways[target]:
                 follow.append(target)
-        follow.reverse()  # the last is the next
+        follow.reverse()  # the last of the list is placed next
         ready.extend(sorted(follow, key=lambda one: bool(ways[one])))
     return placed
 
@@ -118,7 +119,7 @@ def _onward_states(source: str, ways: Ways, loops: set[tuple[str, str]], among: 
 def _explore(
     roots: Iterable[str], ways: Ways, known: frozenset[str]
 ) -> tuple[list[str], set[tuple[str, str]], list[str]]:
-    """Depth first, first ways first: where it began, the ways that lead back into the course, and what it found."""
+    """Search depth first, first transitions first: return the entries, the transitions closing a loop, the states."""
     entries: list[str] = []
     loops: set[tuple[str, str]] = set()
     found: list[str] = []
@@ -148,44 +149,44 @@ def _explore(
 
 
 Way: TypeAlias = Literal["down", "rail", "word", "again", "stays"]
-"""How a transition is drawn: straight down, by a rail, by its target's name; `again` enters its own state anew."""
+"""How a transition is drawn: straight down, by a rail, by its target's name; `again` enters its own state again."""
 
 LONG = 26
-"""From this many rows on, a state and its way down share a row."""
+"""Rows of a rule above which a state and its transition down share a row."""
 ROOM_FOR_BOTH = 44
 """Cells that such a row needs for its texts."""
 MARKS = 12
-"""Cells kept free behind a name for what becomes of a state: `  maybe next`."""
+"""Cells kept free after a name for a state's marks: `  maybe next`."""
 
 
 class GraphEdge(NamedTuple):
-    """One transition, as it is drawn."""
+    """One transition as it is drawn."""
 
     source: str
     number: int
-    """Among its state's transitions, in the file's order."""
+    """Index among its state's transitions, in the file's order."""
     target: str | None
     label: str
     way: Way
     row: int
     """The row with its label."""
     lane: int = -1
-    """Of its rail; 0 is the nearest to the states."""
+    """The lane of its rail; 0 is the nearest to the states."""
 
 
 class GraphRow(NamedTuple):
-    """One row: the state, the way out, or, in a long rule, a state and its way down."""
+    """One row: a state, a transition, or, in a long rule, a state and its transition down."""
 
     state: str
-    """Of a way's row: the state that it leaves."""
+    """The state; for a transition's row, the state that it leaves."""
     is_state: bool
     edge: GraphEdge | None
     rails: str = ""
-    """What stands left of the node."""
+    """The cells left of the node."""
     node: str = ""
-    """The character of a way at the line of the states; empty for a state, whose mark changes."""
+    """The character of a transition in the column of the states; empty for a state, whose mark changes."""
     notes: tuple[str, ...] = ()
-    """What holds for a state at any time: `start`, `end`, `never reached`."""
+    """What is always true of a state: `start`, `end`, `never reached`."""
 
 
 class GraphLayout(NamedTuple):
@@ -196,7 +197,7 @@ class GraphLayout(NamedTuple):
     gutter: int
     """Cells of the rails."""
     names: int
-    """Cells of the column of names with their marks, in a long rule; 0: labels have rows of their own."""
+    """Cells of the column of names with their marks in a long rule; 0: labels have rows of their own."""
     width: int
 
 
@@ -211,7 +212,7 @@ class _Rail(NamedTuple):
 
 
 def lay_out_graph(rule: Rule, width: int) -> GraphLayout:
-    """The drawing of a rule in `width` cells."""
+    """Lay out a rule in `width` cells."""
     order = find_state_order(rule)
     most = most_lanes(width)
     compact = sum(1 + len(state.transitions) for state in rule.states.values()) > LONG
@@ -238,7 +239,7 @@ def lay_out_graph(rule: Rule, width: int) -> GraphLayout:
 
 
 def edge_path(layout: GraphLayout, edge: GraphEdge) -> Iterator[tuple[int, int]]:
-    """The cells, row and column, of a way's rail from its label to the arrow; none without a rail."""
+    """Yield the cells, row and column, of a transition's rail from its label to the arrow; none without a rail."""
     if edge.way != "rail" or edge.target is None:
         return
     arrow = layout.row_of[edge.target]
@@ -252,14 +253,14 @@ def edge_path(layout: GraphLayout, edge: GraphEdge) -> Iterator[tuple[int, int]]
 
 
 def most_lanes(width: int) -> int:
-    """How many rails beside each other a width allows."""
+    """Return how many rails fit side by side in a width."""
     return min(max((width - 30) // 9, 2), 6)
 
 
 def _draw_rows(
     rule: Rule, order: StateOrder, plan: list[GraphRow], edges: dict[tuple[str, int], GraphEdge], gutters: list[str]
 ) -> Iterator[GraphRow]:
-    """The rows of the plan with their rails and nodes."""
+    """Add the rails and nodes to the rows of the plan."""
     reached = set(order.states[: order.reached])
     falling = {edge.source for edge in edges.values() if edge.way == "down"}
     for index, row in enumerate(plan):
@@ -278,7 +279,7 @@ def _draw_rows(
 
 
 def _plan_rows(rule: Rule, order: StateOrder, compact: bool) -> list[GraphRow]:
-    """A row for each state and each way out, before the rails are known."""
+    """Plan a row for each state and each transition, before the rails are known."""
     plan: list[GraphRow] = []
     for name, below in zip_longest(order.states, order.states[1:]):
         down: list[GraphEdge] = []
@@ -304,7 +305,7 @@ def _plan_rows(rule: Rule, order: StateOrder, compact: bool) -> list[GraphRow]:
 
 
 def _assign_lanes(edges: list[GraphEdge], row_of: dict[str, int], most: int) -> list[_Rail]:
-    """One rail for each target. Short ways come first: where there is no room, the farthest have none."""
+    """Give each target one rail, short transitions first: where there is no room, the farthest go without."""
     rails: dict[str, _Rail] = {}
     for edge in sorted(edges, key=lambda each: (abs(each.row - row_of[each.target or ""]), each.row)):
         target = edge.target or ""
@@ -323,7 +324,7 @@ def _assign_lanes(edges: list[GraphEdge], row_of: dict[str, int], most: int) -> 
 
 
 def _gutter_text(row: int, rails: list[_Rail], lanes: int) -> str:
-    """The rails in one row, and the way from or to one of them."""
+    """Draw the rails in one row, and the connection from or to one of them."""
     cells = [" "] * (2 * lanes + 1)
     joined = -1
     for rail in rails:

@@ -1,4 +1,4 @@
-"""The keys of a study: what each is called, and which of them a running rule waits for. Pure."""
+"""The keys of a study: their titles, and which of them a running rule waits for. Pure."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ ACT, RULE, EVENT, SET = "startCommunicationRobotAct", "startInteractionRule", "r
 
 
 def key_title(binding: KeyBinding) -> str:
-    """What a key is called: the author's label, or a word that is made of what it does."""
+    """Return a key's title: the author's label, or words for what the key does."""
     if binding.title:
         return binding.title
     name = binding.behavior.strip()
@@ -32,12 +32,12 @@ def key_title(binding: KeyBinding) -> str:
 
 
 def short_title(name: str) -> str:
-    """The name of an act or a rule as one reads it: `R_Task1_Intro` is `Task1 Intro`."""
+    """Make the name of an act or a rule readable: `R_Task1_Intro` becomes `Task1 Intro`."""
     return name.removeprefix("R_").replace("_", " ") or name
 
 
 def _assignment_title(text: str) -> str:
-    """`understood = true` is `understood`, `mood = 'good'` is `mood good`."""
+    """Shorten an assignment: `understood = true` becomes `understood`, `mood = 'good'` becomes `mood good`."""
     assignment = _parse_assignment(text)
     if assignment is None:
         return text
@@ -54,16 +54,16 @@ def _assignment_title(text: str) -> str:
 
 
 class StudyKeys:
-    """Knows of each key of a scenario what it could bring about."""
+    """What each key of a scenario can bring about."""
 
     def __init__(self, scenario: Scenario) -> None:
         self.scenario = scenario
         self.events_of_rule = {name: events_raised_by(rule) for name, rule in scenario.rules.items()}
-        """By the name of a rule: every topic that it raises anywhere, without its slash."""
+        """By rule name: every topic that it raises anywhere, without its slash."""
         self._by_task: dict[tuple[str, str], KeyBinding] = {}
-        """Of several keys for one task, the first of the file."""
+        """If several keys have the same task, the first of the file."""
         self._by_topic: dict[str, list[KeyBinding]] = {}
-        """Keys that raise a topic: themselves, or by a rule that they start."""
+        """Keys that raise a topic, themselves or through a rule that they start."""
         keys = list(scenario.keys.values())
         for key in keys:
             self._by_task.setdefault((key.function, normal_topic(key.task_behavior)), key)
@@ -71,25 +71,25 @@ class StudyKeys:
                 self._by_topic.setdefault(normal_topic(key.behavior), []).append(key)
             for topic in self.events_of_rule.get(key.behavior, ()) if key.function == RULE else ():
                 self._by_topic.setdefault(topic, []).append(key)
-        for key in keys:  # a rule that only begins in another state has that key, if no other starts it
+        for key in keys:  # a rule started in another state has that key, unless another key starts it
             self._by_task.setdefault((key.function, normal_topic(key.behavior)), key)
         assignments = ((key, _parse_assignment(key.behavior)) for key in keys if key.function == SET)
         self._assignments = [(key, assignment) for key, assignment in assignments if assignment is not None]
         answers = self._find_answers()
         self.answer_keys = tuple(key for key in keys if key.key in answers)
-        """Those that some state of a rule may wait for, in the order of the file."""
+        """Keys that some state of a rule may wait for, in the order of the file."""
         self.other_keys = tuple(key for key in keys if key.key not in answers and key.function != ACT)
-        """The other keys that start no act."""
+        """The other keys that do not start an act."""
         self.act_keys = tuple(key for key in keys if key.key not in answers and key.function == ACT)
 
     def key_of(self, function: str, behavior: str) -> KeyBinding | None:
-        """The key that submits this, if there is one."""
+        """Return the key that submits this, if there is one."""
         return self._by_task.get((function, normal_topic(behavior)))
 
     def keys_for(
         self, transition: Transition, memory: Mapping[str, Any], running: Iterable[str] = ()
     ) -> Iterator[KeyBinding]:
-        """The keys that would make a rule take this way now. `running`: acts and rules that run or wait already."""
+        """Yield the keys that would make a rule take this transition now; `running` acts and rules are not started."""
         if transition.is_eventless and transition.condition is not None:
             yield from self.keys_setting(transition.condition, memory)
         if transition.event is None:
@@ -106,11 +106,11 @@ class StudyKeys:
                     yield starter
 
     def keys_raising(self, topic: str | None) -> Sequence[KeyBinding]:
-        """The keys that raise a topic (without its slash): themselves, or by a rule that they start. In file order."""
+        """Return the keys that raise a topic (without its slash) themselves or by starting a rule, in file order."""
         return self._by_topic.get(topic, ()) if topic is not None else ()
 
     def keys_setting(self, condition: Expression, memory: Mapping[str, Any]) -> Iterator[KeyBinding]:
-        """The keys that set a value with which a condition holds that does not hold now."""
+        """Yield the keys that set a value so that a condition holds which does not hold now."""
         if is_met(condition, memory):
             return
         for key, assignment in self._assignments_for(condition):
@@ -124,7 +124,7 @@ class StudyKeys:
     def expected_keys(
         self, states: Mapping[str, str | None], memory: Mapping[str, Any], running: Iterable[str] = ()
     ) -> frozenset[str]:
-        """The keys (as Textual spells them) that a running rule waits for. `states`: each rule's state."""
+        """Collect the keys (as Textual spells them) that the rules in these `states` wait for."""
         busy = {*running, *states}
         return frozenset(
             key.key
@@ -134,12 +134,12 @@ class StudyKeys:
         )
 
     def _assignments_for(self, condition: Expression) -> list[tuple[KeyBinding, Assignment]]:
-        """The keys that assign a value which a condition reads, or a part of one."""
+        """Find the keys that assign a value, or a part of one, that a condition reads."""
         heads = {key.partition(".")[0] for key in condition.keys}
         return [(key, each) for key, each in self._assignments if each.key.partition(".")[0] in heads]
 
     def _find_answers(self) -> set[str]:
-        """Keys that could be awaited in some state, whatever the memory holds."""
+        """Find the keys that some state could wait for, whatever the memory holds."""
         rules = self.scenario.rules.values()
         started = {function.argument for rule in rules for function in functions_of_rule(rule) if function.name == ACT}
         return {
@@ -151,7 +151,7 @@ class StudyKeys:
         }
 
     def _possible_keys(self, rule: str, transition: Transition, started: set[str]) -> Iterator[KeyBinding]:
-        """The keys that could make this rule take this way. `started`: acts that rules start by themselves."""
+        """Yield the keys that could make this rule take this transition; `started`: acts that rules start."""
         if transition.event is not None:
             raising = self.keys_raising(transition.event)
             yield from (key for key in raising if key.function != RULE or key.behavior != rule)
@@ -164,7 +164,7 @@ class StudyKeys:
 
 
 def transitions_of(scenario: Scenario, rule: str, state: str | None) -> tuple[Transition, ...]:
-    """The ways out of a state; none when it is not known."""
+    """Return the transitions of a state; none if it is unknown."""
     known = scenario.rules.get(rule)
     found = known.states.get(state) if known is not None and state is not None else None
     return found.transitions if found is not None else ()

@@ -1,4 +1,4 @@
-"""Pictures as SVG (https://www.w3.org/TR/SVG2/): the same bytes for the same pictures, text that can be selected."""
+"""Pictures as SVG (https://www.w3.org/TR/SVG2/): the same bytes for the same pictures, with selectable text."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from rise_engine.author.drawing.state_graph import cell_length
 from rise_engine.base.text import clean
 
 CELL, ROW, FONT = 8, 18, 13
-"""Width of a character, height of a row, size of letters, in px."""
+"""Width of a character, height of a row, and font size, in px."""
 MARGIN = 16
 HEADING = 34
 """Height of a picture's title."""
@@ -31,7 +31,7 @@ _ENDS = {
     "╶": "R",
     "►": "LR",
 }
-"""Towards which sides of its cell a character's lines go: up, down, left, right."""
+"""The sides of its cell that a character's lines reach: up, down, left, right."""
 _STYLE = (
     "text{font:13px ui-monospace,'DejaVu Sans Mono',Menlo,Consolas,monospace;fill:#1f2328;white-space:pre}"
     ".h{font-weight:bold;font-size:15px}.label{fill:#0a5a9c}.note{fill:#59636e}"
@@ -41,9 +41,9 @@ _STYLE = (
 
 
 def svg_text(title: str, pictures: Sequence[Picture]) -> str:
-    """One drawing with all pictures below each other.
+    """Draw all pictures below each other.
 
-    :param title: what screen readers say that it is.
+    :param title: what a screen reader announces.
     """
     width = 2 * MARGIN + CELL * max((_used_width(picture) for picture in pictures), default=40)
     height = MARGIN
@@ -93,7 +93,7 @@ def _picture(picture: Picture) -> Iterator[str]:
 
 
 def _line_path(rows: Sequence[PictureRow]) -> Iterator[str]:
-    """All lines as one path, each as long as it goes straight on."""
+    """Draw all lines as one path, joining straight pieces."""
     across: dict[int, set[int]] = {}
     down: dict[int, set[int]] = {}
     for number, row in enumerate(rows):
@@ -116,13 +116,13 @@ def _line_path(rows: Sequence[PictureRow]) -> Iterator[str]:
 
 
 def _has_way_below(rows: Sequence[PictureRow], number: int, column: int) -> bool:
-    """Whether a line goes on below a state."""
+    """Return whether a line continues below a state."""
     below = rows[number + 1].lines if number + 1 < len(rows) else ""
     return len(below) > column and "U" in _ENDS.get(below[column], "")
 
 
 def _runs(halves: Iterable[int]) -> Iterator[tuple[int, int]]:
-    """Half cells that touch each other, as their beginning and end."""
+    """Join adjacent half cells into pairs of start and end."""
     start = end = None
     for half in sorted(halves):
         if half != end:

@@ -1,4 +1,4 @@
-"""What an act does: its actions, what they wait for, their parameters and wordings."""
+"""Edits of acts: their actions, waits, parameters and wordings."""
 
 from __future__ import annotations
 
@@ -45,7 +45,7 @@ _ID = re.compile(r"[^,;\s]+")
 
 
 def spec_of(study: StudyState, type: str) -> ActionSpec:
-    """An action that the study's robot has. :raises EditRefused: it has none of this name."""
+    """Return an action that the study's robot has. :raises EditRefused: it has none of this name."""
     robot = study.checked.robot
     spec = robot.actions.get(type)
     if spec is None:
@@ -71,7 +71,7 @@ def _changeable(study: StudyState, act: str, action: str) -> WrittenAction:
 
 
 def plan_add_action(edit: AddAction, study: StudyState) -> Plan:
-    """A new action behind another, or at the end of the act."""
+    """Plan a new action after another, or at the end of the act."""
     act, spec = act_of(study, edit.act), spec_of(study, edit.type)
     check_changeable(f"the act {edit.act}", act.reason, act.file, act.line)
     name = edit.id.strip() or next_id(act)
@@ -102,7 +102,7 @@ def _in_words(parameters: Mapping[str, str]) -> str:
 
 
 def next_id(act: WrittenAct) -> str:
-    """The next free number for an action."""
+    """Return the next free number for an action."""
     numbers = [int(each.id) for each in act.actions if each.id.isascii() and each.id.isdigit()]
     return str(max(numbers, default=0) + 1)
 
@@ -115,7 +115,7 @@ def _check_ids(act: WrittenAct, ids: Iterable[str]) -> None:
 
 
 def plan_remove_action(edit: RemoveAction, study: StudyState) -> Plan:
-    """An action goes; what waited for it waits for what it has waited for."""
+    """Plan the removal of an action; actions that waited for it then wait for what it waited for."""
     act, action = action_of(study, edit.act, edit.action)
     check_changeable(f"the act {edit.act}", act.reason, act.file, act.line)
     alone = sum(each.node is action.node for each in act.actions) == 1
@@ -144,7 +144,7 @@ def _inherited(waits: Iterable[str], gone: str, its_waits: Iterable[str]) -> Ite
 
 
 def plan_set_type(edit: SetActionType, study: StudyState) -> Plan:
-    """Another action in the place of one; what both have stays as it is written."""
+    """Plan another type for an action; parameters that both types have stay unchanged."""
     action = _changeable(study, edit.act, edit.action)
     spec = spec_of(study, edit.type)
     splices: list[Splice] = []
@@ -170,7 +170,7 @@ def plan_set_type(edit: SetActionType, study: StudyState) -> Plan:
 
 
 def plan_set_parameter(edit: SetParameter, study: StudyState) -> Plan:
-    """One parameter of one wording: changed, added, or taken out."""
+    """Plan to change, add or remove one parameter of one wording."""
     act, action = action_of(study, edit.act, edit.action)
     where = f"{edit.act} {edit.action}" + (f"/{edit.variant + 1}" if len(action.calls) > 1 else "")
     if not 0 <= edit.variant < len(action.calls):
@@ -212,7 +212,7 @@ def _parameter_words(where: str, parameter: str, value: str | None, was: str | N
 
 
 def _markup_splice(element: Element, value: str) -> Splice:
-    """Instead of `<speak>...</speak>`: other markup, or words."""
+    """Replace `<speak>...</speak>` by other markup or by words."""
     written = escape_text(value)
     if value.startswith("<speak"):
         try:
@@ -227,7 +227,7 @@ def _new_parameter(call: Element, spec: ActionSpec, name: str, value: str) -> Sp
 
 
 def _in_order(action: Element, new: NewElement, order: Sequence[str]) -> Splice:
-    """A part of an action behind those that stand before it by this order."""
+    """Insert a part of an action after the parts that precede it in this order."""
     before = [each for each in action if each.tag in order[: order.index(new.tag)]]
     if before:
         return gap_behind(before[-1]).insert(new)
@@ -238,7 +238,7 @@ def _in_order(action: Element, new: NewElement, order: Sequence[str]) -> Splice:
 
 
 def plan_set_waits(edit: SetWaits, study: StudyState) -> Plan:
-    """What an action waits for."""
+    """Plan what an action waits for."""
     action = _changeable(study, edit.act, edit.action)
     _check_ids(act_of(study, edit.act), edit.wait_for)
     if edit.action in edit.wait_for:
@@ -263,7 +263,7 @@ def _waits_splices(action: Element, wait_for: Iterable[str]) -> list[Splice]:
 
 
 def plan_set_failure(edit: SetActionFailure, study: StudyState) -> Plan:
-    """Whether the act goes on when an action has failed."""
+    """Plan whether the act goes on when an action has failed."""
     action = _changeable(study, edit.act, edit.action)
     element = next((child for child in action.node if child.tag == "onFailure"), None)
     if edit.continues == action.continues and (edit.continues or element is None):

@@ -1,4 +1,4 @@
-"""What an edit names, found in the outline: files, acts, actions, rules, states and statements."""
+"""The parts that an edit addresses, found in the outline: files, acts, actions, rules, states and statements."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ _SHOWN = 5
 
 
 def xml_of(study: StudyState, file: str) -> XmlFile:
-    """A file of acts or rules. :raises EditRefused: it is not there, or no XML."""
+    """Return a file of acts or rules. :raises EditRefused: it does not exist, or is not XML."""
     if file not in study.files:
         raise EditRefused(f"there is no file `{file}`{did_you_mean(file, list(study.files))}")
     parts = study.checked.parts
@@ -36,12 +36,12 @@ def xml_of(study: StudyState, file: str) -> XmlFile:
 
 
 def places_of_parameter(study: StudyState, use: Written, parameter: str) -> int:
-    """In how many places of what comes of a `<use>` a parameter of it stands."""
+    """Count the places where a parameter of a `<use>` appears in what the template makes."""
     return count_places(xml_of(study, use.file).brought.get(use.node, ()), parameter)
 
 
 def act_of(study: StudyState, name: str) -> WrittenAct:
-    """An act by its name. :raises EditRefused: there is none."""
+    """Return an act by its name. :raises EditRefused: there is none."""
     act = study.outline.act(name)
     if act is None:
         refuse_unknown(study, "act", name, [each.name for each in study.outline.acts])
@@ -49,7 +49,7 @@ def act_of(study: StudyState, name: str) -> WrittenAct:
 
 
 def rule_of(study: StudyState, name: str) -> WrittenRule:
-    """A rule by its name. :raises EditRefused: there is none."""
+    """Return a rule by its name. :raises EditRefused: there is none."""
     rule = study.outline.rule(name)
     if rule is None:
         refuse_unknown(study, "rule", name, [each.name for each in study.outline.rules])
@@ -57,13 +57,13 @@ def rule_of(study: StudyState, name: str) -> WrittenRule:
 
 
 def refuse_unknown(study: StudyState, kind: str, name: str, known: list[str]) -> NoReturn:
-    """:raises EditRefused: there is no such thing; files that cannot be read are named, it may be in one of them."""
+    """:raises EditRefused: always, with the files that cannot be read: the unknown name may be in one of them."""
     unread = "".join(f"; {file} cannot be read now" for file in study.outline.unreadable)
     raise EditRefused(f"there is no {kind} `{name}`{did_you_mean(name, known)}{unread}")
 
 
 def state_of(study: StudyState, rule: str, name: str) -> tuple[WrittenRule, WrittenState]:
-    """A rule and the first of its states with a name. :raises EditRefused: there is none."""
+    """Return a rule and the first of its states with a name. :raises EditRefused: there is none."""
     found = rule_of(study, rule)
     state = next((each for each in found.states if each.id == name), None)
     if state is None:
@@ -73,7 +73,7 @@ def state_of(study: StudyState, rule: str, name: str) -> tuple[WrittenRule, Writ
 
 
 def action_of(study: StudyState, act: str, name: str) -> tuple[WrittenAct, WrittenAction]:
-    """An act and its action with an actionID. :raises EditRefused: there is none."""
+    """Return an act and its action with an actionID. :raises EditRefused: there is none."""
     found = act_of(study, act)
     action = next((each for each in found.actions if each.id == name), None)
     if action is None:
@@ -83,14 +83,14 @@ def action_of(study: StudyState, act: str, name: str) -> tuple[WrittenAct, Writt
 
 
 def check_changeable(what: str, reason: str, file: str = "", line: int = 0) -> None:
-    """:raises EditRefused: a form cannot change it, and why; in which line it stands, if that is given."""
+    """:raises EditRefused: a form cannot change it, with the `reason` and, if given, the file and line."""
     if reason:
         where = f" ({file}, line {line})" if file else ""
         raise EditRefused(f"{what} cannot be changed: {reason}{where}")
 
 
 def check_name(kind: str, name: str) -> str:
-    """A new name without blanks around it. :raises EditRefused: it is empty, or cannot be shown."""
+    """Strip the blanks around a new name. :raises EditRefused: it is empty, or cannot be shown."""
     name = name.strip()
     if not name:
         raise EditRefused(f"the {kind} needs a name")
@@ -100,9 +100,9 @@ def check_name(kind: str, name: str) -> str:
 
 
 def still_named(study: StudyState, kind: UsedKind, name: str, *, within: str = "") -> tuple[str, ...]:
-    """Where something that goes is named elsewhere, in a sentence; nothing when it is nowhere.
+    """Say in a sentence where something that goes is still named; nothing if it is not.
 
-    :param within: the act or rule that goes, or in which it stands: what stands there is not counted.
+    :param within: the act or rule that goes or contains it; uses in there do not count.
     """
     uses = study.checked.uses.of(kind, name)
     places = [
@@ -120,25 +120,25 @@ def still_named(study: StudyState, kind: UsedKind, name: str, *, within: str = "
 
 
 class StatementList:
-    """Statements that stand with each other."""
+    """A list of statements in a block, a branch or a `oneOf`."""
 
     def __init__(
         self, rule: WrittenRule, where: str, statements: tuple[WrittenStatement, ...], holder: Element | None
     ) -> None:
         self.file = rule.file
         self.where = where
-        """For people."""
+        """The place in words."""
         self.statements = statements
         self.holder = holder
-        """The element that they stand in; None: the state has no such element yet."""
+        """The element that contains them; None: the state has no such element yet."""
         self.tag = ""
-        """What the element is to be, when it is not there."""
+        """The tag of the element to make if it does not exist."""
         self.state_node: Element
-        """Of a block of a state: the state."""
+        """The state, for a block of a state."""
 
 
 class BranchPlace:
-    """A branch of an `if`, there or not yet."""
+    """A branch of an `if`, which may not exist yet."""
 
     def __init__(self, place: StatementList, statement: WrittenStatement, number: int) -> None:
         self.place = place
@@ -147,7 +147,7 @@ class BranchPlace:
 
 
 def list_at(address: StatementAddress, study: StudyState) -> StatementList:
-    """The statements among which an address ends. :raises EditRefused: there are none, or nobody can change them."""
+    """Return the list of statements that an address ends in. :raises EditRefused: a form cannot reach or change it."""
     found = _walk(address, study, address.path[:-1])
     if isinstance(found, BranchPlace):
         raise EditRefused(f"{found.place.where}: the address ends with a branch; say which statement of it")
@@ -155,7 +155,7 @@ def list_at(address: StatementAddress, study: StudyState) -> StatementList:
 
 
 def statement_at(address: StatementAddress, study: StudyState) -> tuple[StatementList, WrittenStatement]:
-    """A statement and those that it stands with. :raises EditRefused: there is none."""
+    """Return a statement and the list that contains it. :raises EditRefused: there is none."""
     if not address.path:
         raise EditRefused("the address says no statement")
     place = list_at(address, study)
@@ -166,7 +166,7 @@ def statement_at(address: StatementAddress, study: StudyState) -> tuple[Statemen
 
 
 def branch_at(address: StatementAddress, study: StudyState) -> BranchPlace | None:
-    """The branch that an address ends with; None: it ends with a statement."""
+    """Return the branch that an address ends with; None: it ends with a statement."""
     found = _walk(address, study, address.path[:-1])
     if isinstance(found, BranchPlace):
         return BranchPlace(found.place, found.statement, address.path[-1])
@@ -174,7 +174,7 @@ def branch_at(address: StatementAddress, study: StudyState) -> BranchPlace | Non
 
 
 def _walk(address: StatementAddress, study: StudyState, path: tuple[int, ...]) -> StatementList | BranchPlace:
-    """Down the path: the list, or the `if`, in which its last number counts."""
+    """Follow the path to the list, or to the `if`, that its last number counts in."""
     rule, state = state_of(study, address.rule, address.state)
     place = _block(address, study, rule, state)
     rest = list(path)

@@ -1,7 +1,7 @@
-"""Drafts: what an editor holds and has not saved, kept where a lost terminal does not reach it; and who edits a study.
+"""Unsaved drafts, stored where a lost terminal does not reach them; and the lock of a study's editor.
 
-A draft lies in the state folder of the account, in a file of its own for each study. It holds the changed files whole,
-what was changed in words, and check sums of the files on which the changes were made.
+Each study has one draft file in the state folder of the account. It holds the complete changed files, the changes in
+words, and check sums of the files that the changes were made on.
 """
 
 from __future__ import annotations
@@ -26,22 +26,21 @@ FORMAT = 1
 
 
 class Draft(Struct, frozen=True):
-    """What was not saved."""
+    """The unsaved changes of a study."""
 
     folder: str
     kept: str
-    """When, with the offset of the zone (ISO 8601)."""
+    """When, with the offset of the time zone (ISO 8601)."""
     base: dict[str, str]
     """SHA-256 of every file that it was made on, by name."""
     files: dict[str, bytes | None]
-    """The files that differ, whole; None: deleted."""
+    """The complete files that differ; None: deleted."""
     says: tuple[str, ...]
-    """What was changed, in words."""
     format: int = FORMAT
 
 
 def state_folder() -> Path:
-    """Where drafts lie: `$XDG_STATE_HOME/rise-tui/drafts`."""
+    """Return the folder of drafts: `$XDG_STATE_HOME/rise-tui/drafts`."""
     state = os.environ.get("XDG_STATE_HOME") or str(Path.home() / ".local" / "state")
     return Path(state) / "rise-tui" / "drafts"
 
@@ -51,7 +50,7 @@ def hashes(files: Files) -> dict[str, str]:
 
 
 class DraftFile:
-    """The draft of one study, on the disk."""
+    """The draft of one study on the disk."""
 
     def __init__(self, folder: Path) -> None:
         """:param folder: the study's."""
@@ -60,7 +59,7 @@ class DraftFile:
         self.path = state_folder() / f"{self.folder.name}-{name}.json"
 
     def read(self) -> Draft | None:
-        """What was kept last; None: nothing that is to be offered, or nothing that can be read."""
+        """Read the latest draft; None: there is none to offer, or none that can be read."""
         found = self._find()
         return None if found is None else found[1]
 
@@ -74,19 +73,19 @@ class DraftFile:
         return None
 
     def put_aside(self) -> None:
-        """Leave what is kept now where the next draft does not replace it; it is offered again. Raises OSError."""
+        """Move the current draft where the next one does not replace it; it is offered again. Raises OSError."""
         if self.path.exists():
             now = datetime.now().astimezone().strftime("%Y%m%d-%H%M%S-%f")
             self.path.rename(self.path.with_name(f"{self.path.stem}.earlier-{now}.json"))
 
     def forget(self) -> None:
-        """Delete what `read` gives. Raises OSError."""
+        """Delete the draft that `read` returns. Raises OSError."""
         found = self._find()
         if found is not None:
             found[0].unlink(missing_ok=True)
 
     def keep(self, base: Files, files: Mapping[str, bytes | None], says: tuple[str, ...]) -> None:
-        """Write it anew; without changed files there is none. Raises OSError."""
+        """Write the draft; without changed files, delete it. Raises OSError."""
         if not files:
             self.path.unlink(missing_ok=True)
             return
@@ -98,19 +97,19 @@ class DraftFile:
 
 
 class EditorLock:
-    """Who edits a study: one editor at a time. It goes with its process, however that ends."""
+    """The lock that gives a study one editor at a time. It ends with its process, in whatever way that ends."""
 
     def __init__(self, folder: Path) -> None:
-        """:param folder: the study's. Nothing is written in it: the folder itself is locked."""
+        """:param folder: the study's. The folder itself is locked; nothing is written in it."""
         self.folder = folder
         self._descriptor = -1
         self._note = DraftFile(folder).path.with_suffix(".editor")
         self.holder = ""
-        """Who else has it, for a person; empty: we do."""
+        """The other editor, in words; empty: we have the lock."""
         self.try_again()
 
     def try_again(self) -> None:
-        """Take it if nobody has it any more."""
+        """Take the lock if no other editor has it now."""
         if self._descriptor >= 0:
             return
         self.holder = ""
@@ -120,7 +119,7 @@ class EditorLock:
             return
         try:
             locked = take_lock(descriptor)
-        except OSError:  # a file system without locks: nobody can be told apart
+        except OSError:  # a file system without locks, which cannot tell editors apart
             os.close(descriptor)
             return
         if not locked:

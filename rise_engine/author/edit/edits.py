@@ -1,8 +1,8 @@
-"""What can be changed in a study: one value for each change that a form, a command or a program makes.
+"""The edits of a study: one value for each change that a form, a command or a program makes.
 
-Plain data, JSON both ways: `{"edit": "set_parameter", "act": "R_Greeting", "action": "2", ...}`
-(docs/reference/edits.md). Everything is addressed by its name, so that an edit can be made again on files that have
-changed meanwhile; a way out of a state, which has none, by its number in the state and by what it waits for.
+Edits are plain data and read and write JSON: `{"edit": "set_parameter", "act": "R_Greeting", "action": "2", ...}`
+(docs/reference/edits.md). They address everything by its name, so that they also apply to files that have changed
+meanwhile. A transition has no name; its address is its number in the state and what it waits for.
 """
 
 from __future__ import annotations
@@ -22,40 +22,40 @@ _UPPER = re.compile(r"(?<!^)(?=[A-Z])")
 
 
 def edit_name(class_name: str) -> str:
-    """What JSON calls an edit: "set_parameter" is SetParameter."""
+    """Return the name of an edit in JSON: "set_parameter" for SetParameter."""
     return _UPPER.sub("_", class_name).lower()
 
 
 class Edit(Struct, frozen=True, forbid_unknown_fields=True, tag_field="edit", tag=edit_name):
-    """One change. Its subclasses are all that there are (`AnyEdit`)."""
+    """One change. `AnyEdit` lists all subclasses."""
 
 
-# --- what is written in a form --------------------------------------------------------------------------------------
+# --- forms ----------------------------------------------------------------------------------------------------------
 
 
 class TransitionForm(Struct, frozen=True, forbid_unknown_fields=True):
-    """A way out of a state, as its form has it: every field as the author types it, None: not there.
+    """A transition as its form has it: every field as the author types it; None: not there.
 
-    At most one of `event`, `ended` and `after` is the trigger; with none of them `condition` alone is.
+    At most one of `event`, `ended` and `after` is the trigger. Without any, `condition` alone is.
     """
 
     event: str | None = None
-    """With or without its slash; written with it."""
+    """With or without its slash; the file gets the slash."""
     ended: str | None = None
-    """The act whose end is waited for."""
+    """The act whose end it waits for."""
     outcomes: tuple[str, ...] = ()
     """With `ended`."""
     after: str | None = None
     """`2s`, `{pause}ms`."""
     held: str | None = None
-    """With `after`: what must hold all that time (`while`)."""
+    """With `after`: the condition that must hold all that time (`while`)."""
     condition: str | None = None
     """An expression, unescaped: `score < 3`."""
     target: str | None = None
 
 
 class CallForm(Struct, frozen=True, forbid_unknown_fields=True, tag_field="statement", tag="call"):
-    """A function of a rule, as its form has it."""
+    """A function of a rule as its form has it."""
 
     function: FunctionName
     argument: str
@@ -66,7 +66,7 @@ class CallForm(Struct, frozen=True, forbid_unknown_fields=True, tag_field="state
 
 
 class BranchForm(Struct, frozen=True, forbid_unknown_fields=True):
-    """An arm of an `if`."""
+    """A branch of an `if`."""
 
     condition: str | None
     """None: `else`, the last one."""
@@ -85,17 +85,17 @@ StatementForm: TypeAlias = CallForm | IfForm | OneOfForm
 
 
 class StatementAddress(Struct, frozen=True, forbid_unknown_fields=True):
-    """Where a statement stands.
+    """The place of a statement.
 
-    `path` leads down the statements as they are written (`outline.WrittenStatement`): the number of a statement; of an
-    `if`, then the number of its branch and that of a statement in it; of a `oneOf`, then the number of its choice.
+    `path` leads down the statements in the file's order (`outline.WrittenStatement`): the number of a statement; in an
+    `if`, then the numbers of a branch and of a statement in it; in a `oneOf`, then the number of a choice.
     """
 
     rule: str
     state: str
     place: StatementPlace
     transition: int = 0
-    """Its number in the state, from 0, when `place` is "transition"."""
+    """Index in the state, from 0, when `place` is "transition"."""
     path: tuple[int, ...] = ()
 
 
@@ -103,20 +103,20 @@ class StatementAddress(Struct, frozen=True, forbid_unknown_fields=True):
 
 
 class AddAct(Edit, frozen=True):
-    """A new act. It is empty but for what `text` says: one `Speech` with this message."""
+    """A new act. It is empty, or has one `Speech` with `text` as its message."""
 
     name: str
     text: str = ""
     after: str = ""
-    """The act behind which it stands, in the same file."""
+    """The act after which it goes, in the same file."""
     file: str = ""
-    """Instead: the file at whose end it stands, which may be new. With neither: the last file of acts."""
+    """The file at whose end it goes instead, which may be new. Without `after` and `file`: the last file of acts."""
 
 
 class CopyAct(Edit, frozen=True):
     act: str
     name: str
-    """Of the copy, which stands behind the act."""
+    """The name of the copy, which goes after the act."""
 
 
 class RemoveAct(Edit, frozen=True):
@@ -131,18 +131,18 @@ class AddAction(Edit, frozen=True):
     id: str = ""
     """Empty: the next free number."""
     after: str = ""
-    """The action behind which it stands in the file; empty: at the end."""
+    """The action after which it goes in the file; empty: at the end."""
 
 
 class RemoveAction(Edit, frozen=True):
-    """Its successors then wait for what it has waited for."""
+    """An action's removal; its successors then wait for what it waited for."""
 
     act: str
     action: str
 
 
 class SetActionType(Edit, frozen=True):
-    """Another action in its place; parameters of the same name stay, those that the new one does not have go."""
+    """Another type for an action. Parameters of the same name stay; those that the new type does not have go."""
 
     act: str
     action: str
@@ -154,16 +154,16 @@ class SetParameter(Edit, frozen=True):
     action: str
     parameter: str
     value: str | None
-    """As it is to be read, unescaped; None: not given."""
+    """The unescaped value; None: remove it."""
     variant: int = 0
-    """Of several wordings, the number of this one, from 0."""
+    """The index of the wording, from 0, if there are several."""
 
 
 class SetWaits(Edit, frozen=True):
     act: str
     action: str
     wait_for: tuple[str, ...]
-    """Ids of actions; empty: it starts at once."""
+    """Ids of actions; empty: it starts immediately."""
 
 
 class SetActionFailure(Edit, frozen=True):
@@ -174,7 +174,7 @@ class SetActionFailure(Edit, frozen=True):
 
 
 class AddVariant(Edit, frozen=True):
-    """Another wording, picked by chance. A single action becomes `<Variants>`."""
+    """Another wording, picked at random. A single action becomes `<Variants>`."""
 
     act: str
     action: str
@@ -182,7 +182,7 @@ class AddVariant(Edit, frozen=True):
 
 
 class RemoveVariant(Edit, frozen=True):
-    """With one left, it is a single action again."""
+    """The removal of a wording. If one is left, it is a single action again."""
 
     act: str
     action: str
@@ -197,9 +197,9 @@ class AddRule(Edit, frozen=True):
     initial: str
     """Its first state, which is made with it."""
     after: str = ""
-    """The rule behind which it stands, in the same file."""
+    """The rule after which it goes, in the same file."""
     file: str = ""
-    """Instead: the file in which it stands. With neither: a new file that is called as the rule."""
+    """The file for it instead. Without `after` and `file`: a new file with the name of the rule."""
 
 
 class CopyRule(Edit, frozen=True):
@@ -225,11 +225,11 @@ class AddState(Edit, frozen=True):
     rule: str
     state: str
     after: str = ""
-    """The state behind which it stands; empty: at the end."""
+    """The state after which it goes; empty: at the end."""
 
 
 class RemoveState(Edit, frozen=True):
-    """Refused while a way leads to it; the ways out of it go with it."""
+    """A state's removal, together with its own transitions; refused while a transition leads to it."""
 
     rule: str
     state: str
@@ -240,17 +240,17 @@ class AddTransition(Edit, frozen=True):
     state: str
     transition: TransitionForm
     at: int | None = None
-    """Its number among the ways out; None: the last."""
+    """Its index among the transitions; None: the last."""
 
 
 class SetTransition(Edit, frozen=True):
-    """What its functions are stays."""
+    """Another form of a transition; its functions stay."""
 
     rule: str
     state: str
     index: int
     was: TransitionForm
-    """What stands there now: found again by it when the number has changed meanwhile."""
+    """Its present form, which finds it again when its number has changed meanwhile."""
     transition: TransitionForm
 
 
@@ -267,12 +267,12 @@ class MoveTransition(Edit, frozen=True):
     index: int
     was: TransitionForm
     to: int
-    """Its new number."""
+    """Its new index."""
 
 
 class AddStatement(Edit, frozen=True):
     at: StatementAddress
-    """The statement before which it stands; a number behind the last: at the end."""
+    """The statement before which it goes; a number past the last: at the end."""
     statement: StatementForm
 
 
@@ -282,7 +282,7 @@ class SetCall(Edit, frozen=True):
 
 
 class RemoveStatement(Edit, frozen=True):
-    """Also a branch of an `if`, and an `if` with all that is in it."""
+    """The removal of a function, of a branch of an `if`, or of an `if` with its contents."""
 
     at: StatementAddress
 
@@ -290,12 +290,12 @@ class RemoveStatement(Edit, frozen=True):
 class MoveStatement(Edit, frozen=True):
     at: StatementAddress
     to: int
-    """Its new number among those it stands with."""
+    """Its new index in its list."""
 
 
 class AddBranch(Edit, frozen=True):
     at: StatementAddress
-    """The `if`, and the number that the branch gets."""
+    """The `if`, and the index that the branch gets."""
     condition: str | None
     """None: `else`."""
 
@@ -310,7 +310,7 @@ class SetBranchCondition(Edit, frozen=True):
 
 
 class SetStartValue(Edit, frozen=True):
-    """A memory key's start value; a key that is not there is added."""
+    """The start value of a memory key; a new key is added."""
 
     key: str
     value: Json
@@ -326,12 +326,12 @@ class SetSetting(Edit, frozen=True):
     path: tuple[str, ...]
     """`("keys", "n")`, `("act", "R_Nod", "filler")`, `("title",)`; a number for an element of a list."""
     value: Json
-    """None: the entry goes, and a table's header with its last entry."""
+    """None: remove the entry, and a table's header with its last entry."""
     file: str = "scenario.toml"
 
 
 class RenameSetting(Edit, frozen=True):
-    """An entry under another name, in its place: a key of the keyboard that is to be another one."""
+    """Another name for an entry, in its place, for example another key of the keyboard."""
 
     path: tuple[str, ...]
     name: str
@@ -343,7 +343,7 @@ class SetCell(Edit, frozen=True):
 
     table: str
     row: int
-    """From 0, the header not counted."""
+    """From 0, without the header."""
     column: str
     value: str
 
@@ -361,7 +361,7 @@ class RemoveRow(Edit, frozen=True):
 
 
 class AddColumn(Edit, frozen=True):
-    """A column of a table, which is empty in all rows."""
+    """A new column of a table, empty in all rows."""
 
     table: str
     column: str
@@ -370,28 +370,28 @@ class AddColumn(Edit, frozen=True):
 
 
 class SetUseParameter(Edit, frozen=True):
-    """A parameter of a `<use>`, by which acts and states of a template differ."""
+    """A parameter of a `<use>`, which makes acts and states of a template differ."""
 
     file: str
     line: int
-    """Where the `<use>` begins."""
+    """The line where the `<use>` begins."""
     template: str
     parameter: str
     value: str | None
 
 
 class SetTranslation(Edit, frozen=True):
-    """What an act says in another language of the study (`texts/LANGUAGE.toml`)."""
+    """A text of an act in another language of the study (`texts/LANGUAGE.toml`)."""
 
     language: str
     act: str
     text: str
-    """Which text: `ID` or `ID/VARIANT`, with `/PARAMETER` behind it where that is not `message`."""
+    """The text: `ID` or `ID/VARIANT`, followed by `/PARAMETER` if that is not `message`."""
     value: str | None
 
 
 class AddLanguage(Edit, frozen=True):
-    """Another language that the texts are to be translated into (`also`, in scenario.toml)."""
+    """Another language for translations (`also`, in scenario.toml)."""
 
     language: str
     """Its tag: `de`, `pt-BR`, `de-x-sie`."""
@@ -401,20 +401,20 @@ class AddLanguage(Edit, frozen=True):
 
 
 class Rename(Edit, frozen=True):
-    """A name everywhere: files of acts and rules, conditions, templates, keys, settings, task files, translations."""
+    """A new name everywhere: in acts, rules, conditions, templates, keys, settings, task files, translations."""
 
     kind: NameKind
     old: str
     new: str
-    """For a state and an actionID the new name alone, without the rule or act."""
+    """The new name; for a state and an actionID without the rule or act."""
 
 
 class ReplaceFile(Edit, frozen=True):
-    """A whole file as an editor, an import or a person has written it."""
+    """A complete file from an editor, an import or a person."""
 
     file: str
     text: str | None
-    """None: it goes."""
+    """None: delete it."""
 
 
 AnyEdit: TypeAlias = (
@@ -425,4 +425,3 @@ AnyEdit: TypeAlias = (
     | SetCell | AddRow | RemoveRow | AddColumn | SetUseParameter | SetTranslation | AddLanguage
     | Rename | ReplaceFile
 )  # fmt: skip
-"""Every edit that there is."""

@@ -1,6 +1,6 @@
-"""The usual layout of a study's files: what `rise-engine fmt` and the language server write.
+"""The usual layout of a study's files, which `rise-engine fmt` and the language server write.
 
-Nothing that is read changes, and no comment is lost.
+The layout changes no value and loses no comment.
 """
 
 from __future__ import annotations
@@ -26,14 +26,14 @@ from rise_engine.syntax.xml import XmlSyntaxError, XmlTree, comments_of
 from rise_engine.syntax.xml_format import format_xml
 
 _WIDTH = 100
-"""Columns of a value of the memory that stands in one line."""
+"""Maximum columns of a memory value on one line."""
 _LINE_ENDS = re.compile(r"\r\n?|\n")
 
 
 def format_toml(text: str) -> str:
-    """A TOML file in the usual layout: entries at the margin, ` = `, one empty line before a table and between groups.
+    """Lay out a TOML file: entries at the margin, ` = `, one empty line before a table and between groups.
 
-    Values stay as they are written, and `=` that stand below each other do.
+    Values stay as they are written, and aligned `=` stay aligned.
 
     :param text: without byte order mark.
     :raises EditRefused: it is not TOML.
@@ -50,9 +50,9 @@ def format_toml(text: str) -> str:
 
 
 def _key_widths(toml: TomlText, section: TomlSection) -> list[int]:
-    """For each entry of a section, how wide its key is with the blanks behind it that stay.
+    """Compute for each entry of a section the width of its key with the blanks after it that stay.
 
-    They stay where its `=` stands below that of the entry before, or above that of the one behind.
+    They stay where its `=` is aligned with the one of the entry before or after it.
     """
     lengths = [pair.parts[-1].end - pair.start for pair in section.pairs]
     widths = []
@@ -67,7 +67,7 @@ def _key_widths(toml: TomlText, section: TomlSection) -> list[int]:
 
 
 def _without_margins(text: str, before: TomlText) -> str:
-    """No blanks before entries, headers and comments that have a line of their own, and none at the ends of lines."""
+    """Strip the blanks before entries, headers and comments on their own lines, and the blanks at line ends."""
     toml = TomlText(text)
     kept = [(pair.value.start, pair.value.end) for section in toml.sections for pair in section.pairs]
     lines: list[str] = []
@@ -92,7 +92,7 @@ def _without_margins(text: str, before: TomlText) -> str:
 
 
 def _with_gaps(text: str, newline: str) -> str:
-    """At most one empty line in a row, one before each table (and the comment above it), none at the ends."""
+    """Leave at most one empty line in a row, one before each table (and the comment above it), none at the ends."""
     toml = TomlText(text)
     values = [(pair.value.start, pair.value.end) for section in toml.sections for pair in section.pairs]
     headers = {toml.text.count("\n", 0, section.start) for section in toml.sections if section.parts}
@@ -120,11 +120,11 @@ def _with_gaps(text: str, newline: str) -> str:
 
 
 def format_memory(text: str) -> str:
-    """A memory file in the usual layout, in the form that it has: an entry in each line, groups with an empty line.
+    """Lay out a memory file in its own form: one entry a line, one empty line between groups.
 
     Numbers and texts stay as they are written.
 
-    :raises EditRefused: it is not JSON, or no object.
+    :raises EditRefused: it is not JSON, or not an object.
     """
     newline = "\r\n" if "\r\n" in text else "\r" if "\r" in text and "\n" not in text else "\n"
     try:
@@ -165,12 +165,12 @@ def _refuse(key: str, offset: int, first: int) -> None:
 
 
 def _written(text: str, at: int) -> str:
-    """A text or number as it stands there."""
+    """Return a text or number as the file has it."""
     return text[at : json.JSONDecoder().raw_decode(text, at)[1]]
 
 
 def _compact(text: str, value: Any, at: int) -> str:
-    """A value in one line."""
+    """Write a value on one line."""
     match value:
         case JsonObject():
             inner = (
@@ -187,7 +187,7 @@ def _compact(text: str, value: Any, at: int) -> str:
 
 
 def _value(text: str, value: Any, at: int, indent: str) -> str:
-    """A value in one line if it fits there, or else an entry in each line."""
+    """Write a value on one line if it fits, or else one entry a line."""
     compact = _compact(text, value, at)
     if len(compact) <= _WIDTH or not isinstance(value, JsonObject | JsonArray):
         return compact
@@ -211,18 +211,18 @@ _BYTE_ORDER_MARK = b"\xef\xbb\xbf"
 
 
 class StudyLayout(Struct, frozen=True):
-    """What the usual layout makes of a study's files."""
+    """The result of laying out a study's files."""
 
     changed: dict[str, bytes]
-    """The files that look different then."""
+    """The files that the layout changes."""
     problems: dict[str, str]
-    """Files that stay as they are, each with the reason."""
+    """Files that stay unchanged, each with the reason."""
     files: int
-    """How many were looked at."""
+    """How many files it read."""
 
 
 def lay_out(files: Files) -> StudyLayout:
-    """Acts, rules, settings, start values and translations in the usual layout. What is no such file is left alone."""
+    """Lay out acts, rules, settings, start values and translations. Other files stay unchanged."""
     changed: dict[str, bytes] = {}
     problems: dict[str, str] = {}
     names = [name for name in sorted(files) if _kind(name, files)]
@@ -238,9 +238,9 @@ def lay_out(files: Files) -> StudyLayout:
 
 
 def format_file(name: str, files: Files) -> bytes:
-    """One file in the usual layout, with the byte order mark and the kind of line ends that it has.
+    """Lay out one file, keeping its byte order mark and its kind of line ends.
 
-    :raises EditRefused: it cannot be read, or is of a kind that has no layout here.
+    :raises EditRefused: it cannot be read, or has a kind without a layout.
     """
     text = EditedText(name, files[name]).text
     kind = _kind(name, files)
@@ -263,7 +263,7 @@ def format_file(name: str, files: Files) -> bytes:
 
 
 def _kind(name: str, files: Files) -> str:
-    """ "xml", "toml", "memory", or empty for what has no layout."""
+    """Return "xml", "toml", "memory", or an empty text for a file without a layout."""
     if name == memory_file(files):
         return "memory"
     folder, _, rest = name.rpartition("/")
@@ -288,7 +288,7 @@ def _read_xml(text: str) -> XmlTree:
 
 
 def _xml_meaning(tree: XmlTree) -> Any:
-    """What is read of a file, and its comments."""
+    """Return what a reader takes from a file, and its comments."""
     found = []
     for element in tree.root.walk():
         texts = (element.text, *(child.tail for child in element))

@@ -1,6 +1,6 @@
-"""The steps of an editor, backwards and forwards without limit, and what they changed, in words.
+"""The steps of an editor, undone and redone without limit, and their changes in words.
 
-A step back restores the files as they were before it, over several files and over saves. It is not the contrary edit:
+Undo restores the files as they were before the step, across several files and across saves. It is not the reverse edit:
 quotation marks and blanks come back too.
 """
 
@@ -18,7 +18,7 @@ from rise_engine.author.edit.plan import Files
 
 
 class Step(Struct, frozen=True, eq=False):
-    """What was done, and the files before and after it."""
+    """A change, and the files before and after it."""
 
     change: object
     before: Files
@@ -31,18 +31,18 @@ class Step(Struct, frozen=True, eq=False):
 
 
 def changed_names(one: Files, other: Files) -> set[str]:
-    """The names of the files that differ."""
+    """Return the names of the files that differ."""
     return {name for name in one.keys() | other.keys() if one.get(name) != other.get(name)}
 
 
 class History:
-    """Steps that were made, and those that were taken back."""
+    """The steps that were made, and those that were undone."""
 
     def __init__(self) -> None:
         self.done: list[Step] = []
         self.undone: list[Step] = []
         self.saved: list[Step] = []
-        """What had been done at the last save."""
+        """The steps made at the time of the last save."""
 
     def add(self, step: Step) -> None:
         self.done.append(step)
@@ -65,14 +65,14 @@ class History:
 
     @property
     def unsaved(self) -> tuple[list[Step], list[Step]]:
-        """Steps of the last save that were taken back since, the latest first; and steps that were made since."""
+        """Saved steps that were undone since, the latest first; and steps that were made since."""
         same = 0
         while same < min(len(self.done), len(self.saved)) and self.done[same] is self.saved[same]:
             same += 1
         return self.saved[: same - 1 if same else None : -1] if len(self.saved) > same else [], self.done[same:]
 
     def touched(self) -> set[str]:
-        """The names of all files that any step changes."""
+        """Return the names of all files that any step changes."""
         return {name for steps in (self.done, self.undone, self.saved) for step in steps for name in step.files}
 
     def lay_under(self, outside: Mapping[str, bytes | None]) -> None:
@@ -93,7 +93,7 @@ class History:
                 steps[index] = known[id(step)]
 
     def begin_anew(self, steps: list[Step]) -> None:
-        """Forget what was before: the files have changed outside where steps had changed them."""
+        """Forget the earlier steps: the files that they changed have changed outside too."""
         self.done, self.undone, self.saved = list(steps), [], []
 
 
@@ -104,7 +104,7 @@ _LINE = re.compile(r"[^\r\n]*(?:\r\n|\r|\n)|[^\r\n]+")
 
 
 class Change(Struct, frozen=True):
-    """One step that can be undone: an edit, or several that belong together."""
+    """One step that can be undone: one edit, or several that belong together."""
 
     edits: tuple[AnyEdit, ...]
     says: tuple[str, ...]
@@ -113,31 +113,31 @@ class Change(Struct, frozen=True):
 
 
 class OutsideChange(Struct, frozen=True):
-    """What somebody else has done to the files meanwhile."""
+    """A change that somebody else has made to the files meanwhile."""
 
     files: tuple[str, ...]
-    """Those that differ."""
+    """The files that differ."""
     clash: tuple[str, ...] = ()
-    """Those with unsaved changes of one's own, which are as they are here."""
+    """Those with unsaved changes here, which keep the content from here."""
     forgotten: bool = False
-    """Whether all steps from before are one step now."""
+    """Whether all earlier steps are one step now."""
 
 
 class Refusal(Struct, frozen=True):
     """An edit that cannot be made."""
 
     edit: int
-    """Which one, from 0."""
+    """Its index, from 0."""
     why: str
 
 
 class SaveReport(Struct, frozen=True):
     files: tuple[str, ...]
-    """What was written, made or deleted; empty: nothing was to be saved."""
+    """The files written, made or deleted; empty: there was nothing to save."""
 
 
 def diff_of(before: Files, after: Files) -> str:
-    """The lines that differ between two states of files, as `diff -u` has them; CR alone ends a line too."""
+    """List the lines that differ between two states of files, as `diff -u` does; a lone CR ends a line too."""
     pieces: list[str] = []
     for name in sorted(changed_names(before, after)):
         old, new = (side.get(name) for side in (before, after))

@@ -1,4 +1,4 @@
-"""Edits of start values: in a memory file they change values and nothing else. Its layout, order and form stay."""
+"""Edits of start values: they change only the values of a memory file. Its layout, order and form stay."""
 
 from __future__ import annotations
 
@@ -36,17 +36,17 @@ class _Span(NamedTuple):
 
 
 def edit_memory_text(text: str, before: Mapping[str, Any], now: Mapping[str, Any]) -> str:
-    """The file's text after the changes that `memory_text_edits` gives."""
+    """Return the file's text after the changes of `memory_text_edits`."""
     return changed_text(text, memory_text_edits(text, before, now))
 
 
 def memory_text_edits(text: str, before: Mapping[str, Any], now: Mapping[str, Any]) -> list[TextEdit]:
-    """What is to change in a memory file, so that keys are set, added and deleted as from `before` to `now`.
+    """Find the changes of a memory file that set, add and delete keys as from `before` to `now`.
 
     :param text: the file's, without byte order mark.
     :param before: values by key, as the author of the change knows them.
-    :param now: the values that are wanted. Keys that do not differ between the two stay in the file as they are there.
-    :raises EditRefused: it is not JSON, or not what a scenario's memory is.
+    :param now: the new values. Keys that do not differ between the two stay as they are in the file.
+    :raises EditRefused: it is not JSON, or not a scenario's memory.
     """
     document = _read_document(text)
     members = _memory_members(document)
@@ -59,7 +59,7 @@ def memory_text_edits(text: str, before: Mapping[str, Any], now: Mapping[str, An
     listed = document.get(LIST_KEY)
     if isinstance(listed, JsonArray):
         edits = _list_edits(text, listed, wanted)
-    elif not document.members and wanted:  # each key has a line of its own from the first one on
+    elif not document.members and wanted:  # with the first key, every key gets a line of its own
         line_end = next((end for end in ("\r\n", "\n", "\r") if end in text), "\n")
         rows = f",{line_end}  ".join(f"{_dumps(key)}: {_dumps(value)}" for key, value in wanted.items())
         edits = [TextEdit(document.at + 1, text.index("}", document.at), f"{line_end}  {rows}{line_end}")]
@@ -72,13 +72,13 @@ def memory_text_edits(text: str, before: Mapping[str, Any], now: Mapping[str, An
 
 
 def memory_file_text(memory: Mapping[str, Any]) -> str:
-    """The text of a new memory file, in RISE's form."""
+    """Write the text of a new memory file in RISE's form."""
     entries = [f"  {json.dumps({key: value}, ensure_ascii=False)}" for key, value in memory.items()]
     return f'{{"{LIST_KEY}":\n[\n' + ",\n".join(entries) + "\n]\n}\n"
 
 
 def memory_values(text: str) -> dict[str, Any]:
-    """The start values of a memory file. :raises EditRefused: it is none."""
+    """Read the start values of a memory file. :raises EditRefused: it is not one."""
     return {member.key: to_plain(member.value) for member in _memory_members(_read_document(text))}
 
 
@@ -97,7 +97,7 @@ def _read_document(text: str) -> JsonObject:
 
 
 def _memory_members(document: JsonObject) -> list[JsonMember]:
-    """The memory's keys, in either form. Raises EditRefused."""
+    """Return the memory's keys, in either form. Raises EditRefused."""
     listed = document.get(LIST_KEY)
     if not isinstance(listed, JsonArray):
         return list(document.members)
@@ -109,7 +109,7 @@ def _memory_members(document: JsonObject) -> list[JsonMember]:
 
 
 def _list_edits(text: str, items: JsonArray, wanted: Mapping[str, Any]) -> list[TextEdit]:
-    """RISE's form: an object for each key."""
+    """Find the changes in RISE's form, which has an object for each key."""
     edits, gone = [], set()
     for index, item in enumerate(items):
         keys = {member.key for member in item.members}
@@ -148,9 +148,9 @@ def _value_edits(text: str, offset: int, old: Any, new: Any) -> list[TextEdit]:
 
 
 def _entry_edits(text: str, opening: int, spans: Sequence[_Span], gone: set[int], new: Sequence[str]) -> list[TextEdit]:
-    """Entries of an object or a list that go and that come, with their commas; new ones stand as the last ones do.
+    """Remove and add entries of an object or a list, with their commas; new ones are laid out like the last ones.
 
-    Blank lines between groups stay: of the two gaps beside an entry that goes, the one with more lines is left.
+    Blank lines between groups stay: of the two gaps beside a removed entry, the one with more lines is left.
     """
     if not gone and not new:
         return []
@@ -182,7 +182,7 @@ def _count_lines(gap: str) -> int:
 
 
 def _find_end(text: str, offset: int) -> int:
-    """Where the value ends that begins here."""
+    """Find the end of the value that begins here."""
     return json.JSONDecoder().raw_decode(text, offset)[1]
 
 
@@ -198,7 +198,7 @@ _SHOWN = 60
 
 
 def memory_file(files: Files) -> str:
-    """The file of start values, which need not be there: what scenario.toml names, or the usual one."""
+    """Return the file of start values, which may not exist: the one that scenario.toml names, or the usual one."""
     try:
         named = tomllib.loads(files.get(SCENARIO_FILE, b"").decode("utf-8-sig")).get("memory")
     except (ValueError, RecursionError):
@@ -207,9 +207,9 @@ def memory_file(files: Files) -> str:
 
 
 def plan_set_start_value(edit: SetStartValue, study: StudyState) -> Plan:
-    """What a key's start value is to be; a new key stands at the end.
+    """Plan a key's start value; a new key goes at the end.
 
-    :raises EditRefused: the key is empty, the value is none that a memory can hold, or the file is no memory.
+    :raises EditRefused: the key is empty, a memory cannot hold the value, or the file is not a memory.
     """
     if not edit.key.strip():
         raise EditRefused("a memory key cannot be empty; give it a name")
@@ -239,7 +239,7 @@ def plan_set_start_value(edit: SetStartValue, study: StudyState) -> Plan:
 
 
 def plan_remove_start_value(edit: RemoveStartValue, study: StudyState) -> Plan:
-    """A key without start value any more. :raises EditRefused: it has none, or the file is no memory."""
+    """Plan the removal of a start value. :raises EditRefused: there is none, or the file is not a memory."""
     name = memory_file(study.files)
     before: dict[str, Any] = {}
     if name in study.files:
@@ -256,7 +256,7 @@ def plan_remove_start_value(edit: RemoveStartValue, study: StudyState) -> Plan:
 
 
 def value_text(value: Any) -> str:
-    """A value in a sentence."""
+    """Format a value for a sentence."""
     text = json.dumps(value, ensure_ascii=False, default=str)  # TOML has dates and times
     return text if len(text) <= _SHOWN else f"{text[: _SHOWN - 1]}…"
 

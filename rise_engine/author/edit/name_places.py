@@ -1,6 +1,6 @@
-"""From a use of a name to the characters that it takes in its file, and what to write there for another name.
+"""The characters that a name takes in its file, and what to write there for another name.
 
-Comments that mention a name are left alone; they are listed.
+Comments that mention a name stay unchanged and are listed.
 """
 
 from __future__ import annotations
@@ -21,7 +21,7 @@ from rise_engine.syntax.xml import CDATA, XmlSyntaxError, XmlTree
 
 
 class NamePlace(Struct, frozen=True):
-    """Where a name is written: in which file, from which character to which."""
+    """The place of a name: its file, and from which character to which."""
 
     file: str
     start: int
@@ -29,7 +29,7 @@ class NamePlace(Struct, frozen=True):
 
 
 class NamePlaces:
-    """Finds and rewrites names in the files of a study."""
+    """Finder and rewriter of names in the files of a study."""
 
     def __init__(self, files: Files) -> None:
         self.files = files
@@ -39,7 +39,7 @@ class NamePlaces:
         self._trees: dict[str, XmlTree] = {}
 
     def find(self, use: Use) -> NamePlace | None:
-        """Where a use writes its name: at its place, or in its template. None: it is put together of both."""
+        """Find where a use writes its name: at its place, or in its template. None: both together make the name."""
         place = use.place
         if not use.length or place.file not in self.files:
             return None
@@ -58,7 +58,7 @@ class NamePlaces:
         return self._texts[file]
 
     def splice(self, place: NamePlace, name: str) -> Splice:
-        """Another name at a place, written as its file must have it there.
+        """Replace the name at a place, written as its file needs it there.
 
         :raises EditRefused: it cannot be written there.
         """
@@ -83,7 +83,7 @@ class NamePlaces:
         return name if opening >= 0 and text.find("]]>", opening) >= place.end else escaped.replace("]]>", "]]&gt;")
 
     def _for_toml(self, place: NamePlace, name: str) -> Splice:
-        """The name within a text, or as a key, in quotation marks where it must be."""
+        """Replace the name within a text or as a key, with quotation marks where it needs them."""
         text = self._text(place.file)
         if place.file not in self._tomls:
             self._tomls[place.file] = TomlText(text.text)
@@ -108,7 +108,7 @@ class NamePlaces:
 
 
 def _inner_quote(file: EditedText, value: TomlValue, place: NamePlace) -> str:
-    """The quotation mark in which a name stands within a text, as in `runs('R_Yes')`; empty: in none."""
+    """Return the quotation mark around a name within a text, as in `runs('R_Yes')`; empty: there is none."""
     begin = file.text[value.start : value.start + 3]
     opening = len(begin) if begin in ('"""', "'''") else 1
     before = file.text[value.start + opening : place.start]
@@ -150,11 +150,11 @@ _MOST = 10
 
 
 def comments_with(name: str, files: Files, splices: list[Splice]) -> Iterator[str]:
-    """A sentence for each comment, or line of a README, that has the name as a word of its own.
+    """Yield a sentence for each comment, or line of a README, that has the name as a word of its own.
 
     :param name: the old name.
     :param files: the files before the change.
-    :param splices: what is changed; places in them are none.
+    :param splices: the changes; names inside them do not count.
     """
     word = re.compile(rf"(?<![\w.]){re.escape(name)}(?!\w)")
     found: list[str] = []

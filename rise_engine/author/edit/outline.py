@@ -1,7 +1,7 @@
-"""A study as it is written: what forms show and edits find their places by.
+"""A study as it is written: what forms show, and where edits find their places.
 
-Unlike `Scenario`, it is there when something is wrong: values are the texts that stand in the file, right or not. What
-a form cannot change is there too, with the reason.
+Unlike `Scenario`, it exists for a study with errors too: its values are the texts of the file, right or wrong. It also
+holds the parts that a form cannot change, with the reason.
 """
 
 from __future__ import annotations
@@ -13,10 +13,10 @@ from rise_engine.syntax.xml import Element
 
 
 class Written(Struct, frozen=True, kw_only=True):
-    """Something that is written in a file of acts or rules."""
+    """A part of a file of acts or rules."""
 
     node: Element
-    """Its element; of what comes from a template, the `<use>` in the file."""
+    """Its element; for the result of a template, the `<use>` in the file."""
     reason: str = ""
     """Why a form cannot change it ("it comes from the template `Instruction`, used here"); empty: it can."""
 
@@ -31,31 +31,30 @@ class Written(Struct, frozen=True, kw_only=True):
 
     @property
     def line(self) -> int:
-        """The number of the line in which it begins, from 1."""
+        """The number of its first line, from 1."""
         return self.node.line
 
     @property
     def last_line(self) -> int:
-        """The number of the line in which it ends."""
+        """The number of its last line."""
         return self.node.tree.line(self.last.end)
 
     def has_line(self, line: int) -> bool:
-        """Whether it stands in a line, in part at least."""
+        """Return whether it takes a line, at least in part."""
         return self.line <= line <= self.last_line
 
     def holds(self, offset: int) -> bool:
-        """Whether a character of the file stands in it."""
+        """Return whether it contains a character of the file."""
         return self.node.start <= offset < self.last.end
 
 
 class WrittenValue(Written, frozen=True):
-    """An attribute's value or an element's text. `node` is the element that has it."""
+    """The value of an attribute or the text of an element. `node` is the element that has it."""
 
     text: str
     """As it is read: without entities, CDATA and the blanks around it."""
     parameter: str = ""
-    """Of what comes from a template: the parameter of the `<use>` whose value it is, whole and as it stands;
-    `SetUseParameter` changes it. Empty: it is none."""
+    """The `<use>` parameter that is the whole value, in the result of a template; empty: none (`SetUseParameter`)."""
 
 
 class WrittenCall(Written, frozen=True):
@@ -83,26 +82,26 @@ class WrittenAct(Written, frozen=True):
     template: str = ""
     """The template that it comes from."""
     name_parameter: str = ""
-    """With `template`: the parameter of the `<use>` that its name is, alone; empty: none is."""
+    """With `template`: the parameter of the `<use>` that is its complete name; empty: there is none."""
 
 
 class WrittenStatement(Written, frozen=True):
     """A function, an `if` with its branches, a `oneOf` with its choices, or a `<use>`.
 
-    One without `call`, `branches`, `choices` and `template` is no statement that is known; its reason says so.
+    A statement without `call`, `branches`, `choices` and `template` is unknown; its reason says so.
     """
 
     call: CallForm | None = None
     branches: tuple[WrittenBranch, ...] = ()
-    """Of an `if`, wherever its `else` stands."""
+    """For an `if`, wherever its `else` is."""
     choices: tuple[WrittenStatement, ...] = ()
-    """Of a `oneOf`."""
+    """For a `oneOf`."""
     template: str = ""
-    """Of a `<use>`: its template."""
+    """The template of a `<use>`."""
     brings: tuple[WrittenStatement, ...] = ()
-    """Of a `<use>`: what comes of it. No address leads to these."""
+    """The result of a `<use>`. No address leads to these."""
     behind: Element | None = None
-    """The last `else` or `elseif` of an `if` that stands behind it."""
+    """The last `else` or `elseif` that follows an `if`."""
 
     @property
     def last(self) -> Element:
@@ -110,7 +109,7 @@ class WrittenStatement(Written, frozen=True):
 
 
 class WrittenBranch(Written, frozen=True):
-    """`node` is the `if`, `elseif` or `else` that it begins with."""
+    """A branch of an `if`. `node` is the `if`, `elseif` or `else` that it begins with."""
 
     condition: str | None
     """None: `else`."""
@@ -121,7 +120,7 @@ class WrittenTransition(Written, frozen=True):
     form: TransitionForm
     statements: tuple[WrittenStatement, ...]
     shared_by: tuple[str, ...] = ()
-    """Of a way that stands in `<transitions in="A | B">`: those states."""
+    """The states of a transition in `<transitions in="A | B">`."""
 
 
 class WrittenState(Written, frozen=True):
@@ -129,7 +128,7 @@ class WrittenState(Written, frozen=True):
     on_entry: tuple[WrittenStatement, ...]
     on_exit: tuple[WrittenStatement, ...]
     transitions: tuple[WrittenTransition, ...]
-    """Its own, then those that it shares, as the engine tries them."""
+    """Its own, then those that it shares, in the order in which the engine tries them."""
     template: str = ""
 
 
@@ -140,7 +139,7 @@ class WrittenRule(Written, frozen=True):
     states: tuple[WrittenState, ...]
     template: str = ""
     name_parameter: str = ""
-    """As an act's."""
+    """Like an act's."""
 
 
 class WrittenUse(Written, frozen=True):
@@ -149,22 +148,22 @@ class WrittenUse(Written, frozen=True):
     template: str
     values: dict[str, WrittenValue]
     parameters: dict[str, str | None]
-    """The template's, each with its default; None: it must be given. Empty for a template that there is not."""
+    """The template's, each with its default; None: it has no default. Empty for an unknown template."""
 
 
 class Outline(Struct, frozen=True):
-    """All that is written in a study's acts and rules, in the order of the files."""
+    """Everything that a study's acts and rules contain, in the order of the files."""
 
     acts: tuple[WrittenAct, ...] = ()
     rules: tuple[WrittenRule, ...] = ()
     uses: tuple[WrittenUse, ...] = ()
     unreadable: dict[str, str] = field(default_factory=dict)
-    """Files that are no XML, each with what is wrong with it first: nothing is known of what is in them."""
+    """Files that are not XML, each with its first error. Their contents are unknown."""
 
     def act(self, name: str) -> WrittenAct | None:
-        """The first act of this name."""
+        """Return the first act of this name."""
         return next((act for act in self.acts if act.name == name), None)
 
     def rule(self, name: str) -> WrittenRule | None:
-        """The first rule of this name."""
+        """Return the first rule of this name."""
         return next((rule for rule in self.rules if rule.name == name), None)

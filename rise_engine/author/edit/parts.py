@@ -31,7 +31,7 @@ from rise_engine.syntax.xml_writing import NewElement, set_attributes, set_value
 
 
 def plan_set_use(edit: SetUseParameter, study: StudyState) -> Plan:
-    """A parameter of a `<use>`: changed, added, or left to its default."""
+    """Plan to change, add or remove a parameter of a `<use>`; without one, its default applies."""
     use = _use_of(edit, study)
     was = use.values.get(edit.parameter)
     if edit.parameter not in use.parameters and was is None:
@@ -48,7 +48,7 @@ def plan_set_use(edit: SetUseParameter, study: StudyState) -> Plan:
 
 
 def _use_of(edit: SetUseParameter, study: StudyState) -> WrittenUse:
-    """The `<use>` at the line, or the nearest of its template in the file."""
+    """Find the `<use>` at the line, or the nearest one of its template in the file."""
     xml_of(study, edit.file)
     uses = [use for use in study.outline.uses if use.file == edit.file and use.template == edit.template]
     if not uses:
@@ -60,7 +60,7 @@ def _use_of(edit: SetUseParameter, study: StudyState) -> WrittenUse:
 
 
 def plan_use_parameter(use: Element, parameter: str, value: str | None, says: str) -> Plan:
-    """The splices that give a parameter of this `<use>` a value."""
+    """Plan the value of a parameter of this `<use>`."""
     splices = set_attributes(use, {parameter: value}, (*use.attributes, parameter))
     return Plan(tuple(splices), says=(says,)) if splices else Plan()
 
@@ -86,11 +86,11 @@ _ACTS = _Kind("act", "Dialog", "Dialogs", ACT_WRAPPERS, "acts")
 _RULES = _Kind("rule", "InteractionRule", "InteractionRules", RULE_WRAPPERS, "rules")
 
 
-# --- making -------------------------------------------------------------------------------------------------------
+# --- new acts and rules -------------------------------------------------------------------------------------------
 
 
 def plan_add_act(edit: AddAct, study: StudyState) -> Plan:
-    """A new act, behind another or at the end of a file."""
+    """Plan a new act after another, or at the end of a file."""
     name = _new_name(_ACTS, edit.name, study)
     speech = NewElement("Speech", children=(NewElement("actionID", text="1"), NewElement("message", text=edit.text)))
     element = NewElement("Dialog", {"name": name}, children=(speech,) if edit.text.strip() else ())
@@ -100,7 +100,7 @@ def plan_add_act(edit: AddAct, study: StudyState) -> Plan:
 
 
 def plan_add_rule(edit: AddRule, study: StudyState) -> Plan:
-    """A new rule with its first state."""
+    """Plan a new rule with its first state."""
     name = _new_name(_RULES, edit.name, study)
     initial = check_name("first state", edit.initial)
     states = (NewElement("State", {"id": initial}),)
@@ -120,7 +120,7 @@ def _new_name(kind: _Kind, name: str, study: StudyState) -> str:
 
 
 def place_of(kind: str, study: StudyState) -> str:
-    """The folder, or the one file, in which a study's acts or rules lie."""
+    """Return the folder, or the single file, of a study's acts or rules."""
     scenario = study.checked.scenario
     if scenario is not None:
         return posixpath.normpath(scenario.paths[kind])
@@ -137,7 +137,7 @@ def _last_file_of_acts(study: StudyState) -> str:
 
 
 def _new_file(kind: _Kind, name: str, study: StudyState) -> str:
-    """A file that is not there yet, called as what it will hold; the one file, where there is only one."""
+    """Choose a file that does not exist yet, named after its content; the single file, if there is only one."""
     place = place_of(kind.place, study)
     if place.lower().endswith(".xml"):
         return place
@@ -173,7 +173,7 @@ def _check_new_file(kind: _Kind, file: str, study: StudyState) -> None:
 
 
 def _splices(kind: _Kind, element: NewElement, sibling: Element | None, file: str, study: StudyState) -> list[Splice]:
-    """The splices that put an act or a rule behind another, or at the end of a file."""
+    """Insert an act or a rule after another, or at the end of a file."""
     root = xml_of(study, file).tree.root
     if root.tag in kind.wrappers:
         last = sibling
@@ -187,7 +187,7 @@ def _splices(kind: _Kind, element: NewElement, sibling: Element | None, file: st
 
 
 def new_file(elements: list[NewElement], wrapper: str, files: Files) -> bytes:
-    """A new file of acts or rules, with the line ends of the others."""
+    """Write a new file of acts or rules with the line ends of the others."""
     line_end = next(("\r\n" for name, data in files.items() if name.endswith(".xml") and b"\r\n" in data), "\n")
     root = NewElement(wrapper, children=tuple(elements))
     if len(elements) == 1 and wrapper == _RULES.wrapper:
@@ -199,12 +199,12 @@ def new_file(elements: list[NewElement], wrapper: str, files: Files) -> bytes:
 
 
 def plan_copy_act(edit: CopyAct, study: StudyState) -> Plan:
-    """A copy of an act behind it, with its comments and its layout."""
+    """Plan a copy of an act after it, with its comments and its layout."""
     return _copy(_ACTS, edit.act, edit.name, study)
 
 
 def plan_copy_rule(edit: CopyRule, study: StudyState) -> Plan:
-    """A copy of a rule behind it, with its comments and its layout."""
+    """Plan a copy of a rule after it, with its comments and its layout."""
     return _copy(_RULES, edit.rule, edit.name, study)
 
 
@@ -228,18 +228,18 @@ def _copy(kind: _Kind, old: str, new: str, study: StudyState) -> Plan:
 
 
 def _stand_here(kind: _Kind, part: WrittenAct | WrittenRule, study: StudyState) -> int:
-    """How many acts or rules come of the place at which one stands: several, where a template brings them."""
+    """Count the acts or rules that come from the place of one: a template can make several."""
     parts: tuple[WrittenAct | WrittenRule, ...] = study.outline.acts if kind is _ACTS else study.outline.rules
     return sum(each.node is part.node for each in parts)
 
 
 def plan_remove_act(edit: RemoveAct, study: StudyState) -> Plan:
-    """An act goes; where it is still named, the check says so."""
+    """Plan the removal of an act, and report where it is still named."""
     return _remove(_ACTS, edit.act, study)
 
 
 def plan_remove_rule(edit: RemoveRule, study: StudyState) -> Plan:
-    """A rule goes; where it is still named, the check says so."""
+    """Plan the removal of a rule, and report where it is still named."""
     return _remove(_RULES, edit.rule, study)
 
 

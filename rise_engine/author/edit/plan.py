@@ -1,4 +1,4 @@
-"""What an edit is planned on, and what it does to files: it replaces pieces of their texts, and says what it does."""
+"""What an edit needs to be planned, and its plan: the pieces of text that it replaces, and a description in words."""
 
 from __future__ import annotations
 
@@ -22,22 +22,22 @@ _BYTE_ORDER_MARK = "\ufeff"
 
 
 class Plan(Struct, frozen=True):
-    """What an edit does."""
+    """The effect of an edit."""
 
     splices: tuple[Splice, ...] = ()
-    """In any order; no two of them overlap. The files are UTF-8."""
+    """In any order, without overlaps. The files are UTF-8."""
     written: dict[str, bytes | None] = {}
-    """Whole files: new ones, and None for those that go. No splice is in one of them."""
+    """Complete files: new ones, and None for those that go. None of them has a splice."""
     says: tuple[str, ...] = ()
     """What it does, in words: "R_Yes 2 says “Yes.” (was “Yes, exactly.”)"."""
     noticed: tuple[str, ...] = ()
-    """What was seen and left alone: "the comment in acts/a.xml, line 3, names R_Yes too"."""
+    """What it noticed and left unchanged: "the comment in acts/a.xml, line 3, names R_Yes too"."""
 
 
 def apply_plan(files: Files, plan: Plan) -> Files:
-    """The files after a plan.
+    """Return the files after a plan.
 
-    :raises ValueError: splices overlap, or are outside of their file: a mistake of whoever planned.
+    :raises ValueError: splices overlap, or are outside of their file: an error of the planner.
     """
     after = dict(files)
     for file in {splice.file: None for splice in plan.splices}:
@@ -65,34 +65,34 @@ class EditedText:
             raise EditRefused(f"{name} is not {encoding.upper()}; save it as UTF-8 first") from None
 
     def line(self, offset: int) -> int:
-        """The number of the line of a character, from 1; as an editor counts, a lone CR ends one too."""
+        """Return the line number of a character, from 1; as in an editor, a lone CR ends a line too."""
         before = self.text[:offset].replace("\r\n", "\n")
         return before.count("\n") + before.count("\r") + 1
 
     def splices(self, edits: Iterable[TextEdit]) -> tuple[Splice, ...]:
-        """The same changes with the file's name; those that change nothing are left out."""
+        """Add the file's name to changes, and leave out those that change nothing."""
         return tuple(Splice(self.name, *edit) for edit in edits if self.text[edit.start : edit.end] != edit.text)
 
 
 def file_of(files: Files, name: str) -> EditedText:
-    """A file of the study. :raises EditRefused: there is none of this name, or it is not UTF-8."""
+    """Return a file of the study. :raises EditRefused: there is none of this name, or it is not UTF-8."""
     if name not in files:
         raise EditRefused(f"there is no file {name} in this study")
     return EditedText(name, files[name])
 
 
 class StudyState(Struct, frozen=True, dict=True):
-    """A study as it stands, for planning an edit."""
+    """A study in its present state, for planning an edit."""
 
     files: Files
     checked: LoadResult
     """The check of these files."""
     folder: Path
-    """Where the study lies. Nothing of it is read while an edit is planned, but where links lead to."""
+    """The folder of the study. Planning reads nothing of it except where links lead."""
     above: Files = {}
-    """The study.toml of a folder above, by its path (`read_study_above`): what it names is known, and not changed."""
+    """The study.toml of a folder above, by its path (`read_study_above`): its names are known, but not changed."""
 
     @cached_property
     def outline(self) -> Outline:
-        """What is written in its acts and rules."""
+        """The written form of its acts and rules."""
         return read_outline(self.checked.parts)

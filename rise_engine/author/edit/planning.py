@@ -1,4 +1,4 @@
-"""From an edit to the characters that change: one function for each kind of edit."""
+"""From an edit to its changes of characters: each kind of edit has one function."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ _SHOWN = 90
 
 
 def plan_replace_file(edit: ReplaceFile, study: StudyState) -> Plan:
-    """A file gets other content, or is made, or goes. A byte order mark that it had stays."""
+    """Plan new content for a file, a new file, or its removal. An existing byte order mark stays."""
     file = str(PurePosixPath(edit.file))
     old = study.files.get(file)
     if edit.text is None:
@@ -49,7 +49,7 @@ def plan_replace_file(edit: ReplaceFile, study: StudyState) -> Plan:
 
 
 def _what_differs(file: str, old: bytes, new: str) -> str:
-    """In words; of a single line, what it is and was."""
+    """Say what differs; for a single line, its new and old text."""
     before, after = (text.removeprefix("\ufeff").splitlines() for text in (old.decode(errors="replace"), new))
     changed = [number for number, (one, other) in enumerate(zip(before, after, strict=False)) if one != other]
     if len(changed) != 1 or len(before) != len(after):
@@ -69,7 +69,7 @@ _OF_FILES: Mapping[type[Edit], Callable[..., Plan]] = {ReplaceFile: plan_replace
 
 
 Planner: TypeAlias = Callable[[Any, StudyState], Plan]
-"""Plans the edits of one kind. Raises EditRefused for one that cannot be made."""
+"""A planner for one kind of edit. Raises EditRefused for an edit that cannot be made."""
 
 _OF_MODULES: tuple[Mapping[type[Edit], Planner], ...] = (
     acts.PLANNERS,
@@ -88,9 +88,9 @@ PLANNERS: dict[type[Edit], Planner] = {edit: planner for part in _OF_MODULES for
 
 
 def plan(edit: Edit, study: StudyState) -> Plan:
-    """What an edit does to the files of a study; nothing is changed.
+    """Plan what an edit does to the files of a study, without changing anything.
 
-    :raises EditRefused: it cannot be made; the message says why, and what could be done.
+    :raises EditRefused: it cannot be made; the message says why, and what the author can do.
     """
     planner = PLANNERS.get(type(edit))
     if planner is None:
@@ -103,7 +103,7 @@ def plan(edit: Edit, study: StudyState) -> Plan:
     texts = {each.file: EditedText(each.file, files[each.file]).text for each in planned.splices}
     splices = tuple(each for each in planned.splices if texts[each.file][each.start : each.end] != each.text)
     written = {file: content for file, content in planned.written.items() if files.get(file) != content}
-    says = planned.says if splices or written else ()  # what changes nothing has nothing to say
+    says = planned.says if splices or written else ()  # an edit without effect needs no description
     return Plan(splices, written, says, planned.noticed)
 
 

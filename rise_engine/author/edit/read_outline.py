@@ -1,4 +1,4 @@
-"""Reads what is written in a study's acts and rules, right or wrong (`outline.Outline`)."""
+"""Reader of a study's acts and rules as they are written, right or wrong (`outline.Outline`)."""
 
 from __future__ import annotations
 
@@ -42,14 +42,14 @@ class _FileOutline(Struct, frozen=True):
 
 _ACTS: WeakKeyDictionary[XmlFile, _FileOutline] = WeakKeyDictionary()
 _RULES: WeakKeyDictionary[XmlFile, _FileOutline] = WeakKeyDictionary()
-"""What was read before of files that are there still."""
+"""Outlines of files that still exist."""
 
 
 def read_outline(parts: WrittenParts) -> Outline:
-    """All that is written in a study's acts and rules.
+    """Read everything that a study's acts and rules contain.
 
-    :param parts: what the check of the study has read (`LoadResult.parts`). A file that is no XML is in
-        `Outline.unreadable`. What has not changed since the last call is not read again.
+    :param parts: the result of the study's check (`LoadResult.parts`). A file that is not XML goes into
+        `Outline.unreadable`. Files that have not changed since the last call are not read again.
     """
     read = [_ACTS.get(file) or _read_file(file, parts, _ACTS) for file in parts.acts]
     read += [_RULES.get(file) or _read_file(file, parts, _RULES) for file in parts.rules]
@@ -91,24 +91,24 @@ def _uses(file: XmlFile, templates: Mapping[str, Mapping[str, str | None]]) -> I
 
 
 def _value(element: Element, name: str) -> str:
-    """The value of an attribute without blanks around it; empty: it has none."""
+    """Return the value of an attribute without blanks around it; empty: there is none."""
     return element.attributes.get(name, "").strip()
 
 
 def _template(element: Element) -> str:
-    """The template that an element comes from, as the `<use>` in the file names it; empty: it stands in the file."""
+    """Return the template that the `<use>` of an element names; empty: the file has the element itself."""
     return "" if call_of(element) is None else _value(written_here(element), "template")
 
 
 def _where(element: Element) -> dict[str, Any]:
-    """What stands for an element in the file, and why a form cannot change it."""
+    """Return what represents an element in the file, and why a form cannot change it."""
     template = _template(element)
     reason = f"it comes from the template `{template}`, used here" if template else ""
     return {"node": written_here(element), "reason": reason}
 
 
 def _parameter(element: Element, written: str) -> str:
-    """The parameter of the `<use>` in the file that a text of the element is, alone; empty: it is none."""
+    """Return the parameter of the `<use>` in the file that is all of a text of the element; empty: there is none."""
     call, pieces = call_of(element), text_pieces(written)
     if call is None or len(pieces) != 1 or (name := pieces[0].parameter) is None or name not in call.defaults:
         return ""
@@ -158,7 +158,7 @@ def _read_call(element: Element) -> WrittenCall:
 
 
 def _read_value(element: Element) -> WrittenValue:
-    """A parameter's text, as the reader of acts takes it."""
+    """Read a parameter's text, as the reader of acts does."""
     call, origin, where = call_of(element), origin_of(element), _where(element)
     is_markup = len(origin) == 1 and origin[0].tag == "speak" and origin.tag == "message"
     text = element.text.strip()
@@ -176,7 +176,7 @@ def _read_value(element: Element) -> WrittenValue:
 
 
 class _RuleOutline:
-    """Reads the rules of a file."""
+    """Reader of the rules of a file."""
 
     def __init__(self, file: XmlFile) -> None:
         self.file = file
@@ -227,11 +227,11 @@ class _RuleOutline:
         return WrittenTransition(form, self.read_statements(element), shared_by, **_where(element))
 
     def read_statements(self, element: Element) -> tuple[WrittenStatement, ...]:
-        """What stands in `onEntry`, `onExit` or `transition`."""
+        """Read the contents of `onEntry`, `onExit` or `transition`."""
         return tuple(self.read_block(self.inside(element), chain=False))
 
     def inside(self, element: Element) -> Iterable[Element]:
-        """What an element holds: in the file a `<use>`, and not what it brings."""
+        """Yield the contents of an element; for an element of the file, a `<use>` instead of its result."""
         if call_of(element) is not None:
             yield from element
             return
@@ -245,7 +245,7 @@ class _RuleOutline:
                 yield next(rest)
 
     def read_block(self, inside: Iterable[Element], *, chain: bool) -> _Block:
-        """As `BlockReader.read_statements` reads it: with `chain`, an `else` belongs to the `if` around it."""
+        """Read a block like `BlockReader.read_statements`; with `chain`, an `else` belongs to the `if` around it."""
         block, follows_if = _Block(), False
         for child in self.with_brought_branches(inside):
             if child.tag in ("else", "elseif"):
@@ -266,7 +266,7 @@ class _RuleOutline:
         return block
 
     def with_brought_branches(self, inside: Iterable[Element]) -> Iterator[Element]:
-        """A `<use>` that brings branches is not a statement, but those."""
+        """Replace a `<use>` that makes branches by those branches."""
         for child in inside:
             brought = self.file.brought.get(child) if child.tag == "use" else None
             if brought and brought[0].tag in ("else", "elseif"):
@@ -297,16 +297,16 @@ class _RuleOutline:
 
 
 class _Block(list[WrittenStatement]):
-    """Statements in the making; the last may be an `if` that goes on behind itself."""
+    """Statements in progress; the last may be an `if` that continues after its own element."""
 
     def __init__(self) -> None:
         super().__init__()
         self.later: list[WrittenBranch] = []
-        """Branches that belong to the `if` in which these statements stand."""
+        """Branches of the `if` that contains these statements."""
 
 
 def transition_form(attributes: Mapping[str, str]) -> TransitionForm:
-    """A way out as its form has it."""
+    """Return a transition as its form has it."""
 
     def text(name: str) -> str | None:
         return attributes[name].strip() if name in attributes else None
@@ -324,7 +324,7 @@ def transition_form(attributes: Mapping[str, str]) -> TransitionForm:
 
 
 def read_call(attributes: Mapping[str, str]) -> tuple[CallForm | None, str]:
-    """A function as its form has it, and why it cannot be changed there."""
+    """Return a function as its form has it, and why the form cannot change it."""
     names = [name for name in FUNCTIONS if name in attributes]
     if not names:
         return None, "it names no function that there is"

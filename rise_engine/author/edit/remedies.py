@@ -1,8 +1,8 @@
-"""What can be done about a finding, as edits: for quick fixes of editors and the list of findings in the terminal.
+"""Fixes for diagnostics, as edits: for quick fixes in editors and the list of diagnostics in the terminal.
 
-A remedy is one edit, as a form would make it. Which there are depends on the code of the finding (`_REMEDIES`, and
-`written_remedies.WRITTEN` for those that write something else at the place itself); only those that can be made are
-given. Nothing is invented: where a remedy would need an author's answer, there is none.
+A remedy is one edit, like a form's. The code of the diagnostic decides which remedies exist: see `_REMEDIES`, and
+`written_remedies.WRITTEN` for those that change the text at its place. Only edits that can be made are offered. Where a
+remedy would need an author's answer, there is none.
 """
 
 from __future__ import annotations
@@ -53,20 +53,20 @@ _START_VALUES: tuple[bool | int | str, ...] = (0, False, "")
 
 
 class Remedy(Struct, frozen=True):
-    """Something that ends a finding."""
+    """An edit that resolves a diagnostic."""
 
     title: str
     """What it does, for a list: "make the act R_Yes"."""
     edit: AnyEdit
     is_likely: bool = False
-    """Whether it is what the author most likely meant; at most the first of several is."""
+    """Whether the author most likely meant it; only the first of several can be likely."""
 
 
 def remedies(finding: Diagnostic, study: StudyState) -> list[Remedy]:
-    """What can be done about a finding, the likeliest first; empty: nothing without an author's own words.
+    """Return the remedies for a diagnostic, the likeliest first; empty: it needs the author's own words.
 
     :param finding: one of `study.checked.diagnostics`.
-    :param study: the study as it stands.
+    :param study: the study in its present state.
     """
     place = place_of(finding, study)
     if place is None:
@@ -177,7 +177,7 @@ def _begin_rule(place: FindingPlace) -> Iterator[Remedy]:
 
 
 def _reach_way(place: FindingPlace) -> Iterator[Remedy]:
-    """For a way that is never taken."""
+    """Offer remedies for a transition that is never taken."""
     way = place.way
     if way is None:
         return
@@ -240,7 +240,7 @@ def _take_free_key(place: FindingPlace) -> Iterator[Remedy]:
 
 
 def _free_keys(place: FindingPlace) -> list[str]:
-    """Keys that nothing has, those first that are in the words of the label."""
+    """List keys that nothing uses, starting with letters of the label."""
     label = _LABEL.match(place.text, place.end)
     letters = [each for each in (label.group(1) if label else "").lower() if each in ascii_lowercase]
     taken = {_name_of_key(each) for each in tomllib.loads(place.text)["keys"]}
@@ -249,7 +249,7 @@ def _free_keys(place: FindingPlace) -> list[str]:
 
 
 def _name_of_key(written: str) -> str:
-    """A key as it is compared; empty: it cannot be used."""
+    """Return a key's name for comparison; empty: it cannot be used."""
     try:
         return bindable_key_name(written)
     except KeyRefusedError:
@@ -293,4 +293,4 @@ _REMEDIES: Mapping[str, Callable[[FindingPlace], Iterable[Remedy]]] = {
     "unset-key": _give_start_value,
     "unwritable-key": _make_key_writable,
 }
-"""By the code of a finding, what can be done about it."""
+"""By the code of a diagnostic, its remedies."""

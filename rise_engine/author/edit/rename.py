@@ -1,8 +1,8 @@
-"""Rename: a name everywhere at once, so that the study does what it did.
+"""Renaming: a new name everywhere at once, so that the study behaves as before.
 
-Acts, rules, states, events, memory keys and actionIDs are renamed in files of acts and rules, conditions, templates,
-keys, settings, start values, task files, `study.toml` and translations; with an act the events of its end. What would
-meet another name is refused, and comments that have the old name are listed.
+It renames acts, rules, states, events, memory keys and actionIDs in files of acts and rules, conditions, templates,
+keys, settings, start values, task files, `study.toml` and translations. An act's new name also renames the events of
+its end. A rename that would collide with another name is refused. Comments with the old name are listed.
 """
 
 from __future__ import annotations
@@ -38,7 +38,7 @@ _CONSTANTS = ("pi", "e", "r2d", "d2r")
 
 
 class _RenamedName:
-    """What a rename is about: names of a kind as `Uses` has them, and what is written at each of their places."""
+    """The subject of a rename: its names as `Uses` has them, and the new text for each of their places."""
 
     def __init__(self, edit: Rename, study: StudyState) -> None:
         self.edit = edit
@@ -57,11 +57,11 @@ class _RenamedName:
         return f"{_KINDS[self.edit.kind]} `{self.old}`"
 
     def full(self, name: str) -> str:
-        """A name as `Uses` has it."""
+        """Return a name as `Uses` has it."""
         return f"{self.owner}/{name}" if self.owner else name
 
     def events(self) -> dict[str, str]:
-        """Events that are called otherwise then: those that the engine raises for what is renamed."""
+        """Return the events that get another name: those that the engine raises for the subject."""
         old, new = self.old, self.new
         match self.edit.kind:
             case "event":
@@ -79,7 +79,7 @@ class _RenamedName:
         return {}
 
     def places(self) -> Iterator[tuple[UsedKind, str, str]]:
-        """Names of `Uses`, and what is written there instead: kind, name, new."""
+        """Yield the names in `Uses` and their replacements: kind, name, new."""
         if self.edit.kind == "key":
             for name in self.uses.names("key"):
                 if name == self.old:
@@ -94,10 +94,10 @@ class _RenamedName:
 
 
 def plan_rename(edit: Rename, study: StudyState) -> Plan:
-    """A name everywhere.
+    """Plan a new name everywhere.
 
-    :raises EditRefused: there is no such name, the new one is none or is taken, a file cannot be read, or a place has
-        the name put together of several.
+    :raises EditRefused: the old name does not exist, the new one is invalid or taken, a file cannot be read, or a place
+        builds the name from several pieces.
     """
     if study.outline.unreadable:
         file, problem = next(iter(study.outline.unreadable.items()))
@@ -144,7 +144,7 @@ def plan_rename(edit: Rename, study: StudyState) -> Plan:
 
 
 def _owner_and_name(edit: Rename, uses: Uses) -> tuple[str, str]:
-    """The rule of a state or the act of an action, and the name. :raises EditRefused: there is none of this name."""
+    """Return a state's rule or an action's act, and the name. :raises EditRefused: the name does not exist."""
     old = normal_topic(edit.old) if edit.kind == "event" else edit.old
     known = uses.names(edit.kind)
     if edit.kind in ("state", "action"):
@@ -164,7 +164,7 @@ def _owner_and_name(edit: Rename, uses: Uses) -> tuple[str, str]:
 
 
 def _check_new_name(names: _RenamedName) -> None:
-    """:raises EditRefused: the new name is none."""
+    """Check that the new name is valid. :raises EditRefused: it is not."""
     kind, new = names.edit.kind, names.new
     if not new or new.strip() != new or find_unseen(new) >= 0 or any(each in new for each in BLANKS[1:]):
         raise EditRefused(f"`{new}` is not a name: a name has visible characters, and no blanks around it")
@@ -181,7 +181,7 @@ def _check_new_name(names: _RenamedName) -> None:
 
 
 def _check_collisions(names: _RenamedName, study: StudyState) -> None:
-    """:raises EditRefused: the new name is another's, or the old one is no name of its own."""
+    """Check for collisions. :raises EditRefused: the new name is taken, or the old one is not a name of its own."""
     kind, uses, draft = names.edit.kind, names.uses, names.draft
     if kind == "key":
         _check_key(names)
@@ -213,7 +213,7 @@ def _check_collisions(names: _RenamedName, study: StudyState) -> None:
 
 
 def _topics_of_others(names: _RenamedName) -> set[str]:
-    """The events that the engine raises for all acts and rules but the one that is renamed (or whose state is)."""
+    """Return the events that the engine raises for all acts and rules except the renamed one (or its state's rule)."""
     draft, name = names.draft, names.old if names.edit.kind != "state" else names.owner
     found = {
         each + ending for each in draft.acts if names.edit.kind != "act" or each != name for ending in ACT_END_SUFFIXES
@@ -251,7 +251,7 @@ def _check_key(names: _RenamedName) -> None:
 
 
 def _check_settings(names: _RenamedName, study: StudyState) -> None:
-    """:raises EditRefused: a table for several acts is about this one by its old name, or would be by its new one."""
+    """:raises EditRefused: a table for several acts applies to this one by its old name, or would by its new one."""
     tables = _act_tables(study)
     before = {key: table.given[key] for key, table in tables.find_sources(names.old).items()}
     own = tables.by_name.get(names.old)
@@ -269,7 +269,7 @@ def _check_settings(names: _RenamedName, study: StudyState) -> None:
 
 
 def _act_tables(study: StudyState) -> ActTables:
-    """What scenario.toml says of acts, also when something else in the study is wrong."""
+    """Read the tables of acts in scenario.toml, also when something else in the study is wrong."""
     text = study.files.get(SCENARIO_FILE, b"").decode("utf-8-sig", "replace")
     try:
         values = tomllib.loads(text)
@@ -280,7 +280,7 @@ def _act_tables(study: StudyState) -> ActTables:
 
 
 def _check_shared(names: _RenamedName, found: dict[NamePlace, str], places: NamePlaces) -> None:
-    """:raises EditRefused: a place in a template gives other acts, rules or states their names, too."""
+    """Check places in templates. :raises EditRefused: one also names other acts, rules or states."""
     kind = names.edit.kind
     if kind in ("key", "event"):
         return
@@ -298,7 +298,7 @@ def _check_shared(names: _RenamedName, found: dict[NamePlace, str], places: Name
 
 
 def _check_templates(names: _RenamedName, named: Counter[NamePlace], study: StudyState) -> None:
-    """:raises EditRefused: what a `<use>` says there is the name, and something else in its template, too.
+    """Check values of a `<use>`. :raises EditRefused: one is the name, and also something else in its template.
 
     :param named: how often each place is the name.
     """
@@ -316,7 +316,7 @@ def _check_templates(names: _RenamedName, named: Counter[NamePlace], study: Stud
             )
 
 
-# --- what is told -----------------------------------------------------------------------------------------------------
+# --- messages ---------------------------------------------------------------------------------------------------------
 
 
 def _place_text(use: Use) -> str:
@@ -324,7 +324,7 @@ def _place_text(use: Use) -> str:
 
 
 def _why_not(use: Use, places: NamePlaces) -> str:
-    """Why a name cannot be changed where a use has it."""
+    """Say why a name cannot be changed where a use has it."""
     template = use.location.template
     if isinstance(template, TemplateLocation):
         if template.file not in places.files:
@@ -337,7 +337,7 @@ def _why_not(use: Use, places: NamePlaces) -> str:
 
 
 def _in_order(splices: list[Splice]) -> list[Splice]:
-    """Each place once, in file order."""
+    """Sort the splices in file order, each place once."""
     unique = {(splice.file, splice.start, splice.end): splice for splice in splices}
     return [unique[key] for key in sorted(unique)]
 
@@ -355,7 +355,7 @@ def _noticed(names: _RenamedName, study: StudyState, splices: list[Splice]) -> I
     for event in names.events():
         if kind != "event" and event in raised:
             yield f"`/{event}` is raised by hand, too; it is called otherwise there as well"
-    if not names.old.isdecimal():  # an actionID; numbers stand everywhere
+    if not names.old.isdecimal():  # an actionID; plain numbers are too common
         yield from comments_with(names.old, study.files, splices)
 
 

@@ -1,4 +1,4 @@
-"""A name in what belongs to a scenario: task files and tests, `study.toml`, translations."""
+"""Renaming in the data of a scenario: task files and tests, `study.toml`, translations."""
 
 from __future__ import annotations
 
@@ -17,15 +17,14 @@ from rise_engine.syntax.toml_edits import TomlText, rename_key, set_value
 
 
 class Renaming:
-    """What a rename makes of names of every kind: an act's new name is that of the events of its end, too."""
+    """The effect of a rename on names of every kind; an act's new name also renames the events of its end."""
 
     def __init__(self, kind: NameKind, owner: str, old: str, new: str, events: dict[str, str]) -> None:
-        """
-        :param kind: what is renamed.
-        :param owner: of a state its rule, of an action its act; otherwise empty.
+        """:param kind: what is renamed.
+        :param owner: the rule of a state or the act of an action; otherwise empty.
         :param old: the name alone, without the owner and without slash.
         :param new: the new one.
-        :param events: events that are called otherwise because of it: old name, new name, without slash.
+        :param events: events that get another name because of it: old name, new name, without slash.
         """
         self.kind, self.owner, self.old, self.new = kind, owner, old, new
         self.events = events
@@ -40,31 +39,31 @@ class Renaming:
         return self.new if self.kind == "state" and (rule, name) == (self.owner, self.old) else name
 
     def event(self, written: str) -> str:
-        """An event; also the end of an act as records have it, `ended R_Yes succeeded`, which tests may expect."""
+        """Rename an event, or the end of an act as in a record, `ended R_Yes succeeded`, which a test may expect."""
         topic, end = normal_topic(written), f"ended {self.old} "
         if self.kind == "act" and topic.startswith(end) and " " not in topic.removeprefix(end):
             return written.replace(end, f"ended {self.new} ", 1)
         return written.replace(topic, self.events[topic]) if topic in self.events else written
 
     def key(self, written: str) -> str:
-        """A memory key, and one that begins with it: `person.name`, if `person` is renamed."""
+        """Rename a memory key or a part of it: also `person.name`, if `person` is renamed."""
         renamed = renamed_key(written, self.old, self.new) if self.kind == "key" else None
         return written if renamed is None else renamed
 
     def keys_in(self, text: str, places: Iterable[KeyPlace]) -> str:
-        """A text with these keys in it."""
+        """Rename the key at these places of a text."""
         return rename_in(text, places, self.old, self.new) if self.kind == "key" else text
 
 
 def renamed_key(written: str, old: str, new: str) -> str | None:
-    """What a key is called where `old` is called `new`: `person.name` too, if `person` is. None: it is another one."""
+    """Return a key's new name when `old` becomes `new`, also for a part: `person.name`. None: it is another key."""
     if written == old:
         return new
     return new + written[len(old) :] if written.startswith(f"{old}.") else None
 
 
 def rename_in(text: str, places: Iterable[KeyPlace], old: str, new: str) -> str:
-    """A text with a key renamed at these places of keys."""
+    """Rename a key at these places of a text."""
     for place in sorted(places, key=lambda each: each.start, reverse=True):
         renamed, end = renamed_key(place.key, old, new), place.start + len(place.key)
         if renamed is not None and text[place.start : end] == place.key:
@@ -72,7 +71,7 @@ def rename_in(text: str, places: Iterable[KeyPlace], old: str, new: str) -> str:
     return text
 
 
-# --- files of data ---------------------------------------------------------------------------------------------------
+# --- data files ------------------------------------------------------------------------------------------------------
 
 
 _STUDY = "study.toml"
@@ -80,9 +79,9 @@ _TEXTS = "texts/"
 
 
 def data_splices(files: Files, renaming: Renaming) -> Iterator[Splice]:
-    """What changes in task files, study.toml and translations.
+    """Yield the changes of task files, study.toml and translations.
 
-    :raises EditRefused: one of these files cannot be read, or the new name cannot stand there.
+    :raises EditRefused: one of these files cannot be read, or cannot contain the new name.
     """
     for name in sorted(files):
         if name.endswith(".jsonl"):
@@ -111,7 +110,7 @@ def _toml_splices(file: EditedText, change: Callable[[str], str]) -> Iterator[Sp
 
 
 def _in_study(text: str, renaming: Renaming) -> str:
-    """What levels of factors set."""
+    """Rename the key in what levels of factors set."""
     factors = TomlText(text).values.get("factors")
     for factor, values in _tables(factors):
         for level, given in _tables(values.get("levels")):
@@ -134,7 +133,7 @@ def _in_text_ids(text: str, renaming: Renaming) -> str:
 
 
 def _in_texts(text: str, renaming: Renaming) -> str:
-    """The slots of translations, and of the texts that they were translated from."""
+    """Rename the key in the slots of translations and of their originals."""
     toml = TomlText(text)
     changes: list[tuple[KeyPath, str]] = []
     for path in toml.entries:
@@ -160,7 +159,7 @@ def _tables_or_none(values: Any) -> dict[str, Any]:
 
 
 def task_splices(file: EditedText, renaming: Renaming) -> tuple[Splice, ...]:
-    """What changes in a task file. A line that is no JSON object is left to whoever reads the file."""
+    """Find the changes of a task file. A line that is not a JSON object stays for the reader of the file to report."""
     edits: list[TextEdit] = []
     at = 0
     for line in file.text.splitlines(keepends=True):
@@ -171,7 +170,7 @@ def task_splices(file: EditedText, renaming: Renaming) -> tuple[Splice, ...]:
 
 
 def pressed_key_splices(file: EditedText, old: str, new: str) -> tuple[Splice, ...]:
-    """What changes in a test of the study when another key of the keyboard is pressed: `{"key": "n"}`."""
+    """Find the changes of a study's test when another key of the keyboard is pressed: `{"key": "n"}`."""
     edits: list[TextEdit] = []
     at = 0
     for line in file.text.splitlines(keepends=True):
@@ -204,26 +203,26 @@ def _line_edits(line: str, renaming: Renaming) -> list[TextEdit]:
 
 
 class _JsonEdits:
-    """Collects what changes in a JSON text."""
+    """Collector of the changes of a JSON text."""
 
     def __init__(self, text: str) -> None:
         self.text = text
         self.found: list[TextEdit] = []
 
     def replace(self, at: int, old: str, new: str) -> None:
-        """Another text for the one that stands there, written with escapes if that one was."""
+        """Replace a text at its place, with escapes if the old one had them."""
         if old != new:
             end = json.JSONDecoder().raw_decode(self.text, at)[1]
             is_escaped = self.text[at:end].isascii() and not old.isascii()
             self.found.append(TextEdit(at, end, json.dumps(new, ensure_ascii=is_escaped)))
 
     def rename_keys(self, value: Any, name: Callable[[str], str]) -> None:
-        """The keys of an object."""
+        """Rename the keys of an object."""
         for member in value.members if isinstance(value, JsonObject) else ():
             self.replace(member.key_at, member.key, name(member.key))
 
     def rename_items(self, value: Any, name: Callable[[str], str]) -> None:
-        """The texts of an array."""
+        """Rename the texts of an array."""
         if isinstance(value, JsonArray):
             for item, at in zip(value, value.items_at, strict=True):
                 if isinstance(item, str):
@@ -239,7 +238,7 @@ def _read(text: str) -> JsonObject | None:
 
 
 def _behavior(function: str, behavior: str, renaming: Renaming) -> str:
-    """The behaviour of a task that is a text: a name, an assignment, or JSON."""
+    """Rename within the behavior of a task that is a text: a name, an assignment, or JSON."""
     if function == "assignValue":
         return renaming.keys_in(behavior, keys_in_assignment(behavior))
     if behavior.lstrip().startswith("{"):
@@ -262,7 +261,7 @@ def _behavior(function: str, behavior: str, renaming: Renaming) -> str:
 
 
 def _edit_behavior(edits: _JsonEdits, function: str, value: JsonObject, renaming: Renaming) -> None:
-    """The behaviour of a task that is an object (rise_engine/kernel/behaviors.py)."""
+    """Rename within the behavior of a task that is an object (rise_engine/kernel/behaviors.py)."""
     if function == "assignValue":
         edits.rename_keys(value, renaming.key)
         return
@@ -285,7 +284,7 @@ def _edit_behavior(edits: _JsonEdits, function: str, value: JsonObject, renaming
 
 
 def _edit_expectation(edits: _JsonEdits, value: JsonObject, renaming: Renaming) -> None:
-    """What a test of the study expects: states of rules, values of keys, acts and events."""
+    """Rename within the expectations of a study's test: states of rules, values of keys, acts and events."""
     rules = value.get("rules")
     for member in rules.members if isinstance(rules, JsonObject) else ():
         edits.replace(member.key_at, member.key, renaming.rule(member.key))

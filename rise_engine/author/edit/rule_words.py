@@ -1,4 +1,4 @@
-"""What stands in a rule, in words: functions, ways, conditions. Pure."""
+"""Descriptions of functions, transitions and conditions of a rule. Pure."""
 
 from __future__ import annotations
 
@@ -15,13 +15,13 @@ FUNCTION_WORDS: dict[FunctionName, str] = {
     "raiseEventTopic": "raise the event",
     "assignValue": "set",
 }
-"""What a function does; behind it stands its name, its event, or `key = value`."""
+"""What a function does, followed by a name, an event, or `key = value`."""
 OTHERWISE = "otherwise"
 ONE_OF = "one of these, by chance"
 
 
 def call_words(call: CallForm) -> str:
-    """A function: `start the act R_Nod`, `raise the event /next, kept for 5s`."""
+    """Describe a function: `start the act R_Nod`, `raise the event /next, kept for 5s if nobody waits`."""
     argument = one_line(call.argument)
     if call.function == "raiseEventTopic":
         kept = f", kept for {call.keep} if nobody waits" if call.keep is not None else ""
@@ -34,14 +34,14 @@ def call_words(call: CallForm) -> str:
 
 
 def branch_words(branch: WrittenBranch, *, first: bool) -> str:
-    """The head of an arm of an `if`."""
+    """Describe the head of a branch of an `if`."""
     if branch.condition is None:
         return OTHERWISE
     return f"{'if' if first else 'otherwise, if'} {one_line(branch.condition)}"
 
 
 def statement_words(statement: WrittenStatement) -> str:
-    """A statement in one line, without what is in it."""
+    """Describe a statement in one line, without its contents."""
     if statement.call is not None:
         return call_words(statement.call)
     if statement.branches:
@@ -52,7 +52,7 @@ def statement_words(statement: WrittenStatement) -> str:
 
 
 def trigger_words(form: TransitionForm) -> str:
-    """What a way waits for: `as soon as /next happens`."""
+    """Describe what a transition waits for: `as soon as /next happens`."""
     if form.event is not None:
         return f"as soon as /{normal_topic(form.event)} happens"
     if form.ended is not None:
@@ -67,7 +67,7 @@ def trigger_words(form: TransitionForm) -> str:
 
 
 def transition_words(form: TransitionForm) -> str:
-    """A way in one line, without its functions."""
+    """Describe a transition in one line, without its functions."""
     words = trigger_words(form)
     has_trigger = form.event is not None or form.ended is not None or form.after is not None
     if form.condition is not None and has_trigger:

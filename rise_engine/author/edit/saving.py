@@ -1,8 +1,8 @@
 """Saving a study: all files of a change or none, whatever happens on the way.
 
-New contents are written beside the files and made durable; then a note says which files get them; then they are
-renamed; then the note goes. Killed before the note, a save has not happened, and after it, it has: `finish_interrupted`
-brings it to its end, and who reads the study before that follows the note (`rise_engine.scenario.tree`).
+First, new contents are written beside the files and made durable. Then a note lists the files that get them. Then they
+are renamed, and the note is deleted. A save that is killed before the note has not happened. After the note, it has:
+`finish_interrupted` completes it, and a reader who comes before that follows the note (`rise_engine.scenario.tree`).
 """
 
 from __future__ import annotations
@@ -36,14 +36,14 @@ Reached = Callable[[str], None]
 def write_files(folder: Path, before: Files, after: Files, *, reached: Reached = lambda step: None) -> tuple[str, ...]:
     """Write what differs between two states of a study's files: all of it or nothing.
 
-    A link within the study stays a link, and the file that it leads to is written; owner and permissions stay.
+    A link within the study stays a link; its target gets the content. Owner and permissions stay.
 
     :param folder: the study's folder.
-    :param before: what is on the disk, as far as the caller knows. When it is not, nothing is written.
-    :param reached: told each step, for tests.
+    :param before: the files on the disk, as far as the caller knows. If they differ, nothing is written.
+    :param reached: gets each step, for tests.
     :return: the names of the files that were written, made or deleted.
-    :raises EditRefused: the study comes with the program, it has no files of such names (`study_paths`), a file has
-        changed meanwhile, or the disk does not take it.
+    :raises EditRefused: the study comes with the program, a study cannot have files of these names (`study_paths`), a
+        file has changed meanwhile, or the disk refuses.
     """
     refuse_shipped(folder)
     names = sorted(name for name in {*before, *after} if before.get(name) != after.get(name))
@@ -56,7 +56,7 @@ def write_files(folder: Path, before: Files, after: Files, *, reached: Reached =
     made: list[Path] = []
     try:
         _write_fresh(folder, after, names, made, reached)
-        _check_unchanged(folder, before, names)  # writing took its time
+        _check_unchanged(folder, before, names)  # writing took some time
         _write_note(folder, note)
         reached("wrote the note")
     except BaseException as error:
@@ -75,7 +75,7 @@ def write_files(folder: Path, before: Files, after: Files, *, reached: Reached =
 
 
 def refuse_shipped(folder: Path) -> None:
-    """:raises EditRefused: the study comes with the program."""
+    """Refuse a study that comes with the program. :raises EditRefused: it does."""
     if name := shipped_name(folder):
         raise EditRefused(
             f"this study comes with the program and stays as it is; copy it: rise-engine new DIR --from {name}"
@@ -83,16 +83,16 @@ def refuse_shipped(folder: Path) -> None:
 
 
 def finish_interrupted(folder: Path) -> tuple[str, ...]:
-    """Bring a save to its end that was killed, and clear away what one has left that had not begun to count.
+    """Complete a save that was killed after its note, and delete the leftovers of one that was killed before it.
 
-    What somebody has changed since stays as it is.
+    Files that somebody has changed since stay unchanged.
 
     :return: the names of the files that were written now; empty: nothing was interrupted.
-    :raises EditRefused: the disk does not take it.
+    :raises EditRefused: the disk refuses.
     """
     finished: tuple[str, ...] = ()
     try:
-        with suppress(msgspec.DecodeError, ValueError):  # a note is there when it is whole; this is somebody else's
+        with suppress(msgspec.DecodeError, ValueError):  # a note of ours is complete; this is somebody else's file
             note = read_note(folder)
             if note is not None:
                 finished = _carry_out(folder, note, lambda step: None)
@@ -104,7 +104,7 @@ def finish_interrupted(folder: Path) -> tuple[str, ...]:
 
 
 def _litter(folder: Path) -> Iterator[Path]:
-    """New contents that have no place: in the folder, and where its links lead to."""
+    """Yield new contents without a place: in the folder, and where its links lead."""
     for path in [*folder.rglob("*")]:
         if path.name.startswith(".") and path.name.endswith(FRESH):
             yield path
@@ -113,7 +113,7 @@ def _litter(folder: Path) -> Iterator[Path]:
 
 
 def _check_unchanged(folder: Path, before: Files, names: list[str]) -> None:
-    """:raises EditRefused: a file is not what it was, or cannot be read."""
+    """Check that no file has changed. :raises EditRefused: one has, or cannot be read."""
     changed = []
     for name in names:
         try:
@@ -128,7 +128,7 @@ def _check_unchanged(folder: Path, before: Files, names: list[str]) -> None:
 
 
 def _write_fresh(folder: Path, after: Files, names: list[str], made: list[Path], reached: Reached) -> None:
-    """All new contents beside their files, durable. `made` gets the folders that were made for them."""
+    """Write all new contents beside their files, durably. `made` gets the folders made for them."""
     for name in names:
         target = Path(os.path.realpath(folder / name))
         content = after.get(name)
@@ -153,7 +153,7 @@ def _make_folders(folder: Path, made: list[Path]) -> None:
 
 
 def _write_beside(target: Path, data: bytes) -> None:
-    """A new content with the owner and permissions of the file that it will replace."""
+    """Write new content with the owner and permissions of the file that it will replace."""
     fresh = fresh_path(target)
     if target.exists() and not os.access(target, os.W_OK):
         raise PermissionError(13, "this file may not be written by you", str(target))
@@ -168,7 +168,7 @@ def _write_beside(target: Path, data: bytes) -> None:
 
 
 def _clear(folder: Path, names: list[str], made: list[Path]) -> None:
-    """Take away what a save has left that does not happen. Once its note is there, it does."""
+    """Delete the leftovers of a save that does not happen. With a note, it happens."""
     if os.path.lexists(folder / NOTE):
         return
     for name in (*names, NOTE):
@@ -185,12 +185,12 @@ def _write_note(folder: Path, note: tuple[SavedFile, ...]) -> None:
 
 
 def _carry_out(folder: Path, note: tuple[SavedFile, ...], reached: Reached) -> tuple[str, ...]:
-    """Put every new content in its place; which ones were still to be put there."""
+    """Move every new content to its place, and return the names that were still missing."""
     left = still_to_do(folder, note)
     for name, content in left.items():
         path = folder / name
         if content is None:
-            path.unlink(missing_ok=True)  # of a link, the link
+            path.unlink(missing_ok=True)  # for a link, this removes the link
         else:
             target = Path(os.path.realpath(path))
             fresh_path(target).replace(target)

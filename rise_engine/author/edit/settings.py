@@ -18,9 +18,9 @@ from rise_engine.syntax.toml_edits import TomlText, remove_value, rename_key, se
 
 
 def plan_set_setting(edit: SetSetting, study: StudyState) -> Plan:
-    """A value of a TOML file; None takes the entry out. A file that is not there is made.
+    """Plan a value of a TOML file; None removes the entry. A missing file is made.
 
-    :raises EditRefused: it is not TOML as it stands, or has no place for this.
+    :raises EditRefused: it is not TOML, or has no place for this.
     """
     _check_path(edit.file, edit.path)
     file = _file(study, edit.file, new=edit.value is not None)
@@ -42,9 +42,9 @@ def plan_set_setting(edit: SetSetting, study: StudyState) -> Plan:
 
 
 def plan_rename_setting(edit: RenameSetting, study: StudyState) -> Plan:
-    """An entry of a TOML file under another name, in its place; of a key of the keyboard, tests press the new one.
+    """Plan another name for an entry of a TOML file, in its place; tests then press a renamed key of the keyboard.
 
-    :raises EditRefused: there is no such entry, or there is one of the new name.
+    :raises EditRefused: the entry does not exist, or the new name is taken.
     """
     _check_path(edit.file, (*edit.path, edit.name))
     file = _file(study, edit.file)
@@ -94,9 +94,9 @@ def _changed(file: EditedText, change: Callable[[str], str]) -> str:
 
 
 def _check_outcome(file: EditedText, after: str, wanted: dict[str, Any]) -> None:
-    """The file says what was asked for, and else what it said. (Tables that became empty may be gone.)
+    """Check that the file has the intended values, and otherwise its old ones. (Tables that became empty may be gone.)
 
-    :raises EditRefused: it does not, whatever the reason: then it is written in a way that is not provided for.
+    :raises EditRefused: it has not, because the program cannot edit its form.
     """
     try:
         is_right = _typed(TomlText(after).values) == _typed(wanted)
@@ -107,7 +107,7 @@ def _check_outcome(file: EditedText, after: str, wanted: dict[str, Any]) -> None
 
 
 def _typed(value: Any) -> Any:
-    """A value in which 1, 1.0 and true differ, and tables and lists without entries count for nothing."""
+    """Make values comparable: 1, 1.0 and true differ, and tables and lists without entries do not count."""
     if isinstance(value, dict):
         inner = {key: _typed(each) for key, each in value.items()}
         return {key: each for key, each in inner.items() if each not in ({}, [])}
@@ -117,7 +117,7 @@ def _typed(value: Any) -> Any:
 
 
 def _comments_gone(file: EditedText, after: str) -> tuple[str, ...]:
-    """What is said of comments that stood within what was taken out."""
+    """Report the comments that were within the removed part."""
     kept = [line.strip() for line in after.splitlines()]
     gone = []
     for number, line in enumerate(file.text.splitlines(), 1):
@@ -129,7 +129,7 @@ def _comments_gone(file: EditedText, after: str) -> tuple[str, ...]:
 
 
 def _holder(values: Any, path: KeyPath, *, make: bool = False) -> Any:
-    """What holds the last part of a path."""
+    """Return the table or list that holds the last part of a path."""
     for at, part in enumerate(path[:-1]):
         if isinstance(values, list):
             if make and int(part) == len(values):
@@ -171,7 +171,7 @@ _KEY_WORDS = {"act": "starts the act", "rule": "starts the rule", "event": "rais
 
 
 def _is_in_words(edit: SetSetting, value: Any) -> str:
-    """What an entry is then: `is "Greeting"`; of a key of the keyboard what it does: `starts the act R_Nod`."""
+    """Describe an entry's value: `is "Greeting"`; for a key of the keyboard its function: `starts the act R_Nod`."""
     if edit.file == SCENARIO_FILE and edit.path[:1] == ("keys",) and len(edit.path) == 2 and isinstance(value, dict):
         kind = next((each for each in _KEY_WORDS if each in value), "")
         if kind:
@@ -181,7 +181,7 @@ def _is_in_words(edit: SetSetting, value: Any) -> str:
 
 
 def _label(edit: SetSetting | RenameSetting) -> str:
-    """What is changed, in words."""
+    """Name the changed entry in words."""
     path = edit.path
     match path:
         case ("keys", key) if edit.file == "scenario.toml":

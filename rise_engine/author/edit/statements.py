@@ -1,7 +1,7 @@
-"""What a rule does: functions, `if` with its branches, `oneOf`.
+"""Edits of a rule's statements: functions, `if` with its branches, `oneOf`.
 
-A statement is one element, but an `if` whose `else` stands behind it: then it is these elements together. Branches may
-stand inside their `if` or behind it (docs/reference/rules.md), and both stay as they are.
+A statement is one element, except for an `if` with an `else` after it, which is all these elements together. Branches
+may be inside their `if` or after it (docs/reference/rules.md), and both forms stay.
 """
 
 from __future__ import annotations
@@ -54,7 +54,7 @@ _BRANCHES = ("else", "elseif")
 
 
 def call_attributes(call: CallForm) -> dict[str, str | None]:
-    """The attributes of a function. :raises EditRefused: something goes with another one, or is missing."""
+    """Return the attributes of a function. :raises EditRefused: one does not fit the function, or is missing."""
     argument = call.argument.strip()
     if not argument or (call.function == "raiseEventTopic" and not normal_topic(argument)):
         raise EditRefused(f"`{call.function}` needs to know what; name it")
@@ -113,7 +113,7 @@ def _form_in_words(form: StatementForm) -> str:
 
 
 def plan_add_statement(edit: AddStatement, study: StudyState) -> Plan:
-    """A new function, `if` or `oneOf`; what holds it is made when it is not there."""
+    """Plan a new function, `if` or `oneOf`, with its block if that is missing."""
     place = list_at(edit.at, study)
     element = _element(edit.statement)
     at = min(max(edit.at.path[-1] if edit.at.path else len(place.statements), 0), len(place.statements))
@@ -126,7 +126,7 @@ def plan_add_statement(edit: AddStatement, study: StudyState) -> Plan:
 
 
 def _new_block(place: StatementList, element: NewElement) -> tuple[WritingGap, NewElement]:
-    """`<onEntry>` stands first in its state, `<onExit>` behind it."""
+    """Make a block: `<onEntry>` comes first in its state, `<onExit>` after it."""
     state = place.state_node
     block = NewElement(place.tag, children=(element,))
     entries = [child for child in state if child.tag == "onEntry"]
@@ -149,7 +149,7 @@ def _gap_at(place: StatementList, at: int) -> WritingGap:
 
 
 def plan_set_call(edit: SetCall, study: StudyState) -> Plan:
-    """Another function in the place of one."""
+    """Plan another function in the place of one."""
     place, statement = statement_at(edit.at, study)
     if statement.call is None:
         raise EditRefused(f"{place.where}: there is no function there, but {statement_words(statement)}")
@@ -163,7 +163,7 @@ def plan_set_call(edit: SetCall, study: StudyState) -> Plan:
 
 
 def same_call(one: CallForm, other: CallForm) -> bool:
-    """Whether two functions are the same."""
+    """Return whether two functions are the same."""
     return _normal_call(one) == _normal_call(other)
 
 
@@ -174,7 +174,7 @@ def _normal_call(call: CallForm) -> tuple[object, ...]:
 
 
 def call_attributes_of(node: Element) -> dict[str, str | None]:
-    """The attributes as `call_attributes` writes them, so that only what is meant otherwise changes."""
+    """Return the attributes as `call_attributes` writes them, so that only those with another meaning change."""
     values: dict[str, str | None] = {name: node.attributes.get(name, "").strip() or None for name in _ORDER}
     if values["raiseEventTopic"]:
         values["raiseEventTopic"] = f"/{normal_topic(values['raiseEventTopic'])}"
@@ -184,7 +184,7 @@ def call_attributes_of(node: Element) -> dict[str, str | None]:
 
 
 def plan_remove_statement(edit: RemoveStatement, study: StudyState) -> Plan:
-    """A statement with all that is in it; or a branch of an `if`."""
+    """Plan the removal of a statement with its contents, or of a branch of an `if`."""
     if branch := branch_at(edit.at, study):
         return _remove_branch(branch)
     place, statement = statement_at(edit.at, study)
@@ -195,7 +195,7 @@ def plan_remove_statement(edit: RemoveStatement, study: StudyState) -> Plan:
 
 
 def _removal(statement: WrittenStatement) -> Splice:
-    """A block of a state goes with the last statement in it."""
+    """Remove a statement; the last one takes its state's block with it."""
     block = statement.node.parent
     assert block is not None, "a statement stands in something"
     is_all = statement.node is block[0] and statement.last is block[-1]
@@ -205,7 +205,7 @@ def _removal(statement: WrittenStatement) -> Splice:
 
 
 def plan_move_statement(edit: MoveStatement, study: StudyState) -> Plan:
-    """A statement is run earlier or later; one of the choices of a `oneOf` stands elsewhere among them."""
+    """Plan to run a statement earlier or later, or to move a choice of a `oneOf`."""
     if branch_at(edit.at, study):
         raise EditRefused("the branches of an `if` keep their order; change their conditions")
     place, statement = statement_at(edit.at, study)
@@ -224,7 +224,7 @@ def plan_move_statement(edit: MoveStatement, study: StudyState) -> Plan:
 
 
 def plan_add_branch(edit: AddBranch, study: StudyState) -> Plan:
-    """Another branch of an `if`; an `else` is the last one."""
+    """Plan another branch of an `if`; an `else` is the last one."""
     branch = branch_at(edit.at, study)
     if branch is None:
         raise EditRefused("a branch is added to an `if`; the address ends with the number that the branch gets")
@@ -250,7 +250,7 @@ def plan_add_branch(edit: AddBranch, study: StudyState) -> Plan:
 
 
 def plan_set_condition(edit: SetBranchCondition, study: StudyState) -> Plan:
-    """The condition of a branch."""
+    """Plan the condition of a branch."""
     branch = branch_at(edit.at, study)
     if branch is None or not 0 <= branch.number < len(branch.statement.branches):
         raise EditRefused("there is no such branch of an `if`")

@@ -44,7 +44,7 @@ def _changeable_rule(study: StudyState, name: str) -> WrittenRule:
 
 
 def plan_set_initial(edit: SetInitial, study: StudyState) -> Plan:
-    """The state in which a rule begins."""
+    """Plan the state in which a rule begins."""
     rule = _changeable_rule(study, edit.rule)
     known = [state.id for state in rule.states]
     if edit.state not in known:
@@ -56,7 +56,7 @@ def plan_set_initial(edit: SetInitial, study: StudyState) -> Plan:
 
 
 def plan_set_priority(edit: SetPriority, study: StudyState) -> Plan:
-    """How high a rule starts among the others."""
+    """Plan the priority with which a rule starts."""
     rule = _changeable_rule(study, edit.rule)
     value = None if edit.priority is None else edit.priority.strip()
     if value == rule.priority:
@@ -67,7 +67,7 @@ def plan_set_priority(edit: SetPriority, study: StudyState) -> Plan:
 
 
 def plan_add_state(edit: AddState, study: StudyState) -> Plan:
-    """A new state, from which no way leads yet."""
+    """Plan a new state, which has no transitions yet."""
     rule = _changeable_rule(study, edit.rule)
     name = check_name("state", edit.state)
     taken = next((state for state in rule.states if state.id == name), None)
@@ -82,7 +82,7 @@ def plan_add_state(edit: AddState, study: StudyState) -> Plan:
 
 
 def plan_remove_state(edit: RemoveState, study: StudyState) -> Plan:
-    """A state goes with the ways out of it, also from where ways are shared."""
+    """Plan the removal of a state with its transitions, also from shared ones."""
     rule, state = state_of(study, edit.rule, edit.state)
     check_changeable(f"the rule {edit.rule}", rule.reason)
     if sum(each.node is state.node for each in rule.states) > 1:
@@ -98,7 +98,7 @@ def plan_remove_state(edit: RemoveState, study: StudyState) -> Plan:
 
 
 def _check_not_reached(rule: WrittenRule, name: str) -> None:
-    """:raises EditRefused: the rule begins in a state, or a way of another one leads to it."""
+    """:raises EditRefused: the rule begins in a state, or another state's transition leads to it."""
     if rule.initial == name:
         instead = "let it begin in another state first" if len(rule.states) > 1 else "remove the rule"
         raise EditRefused(f"{rule.name} begins in {name}; {instead}")
@@ -113,7 +113,7 @@ def _check_not_reached(rule: WrittenRule, name: str) -> None:
 
 
 def _without_state(shared: Element, name: str) -> list[Splice]:
-    """`<transitions in="A | B">` without one of its states; it goes with the last one."""
+    """Remove a state from `<transitions in="A | B">`; the element goes with its last state."""
     names = [each.strip() for each in shared.attributes.get("in", "").split("|")]
     if name not in names:
         return []
@@ -130,7 +130,7 @@ _TRANSITION_ORDER = ("eventTopic", "ended", "outcome", "while", "after", "cond",
 
 
 def transition_attributes(form: TransitionForm) -> dict[str, str | None]:
-    """The attributes of a transition; None: it has none.
+    """Return the attributes of a transition; None: it does not have the attribute.
 
     :raises EditRefused: it waits for nothing, or for two things.
     """
@@ -157,7 +157,7 @@ def transition_attributes(form: TransitionForm) -> dict[str, str | None]:
 
 
 def same_form(one: TransitionForm, other: TransitionForm) -> bool:
-    """Whether two forms say the same."""
+    """Return whether two forms mean the same."""
     return _normal(one) == _normal(other)
 
 
@@ -168,9 +168,9 @@ def _normal(form: TransitionForm) -> tuple[object, ...]:
 
 
 def find_transition(state: WrittenState, index: int, was: TransitionForm) -> int:
-    """The number of the transition that is meant: the one there, or the nearest that says what it said.
+    """Return the index of the intended transition: the given one, or the nearest of the same form.
 
-    :raises EditRefused: no way out of the state says that any more.
+    :raises EditRefused: no transition of the state has this form any more.
     """
     ways = state.transitions
     if 0 <= index < len(ways) and same_form(ways[index].form, was):
@@ -190,7 +190,7 @@ def _found(edit: SetTransition | RemoveTransition | MoveTransition, study: Study
 
 
 class _Way:
-    """A transition that an edit is about."""
+    """A transition that an edit changes."""
 
     def __init__(self, state: WrittenState, index: int, written: WrittenTransition) -> None:
         self.state = state
@@ -202,7 +202,7 @@ class _Way:
 
 
 def plan_add(edit: AddTransition, study: StudyState) -> Plan:
-    """A new transition of a state, before those that it shares with others."""
+    """Plan a new transition of a state, before those that it shares with others."""
     rule, state = state_of(study, edit.rule, edit.state)
     check_changeable(f"the state {edit.state}", state.reason, rule.file, state.line)
     values = transition_attributes(edit.transition)
@@ -222,7 +222,7 @@ def plan_add(edit: AddTransition, study: StudyState) -> Plan:
 
 
 def plan_set(edit: SetTransition, study: StudyState) -> Plan:
-    """What a transition waits for and where it leads; its functions stay."""
+    """Plan what a transition waits for and where it leads; its functions stay."""
     way = _found(edit, study)
     now, values = way.written.form, transition_attributes(edit.transition)
     if same_form(now, edit.transition):
@@ -235,7 +235,7 @@ def plan_set(edit: SetTransition, study: StudyState) -> Plan:
 
 
 def transition_attributes_of(node: Element) -> dict[str, str]:
-    """The attributes as `transition_attributes` writes them, so that only what is meant otherwise changes."""
+    """Return the attributes as `transition_attributes` writes them, so that only those with another meaning change."""
     values = {name: node.attributes.get(name, "").strip() for name in _TRANSITION_ORDER}
     if "eventTopic" in node.attributes:
         values["eventTopic"] = f"/{normal_topic(values['eventTopic'])}"
@@ -245,7 +245,7 @@ def transition_attributes_of(node: Element) -> dict[str, str]:
 
 
 def plan_remove(edit: RemoveTransition, study: StudyState) -> Plan:
-    """A transition goes with its functions; what holds the shared ones goes with the last one."""
+    """Plan the removal of a transition with its functions; the element of shared transitions goes with the last one."""
     way = _found(edit, study)
     says = (f"{way.whose} loses the transition: {transition_words(way.written.form)}",)
     parent = way.node.parent
@@ -255,7 +255,7 @@ def plan_remove(edit: RemoveTransition, study: StudyState) -> Plan:
 
 
 def plan_move(edit: MoveTransition, study: StudyState) -> Plan:
-    """A transition is tried earlier or later."""
+    """Plan to try a transition earlier or later."""
     way = _found(edit, study)
     ways = way.state.transitions
     to = min(max(edit.to, 0), len(ways) - 1)

@@ -1,7 +1,7 @@
 """The files of a study's folder, and the study.toml of a folder above it.
 
-That one belongs to all scenarios of the study, and a plan may have been made from it. So it is not edited with one of
-them, but a rename has to know what it says of this scenario.
+The study.toml above belongs to all scenarios of the study, and a plan may have been made from it. An edit of one
+scenario does not change it, but a rename must know what it sets.
 """
 
 from __future__ import annotations
@@ -23,14 +23,14 @@ _MOST_FILES = 5_000
 
 
 def read_study_files(folder: Path) -> Files:
-    """The files of a study by their names relative to its folder: those in it that are text, hidden ones left out.
+    """Read the text files of a study by their names relative to its folder, without hidden ones.
 
     :raises EditRefused: it cannot be read, or has far more files than a study.
     """
     files: dict[str, bytes] = {}
     try:
         for path in _paths(folder, folder):
-            with suppress(FileNotFoundError):  # gone since it was listed, as what other editors write beside
+            with suppress(FileNotFoundError):  # gone since it was listed, like the temporary files of other editors
                 if path.stat().st_size <= MAX_BYTES:
                     files[path.relative_to(folder).as_posix()] = path.read_bytes()
             if len(files) > _MOST_FILES:
@@ -66,9 +66,9 @@ _LEVELS_UP = 3
 
 
 def read_study_above(folder: Path) -> Files:
-    """The study.toml that names this scenario, by its path; empty: there is none.
+    """Read the study.toml that names this scenario, by its path; empty: there is none.
 
-    :param folder: the scenario's. What is in it is not meant: a study.toml beside scenario.toml is one of its files.
+    :param folder: the scenario's. A study.toml beside scenario.toml does not count: it is one of the scenario's files.
     """
     folder = folder.resolve()
     for above in list(folder.parents)[:_LEVELS_UP]:
@@ -81,9 +81,9 @@ def read_study_above(folder: Path) -> Files:
 
 
 def scenarios_below(folder: Path) -> list[Path]:
-    """The scenarios of a study, where a study's folder has none in itself: those that are there, its own first.
+    """List the scenarios of a study's folder, its own first; only those that exist.
 
-    :param folder: with a study.toml. Empty where it has none, or is a scenario, too.
+    :param folder: with a study.toml. The list is empty if it has none, or is itself a scenario.
     """
     if (folder / SCENARIO_FILE).exists():
         return []
@@ -97,7 +97,7 @@ def scenarios_below(folder: Path) -> list[Path]:
 
 
 def sets_key(above: Files, key: str) -> str:
-    """That a study.toml sets a memory key, or that nobody knows, in words; empty: none does."""
+    """Say that a study.toml sets a memory key, or that it may because it cannot be read; empty: none does."""
     renaming = Renaming("key", "", key, f"{key}_", {})
     for path, data in above.items():
         try:
@@ -109,7 +109,7 @@ def sets_key(above: Files, key: str) -> str:
 
 
 def _may_name(data: bytes, above: Path, folder: Path) -> bool:
-    """Whether a study has this scenario; one that cannot be read may have it."""
+    """Return whether a study names this scenario; one that cannot be read may."""
     try:
         values = tomllib.loads(data.decode("utf-8-sig"))
     except (ValueError, RecursionError):
@@ -118,7 +118,7 @@ def _may_name(data: bytes, above: Path, folder: Path) -> bool:
 
 
 def _scenarios(values: dict[str, Any]) -> set[str]:
-    """The folders that a study names: its own, and those of levels of factors."""
+    """Return the folders that a study names: its own scenario, and those of levels of factors."""
     found = {values.get("scenario", _USUAL_SCENARIO)}
     factors = values.get("factors")
     for factor in factors.values() if isinstance(factors, dict) else ():

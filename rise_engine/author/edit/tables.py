@@ -1,6 +1,6 @@
-"""Edits of tables, `tables/NAME.csv`: a cell, a row or column more, a row less. Separators, quotes, line ends stay.
+"""Edits of tables, `tables/NAME.csv`: a cell, a new row or column, a removed row. Separators, quotes, line ends stay.
 
-A study's `participants.csv` is a table, too, called as its file. Whoever was recorded stays in it under their name.
+A study's `participants.csv` is also a table, named after its file. Recorded participants keep their row and name.
 """
 
 from __future__ import annotations
@@ -42,36 +42,36 @@ class _WrittenTable(Struct):
         return "\r\n" if "\r\n" in self.file.text else "\n"
 
     def column(self, name: str) -> int:
-        """The number of a column. :raises EditRefused: there is none of this name."""
+        """Return the index of a column. :raises EditRefused: there is none of this name."""
         if name not in self.columns:
             near = did_you_mean(name, self.columns)
             raise EditRefused(f"{self.file.name} has no column `{name}`{near}")
         return self.columns.index(name)
 
     def row(self, number: int) -> TableRecord:
-        """:raises EditRefused: there is no such row."""
+        """Return a row by its index. :raises EditRefused: there is no such row."""
         if not 0 <= number < len(self.rows):
             raise EditRefused(f"{self.file.name} has {pluralize(len(self.rows), 'row')}; there is no row {number + 1}")
         return self.rows[number]
 
     def write(self, value: str, *, quoted: bool = False) -> str:
-        """A value as it stands between separators."""
+        """Write a value as it must be between separators."""
         odd = any(each in value for each in (self.separator, '"', "\n", "\r")) or value != value.strip()
         return '"' + value.replace('"', '""') + '"' if quoted or odd else value
 
 
 class WrittenCells(Struct, frozen=True):
-    """A table as people see it in a spreadsheet: every value as it is written."""
+    """A table as a spreadsheet shows it: every value as it is written."""
 
     file: str
     columns: tuple[str, ...]
     rows: tuple[tuple[str, ...], ...]
     lines: tuple[int, ...]
-    """Where each row begins in the file, from 1."""
+    """The line where each row begins in the file, from 1."""
 
 
 def written_cells(files: Files, name: str) -> WrittenCells:
-    """The table of this name as it is written. :raises EditRefused: there is none, or it cannot be read."""
+    """Read the table of this name as it is written. :raises EditRefused: there is none, or it cannot be read."""
     table = _read(name, files)
     width = len(table.columns)
     lines = tuple(table.file.line(row.start) for row in table.rows)
@@ -81,19 +81,19 @@ def written_cells(files: Files, name: str) -> WrittenCells:
 
 
 def table_names(files: Files) -> tuple[str, ...]:
-    """All tables of a study, also those that cannot be read, in the order of their names."""
+    """List all tables of a study by name, also those that cannot be read."""
     return tuple(sorted(_table_files(files)))
 
 
 def _table_files(files: Files) -> dict[str, str]:
-    """The file of each table, by its name."""
+    """Return the file of each table, by its name."""
     own = [file for file in files if file.startswith(f"{TABLES_FOLDER}/") and file.lower().endswith(".csv")]
     found = {file[len(TABLES_FOLDER) + 1 : -4]: file for file in own}
     return found | ({PARTICIPANTS_FILE: PARTICIPANTS_FILE} if {PARTICIPANTS_FILE, STUDY_FILE} <= files.keys() else {})
 
 
 def plan_set_cell(edit: SetCell, study: StudyState) -> Plan:
-    """A value of a table. :raises EditRefused: there is no such table, row or column, or the row would be empty."""
+    """Plan a value of a table. :raises EditRefused: its table, row or column is unknown, or the row would be empty."""
     table = _read(edit.table, study.files)
     at, row = table.column(edit.column), table.row(edit.row)
     value = _value(edit.value)
@@ -105,7 +105,7 @@ def plan_set_cell(edit: SetCell, study: StudyState) -> Plan:
     text = table.file.text
     written = table.write(value, quoted=text.startswith('"', start, end))
     while written.startswith('"') and text[end : end + 1].strip("\r\n" + table.separator).isspace():
-        end += 1  # behind a quotation mark no blank may stand
+        end += 1  # no blank may follow a quotation mark
     change = TextEdit(start, end, written)
     values = [list(each.values) for each in table.rows]
     values[edit.row][at] = value
@@ -115,7 +115,7 @@ def plan_set_cell(edit: SetCell, study: StudyState) -> Plan:
 
 
 def plan_add_row(edit: AddRow, study: StudyState) -> Plan:
-    """A row more; columns that are not given stay empty. :raises EditRefused: a column is unknown, or all are empty."""
+    """Plan a new row, empty where no value is given. :raises EditRefused: a column is unknown, or all are empty."""
     table = _read(edit.table, study.files)
     given = {table.column(name): _value(value) for name, value in edit.values.items()}
     values = [given.get(at, "") for at in range(len(table.columns))]
@@ -125,7 +125,7 @@ def plan_add_row(edit: AddRow, study: StudyState) -> Plan:
         raise EditRefused(f"{table.file.name} has {pluralize(len(table.rows), 'row')}; a row cannot be put in there")
     before = table.rows[number - 1] if number else table.header
     end = len(table.file.text[: before.end].rstrip("\r\n"))
-    extra = [""] * (len(before.values) - len(table.columns))  # columns without name that Excel leaves behind
+    extra = [""] * (len(before.values) - len(table.columns))  # columns without name that Excel leaves at the end
     line = table.separator.join(table.write(value) for value in (*values, *extra))
     rows = [list(each.values) for each in table.rows]
     rows.insert(number, values)
@@ -134,14 +134,14 @@ def plan_add_row(edit: AddRow, study: StudyState) -> Plan:
 
 
 def plan_remove_row(edit: RemoveRow, study: StudyState) -> Plan:
-    """A row less. :raises EditRefused: there is no such table or row."""
+    """Plan a row's removal. :raises EditRefused: there is no such table or row."""
     table = _read(edit.table, study.files)
     row = table.row(edit.row)
     if edit.table == PARTICIPANTS_FILE:
         _refuse_known(row.values[table.column("participant")], study.files)
     text = table.file.text
     start, end = row.start, min(row.end, len(text))
-    if not text.endswith("\n", start, end):  # the last line of the file, without an end: it takes the one before
+    if not text.endswith("\n", start, end):  # the file's last line has no line end: remove the one before it
         start = len(text[:start].rstrip("\r\n"))
     rows = [list(each.values) for each in table.rows]
     del rows[edit.row]
@@ -150,7 +150,7 @@ def plan_remove_row(edit: RemoveRow, study: StudyState) -> Plan:
 
 
 def plan_add_column(edit: AddColumn, study: StudyState) -> Plan:
-    """A column more, empty in all rows. :raises EditRefused: there is no such table, or one of this name already."""
+    """Plan a new column, empty in all rows. :raises EditRefused: there is no such table, or the name is taken."""
     table = _read(edit.table, study.files)
     name, count = _value(edit.column), len(table.columns)
     if not name or "\n" in name:
@@ -175,7 +175,7 @@ def plan_add_column(edit: AddColumn, study: StudyState) -> Plan:
 
 
 def _refuse_known(participant: str, files: Files) -> None:
-    """:raises EditRefused: something was recorded of this participant, which names them."""
+    """Refuse a change of a participant's name or row. :raises EditRefused: a recording names the participant."""
     if participant and f'"{participant}"'.encode() in files.get(_LOG_FILE, b""):
         raise EditRefused(
             f"{participant} is already in {_LOG_FILE}, so the line and the name stay; "
@@ -186,7 +186,7 @@ def _refuse_known(participant: str, files: Files) -> None:
 def _plan(
     table: _WrittenTable, edits: list[TextEdit], rows: list[list[str]], says: str, columns: list[str] | None = None
 ) -> Plan:
-    """:raises EditRefused: the file would not read as these columns and rows."""
+    """Check the result and make the plan. :raises EditRefused: the file would not read as these columns and rows."""
     text = changed_text(table.file.text, edits)
     after = _records(table.file.name, text, table.separator)
     columns = table.columns if columns is None else columns
@@ -204,7 +204,7 @@ def _plan(
 
 
 def _read(name: str, files: Files) -> _WrittenTable:
-    """:raises EditRefused: there is no such table, or something is wrong with its form."""
+    """Read a table. :raises EditRefused: it does not exist, or its form is wrong."""
     known = _table_files(files)
     file = known.get(name)
     if file is None:
@@ -235,7 +235,7 @@ def _records(file: str, text: str, separator: str) -> tuple[CsvReader, list[Tabl
 
 
 def _value(written: str) -> str:
-    """What is read of a value: without blanks around it, and with the line ends that a table has."""
+    """Normalize a value: without blanks around it, and with a table's line ends."""
     return written.strip().replace("\r\n", "\n").replace("\r", "\n")
 
 

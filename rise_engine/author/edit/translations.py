@@ -1,4 +1,4 @@
-"""Edits of translations, `texts/LANGUAGE.toml` (docs/reference/languages.md), and of the texts that they translate."""
+"""Edits of translations, `texts/LANGUAGE.toml` (docs/reference/languages.md), and of their originals."""
 
 from __future__ import annotations
 
@@ -32,8 +32,7 @@ _SHOWN = 60
 
 
 def plan_set_translation(edit: SetTranslation, study: StudyState) -> Plan:
-    """What a text is in another language, and of which text that is the translation: what the act says now. Without a
-    value the translation goes, also one of an act that is not there any more.
+    """Plan a translation of the act's present text; without a value, it goes, even if its act no longer exists.
 
     :raises EditRefused: there is no such text or language, or the file cannot be changed there.
     """
@@ -62,9 +61,9 @@ def plan_set_translation(edit: SetTranslation, study: StudyState) -> Plan:
 
 
 def plan_add_language(edit: AddLanguage, study: StudyState) -> Plan:
-    """A language that texts are to be translated into; its file is made with the first translation.
+    """Plan a language for translations; its file is made with the first translation.
 
-    :raises EditRefused: it is no language, the study has it already, or the acts are in it.
+    :raises EditRefused: it is not a language, the study has it already, or the acts are in it.
     """
     language = edit.language.strip()
     if problem := language_problem(language):
@@ -82,7 +81,7 @@ def plan_add_language(edit: AddLanguage, study: StudyState) -> Plan:
 
 
 def _also(study: StudyState) -> list[str]:
-    """What `[languages]` lists now; nothing, where it cannot be read."""
+    """Read what `[languages]` lists now; nothing if it cannot be read."""
     try:
         table = tomllib.loads(file_of(study.files, SCENARIO_FILE).text).get("languages", {})
     except (EditRefused, ValueError, RecursionError):
@@ -92,7 +91,7 @@ def _also(study: StudyState) -> list[str]:
 
 
 def existing_language(study: StudyState, language: str) -> tuple[str, str]:
-    """A language as its file is called, and that file, which need not be there yet."""
+    """Return a language in the spelling of its file, and that file, which may not exist yet."""
     for file in study.files:
         if file.lower() == language_file(language).lower():
             return file.rpartition("/")[2].removesuffix(".toml"), file
@@ -100,10 +99,10 @@ def existing_language(study: StudyState, language: str) -> tuple[str, str]:
 
 
 def follow_texts(study: StudyState, moved: Mapping[tuple[str, str], str | None]) -> tuple[Splice, ...]:
-    """What becomes of the translations of texts that an edit of an act removes, or gives another number.
+    """Update the translations of texts that an edit of an act removes or renumbers.
 
     :param moved: by act and key of a text (`("R_Yes", "2/1")`), its new key in the act; None: it goes.
-    :raises EditRefused: a file of translations is written so that this cannot be done in it.
+    :raises EditRefused: the form of a file of translations does not allow this.
     """
     found: list[Splice] = []
     for name in sorted(study.files):
@@ -145,7 +144,7 @@ def _find_text(edit: SetTranslation, study: StudyState) -> SpokenText:
 
 
 def _read(file: EditedText) -> TomlText:
-    """:raises EditRefused: it is not TOML."""
+    """Parse a file of translations. :raises EditRefused: it is not TOML."""
     try:
         return TomlText(file.text)
     except EditRefused as error:
@@ -153,7 +152,7 @@ def _read(file: EditedText) -> TomlText:
 
 
 def _splices(file: EditedText, after: str) -> tuple[Splice, ...]:
-    """:raises EditRefused: the file would not be TOML any more, because of how it is written."""
+    """Find the changes of a file. :raises EditRefused: because of its form, it would not be TOML any more."""
     try:
         TomlText(after)
     except EditRefused:
@@ -163,13 +162,13 @@ def _splices(file: EditedText, after: str) -> tuple[Splice, ...]:
 
 
 def _said(translation: Any) -> str:
-    """The text of a translation; empty for another value."""
+    """Return the text of a translation; empty for another value."""
     found = translation.get("text") if isinstance(translation, dict) else None
     return " ".join(found.split()) if isinstance(found, str) else ""
 
 
 def _replaced(toml: TomlText, path: KeyPath, entries: Mapping[str, str]) -> str:
-    """A translation that is there says something else."""
+    """Replace the text of an existing translation."""
     whole = toml.entries.get(path)
     if whole is not None and (whole.value.kind != "table" or not whole.value.pairs):
         return changed_text(toml.text, [TextEdit(whole.value.start, whole.value.end, _inline(entries))])
@@ -186,7 +185,7 @@ def _replaced(toml: TomlText, path: KeyPath, entries: Mapping[str, str]) -> str:
 
 
 def _insertion(toml: TomlText, text: SpokenText, entries: Mapping[str, str], texts: Sequence[SpokenText]) -> TextEdit:
-    """A translation that is not there yet, where the order of the acts wants it."""
+    """Insert a new translation where the order of the acts puts it."""
     new, line_end = _pair_text(text.key, entries), toml.newline
     section = next((each for each in toml.sections if each.path == (text.act,)), None)
     if section is not None:
@@ -222,7 +221,7 @@ def _inline(entries: Mapping[str, str]) -> str:
 
 
 def _quoted(text: str) -> str:
-    """A text as TOML has it; one with double quotation marks is put in single ones if it can be."""
+    """Quote a text for TOML, in single quotation marks if it contains double ones and the form allows it."""
     return toml_value(text, like="'" if '"' in text else "")
 
 
@@ -236,14 +235,14 @@ PLANNERS: dict[type[Edit], Callable[[Any, StudyState], Plan]] = {
 }
 
 
-# --- translations go with their texts --------------------------------------------------------------------------------
+# --- translations of changed texts -----------------------------------------------------------------------------------
 
 
 def follow_act(study: StudyState, act: str, key_of: Callable[[SpokenText], str | None]) -> tuple[Splice, ...]:
-    """What becomes of the translations of an act.
+    """Update the translations of an act.
 
     :param key_of: the key that a text of the act has afterwards; None: it goes.
-    :raises EditRefused: a file of translations is written so that this cannot be done in it.
+    :raises EditRefused: the form of a file of translations does not allow this.
     """
     moved = {(text.act, text.key): key_of(text) for text in study.checked.texts if text.act == act}
     return follow_texts(study, {of: key for of, key in moved.items() if key != of[1]})
@@ -252,17 +251,17 @@ def follow_act(study: StudyState, act: str, key_of: Callable[[SpokenText], str |
 def follow_action(
     study: StudyState, act: str, action: str, key_of: Callable[[SpokenText], str | None]
 ) -> tuple[Splice, ...]:
-    """The same for one action of an act."""
+    """Update the translations of one action of an act."""
     return follow_act(study, act, lambda text: key_of(text) if text.action.id == action else text.key)
 
 
-# --- what an act says itself -----------------------------------------------------------------------------------------
+# --- originals -------------------------------------------------------------------------------------------------------
 
 
 def edit_of_original(text: SpokenText, said: str, outline: Outline) -> AnyEdit:
-    """The edit after which the act says something else in the place of a text.
+    """Return the edit that changes the original of a text.
 
-    :raises EditRefused: it is written in a way in which it can be changed in its file only.
+    :raises EditRefused: its form allows changes in its file only.
     """
     act, written = outline.act(text.act), written_original(text, outline)
     if act is None or written is None:
@@ -277,7 +276,7 @@ def edit_of_original(text: SpokenText, said: str, outline: Outline) -> AnyEdit:
 
 
 def written_original(text: SpokenText, outline: Outline) -> WrittenValue | None:
-    """What stands in the file of its act for a text; None: it cannot be found there."""
+    """Return what the file of its act has for a text; None: it cannot be found there."""
     act = outline.act(text.act)
     action = next((each for each in act.actions if each.id == text.action.id), None) if act is not None else None
     if action is None or text.variant >= len(action.calls):

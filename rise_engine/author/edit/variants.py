@@ -1,4 +1,4 @@
-"""A single action becomes `<Variants>` and back: what stands in it stays as it is written, further in or out."""
+"""The step from a single action to `<Variants>` and back: contents stay as they are written, apart from indentation."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ _LINE_BEGIN = re.compile(r"(?>\r\n?|\n)(?=[^\r\n])")
 
 
 def plan_add_variant(action: WrittenAction, new: NewElement, says: str) -> Plan:
-    """Another wording, behind the last one."""
+    """Plan another wording after the last one."""
     node = action.node
     if action.is_variants:
         last = action.calls[-1].node if action.calls else node[-1]
@@ -45,7 +45,7 @@ def plan_add_variant(action: WrittenAction, new: NewElement, says: str) -> Plan:
 
 
 def _without(element: Element, gone: list[Element]) -> str:
-    """An element as it is written, without some of what it holds."""
+    """Return an element as it is written, without some of its children."""
     start = element.start
     return changed_text(
         element.written, [Splice("", each.start - start, each.end - start, "") for each in removals(gone)]
@@ -57,7 +57,7 @@ def _instead(node: Element, written: str, says: str) -> Plan:
 
 
 def plan_remove_variant(action: WrittenAction, variant: int, says: str) -> Plan:
-    """A wording goes; the last one that is left is a single action again, unless a comment stands beside it."""
+    """Plan a wording's removal; a single one left becomes an action again, unless a comment is beside it."""
     gone = removal(action.calls[variant].node)
     if len(action.calls) > 2:
         return Plan((gone,), says=(says,))
@@ -69,7 +69,7 @@ def plan_remove_variant(action: WrittenAction, variant: int, says: str) -> Plan:
 
 
 def _single(node: Element, kept: Element, common: list[str]) -> str:
-    """A wording with what `<Variants>` has said of it."""
+    """Write a wording as an action, with what `<Variants>` defines for it."""
     text, outer = node.tree.text, indent_of(node)
     opening, inner = text[kept.start : kept.inner_start], text[kept.inner_start : kept.inner_end]
     closing = text[kept.inner_end : kept.end]

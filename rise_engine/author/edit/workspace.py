@@ -1,4 +1,4 @@
-"""A study in the hands of an editor: its files with all that was changed and not yet saved."""
+"""A study open in an editor: its files with all unsaved changes."""
 
 from __future__ import annotations
 
@@ -31,11 +31,11 @@ from rise_engine.scenario.tree import Held
 from rise_engine.scenario.uses import Uses
 
 StudyCheck: TypeAlias = Callable[[Path, Held], list[Diagnostic]]
-"""Gets a study's folder and its files as they are held; gives what is wrong with them."""
+"""A check that takes a study's folder and its files in the editor, and returns their diagnostics."""
 
 
 class Workspace:
-    """A study's folder, opened for editing. Reads and writes the disk; blocks, not for a loop.
+    """A study's folder, open for editing. It reads and writes the disk, and blocks: do not use it in an event loop.
 
     >>> from tempfile import TemporaryDirectory
     >>> from rise_engine.author.edit.edits import SetStartValue
@@ -51,16 +51,15 @@ class Workspace:
     """
 
     files: Files
-    """As they are now, with all changes."""
+    """The files now, with all changes."""
     saved: Files
-    """As they were last read from the disk or written to it."""
+    """The files as last read from the disk or written to it."""
 
     def __init__(self, folder: Path, *, robot: str | None = None, also_check: StudyCheck | None = None) -> None:
-        """
-        :param folder: the study's, or a scenario.toml in it.
+        """:param folder: the study's, or a scenario.toml in it.
         :param robot: the name of a profile, instead of the one that the study names.
-        :param also_check: finds what is wrong with the files of a study of participants, which nobody here reads.
-        :raises EditRefused: it is not a folder, cannot be read, or a study that comes with the program.
+        :param also_check: checks the files for a study with participants, which this module does not read.
+        :raises EditRefused: it is not a folder, cannot be read, or is a study that comes with the program.
         """
         path = Path(os.path.abspath(folder))  # noqa: PTH100  # keeps symbolic links
         self.folder = path.parent if path.suffix == ".toml" else path
@@ -70,7 +69,7 @@ class Workspace:
         self._lock = EditorLock(self.folder)
         try:
             self.finished = finish_interrupted(self.folder) if not self.read_only else ()
-            """Files of an earlier save that was killed, and has come to its end now."""
+            """Files of an earlier save that was killed and is complete now."""
             self.files = self.saved = read_study_files(self.folder)
             self.above = read_study_above(self.folder)
             """The study.toml of a folder above, by its path. It is known, and not edited here."""
@@ -81,7 +80,7 @@ class Workspace:
         self._history = History()
         self._draft = DraftFile(self.folder)
         self._is_draft_open = not self._lock.holder and self._draft.read() is not None
-        """Whether what an earlier editor has left was neither taken up nor given up yet."""
+        """Whether the draft of an earlier editor is still neither taken up nor discarded."""
         self._state: StudyState | None = None
 
     @property
@@ -93,18 +92,18 @@ class Workspace:
             return "you may not write into this folder; work on a copy of it"
         return ""
 
-    # --- what is there --------------------------------------------------------------------------------------------
+    # --- the state ------------------------------------------------------------------------------------------------
 
     @property
     def state(self) -> StudyState:
-        """What an edit is planned on."""
+        """The state for planning an edit."""
         if self._state is None or self._state.files is not self.files:
             self._state = self._state_of(self.files)
         return self._state
 
     @property
     def checked(self) -> LoadResult:
-        """The check of `files`, as they are now; `scenario` is None while there is an error."""
+        """The check of the present `files`; `scenario` is None while there is an error."""
         return self.state.checked
 
     @property
@@ -117,7 +116,7 @@ class Workspace:
 
     @property
     def changes(self) -> Sequence[Change]:
-        """What is not saved yet, in order; what was saved and then taken back says so."""
+        """The unsaved changes, in order, with those that were saved and then undone first."""
         back, made = self._history.unsaved
         taken = [Change((), tuple(f"taken back: {sentence}" for sentence in _change(step).says)) for step in back]
         return [*taken, *map(_change, made)]
@@ -132,11 +131,11 @@ class Workspace:
     # --- changing -------------------------------------------------------------------------------------------------
 
     def preview(self, *edits: AnyEdit) -> LoadResult:
-        """The check of what the files would be, changing nothing. :raises EditRefused: one cannot be made."""
+        """Check what the files would be, without changing them. :raises EditRefused: an edit cannot be made."""
         return self._plan(edits)[0].checked
 
     def foresee(self, *edits: AnyEdit) -> tuple[StudyState, Change, tuple[Refusal, ...]]:
-        """What edits would come to, changing nothing; those that cannot be made are left out, and say why."""
+        """Compute the effect of edits without making them; impossible ones are left out, with their reasons."""
         now = self.files, self._state
         says: list[str] = []
         noticed: list[str] = []
@@ -172,7 +171,7 @@ class Workspace:
         self.files = after
 
     def _plan(self, edits: Sequence[AnyEdit]) -> tuple[StudyState, Change]:
-        """What edits come to, and what they do in words."""
+        """Compute the effect of edits, with its description."""
         state = self.state
         says: list[str] = []
         noticed: list[str] = []
@@ -185,12 +184,12 @@ class Workspace:
         return state, Change(tuple(edits), tuple(says), tuple(noticed))
 
     def undo(self) -> Change | None:
-        """Take the last step back, also over a save; gives it. None: there is none."""
+        """Undo the last step, also across a save, and return its change. None: there is none."""
         step = self._history.undo()
         return None if step is None else self._go_to(step, step.before)
 
     def redo(self) -> Change | None:
-        """Make the step again that was taken back last. None: there is none."""
+        """Redo the step that was undone last. None: there is none."""
         step = self._history.redo()
         return None if step is None else self._go_to(step, step.after)
 
@@ -200,16 +199,16 @@ class Workspace:
         return _change(step)
 
     def diff(self) -> str:
-        """What saving would change, as `diff -u` has it."""
+        """Show what saving would change, as `diff -u` does."""
         return diff_of(self.saved, self.files)
 
-    # --- what others do -------------------------------------------------------------------------------------------
+    # --- changes from outside -------------------------------------------------------------------------------------
 
     def notice_outside(self) -> OutsideChange | None:
-        """Look at the disk, and read again what was changed there. None: nothing was.
+        """Read the files that have changed on the disk. None: there are none.
 
-        A file that has unsaved changes here stays as it is here. It is named in `clash`, and `take_outside` reads it
-        again too.
+        A file with unsaved changes here keeps its content from here. It is named in `clash`, and `take_outside` takes
+        the content of the disk.
 
         :raises EditRefused: the folder cannot be read.
         """
@@ -224,7 +223,7 @@ class Workspace:
         own = changed_names(self.saved, self.files)
         files = _with_files(now, own, self.files)
         forgotten = bool(outside & self._history.touched())
-        if forgotten:  # a step back would bring back files as they were before somebody else has changed them
+        if forgotten:  # an undo would restore files as they were before somebody else changed them
             changes = self.changes
             says = tuple(sentence for change in changes for sentence in change.says)
             edits = tuple(edit for change in changes for edit in change.edits)
@@ -237,14 +236,14 @@ class Workspace:
         return OutsideChange(tuple(sorted(outside)), clash, forgotten)
 
     def take_outside(self, names: Collection[str]) -> Change:
-        """Take files as they are on the disk, as a step: undoing it brings the own changes back."""
+        """Take files from the disk, as a step: undoing it restores the own changes."""
         change = Change((), tuple(f"{name} is as it is on the disk" for name in sorted(names)))
         self._add_step(change, _with_files(self.files, names, self.saved))
         self._keep_draft()
         return change
 
     def _take_over(self) -> None:
-        """Whoever had the study open may have ended."""
+        """Take the lock if the other editor has ended."""
         self._lock.try_again()
         if not self._lock.holder:
             self.finished = finish_interrupted(self.folder)
@@ -274,7 +273,7 @@ class Workspace:
         return SaveReport(written)
 
     def _keep_draft(self) -> None:
-        """A draft that cannot be kept is no reason not to edit."""
+        """Store the draft; a failure does not prevent editing."""
         if self._lock.holder:
             return
         changed = {name: self.files.get(name) for name in sorted(changed_names(self.saved, self.files))}
@@ -288,12 +287,14 @@ class Workspace:
 
     @property
     def draft(self) -> Draft | None:
-        """What an earlier editor has not saved; None: nothing. To be asked before the first change: after it, this is
-        the own draft, and the earlier one is offered when the study is opened next."""
+        """The unsaved work of an earlier editor; None: there is none. Read it before the first change.
+
+        Later, this is the own draft, and the earlier one is offered when the study is opened next.
+        """
         return None if self._lock.holder else self._draft.read()
 
     def take_up_draft(self, draft: Draft) -> OutsideChange:
-        """Take the files of a draft, as one step. A file that was changed on the disk since is in `clash`."""
+        """Take the files of a draft, as one step. A file that has changed on the disk since is in `clash`."""
         base = hashes(self.saved)
         changed = {name for name in base.keys() | draft.base.keys() if base.get(name) != draft.base.get(name)}
         self._forget_open_draft()
@@ -305,7 +306,7 @@ class Workspace:
         return OutsideChange(tuple(sorted(changed)), clash)
 
     def discard_draft(self) -> None:
-        """Forget what an earlier editor has not saved."""
+        """Delete the unsaved work of an earlier editor."""
         self._forget_open_draft()
 
     def _forget_open_draft(self) -> None:
@@ -315,12 +316,12 @@ class Workspace:
             self._is_draft_open = False
 
     def close(self) -> None:
-        """Give up the lock; a draft with unsaved changes stays for the next time."""
+        """Release the lock; a draft with unsaved changes stays for the next time."""
         self._lock.release()
 
 
 def _with_files(files: Files, names: Collection[str], source: Mapping[str, bytes | None]) -> Files:
-    """Files, of which some are as they are in `source`: where it has none, there is none."""
+    """Replace some files by those in `source`; a file that it does not have is removed."""
     taken = {name: data for name in names if (data := source.get(name)) is not None}
     return {**{name: data for name, data in files.items() if name not in names}, **taken}
 

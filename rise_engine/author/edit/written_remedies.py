@@ -1,6 +1,6 @@
-"""Remedies that write something else at the place of a diagnostic: the name that was meant, a quotation mark, a number.
+"""Remedies that change the text at the place of a diagnostic: the intended name, a quotation mark, a number.
 
-Each is a pair of what it does and the edit.
+Each is a pair of a description and the edit.
 """
 
 from __future__ import annotations
@@ -37,7 +37,7 @@ class Way(Struct, frozen=True):
     rule: WrittenRule
     state: WrittenState
     index: int
-    """Its number in the state, from 0."""
+    """Its index in the state, from 0."""
 
     @property
     def written(self) -> WrittenTransition:
@@ -45,14 +45,14 @@ class Way(Struct, frozen=True):
 
 
 class FindingPlace(Struct, frozen=True):
-    """A finding, and what stands there."""
+    """A diagnostic and its place in the file."""
 
     finding: Diagnostic
     study: StudyState
     text: str
-    """Of the file, without a byte order mark."""
+    """The text of the file, without a byte order mark."""
     start: int
-    """The character of the text at which the finding begins."""
+    """The index of the character where the diagnostic begins."""
     end: int
 
     @property
@@ -65,29 +65,29 @@ class FindingPlace(Struct, frozen=True):
 
     @property
     def written(self) -> str:
-        """What the finding is about, as it stands in the file."""
+        """The text of the file that the diagnostic marks."""
         return self.text[self.start : self.end]
 
     def use(self, kind: UsedKind) -> Use | None:
-        """The name of a kind that stands there."""
+        """Return the name of a kind at this place."""
         place = self.finding.location
-        column = place.column + (self.written[:1] in ("'", '"'))  # a text of TOML or JSON
+        column = place.column + (self.written[:1] in ("'", '"'))  # skip the quotation mark of a text in TOML or JSON
         found = self.study.checked.uses.at(place.file, place.line, column)
         return found if found is not None and found.kind == kind else None
 
     def rewritten(self, *edits: TextEdit) -> ReplaceFile:
-        """The file with other text at some places."""
+        """Return the file with other text at some places."""
         return ReplaceFile(self.file, changed_text(self.text, edits))
 
     def replaced(self, new: str) -> ReplaceFile:
-        """The file with other text in the place of what the finding is about, escaped as XML wants it."""
+        """Return the file with other text instead of the marked one, escaped for XML."""
         return self.rewritten(TextEdit(self.start, self.end, self.escaped(new)))
 
     def escaped(self, new: str) -> str:
-        """As it stands in an attribute of this file, where it is one of XML."""
+        """Escape a text for an attribute if this file is XML."""
         return escape(new, {'"': "&quot;"}).replace("&gt;", ">") if self.is_xml else new
 
-    # --- what it stands in ------------------------------------------------------------------------------------------
+    # --- the enclosing parts ----------------------------------------------------------------------------------------
 
     @property
     def act(self) -> WrittenAct | None:
@@ -113,12 +113,12 @@ class FindingPlace(Struct, frozen=True):
         return None
 
     def is_in(self, written: Written) -> bool:
-        """Whether it stands in something that is written in the acts and rules."""
+        """Return whether a part of the acts and rules contains this place."""
         return written.file == self.file and written.holds(self.start)
 
 
 def place_of(finding: Diagnostic, study: StudyState) -> FindingPlace | None:
-    """The place of a finding; None: its file is none of the study, or is not UTF-8."""
+    """Return the place of a diagnostic; None: its file is not one of the study's, or not UTF-8."""
     name = finding.location.file
     data = study.files.get(name)
     try:
@@ -150,7 +150,7 @@ WrittenRemedy = tuple[str, AnyEdit]
 
 
 def _meant_name(place: FindingPlace) -> Iterator[WrittenRemedy]:
-    """The nearest right name."""
+    """Offer the nearest right name."""
     suggestion = place.finding.suggestion
     if suggestion is UNSET or not suggestion.meant or place.finding.code in _OF_EXPRESSIONS:
         return
@@ -158,14 +158,14 @@ def _meant_name(place: FindingPlace) -> Iterator[WrittenRemedy]:
     mark = "<" if written.startswith("<") else written[:1] if written[:1] in ("'", '"') else ""
     inner = written[1:-1] if mark and mark == written[-1:] else written.removeprefix(mark)
     if wrong.strip("/") != unescape(inner, {"&quot;": '"', "&apos;": "'"}).strip().strip("/"):
-        return  # it stands elsewhere, in a template or put together of pieces
+        return  # the name is in another place: in a template, or built from pieces
     slash = "/" if inner.startswith("/") and not meant.startswith("/") else ""
     at = place.start + len(mark)
     yield f"write {meant}", place.rewritten(TextEdit(at, at + len(inner), place.escaped(slash + meant)))
 
 
 def _meant_sign(place: FindingPlace) -> Iterator[WrittenRemedy]:
-    """What an expression has for `AND`, `&`, `≥` or a function that there is not."""
+    """Offer the operator for `AND`, `&` or `≥`, and the known function for an unknown one."""
     suggestion = place.finding.suggestion
     if suggestion is UNSET or place.finding.code not in _OF_EXPRESSIONS:
         return
@@ -177,7 +177,7 @@ def _meant_sign(place: FindingPlace) -> Iterator[WrittenRemedy]:
 
 
 def _quoted_word(place: FindingPlace) -> Iterator[WrittenRemedy]:
-    """A word that is meant as a text."""
+    """Offer quotation marks for a word that is meant as a text."""
     suggestion = place.finding.suggestion
     if place.finding.code != "bare-word" or suggestion is UNSET:
         return
@@ -197,7 +197,7 @@ def _time_unit(place: FindingPlace) -> Iterator[WrittenRemedy]:
 
 
 def _escaped_marks(place: FindingPlace) -> Iterator[WrittenRemedy]:
-    """`<`, `&` and quotation marks as XML wants them. In the whole file: with one that is left it cannot be read."""
+    """Offer to escape `<`, `&` and quotation marks in the whole file: one left over would make it unreadable."""
     if place.finding.code not in ("unescaped", "quotes") or not place.is_xml:
         return
     mended = RepairedText(place.text).text
@@ -205,7 +205,7 @@ def _escaped_marks(place: FindingPlace) -> Iterator[WrittenRemedy]:
 
 
 def _one_version(place: FindingPlace) -> Iterator[WrittenRemedy]:
-    """What git could not join: one of the two."""
+    """Offer each of the two versions that git could not join."""
     if place.finding.code != "merge-conflict" or (found := _CONFLICT.match(place.text, place.start)) is None:
         return
     for version, words in (("ours", "upper"), ("theirs", "lower")):
@@ -213,7 +213,7 @@ def _one_version(place: FindingPlace) -> Iterator[WrittenRemedy]:
 
 
 def _no_silencing(place: FindingPlace) -> Iterator[WrittenRemedy]:
-    """A comment that silences nothing goes, with its line if nothing else stands there."""
+    """Offer to remove a comment that silences nothing, with its line if it is alone there."""
     comment = _ALLOW_COMMENT.match(place.text, place.start) if place.finding.code == "unused-allow" else None
     if comment is None:
         return
@@ -225,7 +225,7 @@ def _no_silencing(place: FindingPlace) -> Iterator[WrittenRemedy]:
 
 
 def _no_attribute(place: FindingPlace) -> Iterator[WrittenRemedy]:
-    """An attribute that there is not; a function's says what to do, and is not just taken out."""
+    """Offer to remove an unknown attribute, except for a function's, which says what to do."""
     attribute = _ATTRIBUTE.match(place.text, place.start) if place.finding.code == "unknown-attribute" else None
     opened = place.text.rfind("<", 0, place.start)
     if attribute is None or place.text.startswith("<function", opened):
@@ -235,7 +235,7 @@ def _no_attribute(place: FindingPlace) -> Iterator[WrittenRemedy]:
 
 
 def _own_id(place: FindingPlace) -> Iterator[WrittenRemedy]:
-    """The next free number for an action without an actionID, or with one that another has."""
+    """Offer the next free number for an action without an actionID, or with a duplicate one."""
     found = place.action if place.finding.code in ("missing-id", "duplicate-id") else None
     if found is None or found[0].reason or found[1].reason:
         return
@@ -264,4 +264,4 @@ WRITTEN: tuple[Callable[[FindingPlace], Iterable[WrittenRemedy]], ...] = (
     _no_attribute,
     _own_id,
 )
-"""Each gives what it has for a finding; one that is alone is what was meant."""
+"""Each offers its remedies for a diagnostic; a single one is likely what the author meant."""

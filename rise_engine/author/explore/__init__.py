@@ -1,1 +1,1 @@
-"""What can happen in a study, found before anybody comes: all situations of a scenario."""
+"""All situations that a scenario can reach, found before the first participant comes."""

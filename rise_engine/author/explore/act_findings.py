@@ -1,4 +1,4 @@
-"""What acts do to each other: two at once, one cut off, a line that grows, an end that is taken for another."""
+"""Findings about acts: two at once, one cut off, a growing queue, the end of one act mistaken for another's."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ from rise_engine.scenario.explore_settings import StudyProperty
 
 
 class SituationView:
-    """A situation, as conditions ask about it with `in`, `rule`, `runs` and `waits`."""
+    """A situation for conditions that use `in`, `rule`, `runs` and `waits`."""
 
     def __init__(self, situation: Situation) -> None:
         self._situation = situation
@@ -38,7 +38,7 @@ class SituationView:
 
 
 class PropertyChecker:
-    """Asks the properties of a scenario of all situations that were found."""
+    """Checker of a scenario's properties in all explored situations."""
 
     def __init__(self, explored: Explored) -> None:
         self._explored = explored
@@ -46,7 +46,7 @@ class PropertyChecker:
         self._errors: dict[str, str] = {}
 
     def findings(self) -> Iterator[ExploreFinding]:
-        """Those that do not hold, and those that cannot be worked out."""
+        """Yield the properties that do not hold, and the conditions that cannot be evaluated."""
         for each in self._explored.scenario.properties:
             broken = self._broken(each)
             if broken:
@@ -59,14 +59,14 @@ class PropertyChecker:
             )
 
     def told(self) -> Iterator[str]:
-        """A sentence for each that holds."""
+        """Yield a sentence for each property that holds."""
         within = ", as far as the study was explored" if self._explored.has_bounds else ""
         for each in self._explored.scenario.properties:
             if not self._broken(each):
                 yield f'"{each.name}" ([{each.kind}]) holds in all of them{within}.'
 
     def _broken(self, wanted: StudyProperty) -> list[Number]:
-        """The situations that show that it does not hold."""
+        """Return the situations that violate the property."""
         explored = self._explored
         holds = self._where(wanted.condition)
         everything = range(len(explored.situations))
@@ -101,7 +101,7 @@ class PropertyChecker:
         )
 
     def _where(self, condition: Expression) -> set[Number]:
-        """The situations in which a condition holds."""
+        """Return the situations in which a condition holds."""
         explored = self._explored
         keys = explored.space.stepper.kernel.keys
         memory: dict[str, Any] = {**explored.scenario.memory, **explored.scenario.table_memory}
@@ -133,11 +133,11 @@ def _is_spontaneous(move: Move) -> bool:
 
 
 _TRIED = 5
-"""Of how many cases it is looked whether they come again."""
+"""Maximum number of cases that are tested for repetition."""
 
 
 def find_two_at_once(explored: Explored) -> Iterator[ExploreFinding]:
-    """Acts that use the same part of the robot at the same time."""
+    """Find acts that use the same part of the robot at the same time."""
     acts = explored.scenario.acts
     for fact in explored.facts("two at once"):
         _, one, other = fact
@@ -154,7 +154,7 @@ def find_two_at_once(explored: Explored) -> Iterator[ExploreFinding]:
 
 
 def find_cut_off(explored: Explored) -> Iterator[ExploreFinding]:
-    """Which acts can be cut off, and by what."""
+    """Find the acts that can be cut off, and by what."""
     by: dict[str, dict[str, None]] = {}
     first: dict[str, Fact] = {}
     for fact in explored.facts("cut off"):
@@ -174,7 +174,7 @@ def find_cut_off(explored: Explored) -> Iterator[ExploreFinding]:
 
 
 def find_growing_lines(explored: Explored) -> Iterator[ExploreFinding]:
-    """Acts that a rule puts into the line again while the same one still waits there or runs."""
+    """Find acts that a rule queues again while the same act still waits there or runs."""
     cases: dict[tuple[str, str], list[tuple[Number, Situation]]] = {}
     for number, _, situation in explored.space.beyond_steps:
         last = situation.waiting[-1]
@@ -196,8 +196,10 @@ def find_growing_lines(explored: Explored) -> Iterator[ExploreFinding]:
 
 
 def _comes_again(explored: Explored, number: Number, longer: Situation) -> bool:
-    """Whether the line can grow once more in the same way: without the act that was added, one is in a situation from
-    which one comes to where it was added. What rules do does not depend on the line."""
+    """Return whether the queue can grow again: the situation without the added act can reach the place of the addition.
+
+    What rules do does not depend on the queue.
+    """
     shorter = longer._replace(waiting=longer.waiting[:-1])
     last = len(longer.waiting) - 1
     shorter = shorter._replace(
@@ -215,7 +217,7 @@ def _comes_again(explored: Explored, number: Number, longer: Situation) -> bool:
 
 
 def find_out_of_step(explored: Explored) -> Iterator[ExploreFinding]:
-    """Rules that take the end of one act for that of another one of the same name."""
+    """Find rules that take the end of one act for the end of another of the same name."""
     for fact in explored.facts("out of step"):
         _, rule, state, act = fact
         yield ExploreFinding(
@@ -232,7 +234,7 @@ def find_out_of_step(explored: Explored) -> Iterator[ExploreFinding]:
 
 
 def find_failures_alike(explored: Explored) -> Iterator[ExploreFinding]:
-    """Acts of rules whose failure changes nothing."""
+    """Find acts of rules whose failure makes no difference."""
     matters = {(fact[1], fact[2]) for fact in explored.facts("failure matters")}
     for fact in explored.facts("failure alike"):
         _, act, source = fact

@@ -1,9 +1,9 @@
-"""Acts as one thing each: what rules and the scheduler can see of them, and nothing else.
+"""Acts as single units: only what rules and the scheduler can see of them.
 
-Rules learn of an act only that it has ended, and how; the scheduler looks at the channels of the whole act. So an act
-need not be followed action by action: it runs, until it ends well, fails, or is cancelled, and between failing or being
-cancelled and its end the robot may still have to confirm. Where it depends on the moment within the act what comes
-next, each possibility is a decision (`rise_engine.author.explore.act_models`), so that all of them are looked at.
+Rules learn only that an act has ended, and how. The scheduler uses only the channels of the whole act. So exploring
+does not follow an act action by action: it runs until it succeeds, fails, or is cancelled. After a failure or
+cancellation, the robot may have to confirm before the act ends. Where the next step depends on the moment within the
+act, each possibility is a decision (`Decisions`), so that exploring tries them all.
 """
 
 from __future__ import annotations
@@ -21,27 +21,27 @@ from rise_engine.kernel.speech import find_act
 # --- chance -----------------------------------------------------------------------------------------------------------
 
 FRACTIONS = tuple(index / 12 for index in range(12))
-"""What stands for a number in [0, 1): twelve values, so that parts down to a twelfth are all met."""
+"""Representatives of the numbers in [0, 1): twelve values, so that parts down to a twelfth all occur."""
 MAX_SCRIPTS = 64
-"""How many courses of one input are looked at; chance that has more is not looked at whole."""
+"""How many outcomes of one input are tried; random choices with more are not tried completely."""
 
 
 class Decisions(Rng):
-    """A source of chance that reads from a script and can be asked for the next script."""
+    """A source of chance that reads from a script and can provide the next script."""
 
     def __init__(self) -> None:
         super().__init__(0)
         self.made: list[tuple[int, int]] = []
-        """Since `begin`: each decision, and out of how many."""
+        """Since `begin`: each decision, and its number of possibilities."""
         self._script: list[int] = []
 
     def begin(self, script: list[int]) -> None:
-        """From here on, decide as the script says, and by 0 when it has ended."""
+        """Decide from here on as the script says, and by 0 after its end."""
         self._script = script
         self.made.clear()
 
     def choose(self, count: int) -> int:
-        """One of `count` possibilities."""
+        """Choose one of `count` possibilities."""
         position = len(self.made)
         choice = self._script[position] if position < len(self._script) else 0
         self.made.append((choice, count))
@@ -54,7 +54,7 @@ class Decisions(Rng):
         return FRACTIONS[self.choose(len(FRACTIONS))]
 
     def next_script(self) -> list[int] | None:
-        """The script of the next course: the last decision that has another possibility left; null: all were tried."""
+        """Return the next script: the last decision with a possibility left takes it; None: all were tried."""
         made = self.made
         while made:
             choice, count = made.pop()
@@ -64,7 +64,7 @@ class Decisions(Rng):
 
 
 Phase: TypeAlias = Literal["running", "doomed", "failing", "canceling", "failing and canceling"]
-"""doomed: an action of it will fail when its turn comes, if nothing gives the memory the value that it needs."""
+"""doomed: one of its actions will fail in its turn, unless something gives the memory the value that it needs."""
 FAILED = "an action failed"
 
 
@@ -84,18 +84,18 @@ class WholeActRun(ActRun):
 
 
 class WholeActs(ActRunner):
-    """All running acts, each as one thing.
+    """All running acts, each as a single unit.
 
-    The robot's word about one is an `ActionReport` for the action `ACT` of its task: `succeeded`; `failed`, also
-    `aborted`, by the robot or somebody else; `canceled` for what was failing or being cancelled and is now over;
-    `accepted` says that it has changed between speaking and being silent.
+    The robot's report on an act is an `ActionReport` for the action `ACT` of its task: `succeeded`; `failed`, also
+    `aborted`, by the robot or somebody else; `canceled`, when a failing or cancelled act is over; `accepted`, when an
+    act changes between speaking and silence.
     """
 
     def __init__(self, core: Core, on_ended: Callable[[ActRun, TaskStatus, str], None]) -> None:
         super().__init__(core, on_ended)
         self.traits: dict[str, ActTraits] = {}
         self.decisions = Decisions()
-        """What decides between the possibilities of a moment."""
+        """The source of decisions between the possibilities of a moment."""
 
     @property
     def is_speaking(self) -> bool:

@@ -1,4 +1,4 @@
-"""What has to be known of an act so that it can be looked at as one thing: how it begins, ends and takes its time."""
+"""What exploring needs to know of an act as a single unit: how it begins and ends, and how long it takes."""
 
 from __future__ import annotations
 
@@ -15,36 +15,36 @@ from rise_engine.scenario.model import Act, Action, ActionCall, Scenario
 from rise_engine.scenario.template import MemorySlot
 
 Beginning: TypeAlias = Literal["runs", "ends", "fails"]
-"""What becomes of an act at once when it is started: `ends`: nothing in it takes any time."""
+"""What happens to an act as soon as it starts; `ends`: it contains nothing that takes time."""
 Pace: TypeAlias = tuple[float, float]
-"""So many times what is expected is the least and the most that a robot takes for an action."""
+"""The minimum and maximum duration of a robot's action, as multiples of the expected one."""
 
 
 class ActTraits(Struct, frozen=True):
-    """An act, as exploring sees it."""
+    """An act as exploring sees it."""
 
     name: str
     uses_robot: bool
-    """Whether the robot has a part in it; false: it only waits."""
+    """Whether the robot takes part; false: it only waits."""
     can_fail: bool
     """Whether a failed action would make it fail."""
     can_go_on: bool
     """Whether it goes on after a failed action, with `<onFailure>continue</onFailure>`."""
     waits: bool
-    """Whether there can be a moment at which it only waits, and the robot does nothing of it."""
+    """Whether it can have a moment at which it only waits and the robot does nothing for it."""
     is_parallel: bool
-    """Whether the robot can still be doing something of it when it fails."""
+    """Whether the robot can still be doing something for it when it fails."""
     speaks: bool
     """Whether it begins with something that takes the robot's voice."""
     changes_voice: bool
-    """Whether the robot is silent in a part of it and speaks in another."""
+    """Whether the robot is silent in one part of it and speaks in another."""
     least: int
-    """Milliseconds that it takes at least, and at most, when nothing fails."""
+    """Its minimum duration in milliseconds, and its maximum, when nothing fails."""
     most: int
 
 
 def traits_of(scenario: Scenario, act: Act, memories: Sequence[Mapping[str, Any]], pace: Pace) -> ActTraits:
-    """What is to be known of an act. `memories`: what the memory can be at the beginning, for how long things take."""
+    """Compute an act's traits; `memories`, the possible memories at the beginning, decide the durations."""
     on_robot = [action for action in act.actions if not _is_wait(scenario, action)]
     speaking = [action for action in on_robot if _speaks(scenario, action)]
     initial = [action for action in act.actions if not action.wait_for]
@@ -65,12 +65,11 @@ def traits_of(scenario: Scenario, act: Act, memories: Sequence[Mapping[str, Any]
 def begin(
     scenario: Scenario, act: Act, memory: Mapping[str, Any], robot_lost: bool, choose: Callable[[int], int]
 ) -> tuple[Beginning, bool, bool]:
-    """What becomes of an act that is started with this memory.
+    """Determine what happens to an act that starts with this memory.
 
-    `choose` gives one of so many possibilities: of wordings of which only some can be said, any can be taken.
-
-    Returns what becomes of it at once; whether the robot has begun with something of it by then; and whether an action
-    that comes later could fail as things stand.
+    :param choose: chooses one of so many possibilities. If only some wordings can be said, any can be taken.
+    :return: what happens immediately; whether the robot has begun something of it by then; and whether a later action
+        could fail with this memory.
     """
     ready = [action for action in act.actions if not action.wait_for]
     ended: set[str] = set()
@@ -99,14 +98,14 @@ def begin(
 
 
 def keys_without_fallback(act: Act) -> Iterable[str]:
-    """The memory keys without whose value an action of an act fails. Parts of values (`items[i]`) are not followed."""
+    """Yield the memory keys whose absence makes an action fail, without parts of values (`items[i]`)."""
     for action in act.actions:
         for call in action.calls:
             yield from (slot.key for slot in _slots(call) if slot.fallback is None and slot.part is None)
 
 
 def keys_read(act: Act) -> Iterable[str]:
-    """The memory keys that an act's words and numbers are made of."""
+    """Yield the memory keys that an act's texts and numbers use."""
     for action in act.actions:
         for call in action.calls:
             for slot in _slots(call):
@@ -119,7 +118,7 @@ def _slots(call: ActionCall) -> Iterable[MemorySlot]:
 
 
 def _failing_calls(scenario: Scenario, action: Action, memory: Mapping[str, Any]) -> int:
-    """How many of an action's wordings the robot cannot do, or need a value that is not there."""
+    """Count the wordings of an action that the robot cannot do, or that need a missing value."""
     failing = 0
     for call in action.calls:
         spec = scenario.robot.actions[call.type]
@@ -134,7 +133,7 @@ def _is_wait(scenario: Scenario, action: Action) -> bool:
 
 
 def _takes_no_time(call: ActionCall) -> bool:
-    """Whether a wait is over at once."""
+    """Return whether a wait ends immediately."""
     duration = call.parameters.get("duration")
     return duration is not None and duration.text.strip() in ("0", "0.0")
 
@@ -146,8 +145,7 @@ def _speaks(scenario: Scenario, action: Action) -> bool:
 
 
 def _has_parallel(act: Act, on_robot: Sequence[Action]) -> bool:
-    """Whether one of these actions can fail, and the act with it, while another is under way: neither has to wait for
-    the other."""
+    """Return whether one of these actions can fail, and the act with it, while another independent one is under way."""
     before: dict[str, set[str]] = {}
     for action in actions_in_order(act):
         before[action.id] = {id for each in action.wait_for for id in (each, *before.get(each, ()))}
@@ -160,7 +158,7 @@ def _has_parallel(act: Act, on_robot: Sequence[Action]) -> bool:
 
 
 def _length(scenario: Scenario, act: Act, memory: Mapping[str, Any], pace: float, among: Any) -> float:
-    """Seconds of the longest way through an act; of several wordings the shortest or the longest."""
+    """Compute the seconds of the longest path through an act, with the shortest or the longest of several wordings."""
     ends: dict[str, float] = {}
     for action in actions_in_order(act):
         start = max((ends.get(before, 0.0) for before in action.wait_for), default=0.0)

@@ -1,4 +1,4 @@
-"""The whole of it: a scenario is explored, and what was found is said."""
+"""A complete exploration of a scenario and its results."""
 
 from __future__ import annotations
 
@@ -29,23 +29,25 @@ from rise_engine.scenario.model import Scenario
 # --- several processes ------------------------------------------------------------------------------------------------
 
 _PORTION = 64
-"""Situations that a core is given at a time: so many that sending them costs little beside following them."""
+"""Situations that a core gets at a time: enough to make sending them cheap compared with following them."""
 _AHEAD = 3
-"""Portions for each core that are under way at once."""
+"""Portions under way at once for each core."""
 _SECONDS = 0.05
-"""How long a portion is waited for before it is asked again whether to go on."""
+"""Seconds to wait for a portion before asking again whether to go on."""
 
 _Portion: TypeAlias = list[tuple[Number, Situation, Zone]]
 _Followed: TypeAlias = tuple[list[tuple[Number, list[FollowedMove]]], int]
-"""What follows each situation, and how many inputs that took."""
+"""The moves from each situation, and how many inputs they took."""
 
 _stepper: Stepper | None = None
-"""The one of this process."""
+"""The stepper of this process."""
 
 
 def explore_on_cores(space: Space, cores: int, go_on: Callable[[], bool]) -> None:
-    """As `Space.explore`, on several cores. Processes are forked, so that nothing of the scenario has to be sent;
-    where that cannot be done, one core does it all."""
+    """Explore like `Space.explore`, on several cores; one core does everything where forking is not available.
+
+    Forked processes need no copy of the scenario.
+    """
     if cores < 2 or "fork" not in multiprocessing.get_all_start_methods():
         space.explore(go_on)
         return
@@ -61,21 +63,21 @@ def explore_on_cores(space: Space, cores: int, go_on: Callable[[], bool]) -> Non
             first = under_way[0][1]
             first.wait(_SECONDS)
             if not first.ready():
-                continue  # somebody may have had enough meanwhile
+                continue  # the user may want to stop meanwhile
             under_way.popleft()
             followed, steps = first.get()
             space.stepper.steps += steps
             for number, found in followed:
                 space.take(number, found)
         space.complete = not space.pending and not under_way
-        for numbers, _ in under_way:  # broken off, and waited for no more: what they were given was not looked at
+        for numbers, _ in under_way:  # stopped early: these situations were not explored
             space.put_back(numbers)
 
 
 def _begin(stepper: Stepper) -> None:
     global _stepper
     _stepper = stepper
-    signal.signal(signal.SIGINT, signal.SIG_IGN)  # ctrl+c is for who keeps the situations
+    signal.signal(signal.SIGINT, signal.SIG_IGN)  # the process that keeps the situations handles ctrl+c
 
 
 def _follow(portion: _Portion) -> _Followed:
@@ -86,23 +88,23 @@ def _follow(portion: _Portion) -> _Followed:
 
 
 QUICK_SECONDS = 4.5
-"""How long `explore_quickly` looks; what it then says comes within five seconds."""
+"""Time limit of `explore_quickly` in seconds; its results come within five seconds."""
 _LEVELS = ("problem", "warning", "remark")
 
 
 class Exploration(Struct, frozen=True, kw_only=True):
-    """What exploring a scenario has given."""
+    """The results of exploring a scenario."""
 
     scenario_hash: str
-    """Of the scenario that was explored: of another one it says nothing."""
+    """The hash of the explored scenario; the results do not apply to another one."""
     bounds: Bounds
     is_complete: bool
-    """Whether all situations within the bounds were looked at."""
+    """Whether all situations within the bounds were explored."""
     situations: int
     steps: int
-    """How many inputs the kernel was given."""
+    """How many inputs the kernel got."""
     looked_at: tuple[str, ...]
-    """What was looked at and what was not, in sentences."""
+    """What was explored and what was not, in sentences."""
     told: tuple[str, ...]
     """What holds, in sentences."""
     findings: tuple[ExploreFinding, ...]
@@ -111,7 +113,7 @@ class Exploration(Struct, frozen=True, kw_only=True):
     """For each state of the main rule and each key, whether it does something there: always, sometimes or never."""
 
     def row(self, scenario: Scenario) -> dict[str, Any]:
-        """As programs read it (`--json`); `scenario` is the one that was explored."""
+        """Return the results for programs (`--json`); `scenario` is the explored one."""
         findings = [
             {
                 **{name: getattr(finding, name) for name in ("kind", "level", "text", "rule", "state", "act", "key")},
@@ -133,7 +135,7 @@ class Exploration(Struct, frozen=True, kw_only=True):
         }
 
     def count(self, level: str) -> int:
-        """How many findings of a level there are."""
+        """Count the findings of a level."""
         return sum(finding.level == level for finding in self.findings)
 
 
@@ -145,19 +147,19 @@ def explore(
     cores: int = 1,
     go_on: Callable[[Space], bool] = lambda space: True,
 ) -> Exploration:
-    """Look at all situations that a scenario can come into, and say what was found.
+    """Explore all situations that a scenario can reach, and report the results.
 
     Arguments:
-        scenario: checked, as `rise_engine.scenario.loader.load` gives it.
-        bounds: how far to go; null: as the scenario says it.
-        sessions: those that are looked at; empty: one for each condition of the scenario.
-        cores: how many processes look at once.
-        go_on: is asked some hundred times a second with what was found so far; when it says no, that is what is told.
+        scenario: checked, as `rise_engine.scenario.loader.load` returns it.
+        bounds: how far to go; None: as the scenario says.
+        sessions: the sessions to explore; empty: one for each condition of the scenario.
+        cores: how many processes explore at once.
+        go_on: is called some hundred times a second with the results so far; false stops it.
 
-        >>> from rise_engine.scenario.loader import load
-        >>> found = explore(load("scenarios/lablinking").scenario, Bounds(faults=0))
-        >>> found.is_complete, [finding.kind for finding in found.findings if finding.level == "problem"]
-        (True, [])
+    >>> from rise_engine.scenario.loader import load
+    >>> found = explore(load("scenarios/lablinking").scenario, Bounds(faults=0))
+    >>> found.is_complete, [finding.kind for finding in found.findings if finding.level == "problem"]
+    (True, [])
     """
     bounds = bounds or bounds_of(scenario)
     if scenario.reads_session:
@@ -176,18 +178,18 @@ def explore(
 
 
 def explore_quickly(scenario: Scenario, go_on: Callable[[], bool] = lambda: True) -> Exploration:
-    """Explore for a few seconds at most, without stops and lost robots: for who waits for the answer."""
+    """Explore for a few seconds at most, without stops and lost robots, for a user who waits for the answer."""
     until = time.monotonic() + QUICK_SECONDS
     return explore(scenario, quick_bounds(scenario), go_on=lambda space: time.monotonic() < until and go_on())
 
 
 def quick_bounds(scenario: Scenario) -> Bounds:
-    """As far as the scenario says, without stops and lost robots."""
+    """Return the scenario's own bounds without stops and lost robots."""
     return replace(bounds_of(scenario), stop=False, lost=False)
 
 
 def bounds_of(scenario: Scenario) -> Bounds:
-    """How far a scenario says that exploring goes (`[explore]` in scenario.toml)."""
+    """Return the bounds that a scenario sets (`[explore]` in scenario.toml)."""
     said = scenario.explore
     return Bounds(
         keys=said.keys, line=said.line, beside=said.beside, faults=said.faults, pace=said.pace, tries=said.tries
@@ -195,15 +197,17 @@ def bounds_of(scenario: Scenario) -> Bounds:
 
 
 def sessions_of(scenario: Scenario) -> list[SessionStarted]:
-    """The sessions that there can be: one for each condition of the study."""
+    """List the possible sessions: one for each condition of the study."""
     return [
         SessionStarted(condition=name, memory=dict(condition.memory)) for name, condition in scenario.conditions.items()
     ] or [SessionStarted()]
 
 
 def main_rule(scenario: Scenario) -> str:
-    """The rule whose end is the study's: the one that the scenario says, or that of the first key that starts one;
-    empty: there is none."""
+    """Return the rule that ends the study; empty: there is none.
+
+    The scenario names it; else it is the one of the first key that starts a rule, or the first rule.
+    """
     if scenario.explore.end:
         return scenario.explore.end
     started = (key.behavior for key in scenario.keys.values() if key.function == "startInteractionRule")
@@ -211,7 +215,7 @@ def main_rule(scenario: Scenario) -> str:
 
 
 def tell(explored: Explored) -> Exploration:
-    """Ask everything of a space."""
+    """Collect all results of a space."""
     checker = PropertyChecker(explored)
     by_state = usage_findings.keys_by_state(explored)
     findings: list[ExploreFinding] = [
@@ -248,7 +252,7 @@ def tell(explored: Explored) -> Exploration:
 
 
 def _looked_at(explored: Explored) -> Sequence[str]:
-    """What was looked at, and what was not."""
+    """Describe what was explored and what was not."""
     space = explored.space
     stepper = space.stepper
     bounds = stepper.bounds

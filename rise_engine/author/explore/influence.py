@@ -1,4 +1,4 @@
-"""The cone of influence: the memory keys on which it can depend what happens. The others need not be told apart."""
+"""The cone of influence: the memory keys that can decide what happens. Others need not be told apart."""
 
 from __future__ import annotations
 
@@ -13,15 +13,15 @@ from rise_engine.scenario.model import SESSION, SESSION_STATES, Block, Function,
 def keys_that_matter(
     scenario: Scenario, memories: Sequence[Mapping[str, Any]], properties: Iterable[Expression] = ()
 ) -> list[str]:
-    """The memory keys whose values decide what happens, in a fixed order.
+    """Return the memory keys whose values decide what happens, in a fixed order.
 
     Arguments:
         scenario: whose rules and acts read them.
-        memories: what the memory can be at the beginning.
-        properties: conditions that will be asked of each situation.
+        memories: possible memories at the beginning.
+        properties: conditions that will be evaluated in each situation.
 
-    A condition that a block reads after the same block has set the key does not count: within one go nobody sees more
-    of the value than what it was made of.
+    A condition does not count if it reads a key that the same block has set before: within a block, the value depends
+    only on the keys that it was made of.
     """
     matter = {key.partition(".")[0] for expression in properties for key in _reads(expression)}
     writes = [*_assignments_of_keys(scenario)]
@@ -62,7 +62,7 @@ def keys_that_matter(
 
 
 def assignments_of(scenario: Scenario) -> Iterator[Assignment]:
-    """All assignments that rules and keys can make."""
+    """Yield all assignments that rules and keys can make."""
     yield from _assignments_of_keys(scenario)
     for rule in scenario.rules.values():
         for state in rule.states.values():
@@ -71,7 +71,7 @@ def assignments_of(scenario: Scenario) -> Iterator[Assignment]:
 
 
 def _may_give_nothing(assignment: Assignment) -> bool:
-    """Whether it can take a key's value away: what it gives can be null."""
+    """Return whether an assignment can remove a key's value: its result can be null."""
     expression = assignment.expression
     if expression is None:
         return assignment.literal is None or isinstance(assignment.literal, dict)
@@ -79,7 +79,7 @@ def _may_give_nothing(assignment: Assignment) -> bool:
 
 
 def parts_of_session_read(scenario: Scenario) -> frozenset[str]:
-    """The parts of `session` that rules and acts read: `speaking`, `cue`, `condition`, ..."""
+    """Return the parts of `session` that rules and acts read: `speaking`, `cue`, `condition`, ..."""
     if not scenario.reads_session:
         return frozenset()
     keys = {key for act in scenario.acts.values() for key in keys_read(act)}
@@ -120,8 +120,10 @@ def _heads(keys: Iterable[str]) -> set[str]:
 
 
 def _add_reads_of_block(block: Block, made_of: dict[str, set[str]], matter: set[str]) -> None:
-    """Add what the conditions of a block read. `made_of`: the keys that the block has set before, each with those that
-    its value was made of."""
+    """Add the keys that the conditions of a block read.
+
+    :param made_of: the keys that the block has set before, each with the keys that made its value.
+    """
     for statement in block:
         match statement:
             case Function(assignment=assignment):
@@ -146,12 +148,12 @@ def _add_reads_of_block(block: Block, made_of: dict[str, set[str]], matter: set[
 
 
 def _resolve(keys: set[str], made_of: dict[str, set[str]]) -> set[str]:
-    """The keys whose values were there before the block that a reading of these keys depends on."""
+    """Return the keys from before the block that a reading of these keys depends on."""
     return {source for key in keys for source in made_of.get(key, (key,))}
 
 
 def _join(made_of: dict[str, set[str]], arms: list[dict[str, set[str]]]) -> None:
-    """After a branching: what every arm has set, made of what any of them has made it of."""
+    """Join branches: keep what every branch has set, made of what any of them made it of."""
     everywhere = set.intersection(*(set(arm) for arm in arms))
     made_of.clear()
     made_of.update({key: set().union(*(arm[key] for arm in arms)) for key in everywhere})
@@ -178,4 +180,4 @@ def _assignments_of_keys(scenario: Scenario) -> Iterator[Assignment]:
             try:
                 yield from Assignment.parse_all(key.behavior)
             except ExpressionError:
-                continue  # the key is refused each time that it is pressed
+                continue  # this key is refused each time that it is pressed

@@ -1,4 +1,4 @@
-"""What can happen next in a situation: what people do, what comes from outside, and what happens by itself."""
+"""The possible next moves in a situation: by people, from outside, and spontaneous."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ MoveKind: TypeAlias = Literal[
     "back",
 ]
 BY_PERSON: frozenset[MoveKind] = frozenset({"key", "event", "try", "cue", "release", "answer"})
-"""Moves of somebody or something outside, of which nobody knows whether they come."""
+"""Moves of somebody or something outside, which may or may not come."""
 MISHAPS: frozenset[MoveKind] = frozenset({"stop", "lost"})
 """Moves that nobody plans."""
 
@@ -40,34 +40,34 @@ class Move(NamedTuple):
     kind: MoveKind
     name: str = ""
     place: int = 0
-    """Which one, where there are several."""
+    """Which one, if there are several."""
     how: str = ""
     chance: tuple[int, ...] = ()
-    """What chance decides in it: of each decision, which of its possibilities."""
+    """The random choices in it: for each decision, the possibility taken."""
 
     @property
     def is_mishap(self) -> bool:
-        """A stop, a robot that is lost, an act that fails."""
+        """Whether it is a stop, a lost robot, or a failed act."""
         return self.kind in MISHAPS or (self.kind == "end" and self.how in ("failed", "aborted"))
 
     @property
     def is_spontaneous(self) -> bool:
-        """Whether it comes by itself when nobody does anything, and nothing fails."""
+        """Whether it comes without anybody's action and without a failure."""
         return self.kind in ("end", "timer", "stopped") and not self.is_mishap
 
 
 class Possibility(NamedTuple):
-    """A move, the input that it is for the kernel, and when it can come."""
+    """A move, its input for the kernel, and when it can come."""
 
     move: Move
     input: AnyInput
     clock: int = 0
-    """The clock that decides when: acts first, then countdowns, from 1 on; 0: it can come at any time."""
+    """The clock that decides when, from 1: those of acts, then those of countdowns; 0: it can come at any time."""
     least: int = 0
-    """What the clock shows then, in ms."""
+    """What the clock shows then at least, in ms, and at most."""
     most: int = 0
     lengthens_line: bool = False
-    """Whether it starts an act that waits for its turn as long as another waits."""
+    """Whether it starts an act that waits for its turn while another waits."""
 
 
 class Moves:
@@ -77,7 +77,7 @@ class Moves:
         self._traits = traits
         self._bounds = bounds
         self.alike = acts_alike(scenario, traits) if bounds.keys == "all" and bounds.merges_alike else {}
-        """For each act that a key starts and no rule speaks of: the first act that nothing tells apart from it."""
+        """For each act that a key starts and no rule mentions: the first act that is interchangeable with it."""
         self.keys = {
             name: key
             for name, key in scenario.keys.items()
@@ -108,10 +108,10 @@ class Moves:
         self._has_cue = cue_matters(scenario)
         policies = {name: scenario.failure_policy(name).kind for name in scenario.acts} if bounds.lost else {}
         self._repeated = {name for name, policy in policies.items() if policy == "repeat"}
-        """The acts of which it is told apart who has ended them."""
+        """The acts for which it matters who has ended them."""
 
     def possible(self, situation: Situation) -> Iterator[Possibility]:
-        """What can come next, people first. Which of it time allows, the clocks must say."""
+        """Yield what can come next, people first. The clocks decide which of it time allows."""
         yield from self._always
         if self._has_cue:
             yield _CUE
@@ -119,7 +119,7 @@ class Moves:
                 yield _CUE_UNDONE
         for index, act in enumerate(situation.asked):
             if act.phase == "pausing":
-                continue  # nobody need say anything: it is repeated by itself
+                continue  # no answer is needed: it is repeated automatically
             for answer in ("goOn", "repeatAct", "stopRuleOfAct"):
                 if answer != "stopRuleOfAct" or act.is_own:
                     yield Possibility(
@@ -130,7 +130,7 @@ class Moves:
         yield from self._of_mishaps(situation)
 
     def limits(self, situation: Situation) -> list[int]:
-        """The most that each clock can show, in ms."""
+        """Return the maximum that each clock can show, in ms."""
         acts = [
             self._traits[act.name].most if act.phase in ("running", "doomed") else _CANCEL_LIMIT
             for act in situation.running
@@ -171,7 +171,7 @@ class Moves:
             if self._bounds.pace is None and any(
                 before.length <= countdown.length for before in situation.countdowns[:index]
             ):
-                continue  # that one elapses first: it was set no later, and is no longer
+                continue  # that one elapses first: it was set no later and is no longer
             length = countdown.length
             move = Move("timer", countdown.owner, index, countdown.purpose)
             yield Possibility(move, TimerElapsed(t=1.0, timer=index + 1), first + index, length, length)
@@ -198,13 +198,13 @@ _FOREVER = 10**9
 
 
 def cue_matters(scenario: Scenario) -> bool:
-    """Whether it makes a difference that the participant's turn has ended."""
+    """Return whether the end of the participant's turn makes a difference."""
     waits = bool(scenario.topics.intersection(CUE_TOPICS))
     return waits or scenario.fillers.auto_after is not None or "cue" in parts_of_session_read(scenario)
 
 
 def acts_alike(scenario: Scenario, traits: dict[str, ActTraits]) -> dict[str, str]:
-    """Acts that no rule starts, stops or waits for, by the first of those from which nothing tells them apart."""
+    """Map acts that no rule starts, stops or waits for to the first act that is interchangeable with them."""
     named = {
         function.argument
         for rule in scenario.rules.values()
@@ -233,7 +233,7 @@ def acts_alike(scenario: Scenario, traits: dict[str, ActTraits]) -> dict[str, st
 
 
 def topics_from_outside(scenario: Scenario) -> set[str]:
-    """Events that rules wait for and that neither the engine nor a rule raises."""
+    """Return the events that rules wait for and that neither the engine nor a rule raises."""
     inside = {f"{act}_{how}" for act in scenario.acts for how in ("end", "succeeded", "failed", "stopped")}
     inside |= {f"say_{how}" for how in ("end", "succeeded", "failed", "stopped")}
     inside.update(CUE_TOPICS)
@@ -253,7 +253,7 @@ def _submit(function: str, behavior: str) -> Submit:
 
 
 def _asked_id(situation: Situation, index: int) -> str:
-    """The number of a failed act's task, as `SituationKernel.put` gives it."""
+    """Return the number of a failed act's task, as `SituationKernel.put` assigns it."""
     acts = (*situation.waiting, *situation.running, *situation.asked)
     at = len(situation.waiting) + len(situation.running) + index
     before = sum(act.is_own == acts[at].is_own for act in acts[:at])

@@ -1,8 +1,8 @@
-"""A path played on the engine itself: when somebody must do what, and what must go wrong, so that it goes like this.
+"""Playback of a path on the engine: the times of people's actions, and the faults, that make a session take it.
 
-It is played in virtual time by the simulated robot, as `rise-engine run --tasks` does. What somebody does comes a
-moment after the step before, and what comes by itself is waited for. Where something has to go wrong, it is played once
-more with that fault. Of a path that does not come like this nobody is told more than *perhaps*.
+The simulated robot plays it in virtual time, like `rise-engine run --tasks`. A person's action comes a moment after the
+step before; for everything else, playback waits. Where something must go wrong, it plays the path again with that
+fault. A path that cannot be reproduced is only called *perhaps* possible.
 """
 
 from __future__ import annotations
@@ -33,42 +33,43 @@ from rise_engine.run.protocol.task_file import TimedTask
 from rise_engine.scenario.model import Scenario
 
 GAPS = (0.5, 0.02)
-"""Seconds by which what somebody does comes after the step before: the comfortable one is tried first."""
+"""Seconds from the step before to a person's action; the comfortable one is tried first."""
 SEEDS = 25
 """How many seeds are tried where chance decides."""
 _SHORTLY = 0.3
-"""Seconds before an act's end at which somebody does what would be forgotten otherwise."""
+"""Seconds before an act's end at which a person does what would be forgotten otherwise."""
 _LATER = 60.0
-"""Virtual seconds for which a step is waited for, beyond what its countdowns take."""
+"""Virtual seconds that a step may take beyond its countdowns."""
 _LIVELOCK = 5_000
-"""Inputs in one moment beyond which it is given up."""
+"""Inputs in one moment after which playback gives up."""
 
 
 class PlayedPath(Struct, frozen=True):
     """How a path is played."""
 
     tasks: tuple[TimedTask, ...]
-    """What somebody does, and when; `line` is the number of the path's step."""
+    """What people do, and when; `line` is the number of the path's step."""
     faults: tuple[str, ...]
-    """What goes wrong, as `--fault` has it."""
+    """What goes wrong, as `--fault` writes it."""
     seed: int
-    """With which it plays."""
+    """The seed of the playback."""
     condition: str
-    """Of the session, as the scenario names it; empty: none."""
+    """The session's condition, as the scenario names it; empty: none."""
     seconds: float
-    """Session time at which the path is at its end."""
+    """Session time at the path's end."""
     is_certain: bool
-    """Whether it was played like this, with every situation as the path has it."""
+    """Whether it was played like this, with every situation as in the path."""
     problem: str
-    """Why it could not be, in words without a full stop; empty: it was."""
+    """Why it could not be played, in words without a full stop; empty: it was."""
 
 
 def find_times(scenario: Scenario, path: Path, bounds: Bounds | None = None) -> PlayedPath:
-    """Play a path on the engine, and say how. Between two steps others may come and go: a gaze ends and begins again.
+    """Play a path on the engine, and return how. Between two steps, other situations may pass: a gaze ends and returns.
 
-    :param scenario: what was explored. :param path: a way through its situations.
-    :param bounds: with which it was explored: what is tried, and how fast acts go.
-    :raises RiseError: the path is of another scenario (`rise_engine.author.explore.path_steps`).
+    :param scenario: the explored one.
+    :param path: a path through its situations.
+    :param bounds: those of the exploration: the values to try, and how fast acts go.
+    :raises RiseError: the path belongs to another scenario (`rise_engine.author.explore.path_steps`).
     """
     scenario = replace(scenario, mode="debug")
     followed, keys = follow_path(scenario, path, bounds or Bounds()), _compared_keys(scenario, path)
@@ -88,7 +89,7 @@ def find_times(scenario: Scenario, path: Path, bounds: Bounds | None = None) -> 
 
 
 def _compared_keys(scenario: Scenario, path: Path) -> tuple[str, ...]:
-    """The memory keys whose values stand in the path's situations; none, when that cannot be told."""
+    """Return the memory keys of the path's situations; none if they cannot be determined."""
     memories = [{**scenario.memory, **condition.memory} for condition in scenario.conditions.values()]
     keys = tuple(keys_that_matter(scenario, memories or [scenario.memory]))
     return keys if len(keys) == len(path.beginning.memory) and not scenario.reads_session else ()
@@ -101,16 +102,16 @@ def _mismatch_text(scenario: Scenario, followed: Sequence[Followed], reached: in
     return f"no times were found at which step {reached + 1}, “{text}”, comes as it is told here"
 
 
-# --- one play ---------------------------------------------------------------------------------------------------------
+# --- one playback -----------------------------------------------------------------------------------------------------
 
 
 class _Needs(Struct, frozen=True):
-    """What has to go wrong, and what has to come later, as far as is known."""
+    """What must go wrong, and what must come later, as far as known."""
 
     slips: Mapping[int, str] = field(default_factory=dict)
-    """Of actions, by the step in which their act fails."""
+    """Faults of actions, by the step in which their act fails."""
     delays: Mapping[int, float] = field(default_factory=dict)
-    """Seconds by which somebody does something later than usual, by steps."""
+    """Seconds by which a person acts later than usual, by step."""
     losses: tuple[tuple[float, ...], ...] = ()
     """When the robot is lost, and when it is back."""
 
@@ -123,7 +124,7 @@ class _Needs(Struct, frozen=True):
 def _play(
     scenario: Scenario, path: Path, followed: Sequence[Followed], keys: Sequence[str], seed: int, gap: float
 ) -> _Play:
-    """Play a path; each time that something has to go wrong, once more with that fault."""
+    """Play a path, again with each fault that turns out to be necessary."""
     needs = _Needs()
     while True:
         play = _Play(scenario, path, followed, keys, needs, seed, gap)
@@ -134,7 +135,7 @@ def _play(
 
 
 class _Play:
-    """One session that is to go like a path."""
+    """One session that tries to take a path."""
 
     def __init__(self, scenario: Scenario, path: Path, followed: Sequence[Followed], keys: Sequence[str],
                  needs: _Needs, seed: int, gap: float) -> None:  # fmt: skip
@@ -148,21 +149,21 @@ class _Play:
         self._losses, self._inputs, self._moment = 0, 0, -1.0
         self.times: dict[int, float] = {}
         self.reached = 0
-        """How many steps have come as the path has them."""
+        """How many steps have come as in the path."""
         self.reached_at = 0.0
-        """Session time at which the last of them came."""
+        """Session time of the last of them."""
         self.wanted: _Needs | None = None
-        """With which faults it can go further."""
+        """The faults and delays that would take it further."""
 
     def go(self) -> None:
-        """Let time pass until the path's end, or until something comes otherwise."""
+        """Let time pass until the path's end, or until something differs from it."""
         self._engine.start()
         while self.reached + 1 < len(self._followed) and self._comes(self.reached + 1):
             self.reached, self.reached_at = self.reached + 1, self._clock.now()
         self._engine.abandon()
 
     def _comes(self, step: int) -> bool:
-        """Whether a step comes as the path has it, now that the one before has."""
+        """Return whether a step comes as in the path, after the one before."""
         each, before, move = self._followed[step], self._followed[step - 1], self._move(step)
         if each.submitted is not None:
             return self._submit(step) and self._wait(step)
@@ -180,14 +181,14 @@ class _Play:
         return comes
 
     def _delay(self, step: int, act: str) -> None:
-        """Do later what is forgotten before an act ends: shortly before that."""
+        """Delay an action that is forgotten before an act ends until shortly before that end."""
         ends = (each.ended_at for each in self._records if isinstance(each, TimingRecord) and each.act == act)
         end = next((at for at in ends if at is not None and at > self.times[step]), 0.0)
         if (delay := end - _SHORTLY - self.times[step]) > 0:
             self.wanted = replace(self.needs, delays={**self.needs.delays, step: delay})
 
     def _submit(self, step: int) -> bool:
-        """Do what somebody does in a step; False when meanwhile something else has come."""
+        """Do a person's action of a step; return False if something else has come meanwhile."""
         task, done = self._followed[step].submitted, []
         assert task is not None
         at = self.times[step] = round(self._clock.now() + self._gap + self.needs.delays.get(step, 0.0), 3)
@@ -202,7 +203,7 @@ class _Play:
         return done == [True]
 
     def _cut(self, is_lost: bool) -> bool:
-        """Whether the robot is lost, or back, when the path has it; False: it is played anew with that fault."""
+        """Return whether the robot is lost, or back, when the path says so; False: play again with that fault."""
         losses = self.needs.losses
         self._losses += is_lost
         known = losses[self._losses - 1] if self._losses <= len(losses) else ()
@@ -213,7 +214,7 @@ class _Play:
         return False
 
     def _slip(self, act: str, is_aborted: bool) -> str:
-        """A fault with which an act that runs now fails: its first action whose failure is the act's; empty: none."""
+        """Find a fault that makes a running act fail: its first action that matters to the act; empty: none."""
         counts: dict[str, int] = {}
         runs = self._engine.kernel.scheduler.runner.runs
         actions = {action.id: action for action in self._scenario.acts[act].actions}
@@ -227,9 +228,9 @@ class _Play:
         return ""
 
     def _wait(self, step: int) -> bool:
-        """Whether everything becomes as it is after a step, sooner or later.
+        """Return whether the situation after a step comes sooner or later.
 
-        When the robot is lost, what it does then fails in the same moment: the steps that say so have come with it.
+        When the robot is lost, its actions fail at the same moment, so the steps for those failures have come with it.
         """
         following = range(step + 1, len(self._followed)) if self._move(step).kind == "lost" else ()
         ends = takewhile(lambda each: self._move(each).kind == "end", following)
@@ -247,7 +248,7 @@ class _Play:
         return move
 
     def _advance(self) -> bool:
-        """Let the next thing happen; False: nothing more does, or it goes round without end."""
+        """Let the next thing happen; False: nothing more happens, or it loops without end."""
         if not self._clock.advance():
             return False
         if self._clock.now() > self._moment:
@@ -255,11 +256,11 @@ class _Play:
         return self._engine.inputs - self._inputs <= _LIVELOCK
 
 
-# --- what is compared -------------------------------------------------------------------------------------------------
+# --- comparison -------------------------------------------------------------------------------------------------------
 
 
 def _look_in(situation: Situation, keys: Sequence[str]) -> tuple[object, ...]:
-    """What is compared of a situation of a path."""
+    """Return what is compared of a situation in a path."""
     return (
         tuple(sorted((rule.name, rule.state) for rule in situation.rules)),
         tuple(act.name for act in situation.waiting),
@@ -275,7 +276,7 @@ def _look_in(situation: Situation, keys: Sequence[str]) -> tuple[object, ...]:
 
 
 def _look_at(kernel: Kernel, keys: Sequence[str]) -> tuple[object, ...]:
-    """What is compared of a session that is played."""
+    """Return what is compared of a session in playback."""
     core, runner = kernel.core, kernel.scheduler.runner
     asked = kernel.failures.state.asked
     countdowns = []
@@ -310,7 +311,7 @@ def _phase(cancel_reason: str | None, failure: str | None) -> str:
 
 
 def _comparable(value: bytes | None) -> bytes | None:
-    """A memory value as it is compared: of fractions only that they are some, for chance may have made them."""
+    """Make a memory value comparable; all fractions count as equal, because they may be random."""
     return b"0.5" if value is not None and b"." in value and isinstance(msgspec.json.decode(value), float) else value
 
 
@@ -318,10 +319,12 @@ def _comparable(value: bytes | None) -> bytes | None:
 
 
 def task_file_of(title: str, told: Sequence[str], played: PlayedPath, study: str) -> str:
-    """The text of a task file, as `rise-engine run --tasks` reads it.
+    """Write a task file for `rise-engine run --tasks`.
 
-    :param title: what it shows, in a sentence. :param told: the path in sentences (`telling.tell_path`).
-    :param played: how it is played. :param study: the scenario's folder, as one would write it in a command.
+    :param title: what it shows, in a sentence.
+    :param told: the path in sentences (`path_words.tell_path`).
+    :param played: how it is played.
+    :param study: the scenario's folder, as a command would name it.
     """
     lines = [
         indent(title, "# "),

@@ -1,4 +1,4 @@
-"""A path gone once more, on a kernel that keeps going: which act, which timer, and what came of each step."""
+"""A path followed step by step on one kernel: the act, the timer and the consequences of each step."""
 
 from __future__ import annotations
 
@@ -22,33 +22,33 @@ from rise_engine.kernel.records import AnyRecord
 from rise_engine.scenario.model import Scenario, normal_topic
 
 SOURCE = "engine"
-"""Who asks, while a path is followed."""
+"""The source of requests while a path is followed."""
 
 
 class Followed(Struct, frozen=True):
-    """One step of a path, as it went; or its beginning, which is no move."""
+    """One step of a path after it was taken; or its beginning, which has no move."""
 
     move: Move | None
     situation: Situation
-    """After it."""
+    """The situation after it."""
     records: tuple[AnyRecord, ...]
-    """What the kernel recorded in it."""
+    """The kernel's records of it."""
     running: dict[int, tuple[str, Phase]]
     """The acts that run after it: their tasks, names and phases."""
     countdowns: dict[int, Countdown]
     """The timers that run after it, by their numbers."""
     task: int = 0
-    """Whose act the move is about: one that ends, or one that has failed; 0: none."""
+    """The task of the act that the move ends, or whose failure it answers; 0: none."""
     timer: int = 0
-    """Which timer it is that elapses; 0: none."""
+    """The timer that elapses; 0: none."""
     submitted: Submit | None = None
-    """What somebody asks for in it."""
+    """What a person requests in it."""
     by_chance: bool = False
     """Whether chance decided something in it."""
 
 
 class _Draws(Decisions):
-    """Decisions that tell chance from what only the moment decides."""
+    """Decisions that distinguish chance from what only the moment decides."""
 
     drawn = False
 
@@ -62,15 +62,15 @@ class _Draws(Decisions):
 
 
 def act_traits(scenario: Scenario, path: Path, bounds: Bounds) -> dict[str, ActTraits]:
-    """What is to be known of each act, in the session that a path begins with."""
+    """Compute the traits of each act in the session that a path begins with."""
     memory = [{**scenario.memory, **path.begun.memory}]
     return {name: traits_of(scenario, act, memory, bounds.pace or (0.0, 1.0)) for name, act in scenario.acts.items()}
 
 
 def follow_path(scenario: Scenario, path: Path, bounds: Bounds) -> list[Followed]:
-    """Go a path: first its beginning, then a step for each of its moves.
+    """Follow a path: first its beginning, then a step for each of its moves.
 
-    Raises RiseError when it cannot be gone.
+    Raises RiseError if a step is not possible.
     """
     kernel = SituationKernel(
         scenario, (), act_traits(scenario, path, bounds), set(scenario.acts), in_order=bounds.pace is None
@@ -117,7 +117,7 @@ def _phase(run: object) -> Phase:
 
 
 def _compare(kernel: SituationKernel, wanted: Situation, number: int) -> None:
-    """Whether it has come as the path has it."""
+    """Check that the step has come as in the path."""
     now = kernel.read(0)[0]
     for one, other in (
         ([(rule.name, rule.state) for rule in now.rules], [(rule.name, rule.state) for rule in wanted.rules]),
@@ -132,7 +132,7 @@ def _compare(kernel: SituationKernel, wanted: Situation, number: int) -> None:
 def _input_of(
     kernel: SituationKernel, scenario: Scenario, bounds: Bounds, move: Move, before: Situation
 ) -> tuple[AnyInput, int, int]:
-    """A move as an input for the kernel as it stands, the task that it is about, and the timer."""
+    """Return a move as an input for the kernel in its present state, with its task and its timer."""
     match move.kind:
         case "end":
             task = [*kernel.runner.runs][move.place]
@@ -152,7 +152,7 @@ def _input_of(
             asked = kernel.kernel.failures.state.asked
             task = [*asked][move.place]
             oldest = next(id for id, each in asked.items() if each.behavior == move.name)
-            behavior = move.name if oldest == task else str(task)  # of several, a name means the oldest
+            behavior = move.name if oldest == task else str(task)  # if several have the name, it means the oldest
             return Submit(function=move.how, behavior=behavior, source=SOURCE), task, 0
         case _:
             return submit_of(scenario, bounds.tries, move, before), 0, 0
@@ -164,7 +164,7 @@ def _find_timer(kernel: SituationKernel, countdown: Countdown) -> int:
 
 
 def submit_of(scenario: Scenario, tries: Mapping[str, tuple[object, ...]], move: Move, before: Situation) -> Submit:
-    """What somebody asks for in a move that is no answer to a failure. Raises LookupError when it is not possible."""
+    """Return the request of a move that is not an answer to a failure. Raises LookupError if it is not possible."""
     function, behavior = "", ""
     match move.kind:
         case "key":

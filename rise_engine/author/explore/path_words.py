@@ -1,4 +1,4 @@
-"""A path in sentences: what somebody does, or what happens by itself, and what the rules and acts do then."""
+"""A path in sentences: what somebody does or what happens, and what the rules and acts do then."""
 
 from __future__ import annotations
 
@@ -33,14 +33,14 @@ _ACT = "startCommunicationRobotAct"
 
 
 def tell_path(scenario: Scenario, path: Path, bounds: Bounds | None = None) -> list[str]:
-    """One sentence for each step, without number and full stop: what happens → what comes of it.
+    """Write one sentence for each step, without number and full stop: what happens → what follows.
 
     Arguments:
-        scenario: what was explored.
-        path: a way through its situations.
-        bounds: with which it was explored; what is tried stands there.
+        scenario: the explored one.
+        path: a path through its situations.
+        bounds: those of the exploration, with the values to try.
 
-    Raises rise_engine.base.errors.RiseError when the path is of another scenario.
+    Raises rise_engine.base.errors.RiseError if the path belongs to another scenario.
     """
     followed = follow_path(scenario, path, bounds or Bounds())
     return [_tell(scenario, before, step) for before, step in pairwise(followed)]
@@ -61,7 +61,7 @@ def _tell(scenario: Scenario, before: Followed, step: Followed) -> str:
 
 
 def move_text(scenario: Scenario, move: Move, before: Followed, step: Followed) -> str:
-    """What happens, or is done, in a step."""
+    """Describe what happens, or is done, in a step."""
     match move.kind:
         case "key":
             key = scenario.keys[move.name]
@@ -103,7 +103,7 @@ _OTHERS = {
 
 
 def _assignment(behavior: str) -> str:
-    """`{"task": 2.5}` is `task = 2.5`."""
+    """Write `{"task": 2.5}` as `task = 2.5`."""
     return ", ".join(f"{key} = {format_value(value)}" for key, value in json.loads(behavior).items())
 
 
@@ -119,7 +119,7 @@ def _countdown_text(countdown: Countdown, before: Followed) -> str:
     return f"{seconds} pass in {state}" + (f" ({countdown.owner})" if len(before.situation.rules) > 1 else "")
 
 
-# --- what comes of it -------------------------------------------------------------------------------------------------
+# --- consequences -----------------------------------------------------------------------------------------------------
 
 
 def _consequences(before: Followed, step: Followed) -> Iterator[str]:
@@ -149,7 +149,7 @@ def _consequences(before: Followed, step: Followed) -> Iterator[str]:
 
 
 def _rule_texts(name: str, records: list[RuleRecord]) -> Iterator[str]:
-    """What a rule has done in one go."""
+    """Describe what a rule has done in a step."""
     begun = any(record.status == "started" for record in records)
     states = [record.state or "" for record in records if record.status == "entered"]
     if begun and states:
@@ -172,7 +172,7 @@ def _and_on(states: Iterable[str]) -> str:
 
 
 def _act_texts(ran: bool, records: list[TaskRecord]) -> Iterator[str]:
-    """What has become of an act that somebody asked for, or that was under way."""
+    """Describe what has happened to an act that was requested or under way."""
     last, name = records[-1], records[-1].behavior
     began = any(record.status == "ACTIVE" for record in records)
     match last.status:
@@ -201,7 +201,7 @@ def _other_text(record: AnyRecord, *, by_chance: bool) -> Iterator[str]:
     said = words_of(record).sentence
     match record:
         case FailureRecord(status="asked" | "waiting" | "repeated" | "dropped"):
-            comes = words_of(replace(record, reason="")).text.removeprefix("failed, and ")  # why is told already
+            comes = words_of(replace(record, reason="")).text.removeprefix("failed, and ")  # it says why already
             yield comes if record.status in ("asked", "dropped") else f"{record.act} {comes}"
         case KeptRecord(status="kept" | "taken"):
             yield said

@@ -1,4 +1,4 @@
-"""Shortest ways through the situations."""
+"""Shortest paths through the situations."""
 
 from __future__ import annotations
 
@@ -22,10 +22,10 @@ class PathStep(Struct, frozen=True):
 
 
 class Path(Struct, frozen=True):
-    """How a session can come into a situation."""
+    """A way for a session to reach a situation."""
 
     begun: SessionStarted
-    """The session that it begins with: its condition decides what the memory is."""
+    """The session that it begins with, whose condition decides the memory."""
     beginning: Situation
     steps: tuple[PathStep, ...]
 
@@ -36,17 +36,17 @@ class Path(Struct, frozen=True):
 
 
 class Paths:
-    """The shortest way to each situation, with as little that goes wrong as possible."""
+    """The shortest path to each situation with the fewest mishaps."""
 
     def __init__(self, space: Space) -> None:
         self._space = space
         self._came_from: dict[Number, tuple[Number, int]] = {}
-        """Of each situation the one before it, and the number of the move between them."""
+        """For each situation, the one before it and the number of the move between them."""
         self.mishaps: dict[Number, int] = dict.fromkeys(space.beginnings, 0)
-        """How many things have to go wrong to come into each situation."""
+        """The minimum number of mishaps on the way to each situation."""
         wrongs = [move.is_mishap for move in space.moves]
         levels = [deque(space.beginnings)]
-        for level, pending in enumerate(levels):  # those that are reached with so many mishaps, the nearest first
+        for level, pending in enumerate(levels):  # situations with this number of mishaps, the nearest first
             while pending:
                 number = pending.popleft()
                 if self.mishaps[number] < level:
@@ -62,7 +62,7 @@ class Paths:
                         levels[wrong].append(target)
 
     def to(self, number: Number, then: tuple[Move, Situation] | None = None) -> Path:
-        """The way to a situation, and perhaps one more step."""
+        """Return the path to a situation, optionally with one more step."""
         space = self._space
         steps: list[PathStep] = []
         at = number
@@ -76,7 +76,7 @@ class Paths:
         return Path(space.begun_in(at), space.situations[at], tuple(steps))
 
     def to_fact(self, fact: Fact) -> Path | None:
-        """The way to where something was seen, the move that showed it included; null: it was not seen."""
+        """Return the path to a fact's first observation, with the move that showed it; None: it was not observed."""
         found = self._space.facts.get(fact)
         if found is None:
             return None
@@ -84,6 +84,6 @@ class Paths:
         return self.to(number, (move, situation))
 
     def nearest(self, numbers: Iterable[Number]) -> Number | None:
-        """Of these situations, one that is reached with as little that goes wrong as possible; null: there is none."""
+        """Return the situation among these with the fewest mishaps on its path; None: there is none."""
         best = min(numbers, key=lambda number: (self.mishaps.get(number, 1 << 30), number), default=None)
         return best if best is not None and best in self.mishaps else None

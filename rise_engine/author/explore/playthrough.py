@@ -1,7 +1,7 @@
-"""A scenario played through on the engine, in virtual time: somebody presses in turn what the rules wait for.
+"""A scenario played on the engine in virtual time by a simulated person who presses what the rules wait for.
 
-It is no proof: of several ways on, each is taken as rarely as the others. What it shows has happened like this, down to
-the action: a value that is missing when the robot is to say it fails here as it would beside a participant.
+It proves nothing: of several possibilities, it takes the one taken least so far. What it shows has really happened,
+down to the actions: a missing value makes the robot fail here as it would with a participant.
 """
 
 from __future__ import annotations
@@ -19,46 +19,46 @@ from rise_engine.kernel.records import ActionRecord, TaskRecord
 from rise_engine.scenario.model import CUE_TOPICS, Scenario, SourceLocation
 
 MOST_SESSIONS = 12
-"""How often it is played from the start, at most; each time with another seed, on the ways taken least so far."""
+"""Maximum number of plays from the start; each has another seed and takes the transitions least taken so far."""
 IN_VAIN = 3
-"""After so many sessions one after the other in which no other act has begun, it is enough."""
+"""Number of consecutive sessions without a new act after which it stops."""
 MOST_STEPS = 300
-"""Of one session: what somebody does, and times until something happens."""
+"""Maximum number of steps in a session: actions of a person, and waits until something happens."""
 
 
 class PlayedFailure(Struct, frozen=True):
-    """An action that failed while the robot did everything that it was asked for."""
+    """An action that failed although the robot did everything that it was asked."""
 
     act: str
     action: str
     reason: str
     location: SourceLocation
     by_hand: bool
-    """Whether the act was started by its own key, which nobody need press where it was pressed here."""
+    """Whether the act was started by its own key, which nobody need press at that moment."""
 
 
 class PlayedThrough(Struct, frozen=True):
-    """What came of it."""
+    """The results of a playthrough."""
 
     acts: frozenset[str]
-    """Those that have begun."""
+    """The acts that have begun."""
     failures: tuple[PlayedFailure, ...]
     """Each once."""
     ended: bool
-    """Whether the rule whose end is the study's has ended in one of the sessions."""
+    """Whether the rule that ends the study has ended in one of the sessions."""
     is_complete: bool
-    """Whether it was played until nothing new came of it, or as often as it is played at most."""
+    """Whether it was played until nothing new happened, or the maximum number of times."""
 
 
 def play_through(
     scenario: Scenario, started: SessionStarted, end: str, go_on: Callable[[], bool] = lambda: True
 ) -> PlayedThrough:
-    """Play a scenario until nothing new comes of it.
+    """Play a scenario until nothing new happens.
 
     :param scenario: checked; the simulated robot plays it, whatever its mode is.
-    :param started: what each session begins with.
-    :param end: the rule whose end is the study's; empty: there is none.
-    :param go_on: is asked before each step; when it says no, that is what is told.
+    :param started: the beginning of each session.
+    :param end: the rule that ends the study; empty: there is none.
+    :param go_on: is called before each step; if it returns false, the results so far are returned.
     """
     player = _Player(scenario, started, end, go_on)
     in_vain, is_complete = 0, True
@@ -80,15 +80,15 @@ class _Player:
         self._go_on = go_on
         self._outside = set(topics_from_outside(scenario))
         self._done: Counter[tuple[object, ...]] = Counter()
-        """How often each thing was done in each combination of states."""
+        """How often each action was taken in each combination of states."""
         self._pressed: set[str] = set()
-        """The keys that were pressed: one that starts an act is pressed once."""
+        """The keys that were pressed: a key that starts an act is pressed once."""
         self.acts: set[str] = set()
         self.failures: dict[tuple[str, str, str], PlayedFailure] = {}
         self.ended = False
 
     def play(self, seed: int) -> None:
-        """One session, from its start to the study's end, or until nothing goes on."""
+        """Play one session from its start to the study's end, or until nothing moves."""
         trial = Trial(self._scenario, seed=seed, started=self._started)
         self._begin(trial)
         was_running = False
@@ -110,7 +110,7 @@ class _Player:
             trial.start_rule(self._end)
 
     def _do_next(self, trial: Trial) -> bool:
-        """Do what was done least where the rules are; whether there was anything."""
+        """Do what was done least in the present states; return whether there was anything to do."""
         view = trial.view
         states = tuple((name, view.rules[name].state) for name in view.running_rules())
         choices = dict(self._choices(trial))

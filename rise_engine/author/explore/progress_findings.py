@@ -1,4 +1,4 @@
-"""Does it go on? Dead ends, the study's end, rules that go round by themselves, and who has to do something."""
+"""Findings about progress: dead ends, the study's end, rules that loop by themselves, and where a person must act."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from rise_engine.author.explore.space import Number
 
 
 def find_dead_ends(explored: Explored) -> Iterator[ExploreFinding]:
-    """Situations in which a rule runs that nothing can move any more, whatever anybody does, short of stopping all."""
+    """Find situations in which nothing but stopping everything can move a running rule any more."""
     for rule in explored.scenario.rules.values():
         stuck = explored.stuck(rule.name)
         if not stuck:
@@ -31,7 +31,7 @@ def find_dead_ends(explored: Explored) -> Iterator[ExploreFinding]:
 
 
 def find_lost_ends(explored: Explored) -> Iterator[ExploreFinding]:
-    """Situations from which the study's end cannot be reached any more."""
+    """Find situations from which the study's end cannot be reached any more."""
     end = explored.scenario.rules.get(explored.end)
     if end is None:
         return
@@ -46,9 +46,9 @@ def find_lost_ends(explored: Explored) -> Iterator[ExploreFinding]:
         )
         return
     if all(explored.state_of(end.name, number) is None for number in range(len(explored.situations))):
-        return  # something outside begins it: `never-started` says so
+        return  # something outside starts it: `never-started` reports that
     able = explored.reaching(explored.ends | explored.unknown, is_planned)
-    stuck = set(explored.stuck(end.name))  # of these it is said already
+    stuck = set(explored.stuck(end.name))  # the dead ends report these
     lost = [number for number in range(len(explored.situations)) if number not in able and number not in stuck]
     if lost:
         states = {explored.state_of(end.name, number): None for number in lost}
@@ -67,7 +67,7 @@ def find_lost_ends(explored: Explored) -> Iterator[ExploreFinding]:
 
 
 def tell_of_the_end(explored: Explored) -> str:
-    """What is known of the study's end, in a sentence; empty: nothing."""
+    """Say what is known of the study's end, in a sentence; empty: nothing."""
     end = explored.scenario.rules.get(explored.end)
     if end is None or all(state.transitions for state in end.states.values()):
         return ""
@@ -81,7 +81,7 @@ def tell_of_the_end(explored: Explored) -> str:
 
 
 def find_runaways(explored: Explored) -> Iterator[ExploreFinding]:
-    """Rules that were stopped because they took steps without end."""
+    """Find rules that were stopped because they took steps without end."""
     for fact in explored.facts("faulted"):
         rule = explored.scenario.rules[fact[1]]
         yield ExploreFinding(
@@ -95,7 +95,7 @@ def find_runaways(explored: Explored) -> Iterator[ExploreFinding]:
 
 
 def find_rounds(explored: Explored) -> Iterator[ExploreFinding]:
-    """Rules that can go round for ever while nobody does anything."""
+    """Find rules that can loop without end while nobody does anything."""
     spontaneous = [move.is_spontaneous for move in explored.space.moves]
     rounds: Counter[str] = Counter()
     first: dict[str, Number] = {}
@@ -119,7 +119,7 @@ def find_rounds(explored: Explored) -> Iterator[ExploreFinding]:
 
 
 def tell_who_must_act(explored: Explored) -> list[str]:
-    """The states of the study's main rule in which only a person goes on, and how long it can be silent otherwise."""
+    """List the states of the study's main rule in which only a person can go on, and the longest silence otherwise."""
     end = explored.end
     waiting: dict[str, None] = {}
     silence = _Silence(explored)
@@ -146,18 +146,18 @@ def tell_who_must_act(explored: Explored) -> list[str]:
 
 
 class _Silence:
-    """How long the robot is silent from a situation on, until by itself it does something again."""
+    """The silence of the robot from a situation until it does something again without a person."""
 
     def __init__(self, explored: Explored) -> None:
         self._explored = explored
         self._known: dict[Number, float | None] = {}
 
     def of(self, number: Number) -> float | None:
-        """Seconds; null: for ever."""
+        """Return the seconds of silence; None: without end."""
         known = self._known
         if number in known:
             return known[number]
-        known[number] = None  # while it is worked out: whoever comes back here has gone round in silence
+        known[number] = None  # while it is computed: coming back here means a loop of silence
         longest: float | None = None
         for move, target, _ in self._explored.space.steps_from(number):
             if move.kind != "timer":
@@ -177,7 +177,7 @@ class _Silence:
 
 
 def _standing(explored: Explored, number: Number) -> str:
-    """Where the rules stand, the highest first."""
+    """Say in which states the rules are, the highest first."""
     rules = reversed(explored.situations[number].rules)
     return ", ".join(f"{rule.name} in {rule.state}" for rule in rules)
 
@@ -204,8 +204,10 @@ def _path(explored: Explored, numbers: list[Number]) -> Path | None:
 
 
 def _components(explored: Explored, allowed: list[bool]) -> list[int]:
-    """For each situation the group of situations that can all reach each other by moves that are allowed (R. Tarjan,
-    Depth-first search and linear graph algorithms, 1972)."""
+    """Find for each situation the group that can all reach each other by allowed moves.
+
+    Source: R. Tarjan, Depth-first search and linear graph algorithms, 1972.
+    """
     count = len(explored.situations)
     order = [0] * count
     low = [0] * count

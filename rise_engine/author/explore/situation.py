@@ -1,7 +1,7 @@
-"""A situation: all that decides how a session can go on, and nothing that does not (time, numbers, words, marks).
+"""A situation: everything that decides how a session can go on, and nothing else (no time, numbers, words, marks).
 
-`SituationKernel.put` brings a kernel into a situation, `SituationKernel.read` says which one it is in. Between the two
-the kernel itself takes one input: there is no second set of rules that could differ from it.
+`SituationKernel.put` brings a kernel into a situation, and `SituationKernel.read` returns the one that it is in. In
+between, the kernel itself handles one input, so that there is no second set of rules that could differ from it.
 """
 
 from __future__ import annotations
@@ -27,7 +27,7 @@ from rise_engine.scenario.model import SESSION, SESSION_STATES, Scenario
 
 ActPhase: TypeAlias = Phase | Literal["", "pausing", "without robot"]
 PERSON = "engine"
-"""The source of what no rule has asked for: exploring does not tell people and programs apart."""
+"""The source of everything that no rule has requested: exploring does not distinguish people and programs."""
 
 
 class RuleInState(NamedTuple):
@@ -37,40 +37,39 @@ class RuleInState(NamedTuple):
     state: str
     priority: float
     latched: tuple[int, ...]
-    """As `RuleSnapshot.latched`."""
+    """Like `RuleSnapshot.latched`."""
     own_acts: tuple[tuple[str, int], ...]
-    """The acts whose ends it may wait for: name and index among all acts of the situation, waiting, running, asked
-    about, in this order; -1: it has ended."""
+    """The acts whose ends it may wait for: name and index among the waiting, running and failed acts; -1: ended."""
 
 
 class ActTask(NamedTuple):
-    """An act that waits, runs, or has failed and somebody is asked about."""
+    """An act that waits, runs, or has failed and waits for an answer."""
 
     name: str
     calling_type: str
     source: str
     """`rule:NAME`, or PERSON."""
     attempt: int
-    """The how-manieth it is, as far as that decides whether it is repeated."""
+    """The number of the attempt, as far as it decides about a repetition."""
     is_own: bool
-    """Whether the rule that has started it is the one that runs now, and no earlier one of its name."""
+    """Whether the present run of the rule has started it, and not an earlier run of that rule."""
     phase: ActPhase = ""
-    """Of an act that runs. Of one that has failed: whether it is repeated by itself, after a pause that has begun or
-    that begins when the robot is back."""
+    """A running act's phase; for a failed one, whether it is in the pause before an automatic repetition, or waits for
+    the robot before that."""
     speaking: bool = False
     interfered: bool = False
-    """Whether it cannot be repeated by itself any more, because of who has ended an action of it."""
+    """Whether it cannot be repeated automatically any more, because of who has ended one of its actions."""
 
 
 class Countdown(NamedTuple):
-    """A timer that runs."""
+    """A running timer."""
 
     purpose: str
-    """As `TimerTarget.purpose`: after, keep, filler or repeat."""
+    """Like `TimerTarget.purpose`: after, keep, filler or repeat."""
     owner: str
     """The rule, the kept event's topic, or the failed act."""
     transition: int
-    """Index of the transition, for `after`; of the act among those asked about, for `repeat`."""
+    """Index of the transition for `after`; index among the failed acts for `repeat`."""
     length: int
     """Milliseconds from its beginning to its end."""
 
@@ -84,13 +83,13 @@ class Situation(NamedTuple):
     running: tuple[ActTask, ...]
     asked: tuple[ActTask, ...]
     countdowns: tuple[Countdown, ...]
-    """In the order in which they were set, where that is to be told apart; else in an order of their own."""
+    """In the order in which they were set, if that matters; otherwise in a fixed order."""
     kept: tuple[str, ...]
     """The topics of kept events, the oldest first."""
     memory: tuple[bytes | None, ...]
-    """The values of the keys that matter, as JSON; null: there is none."""
+    """The values of the keys that matter, as JSON; None: there is no value."""
     faults_left: int
-    """How many more things may go wrong on this way: an act fails, the robot is lost, everything is stopped."""
+    """How many more things may go wrong: an act fails, the robot is lost, everything is stopped."""
     stop: StopStatus
     robot_lost: bool
     cue_open: bool
@@ -104,7 +103,7 @@ class _SituationKernel(Kernel):
 
 
 class SituationKernel:
-    """One kernel that is put into situations, one after the other."""
+    """One kernel that is put into one situation after the other."""
 
     def __init__(
         self,
@@ -115,15 +114,15 @@ class SituationKernel:
         *,
         in_order: bool,
     ) -> None:
-        """A kernel that is in no situation yet.
+        """Make a kernel that is in no situation yet.
 
         Arguments:
             scenario: what the kernel runs.
             keys: the memory keys that matter (`keys_that_matter`).
-            traits: of each act.
-            follows_failures: the acts about whose failure somebody may be asked; of others it is not told apart which
-                run of a rule has started them.
-            in_order: whether it is to be told apart in which order timers were set, because no clocks tell it.
+            traits: the traits of each act.
+            follows_failures: the acts whose failure may need an answer; for others it does not matter which run of a
+                rule has started them.
+            in_order: whether the order in which timers were set matters, because there are no clocks.
         """
         self.scenario = scenario
         self.keys = tuple(keys)
@@ -144,13 +143,13 @@ class SituationKernel:
         self._follows_failures = follows_failures
         self._last_attempt = {name: scenario.failure_policy(name).times + 1 for name in scenario.acts}
         self._session_parts = parts_of_session_read(scenario) | set(SESSION_STATES) if scenario.reads_session else None
-        """What of `session` is told apart; null: it is not kept."""
+        """The parts of `session` that matter; None: the memory has no `session`."""
         self._follows_fillers = scenario.fillers.auto_after is not None
 
     # --- put ---
 
     def put(self, situation: Situation) -> None:
-        """Bring the kernel into a situation. The clocks are not part of it: all timers begin now."""
+        """Bring the kernel into a situation. It contains no clocks: all timers begin now."""
         core, kernel = self.core, self.kernel
         core.t = 0.0
         core.macrostep += 1
@@ -186,7 +185,7 @@ class SituationKernel:
                 memory[key] = decoded[value]
 
     def _put_rules(self, situation: Situation) -> dict[str, RuleRun]:
-        """All rules, without their timers and acts."""
+        """Put all rules, without their timers and acts."""
         stack = self.kernel.rules.stack
         for run in stack.values():
             remove_from_lists(run, run.state.watch_lists)
@@ -209,8 +208,7 @@ class SituationKernel:
 
     @staticmethod
     def _first_rule_task(situation: Situation) -> int:
-        """Tasks are numbered so that what a rule has started itself comes after the rule, and everything else before
-        all rules."""
+        """Return the number of the first rule's task: a rule's own tasks come after it, all others before the rules."""
         return 1 + len(situation.waiting) + len(situation.running) + len(situation.asked)
 
     def _put_countdowns(self, situation: Situation, runs: dict[str, RuleRun]) -> dict[str, int]:
@@ -292,10 +290,10 @@ class SituationKernel:
     # --- read ---
 
     def read(self, faults_left: int) -> tuple[Situation, tuple[int, ...], tuple[int, ...]]:
-        """The situation that the kernel is in. Between inputs.
+        """Return the situation that the kernel is in, between inputs.
 
-        Returns it, and what its clocks belong to: the tasks of the running acts and the numbers of the timers, each in
-        the order in which they stand in the situation.
+        Also return the owners of its clocks: the tasks of the running acts and the numbers of the timers, each in the
+        order of the situation.
         """
         kernel, core = self.kernel, self.core
         stack = kernel.rules.stack
@@ -337,7 +335,7 @@ class SituationKernel:
         return situation, tuple(runs), timers
 
     def _read_memory(self, session_parts: frozenset[str]) -> tuple[bytes | None, ...]:
-        """The memory's values, of `session` only these parts."""
+        """Read the memory's values, and only these parts of `session`."""
         memory, encode = self.core.memory, msgspec.json.encode
         session = {name: value for name, value in memory[SESSION].items() if name in session_parts}
         seen = ChainMap({SESSION: session}, memory)
@@ -354,7 +352,7 @@ class SituationKernel:
         numbers, countdowns = [], []
         for number, target in sorted(core.timers.items()):
             if target.purpose == "stop":
-                continue  # whether the robot confirms in time or not: afterwards everything is stopped
+                continue  # everything is stopped afterwards, whether the robot confirms in time or not
             owner, item = target.owner, 0
             if target.purpose == "after":
                 item = int(target.item)

@@ -1,4 +1,4 @@
-"""What was explored, made ready to be asked: which situations lead where, backwards and forwards."""
+"""The graph of explored situations, prepared for queries: which situations lead where, forwards and backwards."""
 
 from __future__ import annotations
 
@@ -19,49 +19,48 @@ from rise_engine.scenario.model import Scenario, SourceLocation
 # --- findings ---------------------------------------------------------------------------------------------------------
 
 FindingLevel: TypeAlias = Literal["problem", "warning", "remark"]
-"""problem: a session can go wrong; warning: it should be looked at; remark: good to know."""
+"""problem: a session can go wrong; warning: look at it; remark: good to know."""
 
 
 _NAMED = 4
-"""So many states are named in a sentence."""
+"""Maximum number of states that a sentence names."""
 
 
 class ExploreFinding(Struct, frozen=True, kw_only=True):
-    """Something that exploring has found."""
+    """A finding of exploring."""
 
     kind: str
     """A word for programs: `dead-end`, `no-end`, `never-taken`, ... (docs/reference/explore.md)."""
     level: FindingLevel
     text: str
-    """The sentence."""
     location: SourceLocation | None = None
-    """Where in the study's files it is about."""
+    """The place in the study's files that it is about."""
     rule: str = ""
     state: str = ""
     act: str = ""
     key: str = ""
     path: Path | None = None
-    """How a session comes there, shortest first; null: there is no single way to show."""
+    """How a session gets there, the shortest path; None: no single path shows it."""
 
 
 def some_states(states: Iterable[str]) -> str:
-    """The first few of these states, and how many more there are."""
+    """Name the first few of these states, and how many more there are."""
     names = list(states)
     more = len(names) - _NAMED
     return " or ".join(names) if more <= 0 else f"{', '.join(names[:_NAMED])} or {more} other states"
 
 
 class Explored:
-    """A space that has been explored, and what the questions share."""
+    """An explored space, with what its queries share."""
 
     def __init__(self, space: Space) -> None:
         self.space = space
         self.scenario: Scenario = space.stepper.scenario
         self.end = space.stepper.end
-        """The rule whose end is the study's."""
+        """The rule that ends the study."""
         self.situations: list[Situation] = space.situations
         self.bits = {name: 1 << number for number, name in enumerate(self.scenario.rules, 1)}
-        """Of each rule, its bit in `FollowedMove.moved`."""
+        """For each rule, its bit in `FollowedMove.moved`."""
 
         self._stuck: dict[str, list[Number]] = {}
 
@@ -71,8 +70,7 @@ class Explored:
 
     @cached_property
     def unknown(self) -> set[Number]:
-        """The situations of which not everything that follows was looked at. That one more event is kept does not
-        count: it could as well come when a rule waits for it."""
+        """The situations with unexplored successors, apart from more kept events: those could come later as well."""
         return {number for number, why in self.space.beyond.items() if why - {"kept"}} | set(self.space.pending)
 
     @cached_property
@@ -82,11 +80,11 @@ class Explored:
 
     @property
     def has_bounds(self) -> bool:
-        """Whether something lies beyond what was looked at."""
+        """Whether the bounds left something unexplored."""
         return bool(self.unknown)
 
     def stuck(self, rule: str) -> list[Number]:
-        """The situations in which a rule runs that nothing planned can move any more."""
+        """Return the situations in which a rule runs that nothing planned can move any more."""
         if rule not in self._stuck:
             running = [number for number in range(len(self.situations)) if self.state_of(rule, number) is not None]
             able = self.with_moved(self.bits[rule])
@@ -96,18 +94,18 @@ class Explored:
         return self._stuck[rule]
 
     def state_of(self, rule: str, number: Number) -> str | None:
-        """The state of a rule in a situation; null: it does not run."""
+        """Return the state of a rule in a situation; None: it does not run."""
         for standing in self.situations[number].rules:
             if standing.name == rule:
                 return standing.state
         return None
 
     def facts(self, kind: str) -> Iterator[Fact]:
-        """What was seen of this kind, the first first."""
+        """Return the facts of this kind, the earliest first."""
         return (fact for fact in self.space.facts if fact[0] == kind)
 
     def with_moved(self, bits: int, *, mishaps: bool = False) -> set[Number]:
-        """The situations with a move that lets one of these rules move; `mishaps`: also if it is one."""
+        """Return the situations with a move that lets one of these rules move; `mishaps`: including mishaps."""
         moves = self.space.moves
         found = set()
         for number, edges in enumerate(self.space.edges):
@@ -120,8 +118,7 @@ class Explored:
     def reaching(
         self, goals: Iterable[Number], allowed: Callable[[Move], bool], avoiding: Container[Number] = ()
     ) -> set[Number]:
-        """The situations from which one of the goals can be reached by moves that are allowed, the goals among them;
-        not by way of those to be avoided."""
+        """Return the situations that can reach a goal by allowed moves, including the goals, without those to avoid."""
         allows = [allowed(move) for move in self.space.moves]
         found = set(goals)
         pending = list(found)
@@ -136,7 +133,7 @@ class Explored:
         return found
 
     def reachable_from(self, number: Number) -> set[Number]:
-        """The situations that can follow one, itself among them."""
+        """Return the situations that can follow one, including itself."""
         if number not in self._after:
             found = {number}
             pending = [number]
@@ -155,7 +152,7 @@ class Explored:
 
     @cached_property
     def _before(self) -> list[array[int]]:
-        """Of each situation: move and situation that lead to it, one after the other."""
+        """For each situation, the moves and situations that lead to it, alternating."""
         before = [array("q") for _ in self.situations]
         for number, edges in enumerate(self.space.edges):
             for at in range(0, len(edges), 3):
@@ -165,5 +162,5 @@ class Explored:
 
 
 def is_planned(move: Move) -> bool:
-    """Whether a move is nothing that goes wrong."""
+    """Return whether a move is not a mishap."""
     return not move.is_mishap

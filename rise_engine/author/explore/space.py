@@ -1,4 +1,4 @@
-"""All situations that a scenario can come into, breadth first."""
+"""All situations that a scenario can reach, breadth first."""
 
 from __future__ import annotations
 
@@ -14,13 +14,13 @@ from rise_engine.author.explore.zones import NO_CLOCKS, Zone, hull, includes, wi
 from rise_engine.kernel.inputs import SessionStarted
 
 Number: TypeAlias = int
-"""Of a situation, in the order in which they were found."""
+"""The number of a situation, in the order of discovery."""
 GROWTHS = 3
-"""How often the times of a situation grow before what grows is taken to be as large as it can ever be."""
+"""How often a situation's times grow before growing bounds become as large as possible."""
 MOST_KEPT = 20
-"""So many steps are kept of each act that would have waited once more."""
+"""Number of steps kept for each act that would have waited once more."""
 MAX_GROWTHS = 20
-"""How often they grow before they are taken for all times that are possible at all."""
+"""How often they grow before they become all possible times."""
 
 
 class Space:
@@ -32,44 +32,43 @@ class Space:
         self.numbers: dict[Situation, Number] = {}
         self.zones: list[Zone] = []
         self.moves: list[Move] = []
-        """Every move that was met, by its number."""
+        """Every move found so far, by its number."""
         self.edges: list[array[int]] = []
-        """Of each situation, one after the other: move, situation that it leads to, and which rules moved
-        (`FollowedMove.moved`)."""
+        """For each situation, its steps in a row: move, next situation, rules that moved (`FollowedMove.moved`)."""
         self.beyond: dict[Number, frozenset[str]] = {}
-        """The situations that have a step which was not followed, and why."""
+        """The situations with a step that was not followed, and why."""
         self.keys_beyond: dict[Number, frozenset[str]] = {}
         """The keys of steps that were not followed."""
         self.beyond_steps: list[tuple[Number, Move, Situation]] = []
-        """Steps that were not followed because one more of the same act would have waited, some of each act."""
+        """Steps that were not followed because the same act would have waited once more; some for each act."""
         self.facts: dict[Fact, tuple[Number, Move, Situation]] = {}
-        """What was seen to happen: in which situation first, by which move, and what it led to."""
+        """The observed facts: the first situation, the move, and the situation after it."""
         self.beginnings: list[Number] = []
         """The situations in which sessions begin."""
         self._begun: dict[Number, SessionStarted] = {}
         self.complete = False
-        """Whether all situations within the bounds were looked at."""
+        """Whether all situations within the bounds were explored."""
         self._move_numbers: dict[Move, int] = {}
         self._shared_sets: dict[frozenset[str], frozenset[str]] = {}
         self._kept_steps: Counter[tuple[str, str]] = Counter()
         self._values: list[set[bytes | None]] = [set() for _ in stepper.kernel.keys]
         self._growths: Counter[Number] = Counter()
         self.pending: deque[Number] = deque()
-        """The situations that have still to be looked at."""
+        """The situations that are not explored yet."""
         self._is_pending: set[Number] = set()
 
     def begin(self) -> None:
-        """Take in the situations in which sessions begin."""
+        """Add the situations in which sessions begin."""
         for begun, situation in zip(self.stepper.beginnings, self.stepper.begin(), strict=True):
             self._begun.setdefault(self._number(situation, NO_CLOCKS), begun)
         self.beginnings = sorted(self._begun)
 
     def begun_in(self, beginning: Number) -> SessionStarted:
-        """A session that begins in this situation."""
+        """Return a session that begins in this situation."""
         return self._begun[beginning]
 
     def explore(self, go_on: Callable[[], bool] = lambda: True) -> None:
-        """Look at all situations. `go_on` is asked before each; when it says no, what was found so far stands."""
+        """Explore all situations. `go_on` is called before each; if it returns false, the results so far remain."""
         most = self.stepper.bounds.situations
         while self.pending:
             if len(self.situations) > most or not go_on():
@@ -80,7 +79,7 @@ class Space:
         self.complete = True
 
     def take_pending(self, most: int) -> list[tuple[Number, Situation, Zone]]:
-        """Some of the situations that have still to be looked at; whoever takes them looks at them."""
+        """Take some unexplored situations; the caller explores them."""
         taken: list[tuple[Number, Situation, Zone]] = []
         while self.pending and len(taken) < most:
             number = self.pending.popleft()
@@ -89,12 +88,12 @@ class Space:
         return taken
 
     def put_back(self, numbers: Iterable[Number]) -> None:
-        """These have still to be looked at after all."""
+        """Return situations that were taken and not explored."""
         for number in numbers:
             self._enqueue(number)
 
     def take(self, number: Number, steps: Iterable[FollowedMove]) -> None:
-        """Take in what follows a situation."""
+        """Add the steps from a situation."""
         edges = array("q")
         seen = set()
         for step in steps:
@@ -124,7 +123,7 @@ class Space:
         self.edges[number] = edges
 
     def _note(self, where: dict[Number, frozenset[str]], number: Number, what: str) -> None:
-        """Add to a set of few that hundreds of thousands of situations share."""
+        """Add to a set; hundreds of thousands of situations share these few sets."""
         before = where.get(number, _NOTHING)
         if what not in before:
             together = before | {what}
@@ -137,7 +136,7 @@ class Space:
             self.beyond_steps.append((number, step.move, step.situation))
 
     def _has_too_many_values(self, situation: Situation) -> bool:
-        """Whether a memory key has come to more values than are followed."""
+        """Return whether a memory key has more values than are followed."""
         for known, value in zip(self._values, situation.memory, strict=True):
             if value not in known:
                 if len(known) >= self.stepper.bounds.values:
@@ -146,7 +145,7 @@ class Space:
         return False
 
     def _number(self, situation: Situation, zone: Zone) -> Number:
-        """The number of a situation, in which it can come with these times."""
+        """Return the number of a situation, and add these times to it."""
         number = self.numbers.get(situation)
         if number is None:
             number = self.numbers[situation] = len(self.situations)
@@ -173,7 +172,7 @@ class Space:
             self.pending.append(number)
 
     def steps_from(self, number: Number) -> Iterator[tuple[Move, Number, int]]:
-        """The steps that lead away from a situation."""
+        """Yield the steps from a situation."""
         edges = self.edges[number]
         for at in range(0, len(edges), 3):
             yield self.moves[edges[at]], edges[at + 1], edges[at + 2]

@@ -1,4 +1,4 @@
-"""One step: what can follow a situation, by way of the kernel."""
+"""One step of exploring: the kernel computes what can follow a situation."""
 
 from __future__ import annotations
 
@@ -27,32 +27,32 @@ from rise_engine.kernel.records import (
 from rise_engine.scenario.model import Scenario
 
 Fact: TypeAlias = tuple[Any, ...]
-"""Something that was seen to happen: what kind of thing (`Stepper`), and to whom."""
+"""Something observed: its kind (`Stepper`), and what it is about."""
 END_BIT = 0
 """In `FollowedMove.moved`: the study's end was reached."""
 
 
 class FollowedMove(NamedTuple):
-    """What one move leads to."""
+    """The result of one move."""
 
     move: Move
     situation: Situation
     zone: Zone
     moved: int
-    """Which rules have taken a step, as bits: that of a rule is its number in the scenario plus 1."""
+    """The rules that have taken a step, as bits; a rule's bit is its number in the scenario plus 1."""
     facts: tuple[Fact, ...]
-    """What is seen in it for the first time."""
+    """The facts first observed in it."""
     beyond: str
     """Why it is not followed: `line`, `beside`, `asked`, `kept`, `values` or `chance`; empty: it is."""
 
 
 class Stepper:
-    """Finds what can follow a situation.
+    """Finder of what can follow a situation.
 
-    The facts that it tells of: `("transition", rule, state, index)`, `("state", rule, state)`, `("act", name)`,
-    `("ended", rule, state)`, `("faulted", rule, reason)`, `("cut off", act, reason)`, `("missing", key, text)`,
-    `("error", text, problem)`, `("two at once", act, act)`, `("out of step", rule, state, act)`,
-    `("in line", act, source)`, `("failure matters", act, source)` and `("failure alike", act, source)`.
+    It reports these facts: `("transition", rule, state, index)`, `("state", rule, state)`, `("act", name)`, `("ended",
+    rule, state)`, `("faulted", rule, reason)`, `("cut off", act, reason)`, `("missing", key, text, rule)`, `("error",
+    text, problem, rule)`, `("note", text)`, `("two at once", act, act)`, `("in line", act, source)`, `("out of step",
+    rule, state, act)`, `("failure matters", act, source)` and `("failure alike", act, source)`.
     """
 
     def __init__(
@@ -63,8 +63,10 @@ class Stepper:
         end: str,
         properties: Sequence[Expression] = (),
     ) -> None:
-        """`beginnings`: the sessions that are looked at, one for each condition; `end`: the rule that ends the study;
-        `properties`: conditions that will be asked of the situations."""
+        """:param beginnings: the sessions to explore, one for each condition.
+        :param end: the rule that ends the study.
+        :param properties: conditions that will be evaluated in the situations.
+        """
         self.scenario = scenario
         self.bounds = bounds
         self.end = end
@@ -91,7 +93,7 @@ class Stepper:
         """How many inputs the kernel has handled."""
 
     def begin(self) -> list[Situation]:
-        """The situations in which sessions begin."""
+        """Return the situations in which sessions begin."""
         found = []
         for beginning in self.beginnings:
             fresh = SituationKernel(
@@ -104,7 +106,7 @@ class Stepper:
         return found
 
     def follow(self, situation: Situation, zone: Zone) -> Iterator[FollowedMove]:
-        """What can follow, each with the first facts that are seen in it. Steps that change nothing are left out."""
+        """Yield what can follow, with the facts first observed there. Steps that change nothing are left out."""
         kernel = self.kernel
         handle = kernel.kernel.handle
         decisions = kernel.decisions
@@ -155,7 +157,7 @@ class Stepper:
                     yield step
 
     def _changes_anything(self, records: list[AnyRecord]) -> bool:
-        """Whether an input has changed anything that matters, as far as its records tell."""
+        """Return whether an input has changed anything that matters, according to its records."""
         keys = self.kernel.keys
         for record in records:
             kind = type(record)
@@ -186,7 +188,7 @@ class Stepper:
         records: list[AnyRecord],
         when: Zone,
     ) -> FollowedMove:
-        """The step that the kernel has just taken."""
+        """Read the step that the kernel has just taken."""
         kernel, bounds = self.kernel, self.bounds
         faults_left = before.faults_left
         if (
@@ -241,11 +243,11 @@ class Stepper:
         if not clocks:
             return NO_CLOCKS
         if possibility.clock == 0 and clocks == [*range(1, first + had + 1)]:
-            return when  # nothing has begun and nothing ended: it can come at any of these times
+            return when  # nothing has begun or ended: it can come at any of these times
         return let_pass(carry(when, clocks), self.moves.limits(situation))
 
     def _facts(self, records: list[AnyRecord]) -> tuple[int, list[Fact]]:
-        """Which rules have moved, and what is to be told."""
+        """Return which rules have moved, and the facts."""
         moved = 0
         facts: list[Fact] = []
         for record in records:
@@ -281,7 +283,7 @@ class Stepper:
         return moved, facts
 
     def _look_at_rule(self, record: RuleRecord, facts: list[Fact]) -> int:
-        """Tell what a rule has done; returns its bit, and that of the end if it is reached."""
+        """Add the facts of a rule's record; return the rule's bit, and the end's bit if it is reached."""
         rule, status = record.name, record.status
         moved = self._bits[rule]
         if record.transition is not None:
@@ -299,14 +301,14 @@ class Stepper:
         return moved
 
     def _note_out_of_step(self, rule: str, record: RuleRecord, act: str, facts: list[Fact]) -> None:
-        """A rule has gone on at the end of an act: is another one of that name, asked for before, still to come?"""
+        """Note if a rule has gone on at the end of an act while an earlier request for the same act is still to end."""
         scheduler, last = self.kernel.kernel.scheduler, self.kernel.last_task
         going = [run.task for run in scheduler.runner.runs.values() if run.cancel_reason is None]
         if any(task.behavior == act and task.id <= last for task in (*scheduler.waiting, *going)):
             facts.append(("out of step", rule, record.previous, act))
 
     def _compare_failure(self, before: Situation, step: FollowedMove, succeeded: dict[int, Situation]) -> FollowedMove:
-        """Does it matter whether this act, which a rule has started, succeeds or fails?"""
+        """Compare whether it matters that this act, which a rule has started, succeeds or fails."""
         index, how = step.move.place, step.move.how
         act = before.running[index]
         if act.source == PERSON:
@@ -323,14 +325,13 @@ class Stepper:
 
 
 _HARMLESS = frozenset({"raiseEventTopic", "assignValue"})
-"""What these tasks change, other records tell."""
+"""Tasks whose changes other records show."""
 _START_ACT = "startCommunicationRobotAct"
 _CUT = ("interrupted by ", "stopped by rule:")
 
 
 def _comes_second(situation: Situation, zone: Zone, place: int) -> bool:
-    """Whether a timer of a rule is as long as one of an earlier way out of the same state, and was set with it: that
-    one is always first."""
+    """Return whether an equally long timer of an earlier transition, set with this one, always elapses first."""
     own = situation.countdowns[place]
     first = 1 + len(situation.running)
     return any(
@@ -343,12 +344,12 @@ def _comes_second(situation: Situation, zone: Zone, place: int) -> bool:
 
 
 def asks_again(situation: Situation) -> bool:
-    """Whether the act that waits last was asked for by a rule whose last act of this name is still to come."""
+    """Return whether the last waiting act was requested by a rule whose previous act of this name has not ended."""
     last = situation.waiting[-1]
     others = (*situation.waiting[:-1], *(act for act in situation.running if not _has_stopped(act)))
     return last.source != PERSON and any(act.name == last.name and act.source == last.source for act in others)
 
 
 def _has_stopped(act: ActTask) -> bool:
-    """Whether it is over but for the robot's word."""
+    """Return whether it is over except for the robot's confirmation."""
     return act.phase not in ("running", "doomed")

@@ -1,4 +1,4 @@
-"""What is never used, what does nothing, and what is read though nobody has set it."""
+"""Findings about what is never used, what has no effect, and what is read although nothing has set it."""
 
 from __future__ import annotations
 
@@ -17,11 +17,11 @@ from rise_engine.scenario.model import CUE_TOPICS, Rule, SourceLocation, Transit
 from rise_engine.scenario.part_checks import find_missing_parts as find_missing_parts_of_act
 
 NOT_RUNNING = "(not running)"
-"""Stands for the state of a rule that does not run, in `keys_by_state`."""
+"""The state in `keys_by_state` of a rule that does not run."""
 
 
 def find_unused(explored: Explored) -> Iterator[ExploreFinding]:
-    """Rules, states, ways out of states, and acts that are in no session."""
+    """Find rules, states, transitions and acts that no session uses."""
     scenario = explored.scenario
     entered = {(fact[1], fact[2]) for fact in explored.facts("state")}
     taken = {(fact[1], fact[2], fact[3]) for fact in explored.facts("transition")}
@@ -89,7 +89,7 @@ def find_unused(explored: Explored) -> Iterator[ExploreFinding]:
 
 
 def _is_for_faults(transition: Transition) -> bool:
-    """Whether a way out is for an act that was not done."""
+    """Return whether a transition is for an act that did not succeed."""
     return transition.ended is not None and transition.outcomes != ("succeeded",)
 
 
@@ -99,8 +99,7 @@ def _transition_text(transition: Transition) -> str:
 
 
 def keys_by_state(explored: Explored) -> dict[str, dict[str, str]]:
-    """For each state of the study's main rule and each key, whether the key does something there: always, sometimes
-    or never."""
+    """Compute for each state of the main rule whether each key does something there: always, sometimes or never."""
     keys = [name for name, key in explored.space.stepper.moves.keys.items() if _is_followed(key.function)]
     counts: Counter[str] = Counter()
     effective: Counter[tuple[str, str]] = Counter()
@@ -128,7 +127,7 @@ def keys_by_state(explored: Explored) -> dict[str, dict[str, str]]:
 
 
 def find_idle_keys(explored: Explored, by_state: dict[str, dict[str, str]]) -> Iterator[ExploreFinding]:
-    """Keys that nowhere do anything."""
+    """Find keys that never do anything."""
     keys = next(iter(by_state.values()), {})
     matter = {key.partition(".")[0] for key in explored.space.stepper.kernel.keys}
     spoken = {key.partition(".")[0] for act in explored.scenario.acts.values() for key in keys_read(act)}
@@ -138,9 +137,9 @@ def find_idle_keys(explored: Explored, by_state: dict[str, dict[str, str]]) -> I
             if key.function == "assignValue":
                 sets = _keys_set(key.behavior)
                 if sets & spoken or not sets & matter:
-                    continue  # acts say it, or nothing reads it: it is a note for the record
+                    continue  # an act says it, or nothing reads it: it is a note for the record
             if key.function == "raiseEventTopic" and normal_topic(key.behavior) not in explored.scenario.topics:
-                continue  # `check` says that no rule waits for it; it is in the record
+                continue  # `check` reports that no rule waits for it; it is in the record
             title = f" ({key.title})" if key.title else ""
             yield ExploreFinding(
                 kind="idle-key",
@@ -152,8 +151,7 @@ def find_idle_keys(explored: Explored, by_state: dict[str, dict[str, str]]) -> I
 
 
 def find_lost_keys(explored: Explored) -> Iterator[ExploreFinding]:
-    """Events of keys, and the participant's cue, that come to nothing when somebody is early: nobody waits for them,
-    and with the next thing that happens by itself a rule does."""
+    """Find events of keys, and the cue, that are lost when they come early: just before a rule waits for them."""
     for name, key in explored.space.stepper.moves.keys.items():
         if key.function == "raiseEventTopic" and key.keep is None:
             title = f" ({key.title})" if key.title else ""
@@ -163,7 +161,7 @@ def find_lost_keys(explored: Explored) -> Iterator[ExploreFinding]:
 
 
 def _lost(explored: Explored, pressed: Move, what: str, topic: str) -> Iterator[ExploreFinding]:
-    """The finding about one key or cue that raises this event, if it can be lost."""
+    """Return the finding about one key or cue that raises this event, if it can be lost."""
     rules = [
         rule
         for rule in explored.scenario.rules.values()
@@ -215,7 +213,7 @@ def _keys_set(text: str) -> set[str]:
 
 
 def find_missing_values(explored: Explored) -> Iterator[ExploreFinding]:
-    """Conditions that read keys which the memory does not have then, or that cannot be worked out."""
+    """Find conditions that read keys without a value, or that cannot be evaluated."""
     told: set[tuple[str, str]] = set()
     for fact in explored.facts("missing"):
         _, key, text, rule = fact
@@ -244,8 +242,7 @@ def find_missing_values(explored: Explored) -> Iterator[ExploreFinding]:
 
 
 def find_missing_parts(explored: Explored) -> Iterator[ExploreFinding]:
-    """Acts that need a part of a value which can never be there, with what the session begins with. An index that the
-    study works out stands for any entry."""
+    """Find acts that need a part of a value that the session never has; a computed index stands for any entry."""
     scenario = explored.scenario
     changed = {assignment.key.partition(".")[0] for assignment in assignments_of(scenario)}
     told: set[tuple[str, str]] = set()
@@ -266,7 +263,7 @@ def find_missing_parts(explored: Explored) -> Iterator[ExploreFinding]:
 
 
 def _place_of(rule: Rule, text: str) -> SourceLocation:
-    """Where a condition stands, or else the rule."""
+    """Return the place of a condition, or else of the rule."""
     for state in rule.states.values():
         for transition in state.transitions:
             if any(each is not None and each.text == text for each in (transition.condition, transition.held)):
@@ -279,7 +276,7 @@ def _is_followed(function: str) -> bool:
 
 
 def _within(explored: Explored) -> str:
-    """What has to be said with a "never"."""
+    """Return the qualification of a "never"."""
     faults = explored.space.stepper.bounds.faults
     wrong = (
         "when nothing goes wrong" if not faults else f"when at most {pluralize(faults, 'thing')} {_goes(faults)} wrong"

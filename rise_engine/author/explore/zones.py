@@ -1,9 +1,9 @@
-"""Time: which clocks can show what at once, as difference bound matrices.
+"""Time: the possible readings of several clocks at once, as difference bound matrices.
 
-Each thing that is under way (an act, a timer) has a clock that began when it began. A zone says for each two clocks how
-far the one can be ahead of the other; clock 0 always shows 0, so that row and column 0 are the bounds of a clock
-itself. (D. Dill, Timing assumptions and verification of finite-state concurrent systems, 1989; what UPPAAL does.)
-All of it in whole milliseconds. Zones are kept closed: no bound could be lower without losing a time.
+Each act or timer that is under way has a clock that began with it. For each pair of clocks, a zone limits how far one
+can be ahead of the other. Clock 0 always shows 0, so that row and column 0 are the bounds of a single clock. All values
+are whole milliseconds. Zones are kept closed: no bound could be lower without losing a possible time. Source: D. Dill,
+Timing assumptions and verification of finite-state concurrent systems, 1989. UPPAAL does the same.
 """
 
 from __future__ import annotations
@@ -12,18 +12,18 @@ from collections.abc import Sequence
 from typing import TypeAlias
 
 Zone: TypeAlias = tuple[tuple[int, ...], ...]
-"""`zone[i][j]` is the largest that clock i less clock j can be, in ms."""
+"""`zone[i][j]` is the maximum of clock i minus clock j, in ms."""
 
 NO_CLOCKS: Zone = ((0,),)
 
 
 def narrow(zone: Zone, clock: int, least: int, most: int) -> Zone | None:
-    """The part of a zone in which a clock shows from `least` to `most`; null: there is none."""
+    """Return the part of a zone in which a clock shows from `least` to `most`; None: it is empty."""
     if zone[clock][0] < least or -zone[0][clock] > most:
         return None
     size = range(len(zone))
     if -zone[0][clock] < least:
-        to_clock = [zone[i][0] - least for i in size]  # i less clock, by way of 0
+        to_clock = [zone[i][0] - least for i in size]  # i minus clock, through 0
         from_clock = zone[clock]
         zone = tuple([tuple([min(row[j], to_clock[i] + from_clock[j]) for j in size]) for i, row in enumerate(zone)])
     if zone[clock][0] > most:
@@ -34,14 +34,14 @@ def narrow(zone: Zone, clock: int, least: int, most: int) -> Zone | None:
 
 
 def carry(zone: Zone, clocks: Sequence[int | None]) -> Zone:
-    """The zone of other clocks: each the one that had this number, or a new one, which begins at 0."""
+    """Return the zone of other clocks: each is the old clock of this number, or a new one, which begins at 0."""
     sources = [0, *[0 if clock is None else clock for clock in clocks]]
     rows = [zone[i] for i in sources]
     return tuple([tuple([row[j] for j in sources]) for row in rows])
 
 
 def let_pass(zone: Zone, limits: Sequence[int]) -> Zone:
-    """Let time pass, as long as no clock shows more than its limit."""
+    """Let time pass as long as no clock shows more than its limit."""
     from_zero = zone[0]
     passed = [from_zero]
     for row in zone[1:]:
@@ -52,25 +52,25 @@ def let_pass(zone: Zone, limits: Sequence[int]) -> Zone:
 
 
 def includes(large: Zone, small: Zone) -> bool:
-    """Whether all times of one zone are in another."""
+    """Return whether one zone contains all times of another."""
     return all(
         most >= bound for row, other in zip(large, small, strict=True) for most, bound in zip(row, other, strict=True)
     )
 
 
 def hull(one: Zone, other: Zone) -> Zone:
-    """The smallest zone that has both in it."""
+    """Return the smallest zone that contains both."""
     return tuple(tuple(map(max, row, also)) for row, also in zip(one, other, strict=True))
 
 
 def widen(known: Zone, zone: Zone, limits: Sequence[int]) -> Zone:
-    """A zone that has both in it, and in which each bound that grew is as large as it can ever be."""
+    """Return a zone that contains both, in which each bound that grew is as large as possible."""
     rows = [
         [largest if bound > before else before for before, bound, largest in zip(*rows, strict=True)]
         for rows in zip(known, zone, widest(limits), strict=True)
     ]
     size = range(len(rows))
-    for middle in size:  # closed again: R. Floyd, Algorithm 97: shortest path, 1962
+    for middle in size:  # close it: R. Floyd, Algorithm 97: shortest path, 1962
         through = rows[middle]
         for row in rows:
             ahead = row[middle]
@@ -81,6 +81,6 @@ def widen(known: Zone, zone: Zone, limits: Sequence[int]) -> Zone:
 
 
 def widest(limits: Sequence[int]) -> Zone:
-    """All times that are possible at all: each clock from 0 to its limit."""
+    """Return all possible times: each clock from 0 to its limit."""
     tops = [0, *limits]
     return tuple(tuple(0 if i == j else tops[i] for j in range(len(tops))) for i in range(len(tops)))

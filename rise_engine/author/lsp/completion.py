@@ -1,4 +1,4 @@
-"""What can be written at a place of a study's file, whatever is wrong with the rest of it."""
+"""Completion: what an author can write at a place of a study's file, whatever is wrong with the rest of the file."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ _TOML_TEXT = re.compile(r"""([\w-]+)\s*=\s*\[?\s*(?:["'][^"']*["']\s*,\s*)*["'](
 _TOML_RULE = re.compile(r"""\brule\s*=\s*["']([^"']*)["']""")
 _TOML_HEADER = re.compile(r"""^[ \t]*\[+[ \t]*([^\]\r\n#]*?)[ \t]*\]""", re.MULTILINE)
 _TOML_KEY = re.compile(r"(?:^|[{,])[ \t]*([\w-]*)\Z")
-"""A key that is being written, in a line of its own or in braces."""
+"""A key in progress, on a line of its own or in braces."""
 _TOML_CONDITION = re.compile(r"""=\s*(["'])((?:(?!\1)[^\\]|\\.)*)\Z""")
 _IN_TRIES = re.compile(r"\btries\s*=\s*\{(?:[^{}]*,)?[^{},=]*\Z")
 _ASKED_NAME = re.compile(r"""\b(in|rule|runs|waits)\s*\(\s*\\?["'](?:([^"'\\]*)\\?["']\s*,\s*\\?["'])?([^"'\\]*)\Z""")
@@ -57,7 +57,7 @@ _ATTRIBUTES = {
 
 
 class Proposal(Struct, frozen=True):
-    """Something that can be written."""
+    """A text that can be completed."""
 
     text: str
     kind: str
@@ -72,7 +72,7 @@ class _OpenElement(Struct, frozen=True):
 
 
 def proposals(checked: LoadResult, name: str, text: str, offset: int) -> tuple[int, list[Proposal]]:
-    """From where the text before `offset` is replaced, and by what."""
+    """Return where the text to replace before `offset` starts, and the proposals for it."""
     if name.lower().endswith(".toml"):
         start, found = _in_toml(checked, text[:offset])
     elif name.lower().endswith(".xml"):
@@ -84,7 +84,7 @@ def proposals(checked: LoadResult, name: str, text: str, offset: int) -> tuple[i
 
 
 def _is_being_written(checked: LoadResult, proposal: Proposal, place: SourceLocation) -> bool:
-    """Whether a memory key or an event is known only from the place at which it is just being typed."""
+    """Return whether a memory key or an event is known only from the place where it is being typed."""
     if proposal.kind not in ("key", "event"):
         return False
     name = proposal.text.removeprefix("/")
@@ -129,7 +129,7 @@ def _in_toml(checked: LoadResult, before: str) -> tuple[int, list[Proposal]]:
 
 
 def _in_explored(checked: LoadResult, table: str, line: str, end: int) -> tuple[int, list[Proposal]]:
-    """In `[explore]`, and in the tables of properties."""
+    """Complete in `[explore]` and in the tables of properties."""
     key = _TOML_KEY.search(line)
     if table == "explore":
         if _IN_TRIES.search(line) is not None and key is not None:
@@ -155,7 +155,7 @@ def _in_explored(checked: LoadResult, table: str, line: str, end: int) -> tuple[
     text = _TOML_CONDITION.search(line)
     if text is not None:
         inner = "'" if text.group(1) == '"' else '"'
-        if text.group(2).count(inner) % 2:  # within a text
+        if text.group(2).count(inner) % 2:  # inside a text
             return end, []
         functions = [Proposal(f"{each.name}(", "value", each.meaning) for each in SITUATION_SIGNATURES]
         return end - len(_word(text.group(2))), [*_keys(checked), *functions]
@@ -251,16 +251,16 @@ class _XmlPlace:
         return [Proposal(each, "element") for each in _CHILDREN.get(inside, ())]
 
     def enclosing(self, tag: str) -> str:
-        """The name of the act or rule around."""
+        """Return the name of the enclosing act or rule."""
         around = next((each for each in reversed(self.elements) if each.tag == tag), None)
-        if around is None:  # the start tag itself is being written
+        if around is None:  # its start tag is still being written
             around = _OpenElement(tag, self.before[self.before.rfind("<") :], 0)
         name = _NAME.search(around.attributes)
         return name.group(1).strip() if name else ""
 
 
 def _open_elements(before: str) -> Iterator[_OpenElement]:
-    """The elements that are not closed there, the outermost first."""
+    """Yield the elements that are open at the end, the outermost first."""
     elements: list[_OpenElement] = []
     for found in _TAG.finditer(before):
         closing, tag, attributes, empty = found.groups()

@@ -1,4 +1,4 @@
-"""The headers of messages, looked at before pygls does: it waits without a limit after one that it does not understand.
+"""A check of message headers before pygls reads them: after an invalid header, pygls waits without a limit.
 
 https://microsoft.github.io/language-server-protocol/specifications/lsp/3.17/specification/#headerPart
 """
@@ -15,14 +15,14 @@ _OTHER = re.compile(rb"(?!Content-Length)([A-Za-z-]+: .*)?\r\n")
 
 
 class CheckedHeaders:
-    """What an editor sends. Bodies are read with `read`, so each line is of a header."""
+    """The editor's messages. Bodies are read with `read`, so each line belongs to a header."""
 
     def __init__(self, stream: BinaryIO) -> None:
         self._stream = stream
         self.read = stream.read
 
     def readline(self) -> bytes:
-        """The next line of a header, as pygls asks for it; empty at the end. Raises ExchangeError."""
+        """Return the next header line, as pygls reads it; empty at the end. Raises ExchangeError."""
         line = self._stream.readline()
         if line.endswith(b"\n") and not (_LENGTH.fullmatch(line) or _OTHER.fullmatch(line)):
             shown = line[:80].decode(errors="replace").rstrip("\r\n")

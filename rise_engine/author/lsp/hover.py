@@ -1,4 +1,4 @@
-"""What is told about a thing under the mouse, or under the cursor."""
+"""The notes that an editor shows about the thing under the mouse or the cursor."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ _HEADER = re.compile(r"^[ \t]*\[[ \t]*([\w-]+)([^\]\n]*)\]", re.MULTILINE)
 
 
 def table_at(before: str) -> tuple[str, str]:
-    """The table in which a text ends, and what its header has behind the first name: `.a` of `[eventually.a]`.
+    """Return the table in which a text ends, and the rest of its header: `.a` of `[eventually.a]`.
 
     >>> table_at('[explore]\\nfaults = 1\\n[eventually."it ends"]\\nthen')
     ('eventually', '."it ends"')
@@ -30,7 +30,7 @@ def table_at(before: str) -> tuple[str, str]:
 
 
 def opened_text(line: str) -> int | None:
-    """Where in a line the text begins that is not closed at its end; null: there is none.
+    """Return where the text begins that is still open at the end of a line; None: there is none.
 
     >>> opened_text("a = \\"runs('R_"), opened_text("a = 'b' # \\"")
     (4, None)
@@ -66,7 +66,7 @@ _MEANINGS: Mapping[str, str] = {
 
 
 def explore_notes(text: str, offset: int) -> Iterator[str]:
-    """In Markdown, what is known of a place of scenario.toml besides the names there."""
+    """Yield notes in Markdown about a place of scenario.toml, apart from the names there."""
     start = text.rfind("\n", 0, offset) + 1
     line, column = text[start:].partition("\n")[0], offset - start
     if (header := _HEADER_LINE.match(line)) is not None and column <= header.end():
@@ -90,7 +90,7 @@ def explore_notes(text: str, offset: int) -> Iterator[str]:
 
 
 def _reading(written: str) -> Iterator[str]:
-    """How a condition is read."""
+    """Yield how the program reads a property's condition."""
     try:
         yield f"read as `{Expression.parse_property(written).with_all_brackets}`"
     except ExpressionError:
@@ -107,7 +107,7 @@ _MOST_TEXTS, _LONGEST = 4, 200
 
 
 def hover_text(study: ServedStudy, name: str, offset: int) -> str:
-    """In Markdown; empty: nothing."""
+    """Return the note in Markdown; empty: there is none."""
     source = study.source(name)
     if source is None:
         return ""
@@ -144,7 +144,7 @@ def _of_use(study: ServedStudy, use: Use) -> str:
 
 
 def _of_condition(written: str) -> str:
-    """How a condition is read."""
+    """Return how the program reads a rule's condition."""
     text = re.sub(r"&\w+;", lambda found: _ENTITIES.get(found.group(), found.group()), written)
     try:
         return f"read as `{Expression.parse(text).with_all_brackets}`"
@@ -153,7 +153,7 @@ def _of_condition(written: str) -> str:
 
 
 def _of_element(study: ServedStudy, tag: str) -> str:
-    """What an action or a parameter is for."""
+    """Return the purpose of an action or a parameter."""
     actions = study.checked.robot.actions
     if (spec := actions.get(tag)) is not None:
         return f"**{tag}**: {spec.help}" if spec.help else ""

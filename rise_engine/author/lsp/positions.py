@@ -1,7 +1,7 @@
-"""From offsets in a text to the places of the language server protocol, and back.
+"""Conversion between offsets in a text and positions of the language server protocol.
 
-https://microsoft.github.io/language-server-protocol/specifications/lsp/3.17/specification/#position: lines end with LF,
-CRLF or CR alone, columns count units of the encoding that client and server agree on.
+Lines end with LF, CRLF or CR alone. Columns count units of the encoding that client and server agree on. Source:
+https://microsoft.github.io/language-server-protocol/specifications/lsp/3.17/specification/#position
 """
 
 from __future__ import annotations
@@ -19,36 +19,36 @@ _WIDE: dict[PositionEncoding, re.Pattern[str]] = {
     "utf-16": re.compile("[\U00010000-\U0010ffff]"),
     "utf-32": re.compile("(?!)"),
 }
-"""Characters of more than one unit. Half characters, which no encoding has, count as `?`."""
+"""Characters of more than one unit. Lone surrogates, which no encoding has, count as `?`."""
 _UNIT_BYTES: dict[PositionEncoding, int] = {"utf-8": 1, "utf-16": 2, "utf-32": 4}
 
 
 class LinePlace(NamedTuple):
-    """A line, and units in it; both count from 0."""
+    """A line, and units in it; both from 0."""
 
     line: int
     units: int
 
 
 class TextPositions:
-    """The places of one text."""
+    """The positions in one text."""
 
     def __init__(self, text: str, encoding: PositionEncoding = "utf-16") -> None:
         self.text = text
         self._starts = [0, *(found.end() for found in _LINE_END.finditer(text))]
         wide = list(_WIDE[encoding].finditer(text))
         self._wide = [found.start() for found in wide]
-        """Where characters stand that take more than one unit; a file may be one line of megabytes."""
+        """Offsets of characters with more than one unit; a file may be one line of megabytes."""
         self._more = [
             0,
             *accumulate(len(found[0].encode(_CODECS[encoding])) // _UNIT_BYTES[encoding] - 1 for found in wide),
         ]
-        """The units beyond one that the first of them take, then the first two, ..."""
+        """The additional units of the first 0, 1, 2, ... of them."""
         self._codec = _CODECS[encoding]
         self._unit = _UNIT_BYTES[encoding]
 
     def place(self, offset: int) -> LinePlace:
-        """Where a character stands.
+        """Return the position of a character.
 
         >>> TextPositions("a\\r\\n😀x").place(4)
         LinePlace(line=1, units=2)
@@ -57,11 +57,11 @@ class TextPositions:
         return LinePlace(line, self._units(offset) - self._units(self._starts[line]))
 
     def _units(self, offset: int) -> int:
-        """From the text's beginning."""
+        """Return the units from the text's beginning."""
         return offset + self._more[bisect_left(self._wide, offset)]
 
     def offset(self, line: int, units: int) -> int:
-        """The reverse of `place`, kept within the text.
+        """Return the offset of a position, kept within the text.
 
         >>> TextPositions("a\\r\\n😀x").offset(1, 2)
         4

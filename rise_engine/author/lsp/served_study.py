@@ -1,4 +1,4 @@
-"""A study of which files are open in an editor: checked with what is not saved yet."""
+"""A study with files open in an editor, checked with their unsaved content."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ _FOLDERS_OF_PARTS = (*_FOLDERS, "tables", "patterns", "robots", "texts")
 
 
 def study_folder(file: Path) -> Path | None:
-    """The folder of the study that a file belongs to; None: it is none of a study's files.
+    """Return the folder of the study that a file belongs to; None: it is not one of a study's files.
 
     >>> study_folder(Path("scenarios/greeting/acts/greeting.xml")).name
     'greeting'
@@ -41,7 +41,7 @@ def study_folder(file: Path) -> Path | None:
 
 
 class ServedStudy:
-    """One study."""
+    """One study that the server serves."""
 
     def __init__(self, folder: Path) -> None:
         self.folder = folder
@@ -52,32 +52,32 @@ class ServedStudy:
         self._state: StudyState | None = None
 
     def name_of(self, path: Path) -> str:
-        """How findings name a file."""
+        """Return a file's name as diagnostics give it."""
         return path.relative_to(self.folder).as_posix() if path.is_relative_to(self.folder) else str(path)
 
     def hold(self, path: Path, text: str) -> None:
-        """A file has this text in the editor."""
+        """Take a file's text from the editor."""
         self.held[self.name_of(path)] = text.encode(errors="replace")
         self._checked = None
 
     def let_go(self, path: Path) -> None:
-        """A file is closed: what is on the disk counts."""
+        """Release a closed file: the content on the disk counts again."""
         self.held.pop(self.name_of(path), None)
         self._checked = None
 
     def forget(self) -> None:
-        """Something on the disk has changed."""
+        """Note that something on the disk has changed."""
         self._checked = None
 
     @property
     def checked(self) -> LoadResult:
-        """What the checks find."""
+        """The result of the study's check."""
         if self._checked is None:
             self._checked = self._checker.check(self.held)
         return self._checked
 
     def source(self, name: str) -> SourceFile | None:
-        """A file as it is now; None: it cannot be read."""
+        """Return a file in its present state; None: it cannot be read."""
         data = self.held.get(name)
         if data is None:
             try:
@@ -87,7 +87,7 @@ class ServedStudy:
         return SourceFile(name, data, data.decode("utf-8-sig", "replace"))
 
     def use_at(self, name: str, offset: int) -> Use | None:
-        """What is named at an offset of a file."""
+        """Return the use of a name at an offset of a file."""
         source = self.source(name)
         if source is None:
             return None
@@ -95,11 +95,11 @@ class ServedStudy:
         return self.checked.uses.at(name, place.line, place.column)
 
     def uses_like(self, use: Use) -> list[Use]:
-        """All uses of the same name, each place once."""
+        """Return all uses of the same name, each place once."""
         return list({each.place: each for each in reversed(self.checked.uses.of(use.kind, use.name))}.values())[::-1]
 
     def definitions(self, use: Use) -> list[Use]:
-        """What is called so. Of the end of an act, the act; of an event, where it is raised or awaited."""
+        """Return the definitions of a name: for an act's end, the act; for an event, where it is raised or awaited."""
         found = [each for each in self.uses_like(use) if each.defines and each.length]
         if not found and use.kind == "event":
             head, _, ending = use.name.rpartition("_")
@@ -109,26 +109,26 @@ class ServedStudy:
 
     @property
     def state(self) -> StudyState:
-        """What edits are planned on. Raises EditRefused: the folder cannot be read."""
+        """The state for planning edits. Raises EditRefused: the folder cannot be read."""
         if self._state is None or self._state.checked is not self.checked:
             files = self.files
             self._state = StudyState(files, self.checked, self.folder)
         return self._state
 
     def findings(self, name: str, start: int, end: int) -> list[Diagnostic]:
-        """The findings in a stretch of a file, also those that it only touches."""
+        """Return the diagnostics that overlap or touch a range of a file."""
         source = self.source(name)
         found = [each for each in self.checked.diagnostics if each.location.file == name and source is not None]
         return [each for each in found if source is not None and _touches(source, each, start, end)]
 
     def rename(self, use: Use, new: str) -> Plan:
-        """What gives a thing another name everywhere. Raises EditRefused."""
+        """Plan another name everywhere. Raises EditRefused."""
         return plan(Rename(use.kind, use.name, new), self.state)
 
     def remedies(self, finding: Diagnostic, *, with_new_files: bool) -> list[tuple[Remedy, Plan]]:
-        """What can be done about a finding, and what that changes.
+        """Return the remedies for a diagnostic, with their plans.
 
-        :param with_new_files: whether files may be made; else new parts stand in those that there are.
+        :param with_new_files: whether files may be made; if not, new parts go into existing files.
         """
         try:
             found = [(each, plan(each.edit, self.state)) for each in remedies(finding, self.state)]
@@ -144,16 +144,16 @@ class ServedStudy:
 
     @property
     def files(self) -> Files:
-        """All files of the study as they are now. Raises EditRefused."""
+        """All files of the study in their present state. Raises EditRefused."""
         return {**read_study_files(self.folder), **self.held}
 
     def formatted(self, name: str) -> str:
-        """A file in the usual layout. Raises EditRefused."""
+        """Return a file in the usual layout. Raises EditRefused."""
         return format_file(name, self.files).decode("utf-8-sig")
 
 
 def place_of(positions: TextPositions, source: SourceFile, location: SourceLocation) -> tuple[int, int]:
-    """A place of a finding as the protocol has it."""
+    """Return the place of a diagnostic in terms of the protocol."""
     return positions.place(source.offset(location.line, location.column))
 
 

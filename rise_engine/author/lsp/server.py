@@ -1,4 +1,4 @@
-"""The server: the protocol's requests answered from `ServedStudy`. It speaks over standard input and output.
+"""The language server: it answers requests from `ServedStudy` over standard input and output.
 
 https://microsoft.github.io/language-server-protocol/specifications/lsp/3.17/specification/
 """
@@ -34,12 +34,12 @@ _KINDS = {
 
 
 def _refusal(why: str) -> JsonRpcException:
-    """What cannot be done, said to the person at the editor."""
+    """Make a refusal for the person at the editor."""
     return JsonRpcException(why, lsp.LSPErrorCodes.RequestFailed.value)
 
 
 def make_server() -> StudyServer:
-    """The server with its answers."""
+    """Make the server with all its answers."""
     server = StudyServer()
     _follow_documents(server)
     _answer_about_names(server)
@@ -117,7 +117,7 @@ def _answer_about_names(server: StudyServer) -> None:
 
     @server.feature(lsp.TEXT_DOCUMENT_PREPARE_RENAME)
     def prepare_rename(params: lsp.PrepareRenameParams) -> lsp.PrepareRenamePlaceholder | None:
-        """Names have blanks, which editors take for the end of one."""
+        """Return a name's range: names contain blanks, where editors would end them."""
         found = server.use_at(params)
         place = server.place_of_use(*found) if found is not None else None
         if found is None or place is None:
@@ -152,7 +152,7 @@ def _answer_about_files(server: StudyServer) -> None:
         lsp.TEXT_DOCUMENT_CODE_ACTION, lsp.CodeActionOptions(code_action_kinds=[lsp.CodeActionKind.QuickFix])
     )
     def offer_remedies(params: lsp.CodeActionParams) -> list[lsp.CodeAction]:
-        """Of the findings that the place touches, whether or not the editor names them."""
+        """Offer remedies for all diagnostics that touch the place, whether or not the editor names them."""
         wanted, found = params.context.only, server.study_of(params.text_document.uri)
         is_wanted = wanted is None or any(_QUICK_FIX.startswith(str(getattr(each, "value", each))) for each in wanted)
         source = found[0].source(found[1]) if found is not None else None
@@ -185,14 +185,14 @@ def _answer_about_files(server: StudyServer) -> None:
         return [lsp.TextEdit(server.range_of(source, 0, len(source.text)), after)]
 
 
-# --- plans of edits as the protocol has them --------------------------------------------------------------------------
+# --- plans as edits of the protocol -----------------------------------------------------------------------------------
 
 
 _BEGINNING = lsp.Range(lsp.Position(0, 0), lsp.Position(0, 0))
 
 
 def workspace_edit(server: StudyServer, study: ServedStudy, plan: Plan) -> lsp.WorkspaceEdit | None:
-    """What a plan changes; None: it makes or deletes files, and the editor says that it cannot."""
+    """Return what a plan changes; None: it makes or deletes files, which the editor does not support."""
     changes: dict[str, list[lsp.TextEdit]] = {}
     steps: list[lsp.CreateFile | lsp.DeleteFile] = []
     for splice in plan.splices:
@@ -221,7 +221,7 @@ def workspace_edit(server: StudyServer, study: ServedStudy, plan: Plan) -> lsp.W
 
 
 def _rewritten(server: StudyServer, source: SourceFile, after: str) -> list[lsp.TextEdit]:
-    """The stretches in which a file differs, so that what is open keeps its marks and its place."""
+    """Return only the ranges that differ, so that an open file keeps its marks and its cursor."""
     return [
         lsp.TextEdit(server.range_of(source, each.start, each.end), each.text)
         for each in edits_between(source.text, after)
@@ -229,7 +229,7 @@ def _rewritten(server: StudyServer, source: SourceFile, after: str) -> list[lsp.
 
 
 def file_operations(server: StudyServer) -> set[str]:
-    """What the editor can do with files beside changing them: "create", "delete"."""
+    """Return the file operations that the editor supports in addition to changes: "create", "delete"."""
     workspace = server.client_capabilities.workspace
     edits = workspace.workspace_edit if workspace is not None else None
     known = edits is not None and edits.document_changes and edits.resource_operations

@@ -1,4 +1,4 @@
-"""The server as the editor's other side: open files, studies, places of the protocol, and diagnostics."""
+"""The server's state for an editor: open files, studies, positions of the protocol, and diagnostics."""
 
 from __future__ import annotations
 
@@ -26,15 +26,15 @@ from rise_engine.scenario.uses import Use
 
 
 class OpenFilesProtocol(LanguageServerProtocol):
-    """The protocol, for editors that mix up the order of what they say: the newest version of a file counts.
+    """The protocol, for editors that send messages in the wrong order: the newest version of a file counts.
 
-    Helix 25.01 sends quick changes in another order than that in which they were made, and of a file that a quick fix
-    has made first what is written into it, and then that it is open and empty. Each change has the whole text
-    (`TextDocumentSyncKind.Full`), so that a late one can be left out.
+    Helix 25.01 sends quick changes in the wrong order. For a file that a quick fix has made, it sends first the
+    content, and then that the file is open and empty. Each change has the whole text (`TextDocumentSyncKind.Full`), so
+    that a late one can be ignored.
     """
 
     def structure_message(self, data: dict[str, Any]) -> Any:
-        """As pygls, which says nothing to whoever waits for an answer to a request that it cannot read."""
+        """Parse a message like pygls, but also answer a request that cannot be read."""
         try:
             return super().structure_message(data)
         except JsonRpcException as error:
@@ -67,7 +67,7 @@ class OpenFilesProtocol(LanguageServerProtocol):
 
 
 SOURCE = "rise"
-"""Who says a finding, for editors."""
+"""The source of diagnostics that editors show."""
 _ENCODINGS: dict[str, PositionEncoding] = {
     lsp.PositionEncodingKind.Utf8: "utf-8",
     lsp.PositionEncodingKind.Utf16: "utf-16",
@@ -77,24 +77,24 @@ _ENCODINGS: dict[str, PositionEncoding] = {
 
 @lru_cache(maxsize=32)
 def _positions(text: str, encoding: PositionEncoding) -> TextPositions:
-    """Kept, since an answer asks for hundreds of places of a file."""
+    """Cache a text's positions, since an answer needs hundreds of them."""
     return TextPositions(text, encoding)
 
 
 class StudyServer(LanguageServer):
-    """A language server with the studies that files are open of."""
+    """A language server with the studies that have open files."""
 
     def __init__(self) -> None:
         whole = lsp.TextDocumentSyncKind.Full
         super().__init__("rise-engine", __version__, whole, protocol_cls=OpenFilesProtocol)
         self.studies: dict[Path, ServedStudy] = {}
         self.told: dict[Path, set[str]] = {}
-        """By study, the files of which the editor has findings."""
+        """By study, the files for which the editor has diagnostics."""
 
     # --- studies and places -------------------------------------------------------------------------------------------
 
     def study_of(self, uri: str) -> tuple[ServedStudy, str] | None:
-        """The study that a file belongs to, and the file's name in it; None: it is none of a study's files."""
+        """Return a file's study, and its name in it; None: it is not one of a study's files."""
         written = uris.to_fs_path(uri)
         if written is None:
             return None
@@ -109,7 +109,7 @@ class StudyServer(LanguageServer):
         return _positions(source.text, _ENCODINGS[self.workspace.position_encoding or lsp.PositionEncodingKind.Utf16])
 
     def range_of(self, source: SourceFile, start: int, end: int) -> lsp.Range:
-        """A stretch of a file's text."""
+        """Return the range of a part of a file's text."""
         positions = self.positions(source)
         return lsp.Range(lsp.Position(*positions.place(start)), lsp.Position(*positions.place(end)))
 
@@ -124,7 +124,7 @@ class StudyServer(LanguageServer):
         return uris.from_fs_path(str(study.folder / name)) or ""
 
     def at(self, params: Any) -> tuple[ServedStudy, str, SourceFile, int] | None:
-        """Study, file, and the offset that a request is about."""
+        """Return the study, the file, and the offset that a request is about."""
         found = self.study_of(params.text_document.uri)
         source = found[0].source(found[1]) if found is not None else None
         if found is None or source is None:
@@ -140,7 +140,7 @@ class StudyServer(LanguageServer):
     # --- findings -----------------------------------------------------------------------------------------------------
 
     def tell(self, study: ServedStudy) -> None:
-        """Send the findings of a study; files that have none any more are told so."""
+        """Send the diagnostics of a study, with an empty list for each file that has none any more."""
         by_file: dict[str, list[Diagnostic]] = {name: [] for name in study.held}
         for found in study.checked.diagnostics:
             by_file.setdefault(found.location.file, []).append(found)

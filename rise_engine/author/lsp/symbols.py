@@ -1,4 +1,4 @@
-"""What is in a file: acts, rules and their states, for outlines of editors."""
+"""The acts, rules and states of a file, for an editor's outline."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from rise_engine.scenario.uses import UsedKind
 
 
 def file_symbols(server: StudyServer, study: ServedStudy, name: str, source: SourceFile) -> list[lsp.DocumentSymbol]:
-    """The acts and rules of a file, in its order; the states of a rule below it."""
+    """Return the acts and rules of a file, in its order, with the states of a rule below it."""
     return _FileSymbols(server, study, name, source).find()
 
 
@@ -56,7 +56,7 @@ class _FileSymbols:
 
 
 def _spans(study: ServedStudy, name: str) -> dict[tuple[str, str], tuple[int, int]]:
-    """From where to where acts, rules and states stand in a file: by that an editor knows in which the cursor is."""
+    """Return where acts, rules and states are in a file, so that an editor finds the one at the cursor."""
     try:
         outline = study.state.outline
     except EditRefused:  # the folder cannot be read

@@ -1,4 +1,4 @@
-"""Tables of texts as CSV: RFC 4180 in UTF-8 with a byte order mark, as Excel wants it."""
+"""Tables of texts as CSV: RFC 4180 in UTF-8 with a byte order mark, as Excel expects it."""
 
 from __future__ import annotations
 
@@ -15,9 +15,9 @@ _LARGEST_CELL = 1_000_000
 
 
 def write_csv(table: TextTable, separator: str = "") -> bytes:
-    """The table as a file.
+    """Write the table as a file.
 
-    :param separator: what stands between cells; without it what a spreadsheet expects here (`usual_separator`).
+    :param separator: between cells; empty: the one that a spreadsheet expects here (`usual_separator`).
     """
     stream = io.StringIO(newline="")
     writer = csv.writer(stream, delimiter=separator or usual_separator(), lineterminator="\r\n")
@@ -27,7 +27,7 @@ def write_csv(table: TextTable, separator: str = "") -> bytes:
 
 
 def usual_separator() -> str:
-    """`;` where numbers are written with a comma, as spreadsheets of those languages have it; else `,`."""
+    """Return `;` where the locale writes a decimal comma, as spreadsheets do; otherwise `,`."""
     before = locale.setlocale(locale.LC_NUMERIC)
     try:
         with suppress(locale.Error):
@@ -38,9 +38,9 @@ def usual_separator() -> str:
 
 
 def read_csv(data: bytes) -> ReadTable:
-    """A file, as whatever program has saved it: with any of the usual separators, in UTF-8 or UTF-16.
+    """Read a file from any program, with any of the usual separators, in UTF-8 or UTF-16.
 
-    :raises ExchangeError: it is in another encoding, or is no table.
+    :raises ExchangeError: it has another encoding, or is not a table.
     """
     text = _decode(data)
     first = text.partition("\n")[0]

@@ -1,7 +1,7 @@
-"""A table of texts that comes back: what in it is new becomes edits, one text each (docs/reference/languages.md).
+"""Import of a table of texts: its changes become edits, one for each text (docs/reference/languages.md).
 
-A row is compared with what the table was made from (`of`, `check`) and with what the study says now. What only the
-table has changed is taken, what only the study has changed stays, and what both have changed is refused, by itself.
+It compares a row with the state at the export (`of`, `check`) and with the study's present state. It takes what only
+the table has changed, leaves what only the study has changed, and refuses each row that both have changed.
 """
 
 from __future__ import annotations
@@ -28,11 +28,11 @@ _SHOWN = 60
 
 
 class RefusedRow(Struct, frozen=True):
-    """What of a table is not taken."""
+    """A part of a table that the import refuses."""
 
     line: int
     what: str
-    """The text, or what stands in its place."""
+    """The text, or what is in its place."""
     why: str
 
     def __str__(self) -> str:
@@ -40,7 +40,7 @@ class RefusedRow(Struct, frozen=True):
 
 
 class TextImport(Struct, frozen=True):
-    """What a table changes."""
+    """The changes of a table."""
 
     edits: tuple[AnyEdit, ...]
     refused: tuple[RefusedRow, ...]
@@ -54,11 +54,11 @@ def import_table(
 ) -> TextImport:
     """Compare a table with the study.
 
-    :param table: as it was read.
+    :param table: the file's content.
     :param loaded: the scenario, loaded in no language.
-    :param languages: whose columns are read, besides those that the study has translations into.
+    :param languages: whose columns are read, in addition to the languages that the study has translations into.
     :param new: whether rows without an id become acts.
-    :raises ExchangeError: the table has not the columns that it needs.
+    :raises ExchangeError: the table does not have the necessary columns.
     """
     return _Importer(table, loaded, languages, new).run()
 
@@ -85,7 +85,7 @@ class _Importer:
         for row in self.table.rows:
             id = id_of_cell(row.values.get("id", ""), self.texts.keys())
             if not id and not any(row.values.get(column, "").strip() for column in ("act", "text", *self.languages)):
-                continue  # of no text: what somebody has written below the table
+                continue  # without a text: somebody's notes below the table
             if not id:
                 self._read_new(row)
             elif id in self.seen:
@@ -93,11 +93,11 @@ class _Importer:
             else:
                 self.seen[id] = row.line
                 self._read_row(row, id)
-        edits = (*self.edits, *self._new_columns(), *self.translated)  # a translation is one of what the act says then
+        edits = (*self.edits, *self._new_columns(), *self.translated)  # of the new originals
         return TextImport(edits, tuple(self.refused), tuple(self._notices()), len(self.seen))
 
     def _new_columns(self) -> Iterator[AnyEdit]:
-        """The columns of tables that translations need, and the languages that they need."""
+        """Yield the columns of tables, and the languages, that translations need."""
         cells = [edit for edit in self.translated if isinstance(edit, SetCell)]
         files = {edit.language for edit in self.translated if isinstance(edit, SetTranslation)}
         languages = dict.fromkeys(edit.column.rpartition(".")[2] for edit in cells)
@@ -136,7 +136,7 @@ class _Importer:
             RefusedRow(row.line, f"{self.table.what} {row.line}, {id}" if id else f"{self.table.what} {row.line}", why)
         )
 
-    # --- a text that there is ---------------------------------------------------------------------------------------
+    # --- existing texts ---------------------------------------------------------------------------------------------
 
     def _read_row(self, row: ReadRow, id: str) -> None:
         text = self.texts.get(id)
@@ -166,7 +166,7 @@ class _Importer:
                     self._change_translation(row, text, template, column, language, check.get(language))
 
     def _is_other(self, row: ReadRow, text: SpokenText | TableText, column: str) -> bool:
-        """Whether a row has another translation than the study."""
+        """Return whether a row has another translation than the study."""
         given = _normal(row.values[column])
         return bool(given) and given != self._translation(text, self.languages[column])
 
@@ -177,7 +177,7 @@ class _Importer:
         return found.template.text if found is not None else ""
 
     def _change_text(self, row: ReadRow, text: SpokenText | TableText, said: str) -> Template | None:
-        """Another original text; gives it, or None when it is refused, or stands in a table."""
+        """Change the original text and return it; None: it is refused, or is in a table."""
         if not said:
             self._refuse(row, text.id, "the text is empty; an act says something, or has no such action")
             return None
@@ -238,7 +238,7 @@ class _Importer:
     def _is_stale(self, text: SpokenText | TableText, language: str) -> bool:
         return isinstance(text, SpokenText) and bool(self.loaded.translations[language].stale([text]))
 
-    # --- one that there is not yet ----------------------------------------------------------------------------------
+    # --- new texts --------------------------------------------------------------------------------------------------
 
     def _read_new(self, row: ReadRow) -> None:
         act, said = row.values.get("act", "").strip(), _normal(row.values.get("text", ""))
@@ -262,7 +262,7 @@ class _Importer:
 
 
 def _read_template(text: str) -> tuple[Template | None, str]:
-    """A text with its memory values; or None, and what is wrong with it."""
+    """Parse a text with memory values; return None and the problem if it is invalid."""
     try:
         template = parse_template(text)
     except TemplateError as error:
@@ -272,12 +272,12 @@ def _read_template(text: str) -> tuple[Template | None, str]:
 
 
 def _normal(cell: str) -> str:
-    """A cell as texts are: on one line."""
+    """Normalize a cell like a text: on one line."""
     return " ".join(cell.split())
 
 
 def _checks(cell: str) -> dict[str, str]:
-    """The sums of the translations that the table was made with, by language."""
+    """Return the check sums of the translations that the table was made with, by language."""
     return {tag: value for tag, _, value in (each.rpartition(":") for each in cell.split()) if tag}
 
 
@@ -286,6 +286,6 @@ def _short(text: str) -> str:
 
 
 def summary(found: TextImport) -> str:
-    """What a table changes, in a sentence."""
+    """Summarize the changes of a table in a sentence."""
     changed = f"{pluralize(len(found.edits), 'change')} in {pluralize(found.rows, 'text')}"
     return f"{changed}; {pluralize(len(found.refused), 'row')} refused" if found.refused else changed

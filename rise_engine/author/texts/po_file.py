@@ -1,4 +1,4 @@
-"""Tables of texts for gettext's tools (Poedit, Weblate): a file for one language, with stale translations as fuzzy."""
+"""Tables of texts for gettext's tools (Poedit, Weblate): one file a language, with stale translations as fuzzy."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ _CHECK = re.compile(r"check: (\S+)\s*\Z")
 
 
 def write_po(table: TextTable) -> bytes:
-    """The table as a file. :raises ExchangeError: polib is not installed, or there are several languages."""
+    """Write the table as a file. :raises ExchangeError: polib is not installed, or there are several languages."""
     polib = _polib()
     if len(table.languages) != 1:
         raise ExchangeError("a .po file is for one language: name it with --language")
@@ -41,10 +41,10 @@ def write_po(table: TextTable) -> bytes:
 
 
 def read_po(data: bytes, language: str = "") -> ReadTable:
-    """A file.
+    """Read a file.
 
-    :param language: into which it translates; without it, what the file says.
-    :raises ExchangeError: polib is not installed, it is no such file, or nobody says the language.
+    :param language: of its translations; without it, the file's own.
+    :raises ExchangeError: polib is not installed, it is not a .po file, or its language is unknown.
     """
     polib = _polib()
     try:

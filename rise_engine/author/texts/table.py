@@ -18,7 +18,7 @@ from rise_engine.scenario.template import MissingValueError
 from rise_engine.scenario.translations import LanguageTexts
 
 FIXED_COLUMNS = ("id", "act", "no.", "when", "with", "text", "note", "seconds", "place", "of", "check")
-"""All but those of the languages, which stand behind `text`."""
+"""All columns except those of the languages, which follow `text`."""
 NOTHING = "-"
 """In `check`: there was no translation."""
 Only: TypeAlias = Literal["missing", "stale"]
@@ -28,33 +28,33 @@ class TextRow(Struct, frozen=True):
     """One text."""
 
     id: str
-    """Of the text, `R_Praise/2/1`."""
+    """The id of the text, `R_Praise/2/1`."""
     act: str
     number: str
-    """The action and the wording, `2 (1)`: no spreadsheet takes it for a date."""
+    """The action and the wording, `2 (1)`, so that no spreadsheet takes it for a date."""
     when: str
     """`at once`, or what it waits for: `after 3, 4`."""
     beside: str
     """What the robot does at the same time: `Animation: enthusiastic`."""
     text: str
     translations: dict[str, str]
-    """By language; empty where there is none."""
+    """By language; empty if there is none."""
     note: str
-    """For translators: which translation is of an earlier text."""
+    """For translators: which translation belongs to an earlier text."""
     seconds: float | None
-    """About how long it takes to say it; None: it stands in a table."""
+    """Estimated seconds of saying it; None: it is in a table."""
     place: str
     """`acts/feedback.xml:8`."""
     stale: frozenset[str] = frozenset()
-    """Languages whose translation is of an earlier text."""
+    """Languages whose translation belongs to an earlier text."""
 
     @property
     def check(self) -> str:
-        """By what an import sees whether a translation has changed since: `de:3f2a9c01 fr:-`."""
+        """Check sums that show an import whether a translation has changed since: `de:3f2a9c01 fr:-`."""
         return " ".join(f"{language}:{text_check(text)}" for language, text in self.translations.items())
 
     def cells(self) -> list[str]:
-        """As the columns of `TextTable.columns` have it."""
+        """Return the cells in the order of `TextTable.columns`."""
         before = [_id_cell(self.id), self.act, self.number, self.when, self.beside, self.text]
         seconds = "" if self.seconds is None else f"{self.seconds:.1f}"
         behind = [self.note, seconds, self.place, self.text, self.check]
@@ -65,10 +65,10 @@ class TextTable(Struct, frozen=True):
     """All texts, or those that lack something."""
 
     languages: tuple[str, ...]
-    """Into which they are translated."""
+    """The languages of the translations."""
     rows: tuple[TextRow, ...]
     language: str = ""
-    """That of the acts; empty: nobody says."""
+    """The language of the acts; empty: unknown."""
 
     @property
     def columns(self) -> list[str]:
@@ -76,11 +76,11 @@ class TextTable(Struct, frozen=True):
 
 
 def make_table(loaded: LoadResult, languages: Sequence[str] = (), only: Only | None = None) -> TextTable:
-    """The table of a scenario's texts.
+    """Make the table of a scenario's texts.
 
     :param loaded: the scenario, loaded in no language and without errors.
-    :param languages: the translations to show, also new ones; none: all that there are.
-    :param only: texts of which a translation is missing, or of which one is stale.
+    :param languages: the translations to show, also new ones; empty: all existing ones.
+    :param only: only texts with a missing translation, or with a stale one.
     """
     scenario = loaded.scenario
     assert scenario is not None
@@ -101,7 +101,7 @@ def make_table(loaded: LoadResult, languages: Sequence[str] = (), only: Only | N
 
 
 def text_check(text: str) -> str:
-    """A short sum of a text, by which its change is seen."""
+    """Return a short check sum of a text, which shows a change."""
     return f"{crc32(text.encode('utf-8', 'surrogatepass')):08x}" if text else NOTHING
 
 
@@ -138,7 +138,7 @@ def _make_table_row(text: TableText, languages: Sequence[str]) -> TextRow:
 
 
 def _beside(act: Act, action: Action) -> str:
-    """What begins at the same time as an action, in a word or two each."""
+    """Describe in a word or two each what begins at the same time as an action."""
     said = []
     for other in act.actions:
         if other.id == action.id or set(other.wait_for) != set(action.wait_for):
@@ -159,29 +159,29 @@ def _seconds(text: SpokenText, scenario: Scenario) -> float:
 
 
 def _id_cell(id: str) -> str:
-    """An id as a cell: one that a spreadsheet could take for a date or a formula has the word `act` before it."""
+    """Write an id as a cell; one that could look like a date or a formula gets the word `act` before it."""
     return id if id[:1].isalpha() else f"act {id}"
 
 
 def id_of_cell(cell: str, known: Collection[str]) -> str:
-    """The id that a cell names."""
+    """Return the id that a cell names."""
     cell = cell.strip()
     return cell.removeprefix("act ") if cell not in known else cell
 
 
 class ReadRow(Struct, frozen=True):
-    """A row."""
+    """A row of a file."""
 
     line: int
-    """Its number in the file, for sentences."""
+    """Its number in the file, for messages."""
     values: dict[str, str]
     """By column."""
     confirmed: frozenset[str] = frozenset()
-    """Languages in which somebody has said that the translation is right as it is (gettext: it is not fuzzy)."""
+    """Languages in which somebody has confirmed the translation (gettext: it is not fuzzy)."""
 
 
 class ReadTable(Struct, frozen=True):
     columns: tuple[str, ...]
     rows: tuple[ReadRow, ...]
     what: str = "row"
-    """What a row is called in sentences."""
+    """The word for a row in messages."""

@@ -1,4 +1,4 @@
-"""Tables of texts as Excel files, in which every cell is a text: `=1`, `1/2` and `3.10` stay what they are."""
+"""Tables of texts as Excel files. Every cell is a text: `=1`, `1/2` and `3.10` stay unchanged."""
 
 from __future__ import annotations
 
@@ -12,11 +12,11 @@ from rise_engine.base.errors import ExchangeError
 _WIDTHS = {"id": 22, "act": 18, "when": 14, "with": 26, "note": 30, "place": 24, "of": 30, "check": 12}
 _TEXT_WIDTH = 60
 MAX_BYTES = 100_000_000
-"""Of what a file holds when it is unpacked: many times the texts of the largest study."""
+"""Maximum unpacked size of a file: many times the texts of the largest study."""
 
 
 def write_xlsx(table: TextTable) -> bytes:
-    """The table as a file. :raises ExchangeError: openpyxl is missing, or a text has a character that no cell has."""
+    """Write the table as a file. :raises ExchangeError: openpyxl is missing, or no cell allows a text's character."""
     openpyxl = _openpyxl()
     book = openpyxl.Workbook()
     sheet = book.active
@@ -33,7 +33,7 @@ def write_xlsx(table: TextTable) -> bytes:
                 raise ExchangeError(message) from None
             cell.number_format, cell.alignment = "@", wrapped
             if value:
-                cell.data_type = "s"  # also what looks like a formula
+                cell.data_type = "s"  # also for a text that looks like a formula
             if number == 1:
                 cell.font = openpyxl.styles.Font(bold=True)
     for column, name in enumerate(table.columns, start=1):
@@ -46,7 +46,7 @@ def write_xlsx(table: TextTable) -> bytes:
 
 
 def read_xlsx(data: bytes) -> ReadTable:
-    """The first sheet of a file. :raises ExchangeError: openpyxl is missing, or it is no Excel file, or too large."""
+    """Read the first sheet. :raises ExchangeError: openpyxl is missing, it is not an Excel file, or it is too large."""
     openpyxl = _openpyxl()
     try:
         with ZipFile(io.BytesIO(data)) as archive:
@@ -65,7 +65,7 @@ def read_xlsx(data: bytes) -> ReadTable:
 
 
 def _cell_text(value: Any) -> str:
-    """What a cell says. A number is one that the spreadsheet has made of a text."""
+    """Return the text of a cell. A number was a text before the spreadsheet converted it."""
     if value is None:
         return ""
     if isinstance(value, float) and value.is_integer():

@@ -1,1 +1,1 @@
-"""A study tried out on a virtual clock: no robot, no journal, nothing is kept."""
+"""Trial runs of a study on a virtual clock, without robot and journal; nothing is saved."""

@@ -1,4 +1,4 @@
-"""Tests of a study: files in `tests/` of its folder that play it and say what is to come of it.
+"""Tests of a study: files in `tests/` of its folder with steps and their expected results.
 
 One JSON object a line (docs/reference/tests-of-a-study.md):
 
@@ -34,29 +34,29 @@ _ACTIONS = ("function_type", "key", "go_on", "wait", "expect", "test")
 
 
 class Expectation(Struct, frozen=True):
-    """What is to have come of the line before; what is None is not looked at."""
+    """The expected result of the line before; None is not checked."""
 
     rules: dict[str, str | None] = field(default_factory=dict)
-    """The state in which each is; None: it does not run."""
+    """The state of each rule; None: it does not run."""
     memory: dict[str, Any] = field(default_factory=dict)
     """The value of each key."""
     starts: tuple[str, ...] | None = None
-    """The acts that have been started, these and no others, in this order."""
+    """The acts started, exactly these, in this order."""
     says: tuple[str, ...] | None = None
-    """The texts that have been begun, these and no others, in this order."""
+    """The texts begun, exactly these, in this order."""
     events: tuple[str, ...] | None = None
-    """Topics without slash that have been raised, among others."""
+    """Topics raised, without slash; others may be raised too."""
     refused: bool = False
-    """Whether the task is to have been refused."""
+    """Whether the task should be refused."""
 
 
 class StudyTestLine(Struct, frozen=True):
-    """What a line does, one of these, or what it expects."""
+    """One step of a line, or its expectation."""
 
     line: int
     task: Submit | None = None
     at: float | None = None
-    """Session time of the task; None: after what has happened."""
+    """Session time of the task; None: after everything so far."""
     key: KeyBinding | None = None
     go_on: bool = False
     wait: float = 0.0
@@ -64,7 +64,7 @@ class StudyTestLine(Struct, frozen=True):
 
 
 class StudyTest(Struct, frozen=True):
-    """A test, read."""
+    """A test in its parsed form."""
 
     file: str
     title: str
@@ -75,11 +75,11 @@ class StudyTest(Struct, frozen=True):
 
 
 def read_study_test(text: bytes, file: str, scenario: Scenario) -> StudyTest:
-    """A test from the content of its file.
+    """Read a test from the content of its file.
 
-    :param file: its path, for what is said about it.
-    :param scenario: what it is a test of; names in it have to be there.
-    :raises FileError: with everything that is wrong.
+    :param file: its path, for messages.
+    :param scenario: the scenario to test, which must have all names in the test.
+    :raises FileError: with all errors.
     """
     reader = _TestReader(file, scenario)
     for number, line in enumerate(text.split(b"\n"), 1):
@@ -106,7 +106,7 @@ class _TestReader:
         self.problems: list[str] = []
         self.number = 0
         self.did_something = False
-        """Whether a line has come that does something, or is meant to."""
+        """Whether a line that does something, or tries to, has come."""
 
     def report(self, messages: Iterable[str], column: int | None = None) -> None:
         where = f"{self.file}:{self.number}" + ("" if column is None else f":{column}")
@@ -255,5 +255,5 @@ def _rule_problems(scenario: Scenario, rules: Any) -> list[str]:
 
 
 def written_line(value: Mapping[str, Any]) -> str:
-    """A line of a test, as it is written."""
+    """Write a line of a test."""
     return json.dumps(value, ensure_ascii=False)

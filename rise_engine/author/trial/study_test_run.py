@@ -1,4 +1,4 @@
-"""Playing a test of a study: its lines are done in a trial; what comes of them is compared with what is expected."""
+"""Runs of a study's tests: a trial takes the steps of a test, and the results are compared with its expectations."""
 
 from __future__ import annotations
 
@@ -19,13 +19,13 @@ from rise_engine.kernel.inputs import Submit
 from rise_engine.kernel.records import ActionRecord, AnyRecord, EventRecord, MemoryRecord, RuleRecord, TaskRecord
 from rise_engine.scenario.model import Scenario, normal_topic
 
-# --- keeping a trial run ----------------------------------------------------------------------------------------------
+# --- saving a trial run -----------------------------------------------------------------------------------------------
 
 _NO_NAME = re.compile(r"[^\w]+")
 
 
 def path_of_test(folder: Path, title: str) -> Path:
-    """A file for a test of this title that is not there yet: `tests/the_welcome.jsonl`, `tests/the_welcome_2.jsonl`."""
+    """Choose a new file for a test of this title: `tests/the_welcome.jsonl`, `tests/the_welcome_2.jsonl`."""
     name = _NO_NAME.sub("_", title.strip().lower()).strip("_") or "test"
     path, number = folder / FOLDER / f"{name}{ENDING}", 1
     while path.exists():
@@ -35,7 +35,7 @@ def path_of_test(folder: Path, title: str) -> Path:
 
 
 def text_of_test(trial: Trial, title: str) -> str:
-    """The trial as a test: what was done, and after each step what has come of it (rules, memory, acts).
+    """Write the trial as a test: its steps, and after each step its results (rules, memory, acts).
 
     :param title: what is tested, in a few words.
     """
@@ -70,7 +70,7 @@ def _task_line(task: Submit) -> dict[str, Any]:
 
 
 def _what_came(trial: Trial) -> dict[str, Any]:
-    """What the last step has changed, as an expectation."""
+    """Return what the last step has changed, as an expectation."""
     records = trial.records_of(-1)
     if refusal(trial):
         return {"refused": True}
@@ -89,13 +89,13 @@ def _what_came(trial: Trial) -> dict[str, Any]:
 
 
 class StudyTestFailure(Struct, frozen=True):
-    """What came otherwise than expected."""
+    """A difference from an expectation."""
 
     line: int
     t: float
-    """Session time in seconds at which it was looked at."""
+    """Session time of the check in seconds."""
     text: str
-    """What was expected, and what came."""
+    """What was expected, and what happened."""
 
 
 class StudyTestOutcome(Struct, frozen=True):
@@ -112,10 +112,10 @@ class StudyTestOutcome(Struct, frozen=True):
 
 
 def play_test(scenario: Scenario, test: StudyTest) -> StudyTestOutcome:
-    """Play a test to its end, also when something comes otherwise than expected.
+    """Run a test to its end, also after a difference.
 
     :param scenario: the one that the test was read for.
-    :param test: as `rise_engine.author.trial.study_test.read_study_test` gives it.
+    :param test: from `rise_engine.author.trial.study_test.read_study_test`.
     """
     trial = Trial(scenario, seed=test.seed, condition=test.condition, memory=test.memory)
     failures: list[StudyTestFailure] = []
@@ -139,7 +139,7 @@ def _expects_refusal(following: tuple[StudyTestLine, ...]) -> bool:
 
 
 def _do(trial: Trial, line: StudyTestLine, expects_refusal: bool) -> Iterator[str]:
-    """Do what a line says; yields what is wrong about it."""
+    """Take the step of a line; yield its errors."""
     trial.problem = ""
     if line.go_on:
         if trial.next_at is not None:
@@ -163,7 +163,7 @@ def _do(trial: Trial, line: StudyTestLine, expects_refusal: bool) -> Iterator[st
 
 
 def refusal(trial: Trial) -> str:
-    """Why the task of the last step was refused; empty: it was not, or the step has none."""
+    """Return why the task of the last step was refused; empty: it was not, or the step has no task."""
     records = trial.records_of(-1)
     first = next((record for record in records if isinstance(record, TaskRecord)), None)
     is_refused = first is not None and first.status == "REJECTED" and trial.steps[-1].task is not None
@@ -171,7 +171,7 @@ def refusal(trial: Trial) -> str:
 
 
 def _differences(trial: Trial, expected: Expectation) -> Iterator[str]:
-    """What is otherwise than expected after the last step, a sentence each."""
+    """Yield a sentence for each difference from the expectation after the last step."""
     for name, state in expected.rules.items():
         rule = trial.view.rules.get(name)
         now = rule.state if rule is not None and rule.running else None
@@ -201,7 +201,7 @@ def _differences(trial: Trial, expected: Expectation) -> Iterator[str]:
 
 
 def is_same_value(one: Any, other: Any) -> bool:
-    """Whether two JSON values are the same: `1` and `1.0` are, `1` and `true` are not."""
+    """Return whether two JSON values are the same: `1` and `1.0` are, `1` and `true` are not."""
     if isinstance(one, bool) or isinstance(other, bool):
         return one is other
     if isinstance(one, list | tuple) and isinstance(other, list | tuple):
@@ -216,7 +216,7 @@ def _list_text(texts: tuple[str, ...] | list[str]) -> str:
 
 
 def started_acts(records: list[AnyRecord]) -> list[str]:
-    """The acts that have begun to run, in this order."""
+    """List the acts that have begun to run, in this order."""
     return [
         record.behavior
         for record in records
@@ -227,7 +227,7 @@ def started_acts(records: list[AnyRecord]) -> list[str]:
 
 
 def said_texts(records: list[AnyRecord]) -> list[str]:
-    """The texts that the robot has begun to say, in this order."""
+    """List the texts that the robot has begun to say, in this order."""
     return [
         words
         for record in records

@@ -1,7 +1,7 @@
-"""A study that is tried out: played on a virtual clock by the simulated robot, without record, journal and people.
+"""A trial run of a study on a virtual clock with the simulated robot, without record, journal and people.
 
-It is the engine of a session itself, so what happens is what `rise-engine run --speed max` would record. A trial is
-the list of what was done in it: one step back is everything but the last, done again.
+It uses the engine of a session, so that it shows what `rise-engine run --speed max` would record. A trial is the list
+of its steps: going one step back takes all steps but the last again.
 """
 
 from __future__ import annotations
@@ -26,34 +26,34 @@ from rise_engine.scenario.conditions import condition_problem
 from rise_engine.scenario.model import KeyBinding, Scenario, normal_topic, rule_start_behavior
 
 SOURCE = "wizard:trial"
-"""Who asks for what is done in a trial."""
+"""The source of requests in a trial."""
 LONGEST = 600.0
-"""Seconds that pass at most until something waits for somebody."""
+"""Maximum seconds until something waits for a person."""
 LIVELOCK = 20_000
-"""Inputs in one moment beyond which time is not let go on: something goes round in circles."""
+"""Inputs in one moment that mean an endless loop, which stops the clock."""
 PRESS_AFTER = 0.1
-"""Seconds by which what somebody does comes after what has happened: nobody presses a key in the same moment."""
+"""Seconds from an event to a person's action: nobody presses a key at the same moment."""
 
 StepKind: TypeAlias = Literal["task", "go_on", "wait"]
 
 
 class TrialStep(Struct, frozen=True):
-    """What was done once: something was asked for, or time was let go on."""
+    """One step: a request, or time that passes."""
 
     kind: StepKind
     at: float
-    """Session time at which the task was submitted, or until which time has gone on."""
+    """Session time of the task, or at the end of the time that passes."""
     task: Submit | None = None
     key: str = ""
-    """The label of the study's key that was pressed for it; empty: it was none."""
+    """The label of the study's key that was pressed for it; empty: there was none."""
     seconds: float = 0.0
-    """Of `wait`: how long."""
+    """The duration for `wait`."""
     first_record: int = 0
-    """The `seq` of the first record that came of it; the step's records end where the next step's begin."""
+    """The `seq` of its first record; its records end where the next step's begin."""
 
 
 class Trial:
-    """A study that is played without robot and record. It belongs to one thread; nothing in it waits.
+    """A study played without robot and record. It belongs to one thread and never blocks.
 
     >>> from rise_engine.scenario.loader import load
     >>> trial = Trial(load("scenarios/greeting").scenario)
@@ -74,13 +74,13 @@ class Trial:
         memory: dict[str, Any] | None = None,
         started: SessionStarted | None = None,
     ) -> None:
-        """Begins at once, at time 0, with nothing started.
+        """Begin at time 0, with nothing started.
 
-        :param scenario: checked; its robot and mode do not matter, no robot is reached.
-        :param seed: what is picked by chance follows from it.
+        :param scenario: checked; its robot and mode do not matter, and it connects to no robot.
+        :param seed: determines all random choices.
         :param condition: one of the scenario's conditions, whose memory values it begins with.
-        :param memory: values that it begins with instead of the start values, by key.
-        :param started: what it begins with instead, as a session of a study does.
+        :param memory: values that replace the start values, by key.
+        :param started: the beginning of the session instead, as for a session of a study.
         :raises ValueError: there is no such condition.
         :raises RobotOptionsError: the robot's profile has options that the simulated driver does not understand.
         """
@@ -92,18 +92,17 @@ class Trial:
         self.start_memory = dict(memory or {})
         self._started = started or first_input(scenario, SessionOptions(scenario.folder, condition=condition))
         self.steps: list[TrialStep] = []
-        """What was done, the last one last."""
+        """The steps so far, the last one last."""
         self.problem = ""
-        """Why time could not go on as it was asked for; empty: it could."""
+        """Why time could not pass as requested; empty: it could."""
         self._begin()
 
     def _begin(self) -> None:
         scenario = self.scenario
         self.clock = VirtualClock()
         self.view = SessionView()
-        """The session as anybody outside would see it."""
+        """The session as an outside observer sees it."""
         self.records: list[AnyRecord] = []
-        """All of it so far."""
         robot = make_robot(scenario.robot, "debug", self.clock, self.seed)
         started = replace(self._started, memory={**self._started.memory, **self.start_memory})
         sinks = (self.records.append, self.view.apply)
@@ -112,9 +111,9 @@ class Trial:
         for sentence in start_remarks(scenario, started):
             self._engine.post(Note(text=sentence))
         self._handled_until = -1.0
-        """The last moment at which time has passed by a timer; what somebody does comes after it."""
+        """The last moment that a timer reached; a person's action comes after it."""
 
-    # --- how it stands --------------------------------------------------------------------------------------------
+    # --- the state ------------------------------------------------------------------------------------------------
 
     @property
     def now(self) -> float:
@@ -123,29 +122,29 @@ class Trial:
 
     @property
     def is_busy(self) -> bool:
-        """Whether the robot does something, or something waits until it can."""
+        """Whether the robot does something, or something waits for it."""
         view = self.view
         return bool(view.running or view.waiting) or view.stop.status == "requested"
 
     @property
     def next_at(self) -> float | None:
-        """When something happens by itself next; None: everything waits for somebody."""
+        """The time of the next event without a person; None: everything waits for somebody."""
         return self.clock.next_at
 
     @property
     def memory(self) -> dict[str, Any]:
-        """The working memory now, tables among it."""
+        """The present working memory, including tables."""
         return {**self.scenario.table_memory, **{key: entry.value for key, entry in self.view.memory.items()}}
 
     def records_of(self, number: int) -> list[AnyRecord]:
-        """The records that came of a step, by its number in `steps`; -1: of the last one."""
+        """Return the records of a step, by its index in `steps`; -1: of the last one."""
         if not self.steps:
             return list(self.records)
         number %= len(self.steps)
         end = self.steps[number + 1].first_record if number + 1 < len(self.steps) else len(self.records) + 1
         return self.records[self.steps[number].first_record - 1 : end - 1]
 
-    # --- what can be done -----------------------------------------------------------------------------------------
+    # --- steps ----------------------------------------------------------------------------------------------------
 
     def press(self, key: KeyBinding, at: float | None = None) -> TrialStep:
         """Press a key of the study; `at` as in `submit`."""
@@ -157,11 +156,11 @@ class Trial:
         return self.submit(Submit(function="startInteractionRule", behavior=behavior, source=SOURCE))
 
     def start_act(self, name: str) -> TrialStep:
-        """Let the robot do an act."""
+        """Make the robot do an act."""
         return self.submit(Submit(function="startCommunicationRobotAct", behavior=name, source=SOURCE))
 
     def raise_event(self, topic: str) -> TrialStep:
-        """Raise an event; with or without its slash."""
+        """Raise an event, with or without its slash."""
         return self.submit(Submit(function="raiseEventTopic", behavior=f"/{normal_topic(topic)}", source=SOURCE))
 
     def set_value(self, assignment: str) -> TrialStep:
@@ -169,15 +168,15 @@ class Trial:
         return self.submit(Submit(function="assignValue", behavior=assignment, source=SOURCE))
 
     def mark_cue(self) -> TrialStep:
-        """Say that the participant's turn has ended, as the space bar does in a session."""
+        """Mark the end of the participant's turn, like the space bar in a session."""
         return self.submit(Submit(function="markCue", source=SOURCE))
 
     def submit(self, task: Submit, key: str = "", at: float | None = None) -> TrialStep:
-        """Ask for anything that a session can be asked for. What cannot be done is recorded as REJECTED.
+        """Submit any request that a session accepts. What cannot be done is recorded as REJECTED.
 
-        :param task: what; its time is put on here.
+        :param task: the request; its time is set here.
         :param key: the label of the study's key that it is for.
-        :param at: session time; None: a tenth of a second after what has happened last.
+        :param at: session time; None: a tenth of a second after the last event.
         """
         if at is None:
             now = self.now
@@ -189,10 +188,10 @@ class Trial:
         return bool(self.steps) and self.steps[-1].kind == "task" and self.steps[-1].at == now
 
     def go_on(self) -> TrialStep | None:
-        """Let time go on until the robot has done what it does, or, when it does nothing, until something happens.
+        """Let time pass until the robot is done; if it does nothing, until something happens.
 
-        Where it never rests, until all that it does has begun for the second time; at most LONGEST seconds.
-        None: nothing happens by itself any more, everything waits for somebody.
+        If it never rests, stop when everything that it does has begun for the second time, or after LONGEST seconds.
+        None: everything waits for somebody.
         """
         self.problem = ""
         if self.next_at is None:
@@ -201,21 +200,21 @@ class Trial:
         return self._do(TrialStep("go_on", self.now))
 
     def let_pass(self, seconds: float) -> TrialStep:
-        """Let so many seconds pass."""
+        """Let this many seconds pass."""
         return self._do(TrialStep("wait", round(self.now + seconds, 6), seconds=seconds))
 
     def back(self) -> bool:
-        """One step back, as if the last one had not been done. False: there is none."""
+        """Undo the last step. False: there is none."""
         if not self.steps:
             return False
         self._replay(self.steps[:-1])
         return True
 
     def restart(self) -> None:
-        """From the start, with nothing done."""
+        """Go back to the start, without any steps."""
         self._replay([])
 
-    # --- doing it -------------------------------------------------------------------------------------------------
+    # --- execution ------------------------------------------------------------------------------------------------
 
     def _replay(self, steps: Iterable[TrialStep]) -> None:
         self.steps = []
@@ -225,7 +224,7 @@ class Trial:
             self.do(step)
 
     def do(self, step: TrialStep) -> TrialStep:
-        """Do a step of a trial again that stood as this one does."""
+        """Repeat a recorded step of a trial."""
         return self._do(step, again=True)
 
     def _do(self, step: TrialStep, *, again: bool = False) -> TrialStep:
@@ -243,14 +242,14 @@ class Trial:
         return step
 
     def _does_only(self, acts: set[str]) -> bool:
-        """Whether the robot does nothing, or nothing but these."""
+        """Return whether the robot does nothing, or nothing but these acts."""
         view = self.view
         return view.stop.status != "requested" and all(
             view.tasks[id].behavior in acts for id in (*view.running, *view.waiting)
         )
 
     def _advance_to(self, until: float) -> None:
-        """Everything up to this moment happens, what is due in it as well."""
+        """Let everything up to this moment happen, including what is due then."""
         guard = _CircleGuard(self._engine)
         while (due := self.clock.next_at) is not None and due <= until:
             self.clock.advance()
@@ -261,7 +260,7 @@ class Trial:
         self.clock.pass_until(until)
 
     def _advance_until_quiet(self, seq: int) -> None:
-        """Until nothing runs, or only acts that have begun again, and something has been recorded since `seq`."""
+        """Advance until nothing runs, or only acts that have begun again, and something was recorded since `seq`."""
         deadline = self.now + LONGEST
         guard = _CircleGuard(self._engine)
         begun = {self.view.tasks[id].behavior for id in self.view.running}
@@ -284,7 +283,7 @@ class Trial:
 
 
 class _CircleGuard:
-    """Sees when more is done in one moment than anything but a circle does."""
+    """Detector of endless loops: more inputs in one moment than anything else causes."""
 
     def __init__(self, engine: Engine) -> None:
         self._engine = engine

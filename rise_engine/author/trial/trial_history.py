@@ -1,4 +1,4 @@
-"""What happened in a trial and why, in lines: made of records alone."""
+"""What happened in a trial and why, in lines made only from records."""
 
 from __future__ import annotations
 
@@ -41,7 +41,7 @@ class HappenedLine(Struct, frozen=True):
     t: float
     """Session time in seconds."""
     kind: HappenedKind
-    """`done`: somebody asked for it. `problem`: something that the author will want to know of."""
+    """`done`: somebody requested it. `problem`: the author will want to know about it."""
     text: str
     key: str = ""
     """The label of the study's key that it began with; only in the first line of a step."""
@@ -50,12 +50,12 @@ class HappenedLine(Struct, frozen=True):
 
 
 def happened(trial: Trial, first: int = 0) -> list[HappenedLine]:
-    """The lines of all steps from number `first` on."""
+    """Return the lines of all steps from index `first` on."""
     return [line for number in range(first, len(trial.steps)) for line in happened_in(trial, number)]
 
 
 def happened_in(trial: Trial, number: int) -> list[HappenedLine]:
-    """The lines of one step, by its number in `Trial.steps`; -1: of the last one."""
+    """Return the lines of one step, by its index in `Trial.steps`; -1: of the last one."""
     if not trial.steps:
         return []
     step = trial.steps[number]
@@ -69,7 +69,7 @@ def happened_in(trial: Trial, number: int) -> list[HappenedLine]:
 
 
 def lines_of(records: Iterable[AnyRecord]) -> Iterator[HappenedLine]:
-    """A line for each record that says something new; values that are set together share one."""
+    """Yield a line for each record with something new; values that are set together share one."""
     waiting: list[MemoryRecord] = []
     for record in records:
         if waiting and not _goes_with(record, waiting[-1]):
@@ -85,7 +85,7 @@ def lines_of(records: Iterable[AnyRecord]) -> Iterator[HappenedLine]:
 
 
 def _goes_with(record: AnyRecord, before: MemoryRecord) -> bool:
-    """Whether a record says nothing that would come between two values that are set together."""
+    """Return whether a record adds nothing between two values that are set together."""
     if isinstance(record, TaskRecord):
         return record.function == "assignValue" and record.source == before.source and record.status == "SUCCEEDED"
     return isinstance(record, MemoryRecord) and (record.source, record.t) == (before.source, before.t)
@@ -105,12 +105,12 @@ def _line(record: AnyRecord) -> HappenedLine | None:
         case ActionRecord():
             return _action_line(record)
         case RuleRecord(status="started"):
-            return None  # that it enters its first state follows
+            return None  # the line about its first state follows
         case RuleRecord():
             kind: HappenedKind = "problem" if record.status == "faulted" else "state"
             return HappenedLine(record.t, kind, said, rule=record.name)
         case EventRecord() if record.taken_by and record.topic.startswith("ended "):
-            return None  # the rule's own act: the state that follows says it
+            return None  # the rule's own act: the next state's line shows it
         case EventRecord():
             by = f"rule {rule} raises " if (rule := _rule_of(record.source)) else ""
             return HappenedLine(record.t, "event", f"{by}{said}", rule=record.taken_by or rule)
@@ -133,7 +133,7 @@ def _line(record: AnyRecord) -> HappenedLine | None:
 
 
 def _rule_of(source: str) -> str:
-    """The rule of a source, if it is one."""
+    """Return the rule of a source, if it is one."""
     return source.removeprefix("rule:") if source.startswith("rule:") else ""
 
 
@@ -146,10 +146,10 @@ def _task_line(record: TaskRecord) -> HappenedLine | None:
         return _act_line(record, what, rule)
     if record.function == "startInteractionRule":
         if record.status != "PENDING":
-            return None  # its RuleRecords say it
+            return None  # its RuleRecords show it
         return HappenedLine(record.t, "done", f"starts rule {what}", rule=started_rule(record.behavior))
     if record.status not in FINAL or record.function in ("raiseEventTopic", "assignValue"):
-        return None  # the event's own record, or the value's, says more
+        return None  # the record of the event or of the value shows more
     words = {"stopCommunicationRobotAct": "stops", "stopInteractionRule": "stops rule", "deleteValue": "deletes"}
     return HappenedLine(record.t, "done", f"{words.get(record.function, record.function)} {what}".strip(), rule=rule)
 
@@ -177,6 +177,6 @@ def _action_line(record: ActionRecord) -> HappenedLine | None:
 
 
 def said_words(parameters: dict[str, Any]) -> str:
-    """What an action with these parameters says; empty: nothing."""
+    """Return what an action with these parameters says; empty: nothing."""
     message = parameters.get("message")
     return plain_words(message).strip() if isinstance(message, str) else ""

@@ -1,4 +1,4 @@
-"""How a trial stands: where each rule is, what its ways out wait for, what the keys would do, and what counts."""
+"""The present state of a trial: its rules, what their transitions wait for, what the keys would do, and its memory."""
 
 from __future__ import annotations
 
@@ -40,36 +40,36 @@ Trigger: TypeAlias = Literal["event", "ended", "after", "condition"]
 
 
 class ConditionReading(Struct, frozen=True):
-    """A condition as it is read now, by its parts."""
+    """The present value of a condition and of its parts."""
 
     word: Literal["if", "while"]
     joint: Joint
-    """What stands between the parts: `and`, `or`; empty: there is one."""
+    """The operator between the parts: `and`, `or`; empty: there is one part."""
     parts: tuple[Truth, ...]
     holds: bool
 
 
 class WayOut(Struct, frozen=True):
-    """A transition of the state in which a rule is."""
+    """A transition of a rule's present state."""
 
     rule: str
     index: int
-    """Among the state's transitions, in the file's order."""
+    """Index among the state's transitions, in the file's order."""
     trigger: Trigger
     target: str | None
     """None: it stays in the state."""
     label: str
-    """Short: its event, its time, its condition."""
+    """A short name: its event, its time or its condition."""
     waits_for: str
     """In words."""
     now: str
-    """How far that is: `2.1 of 6.7 s`, `4 s left`, `not now`; empty: nothing is to be said."""
+    """The progress: `2.1 of 6.7 s`, `4 s left`, `not now`; empty: there is nothing to say."""
     readings: tuple[ConditionReading, ...]
-    """`while` and `if`, in this order, as far as there are any."""
+    """`while` and `if`, in this order, as far as they exist."""
     keys: tuple[KeyBinding, ...]
-    """The study's keys that would make it be taken now."""
+    """The study's keys that would make the rule take it now."""
     event: str = ""
-    """Of an event that somebody can raise: its topic without slash."""
+    """The topic, without slash, of an event that somebody can raise."""
 
 
 class RuleStanding(Struct, frozen=True):
@@ -81,7 +81,7 @@ class RuleStanding(Struct, frozen=True):
     trigger: str
     """What led to the state."""
     transition: int | None
-    """The index of the transition that did, among those of `previous`."""
+    """The index of that transition among those of `previous`."""
     since: float
     ways: tuple[WayOut, ...]
 
@@ -90,15 +90,15 @@ class RunningAct(Struct, frozen=True):
     """What the robot does, or will do when it can."""
 
     act: str
-    """Free speech: `say`."""
+    """`say` for free speech."""
     waits: bool
-    """Whether it only waits its turn."""
+    """Whether it still waits its turn."""
     seconds: float
     """For how long it has run."""
     expected: float
-    """How long it takes, about."""
+    """About how long it takes."""
     says: str
-    """The words that are being said."""
+    """The words that it is saying."""
 
 
 class KeyChoice(Struct, frozen=True):
@@ -109,13 +109,13 @@ class KeyChoice(Struct, frozen=True):
     does: str
     """`/next`, `rule Next`, `R_Yes`, `step = 2`."""
     now: str
-    """Who would take it, or why nothing would come of it; empty: it simply does it."""
+    """Who would take it, or why it would have no effect; empty: it has its usual effect."""
     is_awaited: bool
     """Whether a running rule waits for it."""
 
 
 class MemoryLine(Struct, frozen=True):
-    """A memory key that counts where a rule stands."""
+    """A memory key that matters in a rule's state."""
 
     key: str
     exists: bool
@@ -127,7 +127,7 @@ class MemoryLine(Struct, frozen=True):
 
 
 def standing_rules(trial: Trial) -> list[RuleStanding]:
-    """The running rules, the one that gets events first first."""
+    """List the running rules; the first one gets events first."""
     keys = StudyKeys(trial.scenario)
     return [_standing(trial, keys, name, trial.view.rules[name]) for name in trial.view.running_rules()]
 
@@ -176,14 +176,14 @@ def _way_out(
 
 
 def _busy(trial: Trial) -> set[str]:
-    """Acts and rules that run or wait."""
+    """Return the acts and rules that run or wait."""
     view = trial.view
     acts = {view.tasks[id].behavior for id in (*view.running, *view.waiting)}
     return acts | set(view.running_rules())
 
 
 def read_condition(word: Literal["if", "while"], condition: Expression, memory: Mapping[str, Any]) -> ConditionReading:
-    """A condition with these values, part by part; also what a form reads back while it is typed."""
+    """Evaluate a condition with these values, part by part; a form uses it while the author types."""
     joint, parts = split_condition(condition)
     return ConditionReading(
         word, joint, tuple(truth_of(part, memory) for part in parts), truth_of(condition, memory).holds
@@ -225,7 +225,7 @@ def _time_left(
 
 
 def running_acts(trial: Trial) -> list[RunningAct]:
-    """What the robot does now, then what waits."""
+    """List what the robot does now, then what waits."""
     view, found = trial.view, []
     for id in (*view.running, *view.waiting):
         task = view.tasks[id]
@@ -243,11 +243,11 @@ def running_acts(trial: Trial) -> list[RunningAct]:
     return found
 
 
-# --- what somebody can do ---------------------------------------------------------------------------------------------
+# --- possible actions -------------------------------------------------------------------------------------------------
 
 
 def key_choices(trial: Trial) -> list[KeyChoice]:
-    """All keys of the study: those that a running rule waits for first, each group in the file's order."""
+    """List all keys of the study: first those that a running rule waits for, each group in the file's order."""
     keys = StudyKeys(trial.scenario)
     states = {name: trial.view.rules[name].state for name in trial.view.running_rules()}
     awaited = keys.expected_keys(states, trial.memory, _busy(trial))
@@ -280,7 +280,7 @@ def _choice(trial: Trial, keys: StudyKeys, key: KeyBinding, is_awaited: bool) ->
 
 
 def _taker_text(trial: Trial, topics: Iterable[str]) -> str:
-    """Who would take one of these events now."""
+    """Say who would take one of these events now."""
     wanted = set(topics)
     for name in trial.view.running_rules():
         state = _state(trial.scenario, name, trial.view.rules[name].state)
@@ -296,17 +296,17 @@ def _state(scenario: Scenario, rule: str, state: str | None) -> State | None:
 
 
 def events_to_raise(trial: Trial) -> list[str]:
-    """Events without slash that running rules wait for now and that no key of the study raises."""
+    """List the events, without slash, that running rules wait for now and that no key of the study raises."""
     keys = StudyKeys(trial.scenario)
     found = (way.event for rule in standing_rules(trial) for way in rule.ways if way.event)
     return [topic for topic in dict.fromkeys(found) if not keys.keys_raising(topic)]
 
 
-# --- what counts ------------------------------------------------------------------------------------------------------
+# --- the memory -------------------------------------------------------------------------------------------------------
 
 
 def memory_that_counts(trial: Trial, rule: str) -> list[MemoryLine]:
-    """The memory keys that a rule reads or sets in its present state, in alphabetical order.
+    """List the memory keys that a rule reads or sets in its present state, in alphabetical order.
 
     :param rule: the name of a rule; one that does not run counts with its initial state.
     """

@@ -1,4 +1,4 @@
-"""`rise-engine agree`: how far wizards agree who answered the same cues."""
+"""`rise-engine agree`: the agreement of wizards who answered the same cues."""
 
 from __future__ import annotations
 
@@ -96,8 +96,7 @@ def _compared(folders: Sequence[Path], level: ExportLevel, problems: list[str]) 
 
 
 def _judged(folders: Sequence[Path], level: ExportLevel, problems: list[str]) -> Iterator[JudgedSession]:
-    """Each session that can be read. Decisions are told by their labels alone, so what is told of the session itself is
-    all that a level has to say about, and who the people are."""
+    """Yield each readable session with its decisions, by labels: the level applies to the facts and the people only."""
 
     def note_unreadable(folder: Path, error: SessionError) -> None:
         problems.append(f"{folder} could not be read: {error}")
@@ -114,7 +113,7 @@ def _judged(folders: Sequence[Path], level: ExportLevel, problems: list[str]) ->
 
 
 def _names(folders: Sequence[Path]) -> dict[str, str]:
-    """What to call everybody: as their study says, or else W1, W2, ... in the order in which they come."""
+    """Choose everybody's name: the study's, or else W1, W2, ... in the order of appearance."""
     names: dict[str, str] = {}
     people: dict[str, None] = {}
     for folder in folders:
@@ -135,13 +134,13 @@ def _formatted(report: AgreementReport, form: Form) -> bytes:
     return text.encode("utf-8", "backslashreplace")
 
 
-# --- a comparison, as text for people and as a table ------------------------------------------------------------------
+# --- reports as text and as a table -----------------------------------------------------------------------------------
 
 WIDTH = 100
 VALUES = 44
-"""The column in which values stand."""
+"""The column where values begin."""
 MOST_CELLS = 12
-"""Disagreements that are listed of one pair."""
+"""Maximum number of disagreements listed for a pair."""
 COLUMNS = (
     "session",
     "participant",
@@ -167,12 +166,12 @@ CAVEATS = (
 
 
 def agreement_text(report: AgreementReport) -> str:
-    """All of it, for a terminal."""
+    """Format the whole report for a terminal."""
     return "\n".join([*_head(report), *_cue_table(report), *_statistics(report), *_marks(report), *_end(report), ""])
 
 
 def agreement_csv(report: AgreementReport) -> str:
-    """One row for each cue and wizard."""
+    """Format one row for each cue and wizard."""
     out = io.StringIO()
     writer = csv.writer(out, lineterminator="\r\n")
     writer.writerow(COLUMNS)
@@ -186,7 +185,7 @@ def agreement_csv(report: AgreementReport) -> str:
 
 
 def agreement_json(report: AgreementReport) -> dict[str, Any]:
-    """Everything: each cue, each marked act, and all statistics."""
+    """Return everything: each cue, each marked act, and all statistics."""
     cues = [
         {**_of_session(cue.facts), "cue": cue.number, "cue_at_s": cue.at, "decisions": cue.decisions}
         for cue in report.cues

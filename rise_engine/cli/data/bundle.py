@@ -1,4 +1,4 @@
-"""`rise-engine study bundle`: a study as one folder for others, and what is to be said of it."""
+"""`rise-engine study bundle`: a study as one folder for others, and a summary of it."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""`rise-engine coded`: annotations of a session that people give back."""
+"""`rise-engine coded`: annotations of a session that people have made."""
 
 from __future__ import annotations
 
@@ -117,7 +117,7 @@ def add(
 
 
 def _refuse_other_session(path: Path, folder: Path, document: CodedDocument) -> None:
-    """A file that was made from another session says so."""
+    """Refuse a file that names another session as its source."""
     names = {LevelFilter(level, None).session_name(folder.name) for level in LEVELS}
     if document.session and document.session not in names:
         raise SessionError(f"{path} was made from the session {document.session}, not from {folder.name}")
@@ -126,7 +126,7 @@ def _refuse_other_session(path: Path, folder: Path, document: CodedDocument) -> 
 def _find_clock(
     path: Path, folder: Path, document: CodedDocument, moments: Sequence[str]
 ) -> tuple[CodedClock, ClockSource]:
-    """How the file's times come from the session's. Raises SessionError."""
+    """Find how the file's times relate to the session's. Raises SessionError."""
     if moments:
         given = [parse_moment(each, read_marks(folder)[0]) for each in moments]
         found = align_by_moments(given)
@@ -187,7 +187,7 @@ def remove(session: Path, file: str) -> None:
 
 
 def _lines(folder: Path, file: CodedFile) -> list[str]:
-    """A file in words. Raises SessionError."""
+    """Describe a file. Raises SessionError."""
     counts = Counter(each.tier for each in read_spans(folder, file))
     by = {"file": "as the file says", "media": "by its recording", "given": "as you have said"}[file.clock_by]
     clock = file.clock

@@ -1,4 +1,4 @@
-"""`rise-engine export`: which sessions are meant, where they go, and what is said of it."""
+"""`rise-engine export`: the selection of sessions, their destination, and the messages about them."""
 
 from __future__ import annotations
 
@@ -34,11 +34,11 @@ from rise_engine.study.withdrawn import is_withdrawn
 
 Command = TypeVar("Command", bound=Callable[..., Any])
 RECORD_FORMATS: tuple[RecordFormat, ...] = ("csv", "jsonl")
-"""Of one session, these go to standard output as well, however long it is."""
+"""Formats that can also write one session to standard output, however long it is."""
 
 
 class ExportRequest(Struct, frozen=True):
-    """What somebody asks for on the command line."""
+    """The user's request on the command line."""
 
     named: tuple[str, ...]
     """Studies and sessions."""
@@ -47,20 +47,20 @@ class ExportRequest(Struct, frozen=True):
     level: ExportLevel = "full"
     private: tuple[str, ...] = ()
     all: bool = False
-    """Of a study, also sessions that do not count or did not end."""
+    """For a study, also sessions that do not count or did not end."""
     spreadsheet_safe: bool = False
-    """Whether cells that a spreadsheet would carry out get an apostrophe."""
+    """Whether cells that a spreadsheet would run as a formula get an apostrophe."""
     wide: bool = False
-    """Tables: also one with a row for each participant."""
+    """For tables: also one with a row for each participant."""
 
 
 class Selection(Struct):
-    """The sessions that are meant."""
+    """The selected sessions."""
 
     folders: list[Path] = field(default_factory=list)
     """In the order in which they began, study by study."""
     standing: StudyStanding | None = None
-    """Of the study, when it is all that was named."""
+    """The state of the study, if only a study was named."""
     several: bool = False
     """Whether a study, or more than one session, was named."""
     remarks: list[str] = field(default_factory=list)
@@ -68,7 +68,7 @@ class Selection(Struct):
 
 
 def level_option(default: ExportLevel, about: str) -> Callable[[Command], Command]:
-    """The option `level`: how much is told to others."""
+    """Make the option `level`: how much others get."""
     return click.option("--level", type=click.Choice(LEVELS), default=default, show_default=True, help=about)
 
 
@@ -82,7 +82,7 @@ def _known_format(ctx: click.Context, param: click.Parameter, value: str) -> str
 
 
 class _ExportCommand(click.Command):
-    """Its help lists every format with what it is."""
+    """The command with a list of all formats in its help."""
 
     def format_epilog(self, ctx: click.Context, formatter: click.HelpFormatter) -> None:
         rows = []
@@ -143,13 +143,13 @@ def export(
 
 
 def select_sessions(named: Sequence[str], *, all: bool = False) -> Selection:
-    """The sessions that are meant with the names of studies and sessions.
+    """Select the sessions for the names of studies and sessions.
 
-    :param named: folders of studies (or their study.toml), and sessions as `find_session` takes them.
-    :param all: of studies, also the sessions that do not count or did not end.
-    :raises ExportError: nothing is left to export, or one is the session of somebody who has withdrawn.
-    :raises SessionError: one is no session.
-    :raises FileError: a study's files are not right.
+    :param named: folders of studies (or their study.toml), and sessions as `find_session` accepts them.
+    :param all: for studies, also the sessions that do not count or did not end.
+    :raises ExportError: nothing is left to export, or the participant of a session has withdrawn.
+    :raises SessionError: one is not a session.
+    :raises FileError: a study's files have errors.
     :raises StudyLogError: a study's log cannot be read.
     """
     selection = Selection(several=len(named) > 1)
@@ -169,7 +169,7 @@ def select_sessions(named: Sequence[str], *, all: bool = False) -> Selection:
 
 
 def _refuse_withdrawn(folder: Path) -> None:
-    """What a backup has brought back of somebody who has withdrawn is nobody's data."""
+    """Refuse a session of a participant who has withdrawn, which a backup may have restored."""
     study = study_of_session(folder)
     if study is not None and is_withdrawn(owner_of(folder), read_log(study)):
         raise ExportError(f"{folder.name} is not exported: its participant has withdrawn")
@@ -199,7 +199,7 @@ def _select_study(selection: Selection, path: Path, *, all: bool, alone: bool) -
 
 
 def _why_left_out(session: StudySession) -> str:
-    """In a word, why a session is not data of the study; empty: it is."""
+    """Say in a word why a session is not data of the study; empty: it is."""
     entry = session.entry
     if entry.purpose != "counted":
         return entry.purpose
@@ -225,13 +225,13 @@ def _export(selection: Selection, format: ExportFormat, request: ExportRequest) 
 
 
 def _tell_problems(problems: Sequence[str]) -> int:
-    """Say what could not be read; the exit status."""
+    """Print what could not be read; return the exit status."""
     print_notes(*(f"warning: {problem}" for problem in problems), *["Everything else was exported."] * bool(problems))
     return PARTIAL if problems else OK
 
 
 def _export_records(folder: Path, request: ExportRequest) -> int:
-    """The records of one session, one after the other, to a file or to standard output."""
+    """Write the records of one session, one after the other, to a file or to standard output."""
     out, format = request.out, RECORD_FORMATS[RECORD_FORMATS.index(request.format)]
     wizards = wizard_names(study_of_session(folder))
     exporter = SessionExport(folder, level=request.level, private=request.private, wizards=wizards)
@@ -248,7 +248,7 @@ def _export_records(folder: Path, request: ExportRequest) -> int:
 
 @contextmanager
 def ended_by_signals() -> Iterator[None]:
-    """Whoever ends the program while it writes leaves nothing half behind."""
+    """End the program by an exception on a signal, so that an interrupted write leaves nothing incomplete behind."""
 
     def end(number: int, frame: FrameType | None) -> None:
         sys.exit(INTERRUPTED)

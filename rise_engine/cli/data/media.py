@@ -1,4 +1,4 @@
-"""`rise-engine media`: the recordings that belong to a session, and where they lie against its clock."""
+"""`rise-engine media`: the recordings of a session, and their alignment with its clock."""
 
 from __future__ import annotations
 
@@ -42,7 +42,7 @@ from rise_engine.session.media import (
 from rise_engine.study.traces import registered_recordings
 
 LARGE = 2_000_000_000
-"""Bytes from which on it is said that a file is being read."""
+"""Size in bytes above which a message announces the reading of a file."""
 
 
 @click.group("media")
@@ -57,14 +57,14 @@ class _Addition(Struct, frozen=True):
     marks: list[SessionMark]
     interruptions: list[float]
     given: list[FoundMark]
-    """Moments that somebody has given."""
+    """Moments that the user has given."""
     find: bool
-    """Whether marks are looked for."""
+    """Whether to search for marks."""
     name: str
 
 
 class _Added(Struct, frozen=True):
-    """What became of one file."""
+    """The result for one file."""
 
     file: MediaFile
     found: Alignment
@@ -126,7 +126,7 @@ def _look(path: Path) -> MediaFacts:
 
 
 def _known_paths(folder: Path) -> list[str]:
-    """The recordings that the session's list or its record names, absolute."""
+    """Return the recordings that the session's list or its record names, absolute."""
     return list(dict.fromkeys([*(str(media_path(folder, each)) for each in read_media(folder)),
                                *registered_recordings(folder, inside=True)]))  # fmt: skip
 
@@ -153,7 +153,7 @@ def _print_added(addition: _Addition, facts: Sequence[tuple[Path, MediaFacts]], 
 
 
 def _add(addition: _Addition, path: Path, facts: MediaFacts) -> _Added:
-    """Register one file. Raises SessionError when that cannot be done."""
+    """Register one file. Raises SessionError if that is not possible."""
     folder = addition.folder
     stored = stored_path(folder, str(path))
     before = next((each for each in read_media(folder) if each.path == stored), None)
@@ -179,7 +179,7 @@ def _add(addition: _Addition, path: Path, facts: MediaFacts) -> _Added:
 
 
 def _describe(stored: str, path: Path, facts: MediaFacts, before: MediaFile | None, name: str) -> MediaFile:
-    """What is known of a file, without where it lies; what was known before of that stays."""
+    """Describe a file without its alignment; an earlier alignment stays."""
     file = before or MediaFile(path=stored, kind=facts.kind)
     return replace(
         file,
@@ -194,7 +194,7 @@ def _describe(stored: str, path: Path, facts: MediaFacts, before: MediaFile | No
 
 
 def _interruption_remarks(interruptions: Sequence[float], found: Alignment) -> list[str]:
-    """For which part of a session that was recovered this holds."""
+    """Say for which part of a recovered session the alignment holds."""
     if not interruptions:
         return []
     at = found.marks[0].session_at if found.marks else 0.0
@@ -205,7 +205,7 @@ def _interruption_remarks(interruptions: Sequence[float], found: Alignment) -> l
 
 
 def _find(path: Path, facts: MediaFacts, marks: Sequence[SessionMark]) -> Alignment:
-    """By the marks in its sound."""
+    """Align a file by the marks in its sound."""
     sounds = [each for each in marks if each.medium == "sound"]
     if not sounds and marks:
         return Alignment(problem="the session's marks are flashes: look for them, and say --at FILE=markN")
@@ -221,7 +221,7 @@ def _find(path: Path, facts: MediaFacts, marks: Sequence[SessionMark]) -> Alignm
 
 
 def _by_start(folder: Path, path: Path) -> Alignment:
-    """By when its recorder was started, if one of the session's has written it."""
+    """Align a file by the start of its recorder, if one of the session's recorders has written it."""
     wanted = path.absolute()
     for record in read_journal(folder / JOURNAL).read_records():
         started = isinstance(record, RecordingRecord) and record.status == "started" and record.path
@@ -284,7 +284,7 @@ def _lines(file: MediaFile) -> list[str]:
 
 
 def position_lines(file: MediaFile) -> list[str]:
-    """Where it lies against the session's clock."""
+    """Describe a recording's alignment with the session's clock."""
     if file.offset is None:
         return ["it is not aligned with the session"]
     begins = f"begins {abs(file.offset):.3f} s {'before' if file.offset >= 0 else 'after'} the session"
@@ -316,7 +316,7 @@ def _alignment_lines(file: MediaFile, found: Alignment) -> list[str]:
 
 
 def size_text(count: int) -> str:
-    """Bytes for people.
+    """Format a number of bytes.
 
     >>> size_text(999), size_text(1_234_567), size_text(25_000_000_000)
     ('999 bytes', '1.2 MB', '25.0 GB')

@@ -1,4 +1,4 @@
-"""Moments of a session and of a file of it, as `--at` of `rise-engine media add` and `coded add` says them."""
+"""Moments of a session and of one of its files, as `--at` of `rise-engine media add` and `coded add` gives them."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ _CLOCK = re.compile(r"(?:(\d+):)?(\d+):(\d+(?:\.\d*)?)")
 
 
 def read_marks(folder: Path) -> tuple[list[SessionMark], list[float]]:
-    """The marks that were given in a session, and when it went on after interruptions. Raises SessionError."""
+    """Read a session's marks, and the times at which it continued after interruptions. Raises SessionError."""
     marks: list[SessionMark] = []
     interruptions: list[float] = []
     for record in read_journal(folder / JOURNAL).read_records():
@@ -32,7 +32,7 @@ def read_marks(folder: Path) -> tuple[list[SessionMark], list[float]]:
 
 
 def parse_moment(text: str, marks: Sequence[SessionMark]) -> FoundMark:
-    """What `--at` says. Ends the command if it is nothing.
+    """Parse `--at`. Ends the command if it is invalid.
 
     >>> parse_moment("14.5=12", []), parse_moment("-1.5", []).media_at
     (FoundMark(number=0, session_at=12.0, media_at=14.5, strength=0.0), 0.0)
@@ -53,7 +53,7 @@ def parse_moment(text: str, marks: Sequence[SessionMark]) -> FoundMark:
 
 
 def _parse_seconds(part: str, text: str) -> float:
-    """Seconds, or h:mm:ss."""
+    """Parse seconds, or h:mm:ss."""
     part = part.strip()
     if found := _CLOCK.fullmatch(part):
         return int(found[1] or 0) * 3600 + int(found[2]) * 60 + float(found[3])

@@ -1,4 +1,4 @@
-"""What is proved of sessions, in lines for a terminal and as JSON: for `reproduce` and `study check --sessions`."""
+"""Results of replayed sessions as lines and as JSON, for `reproduce` and `study check --sessions`."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from rise_engine.study.proof import ProvedSession
 
 
 def proof_lines(session: ProvedSession) -> list[str]:
-    """What came of one session."""
+    """Describe the result for one session."""
     found = session.comparison
     if found is None:
         first, *others = session.problems
@@ -22,7 +22,7 @@ def proof_lines(session: ProvedSession) -> list[str]:
 
 
 def proof_row(session: ProvedSession) -> dict[str, Any]:
-    """The same as a document."""
+    """Return the same as JSON."""
     found = session.comparison
     row: dict[str, Any] = {
         "session": session.name,

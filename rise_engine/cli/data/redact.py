@@ -1,4 +1,4 @@
-"""`rise-engine redact`: takes words out of a session."""
+"""`rise-engine redact`: the removal of words from a session."""
 
 from __future__ import annotations
 
@@ -108,15 +108,15 @@ def _report_lines(report: RedactionReport, *, try_only: bool, whole_words: bool)
 
 
 def redact_in_study(folder: Path, report: RedactionReport, words: Words, *, try_only: bool = False) -> list[str]:
-    """Take the words out of what people wrote about a session in the log of its study, and note it there.
+    """Remove the words from what people wrote about a session in its study's log, and note it there.
 
-    This comes before the session is changed: then a run that is killed in between leaves nothing unsaid.
+    This comes before the change of the session, so that the log has it even if the run is killed in between.
 
     :param folder: the session's.
-    :param report: of the session; what is done and what remains is added to it.
-    :param words: what is to go.
+    :param report: of the session; changes and remains are added to it.
+    :param words: what to remove.
     :param try_only: change nothing.
-    :return: what was exported of the session before its last redaction and is still there.
+    :return: the exports from before the session's last redaction that still exist.
     """
     study = study_of_session(folder)
     if study is None:
@@ -147,7 +147,7 @@ def redact_in_study(folder: Path, report: RedactionReport, words: Words, *, try_
 
 
 def _older_exports(study: Path, session: str, log: Sequence[LogEntry]) -> list[str]:
-    """Where exports of a session lie that were made before its last redaction."""
+    """List the existing exports of a session from before its last redaction."""
     found: dict[str, Path] = {}
     older: list[str] = []
     for each in log:

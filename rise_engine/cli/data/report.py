@@ -1,4 +1,4 @@
-"""`rise-engine report`: what happened in a session or a study, in the terminal or as one HTML file."""
+"""`rise-engine report`: a summary of a session or a study, in the terminal or as one HTML file."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ from rise_engine.study.state import read_state
 from rise_engine.study.study_toml import STUDY_FILE, is_study
 
 WIDEST = 100
-"""Columns of a terminal that a report uses at most."""
+"""Maximum columns of a report in a terminal."""
 
 
 @click.command()
@@ -80,8 +80,7 @@ def _write(
     sheet: str | None,
     new_file: Callable[..., AbstractContextManager[NewExport]],
 ) -> tuple[MadeReport, list[str]]:
-    """Make a report and write what is asked for; sentences about what was written. Without a file, it goes to the
-    screen."""
+    """Make a report and write the wanted files, or print it; return it with sentences about the files."""
     said: list[str] = []
     with ExitStack() as files:  # both, or none
         exports = {

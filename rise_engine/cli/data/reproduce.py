@@ -1,4 +1,4 @@
-"""`rise-engine reproduce`: whether the sessions of a bundle come out again, and everything that is made of them."""
+"""`rise-engine reproduce`: a check that a bundle's sessions replay, and that its results come out again."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ from rise_engine.study.state import StudyStatus, read_state
 from rise_engine.study.study_log import StudyLogError
 
 _SHOWN = 5
-"""Differences of a kind that are printed for a session; `--json` has all."""
+"""Maximum number of differences of a kind printed for a session; `--json` has all."""
 
 
 class OtherCourse(Struct, frozen=True):
@@ -41,7 +41,7 @@ class OtherCourse(Struct, frozen=True):
 
 
 class Reproduction(Struct):
-    """What came of a bundle."""
+    """The results for a bundle."""
 
     check: ManifestCheck
     about: AboutBundle
@@ -62,7 +62,7 @@ class Reproduction(Struct):
 
     @property
     def same_version(self) -> bool:
-        """Whether this version of the program made it."""
+        """Whether this version of the program made the bundle."""
         return self.about.program == __version__
 
 
@@ -91,8 +91,8 @@ def reproduce(bundle: str, robot: str | None, as_json: bool) -> int:
         state = _state_of(root, found)
         folders = sessions_in_order(root, state)
         if robot is not None and folders:
-            load_for_robot(folders[0], robot)  # a robot that there is not is no difference
-        show = _show_nothing if as_json else print_lines  # with --json, everything is told at the end
+            load_for_robot(folders[0], robot)  # an unknown robot is an error, not a difference
+        show = _show_nothing if as_json else print_lines  # with --json, everything comes at the end
         show(*_check_lines(found.check))
         for session in prove_sessions(root, state, absent=found.about.absent):
             found.sessions.append(session)
@@ -113,7 +113,7 @@ def reproduce(bundle: str, robot: str | None, as_json: bool) -> int:
 
 
 def _show_nothing(*lines: str) -> None:
-    """Instead of `print_lines`."""
+    """Print nothing, in place of `print_lines`."""
 
 
 def _state_of(root: Path, found: Reproduction) -> StudyStatus | None:
@@ -125,7 +125,7 @@ def _state_of(root: Path, found: Reproduction) -> StudyStatus | None:
 
 
 def _make_again(root: Path, state: StudyStatus | None, folders: Sequence[Path], found: Reproduction) -> None:
-    """Compare the inputs with the sessions, and what is made of both with what is in the bundle."""
+    """Compare the inputs with the sessions, and what is made of both with the bundle."""
     if state is None or not folders:
         return
     found.inputs = check_inputs(root, state, folders)
@@ -153,7 +153,7 @@ def _check_lines(check: ManifestCheck) -> list[str]:
 
 
 def _made_lines(found: Reproduction) -> list[str]:
-    """What came of the inputs, and of what is made of everything."""
+    """Describe the results for the inputs, and for everything made from them."""
     derived = found.derived
     lines = [f"different: {each}" for each in (*found.problems, *found.inputs.problems)]
     lines += [f"different: {each}" for each in derived.differences]
@@ -204,7 +204,7 @@ def _last_lines(found: Reproduction, robot: str | None) -> list[str]:
 
 
 def _proof_paragraph(found: Reproduction) -> list[str]:
-    """What all of this has proved, and what not."""
+    """Say what the results have proved, and what they have not."""
     proved = sum(each.proved for each in found.sessions)
     lines = ["This proves:"]
     if proved:

@@ -1,4 +1,4 @@
-"""`rise-engine check`: everything that is wrong with a scenario, or what holds for one of its acts."""
+"""`rise-engine check`: all errors of a scenario, or the settings of one of its acts."""
 
 from __future__ import annotations
 
@@ -81,7 +81,7 @@ def check(
 
 
 def _exploration_lines(exploration: Exploration) -> Iterator[str]:
-    """What exploring has found, a line each, and what it has looked at."""
+    """Yield a line for each finding of exploring, and what was explored."""
     for finding in exploration.findings:
         if finding.level != "remark":
             place = f"{finding.location}: " if finding.location is not None else ""
@@ -91,13 +91,12 @@ def _exploration_lines(exploration: Exploration) -> Iterator[str]:
 
 
 def _driver_diagnostics(folder: str, loaded: LoadResult, *, is_real: bool) -> list[Diagnostic]:
-    """What the robot's driver has to say about the profile. What only keeps a real session from beginning is a warning
-    in a rehearsal."""
+    """Return the driver's diagnostics of the profile; in a rehearsal, problems of real sessions only are warnings."""
     files = FileReader(robots_folder(folder), Diagnostics())
     found = Diagnostics()
     errors = {each.location.file for each in loaded.errors}
     if SCENARIO_FILE in errors or any(name.endswith(f"{loaded.robot.name}.toml") for name in errors):
-        return []  # what could be read of the robot is less than what is written
+        return []  # the profile could be read only in part
     for finding in profile_findings(loaded.robot):
         location = locate_in_profile(finding.where, loaded.robot.name, files)
         refused = finding.kind == "wrong" or (finding.kind == "missing" and is_real)
@@ -117,7 +116,7 @@ def _contents_text(scenario: Scenario | None) -> str:
 
 
 def _explain_act(loaded: LoadResult, act: str, *, as_json: bool) -> None:
-    """Print what holds for an act, and which line of scenario.toml says so."""
+    """Print the settings of an act, and the lines of scenario.toml that they come from."""
     scenario = sound_scenario(loaded)
     if act not in scenario.acts:
         exit_with_usage(f"there is no act {act!r}{did_you_mean(act, scenario.acts)}")

@@ -1,4 +1,4 @@
-"""The commands that change a study's files or say what is in them: fmt, rename, uses."""
+"""The commands that change a study's files or search them: fmt, rename, uses."""
 
 from __future__ import annotations
 
@@ -131,7 +131,7 @@ def fmt(folder: str, check_only: bool, as_diff: bool) -> int:
 
 
 def _check_after(before: StudyState, after: Files) -> None:
-    """:raises EditRefused: the study would have errors then."""
+    """Check the study after a change. :raises EditRefused: it would have errors."""
     held = {name: data for name, data in after.items() if data != before.files.get(name)}
     loaded = load(before.folder, held=held)
     if loaded.errors:
@@ -139,7 +139,7 @@ def _check_after(before: StudyState, after: Files) -> None:
 
 
 def _findings(loaded: LoadResult) -> list[tuple[str, str, str]]:
-    """What was found, wherever it stands."""
+    """Return the diagnostics without their lines, for a comparison."""
     found = [*loaded.diagnostics, *(each.diagnostic for each in loaded.suppressed)]
     return sorted((each.severity, each.code, each.location.file) for each in found)
 
@@ -157,9 +157,9 @@ def _tell(planned: Plan, before: Files, after: Files, *, as_diff: bool, as_json:
 
 
 def _write(path: Path, before: Files, after: Files) -> None:
-    """Write all or nothing, while nobody else has the study open. A draft of the editor stays as it is.
+    """Write all or nothing, while nobody else has the study open. A draft of the editor stays unchanged.
 
-    :raises EditRefused: somebody has, or it cannot be written.
+    :raises EditRefused: somebody has it open, or it cannot be written.
     """
     refuse_shipped(path)
     workspace = Workspace(path)

@@ -1,4 +1,4 @@
-"""The command `edit`: changes that a program or a person has written down as JSON, made all at once or not at all."""
+"""The command `edit`: changes from a JSON file, made all together or not at all."""
 
 from __future__ import annotations
 
@@ -44,9 +44,10 @@ def edit(folder: str, edits: str, dry_run: bool, as_json: bool) -> int:
 
 
 def read_edits(text: str, name: str) -> list[AnyEdit]:
-    """The edits of a file: a list of them, or one. Ends the command if it is no JSON, or an edit is none.
+    """Read a file's edits, a list or a single one. Ends the command if it is not JSON or an edit is invalid.
 
-    :param text: the file. :param name: what it is called in sentences.
+    :param text: the file's content.
+    :param name: its name in messages.
     """
     try:
         values = decode(text)
@@ -70,12 +71,12 @@ def read_edits(text: str, name: str) -> list[AnyEdit]:
 
 
 def kinds_of_edits() -> dict[str, type[Edit]]:
-    """All edits, by the names that they have in JSON."""
+    """Return all edits, by their names in JSON."""
     return {str(each.__struct_config__.tag): each for each in AnyEdit.__args__}
 
 
 def _read_edit(value: Any) -> AnyEdit | str:
-    """An edit, or what is wrong with it."""
+    """Parse an edit, or say what is wrong with it."""
     kinds = kinds_of_edits()
     if not isinstance(value, dict) or not isinstance(value.get("edit"), str):
         return 'an edit is an object such as {"edit": "set_start_value", "key": "score", "value": 0}'
@@ -95,7 +96,7 @@ def _read_edit(value: Any) -> AnyEdit | str:
 
 
 def _read(name: str) -> str:
-    """The text of a file. Ends the command if it cannot be read."""
+    """Read the text of a file. Ends the command if it cannot be read."""
     try:
         data = sys.stdin.buffer.read(_LARGEST + 1) if name == "-" else _read_file(Path(name))
     except OSError as error:
@@ -114,7 +115,7 @@ def _read_file(path: Path) -> bytes:
 
 
 def _make(workspace: Workspace, edits: list[AnyEdit], name: str, *, dry_run: bool, as_json: bool) -> int:
-    """The exit status."""
+    """Make the edits, and return the exit status."""
     before = workspace.files
     state, change, refused = workspace.foresee(*edits)
     problem = ""
@@ -139,7 +140,7 @@ def _make(workspace: Workspace, edits: list[AnyEdit], name: str, *, dry_run: boo
 
 
 def _notes(change: Change, refused: tuple[Refusal, ...], checked: LoadResult, name: str, problem: str) -> list[object]:
-    """What is in the way, and what was noticed."""
+    """List the problems, or else what was noticed."""
     in_the_way = [f"{name}: edit {each.edit + 1}: {each.why}" for each in refused] or checked.errors
     if problem:
         return [*in_the_way, f"error: {problem}"]

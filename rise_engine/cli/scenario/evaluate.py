@@ -1,4 +1,4 @@
-"""`rise-engine eval`: what an expression gives, and the functions of the language."""
+"""`rise-engine eval`: the value of an expression, and the functions of the language."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ from rise_engine.expression.functions import SIGNATURES
 
 
 class _ExpressionCommand(click.Command):
-    """Takes `-1`, `-n` and `-2^2` as an expression. Only `--word`, and `-h`, are options."""
+    """A command that accepts `-1`, `-n` and `-2^2` as expressions. Only `--word` and `-h` are options."""
 
     def parse_args(self, ctx: click.Context, args: list[str]) -> list[str]:
         takes_value = {
@@ -40,7 +40,7 @@ class _ExpressionCommand(click.Command):
                 if takes_value[arg]:
                     options += [each for each in (next(rest, None),) if each is not None]
             elif arg.startswith("--") and arg[2:3].isalpha():
-                options.append(arg)  # with `=value`, or one that does not exist: click says so, and names the nearest
+                options.append(arg)  # with `=value`, or unknown: click reports it and names the nearest
             else:
                 expressions.append(arg)
         return super().parse_args(ctx, [*options, "--", *expressions])
@@ -80,7 +80,7 @@ def _function_lines() -> list[str]:
 
 
 def _read_memory(text: str) -> dict[str, Any]:
-    """A memory from JSON or from a file, plain or as in the paper's listing 3. Ends the command if it is none."""
+    """Read a memory from JSON or a file, plain or as in the paper's listing 3. Ends the command if it is invalid."""
     source = text.strip()
     if source.startswith("@") or not source.startswith("{"):
         try:
@@ -106,7 +106,7 @@ def _read_memory(text: str) -> dict[str, Any]:
 
 
 def _evaluate(text: str, memory: Mapping[str, Any], *, as_json: bool) -> int:
-    """Print what an expression gives, and how it was read; the exit status is 1 when it gives nothing."""
+    """Print the value of an expression and how it was read; the exit status is 1 if it has no value."""
     try:
         expression = Expression.parse(text)
     except ExpressionError as error:
@@ -148,7 +148,7 @@ def _evaluate(text: str, memory: Mapping[str, Any], *, as_json: bool) -> int:
 
 
 def type_name(value: Any) -> str:
-    """What a memory value is, in JSON's words (a whole number is an integer)."""
+    """Return the type of a memory value in JSON's words (a whole number is an integer)."""
     if value is None:
         return "null"
     names = ((bool, "boolean"), (int, "integer"), (float, "number"), (str, "string"), (list, "array"), (dict, "object"))
@@ -156,5 +156,5 @@ def type_name(value: Any) -> str:
 
 
 def _one_line(text: str) -> str:
-    """Every character at the column where it was written."""
+    """Replace line ends by blanks, so that every character keeps its column."""
     return "".join(" " if character.isspace() else character for character in text)

@@ -1,4 +1,4 @@
-"""`rise-engine explore`: all situations of a study, before anybody comes."""
+"""`rise-engine explore`: all situations of a study, before the first participant comes."""
 
 from __future__ import annotations
 
@@ -38,7 +38,7 @@ from rise_engine.study.session_kinds import SessionKind, session_kinds
 _WIDTH = 100
 _MARKS = {"problem": "PROBLEM", "warning": "warning", "remark": "remark"}
 _SECONDS_BETWEEN = 0.5
-"""Between two lines of progress."""
+"""Interval between two lines of progress."""
 
 
 @click.command("explore")
@@ -89,7 +89,7 @@ def explore_command(folder: str | None, robot: str | None, **options: Any) -> in
 
 
 def _explore_study(folder: str, robot: str | None, options: dict[str, Any]) -> int:
-    """Explore and play every kind of session of a study, and print what was found; the exit status."""
+    """Explore and play every kind of session of a study, and print the findings; return the exit status."""
     for name, given in (("--robot", robot), ("--write", options["write"]), ("--keys", options["show_keys"])):
         if given:
             exit_with_usage(f"{name} goes with a scenario: rise-engine explore {quote(str(Path(folder) / 'scenario'))}")
@@ -158,7 +158,7 @@ def _study_report(
 
 
 def _bounds(scenario: Scenario, options: dict[str, Any]) -> Bounds:
-    """What the scenario says, and over it what the command line says."""
+    """Combine the scenario's bounds with those of the command line, which take precedence."""
     given: dict[str, Any] = {name: options[name] for name in ("faults", "line", "beside") if options[name] is not None}
     if options["all_keys"]:
         given["keys"] = "all"
@@ -172,7 +172,7 @@ def _bounds(scenario: Scenario, options: dict[str, Any]) -> Bounds:
 
 
 def _read_pace(text: str) -> tuple[float, float] | None:
-    """`0.5-3`, or `any`."""
+    """Parse `0.5-3`, or `any`."""
     if text == "any":
         return None
     least, _, most = text.partition("-")
@@ -185,12 +185,12 @@ def _read_pace(text: str) -> tuple[float, float] | None:
     return pace
 
 
-# --- while it looks -------------------------------------------------------------------------------------------------
+# --- progress -------------------------------------------------------------------------------------------------------
 
 
 @contextmanager
 def _interruptible() -> Iterator[list[bool]]:
-    """Within this, ctrl+c only says that it is enough; twice ends the program."""
+    """Make ctrl+c end only the exploring; a second one ends the program."""
     interrupted: list[bool] = []
 
     def interrupt(number: int, frame: FrameType | None) -> None:
@@ -206,7 +206,7 @@ def _interruptible() -> Iterator[list[bool]]:
 
 
 class _Progress:
-    """Tells somebody who watches how far it has come, and stops when they have had enough."""
+    """Display of progress; it stops the exploring after ctrl+c."""
 
     def __init__(self, interrupted: list[bool]) -> None:
         self._interrupted = interrupted
@@ -226,7 +226,7 @@ class _Progress:
         return True
 
 
-# --- what it found --------------------------------------------------------------------------------------------------
+# --- results --------------------------------------------------------------------------------------------------------
 
 
 def _report(scenario: Scenario, exploration: Exploration, show: str | None, *, show_keys: bool) -> Iterator[str]:
@@ -263,7 +263,7 @@ def _finding_line(number: int, level: str, text: str, place: str) -> str:
 
 
 def _way_lines(scenario: Scenario, exploration: Exploration, finding: ExploreFinding) -> Iterator[str]:
-    """The way to a finding, step by step."""
+    """Yield the path to a finding, step by step."""
     if finding.path is not None:
         for at, sentence in enumerate(tell_path(scenario, finding.path, exploration.bounds), 1):
             yield fill(sentence, _WIDTH, initial_indent=f"      {at:>2}. ", subsequent_indent="          ")
@@ -280,7 +280,7 @@ def _way_lines(scenario: Scenario, exploration: Exploration, finding: ExploreFin
 
 
 def _key_lines(scenario: Scenario, exploration: Exploration) -> Iterator[str]:
-    """Which key does something in which state: `x` always, `-` sometimes, nothing: never."""
+    """Yield a table of keys and states where they do something: `x` always, `-` sometimes, a blank never."""
     signs = {"always": "x", "sometimes": "-", "never": " "}
     keys = next(iter(exploration.keys.values()), {})
     labels = [scenario.keys[key].label for key in keys]
@@ -294,7 +294,7 @@ def _key_lines(scenario: Scenario, exploration: Exploration) -> Iterator[str]:
 
 
 def _write_ways(scenario: Scenario, exploration: Exploration, folder: Path, study: str) -> None:
-    """Each finding's way as a task file in a new or empty folder. Ends the program if they cannot be written."""
+    """Write each finding's path as a task file in a new or empty folder. Ends the program if they cannot be written."""
     if folder.exists() and any(folder.iterdir()):
         exit_with_usage(f"{folder} is not empty; name a new folder")
     try:

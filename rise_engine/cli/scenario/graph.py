@@ -1,4 +1,4 @@
-"""`rise-engine graph`: the rules or acts of a study as pictures."""
+"""`rise-engine graph`: drawings of a study's rules or acts."""
 
 from __future__ import annotations
 
@@ -23,17 +23,17 @@ from rise_engine.scenario.model import Act, Rule, Scenario
 Named = TypeVar("Named", Act, Rule)
 FORMATS = ("text", "svg", "mermaid")
 WIDTH = 100
-"""Cells of a picture when nothing else is said."""
+"""Default number of cells of a drawing."""
 LEAST_WIDTH, MOST_WIDTH = 40, 400
 
 
 def graph_text(scenario: Scenario, name: str, format: str, width: int, *, act: bool = False) -> str:
-    """The picture of a rule or an act, or of all rules. Ends the command if there is none.
+    """Draw a rule, an act, or all of them. Ends the command if there is none.
 
     :param name: of a rule or an act; empty: all rules, or all acts.
     :param format: one of FORMATS.
-    :param width: cells; of text and SVG.
-    :param act: an act is meant, where a rule is called so too; without a name: all acts.
+    :param width: cells, for text and SVG.
+    :param act: draw the act, even if a rule has the same name; without a name: all acts.
     """
     if act or (name and name not in scenario.rules and name in scenario.acts):
         acts = _chosen(scenario.acts, name, "act")

@@ -1,4 +1,4 @@
-"""A scenario for a command: read, or refused with everything that is wrong with it."""
+"""Loading of a scenario for a command, which refuses it with all its errors."""
 
 from __future__ import annotations
 
@@ -24,13 +24,13 @@ def load_scenario(
     language: str = "",
     allow_untranslated: bool = False,
 ) -> Scenario:
-    """A scenario, after warnings on standard error. Ends the command if it has errors.
+    """Load a scenario, and print its warnings on standard error. Ends the command if it has errors.
 
     :param folder: the scenario's.
     :param robot: another robot than the scenario's; None: its own.
-    :param mode: the same for the mode.
-    :param language: as for a session in this language; empty: as for one in that of the acts.
-    :param allow_untranslated: whether it is no error that something is not translated.
+    :param mode: another mode than the scenario's; None: its own.
+    :param language: as for a session in this language; empty: in the language of the acts.
+    :param allow_untranslated: whether missing translations are not errors.
     """
     loaded = load(folder, robot=robot, mode=mode, language=language or None, allow_untranslated=allow_untranslated)
     if loaded.scenario is not None:
@@ -39,7 +39,7 @@ def load_scenario(
 
 
 def sound_scenario(loaded: LoadResult) -> Scenario:
-    """The scenario that was read. Ends the command if it has errors."""
+    """Return the loaded scenario. Ends the command if it has errors."""
     if loaded.scenario is None:
         refused = f"the scenario is refused: {pluralize(len(loaded.errors), 'error')}"
         raise Refused(findings=(*loaded.diagnostics, refused))
@@ -47,7 +47,7 @@ def sound_scenario(loaded: LoadResult) -> Scenario:
 
 
 def diagnostic_row(diagnostic: Diagnostic) -> dict[str, Any]:
-    """A diagnostic as `--json` has it."""
+    """Return a diagnostic for `--json`."""
     return {
         "file": diagnostic.location.file,
         "line": diagnostic.location.line,
@@ -61,13 +61,13 @@ def diagnostic_row(diagnostic: Diagnostic) -> dict[str, Any]:
 
 
 def robots_folder(folder: str | None) -> Path:
-    """The folder whose own robots count."""
+    """Return the folder whose own robots count."""
     path = Path(folder or ".")
     return (path.parent if path.is_file() else path).resolve()
 
 
 def read_profile(name: str, folder: str | None) -> tuple[RobotProfile, list[Diagnostic]]:
-    """The profile of a robot, and what is wrong with it."""
+    """Read the profile of a robot, with its diagnostics."""
     diagnostics = Diagnostics()
     profile = read_robot(name, FileReader(robots_folder(folder), diagnostics), SourceLocation("command line"))
     return profile, diagnostics.sorted()

@@ -1,4 +1,4 @@
-"""The command `new`: a study of one's own, from one that comes with the program or from nothing."""
+"""The command `new`: a study of one's own, as a copy of one that comes with the program, or blank."""
 
 from __future__ import annotations
 
@@ -79,7 +79,7 @@ def _ask(folder: str | None, template: str | None, title: str, robot: str) -> tu
 
 
 def _copy(folder: str, study: str) -> None:
-    """Copy a shipped study, and say how to go on."""
+    """Copy a shipped study, and print the next steps."""
     try:
         number = copy_study(study, Path(folder))
         write_agents_file(Path(folder))

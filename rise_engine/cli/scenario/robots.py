@@ -21,7 +21,7 @@ from rise_engine.scenario.model import ActionSpec, RobotProfile
 from rise_engine.scenario.robot_profiles import DEFAULT_ROBOT, find_profile, robot_names
 
 SCHEMAS = "rise.schemas"
-"""The entry-point group in which a package names schemas of its own, each a function that gives the text."""
+"""The entry-point group in which a package names its own schemas, each a function that returns the text."""
 
 
 @click.command()
@@ -129,6 +129,6 @@ def doctor(folder: str | None, robot: str | None, ros: RosTransport, seconds: fl
 
 
 def _named_robot(folder: str | None) -> str:
-    """The robot that a scenario names, whatever else is wrong with it."""
+    """Return the robot that a scenario names; the default robot if the scenario has errors."""
     scenario = load(folder or ".").scenario
     return scenario.robot.name if scenario is not None else DEFAULT_ROBOT

@@ -1,4 +1,4 @@
-"""`rise-engine texts`: what a study says as one table, for who writes and translates it (docs/how-to/translate.md)."""
+"""`rise-engine texts`: a study's texts as one table for authors and translators (docs/how-to/translate.md)."""
 
 from __future__ import annotations
 
@@ -126,7 +126,7 @@ def import_(folder: str, file: str, languages: tuple[str, ...], dry_run: bool, n
 
 
 def _apply(workspace: Workspace, found: TextImport, *, dry_run: bool) -> str:
-    """Make the edits, and save them; gives the end of the last sentence.
+    """Make the edits and save them; return the end of the summary.
 
     :raises EditRefused: they cannot be made, or saved.
     """
@@ -138,7 +138,7 @@ def _apply(workspace: Workspace, found: TextImport, *, dry_run: bool) -> str:
         saved = () if dry_run else workspace.save().files
     finally:
         difference = workspace.diff()
-        if not saved:  # nor does a draft of it stay
+        if not saved:  # leave no draft of it either
             workspace.undo()
     print_lines(*change.says)
     if dry_run:
@@ -180,7 +180,7 @@ def check(folder: str, languages: tuple[str, ...]) -> int:
 
 
 def _load(folder: str) -> LoadResult:
-    """What was read of a scenario without errors."""
+    """Load a scenario without errors."""
     loaded = load(folder)
     sound_scenario(loaded)
     return loaded

@@ -1,4 +1,4 @@
-"""A session without a console: what `rise-engine run` does once its arguments are understood.
+"""A session without a console: the work of `rise-engine run` after the parsing of its arguments.
 
 In real time it runs on an asyncio loop; in virtual time in one plain loop, without waiting.
 """
@@ -34,10 +34,10 @@ from rise_engine.run.server.hub import SessionHub
 from rise_engine.scenario.model import Scenario
 
 LIVELOCK = 20_000
-"""Inputs, tasks of the script not counted, within which virtual time must get on by LIVELOCK_SECONDS."""
+"""Inputs, without the script's tasks, within which virtual time must advance by LIVELOCK_SECONDS."""
 LIVELOCK_SECONDS = 0.1
 ENDLESS_AFTER = 86_400.0
-"""Virtual seconds after the last scripted task: a session that is not idle by then never will be."""
+"""Virtual seconds after the last scripted task; a session that is still not idle then never will be."""
 
 
 class RunOptions(Struct, frozen=True):
@@ -45,17 +45,17 @@ class RunOptions(Struct, frozen=True):
 
     scenario: Scenario
     session: SessionOptions
-    """How it was asked for; `session.first_tasks` are submitted at time 0, in this order, before the script."""
+    """Its options; `session.first_tasks` are submitted at time 0, in this order, before the script."""
     script: tuple[TimedTask, ...] = ()
     stream: bool = False
     """Read further tasks from standard input while the session runs."""
     virtual: bool = False
-    """In virtual time, in which ROS 2 is not spoken."""
+    """In virtual time, without ROS 2."""
     until: float | None = None
     """Seconds of session time; None: until nothing happens by itself any more."""
     json: bool = False
     strict: bool = False
-    """Whether a task that was rejected or aborted shows in the exit status."""
+    """Whether a rejected or aborted task changes the exit status."""
     started: SessionStarted | None = None
     """The first input, for a session of a study."""
 
@@ -65,7 +65,7 @@ class RunOptions(Struct, frozen=True):
 
 
 def run_session(options: RunOptions) -> int:
-    """Run a session to its end and give the exit status.
+    """Run a session to its end and return the exit status.
 
     Raises rise_engine.base.errors.AdapterError and RobotOptionsError, before anything has started.
     """
@@ -75,7 +75,7 @@ def run_session(options: RunOptions) -> int:
 
 
 class _HeadlessSession:
-    """What real and virtual time share: the task file, the reasons to end, the exit status."""
+    """The common part of real and virtual time: the task file, the reasons to end, the exit status."""
 
     def __init__(
         self, options: RunOptions, clock: SessionClock, output: Output, bridge: Bridge[SessionHub] | None = None
@@ -96,7 +96,7 @@ class _HeadlessSession:
         self.output = output
         self.status = exit_status.OK
         self.submitted = 0
-        """Tasks of the script that have been submitted."""
+        """How many tasks of the script have been submitted."""
         self._due: dict[float, list[TimedTask]] = {}
         """Tasks that are still to be submitted, by their time."""
         self.streaming = options.stream
@@ -104,7 +104,7 @@ class _HeadlessSession:
         self._output_failure_reported = False
 
     def start(self) -> None:
-        """Begin the session: its first tasks at once, those of the task file by their time."""
+        """Begin the session: submit its first tasks, and schedule those of the task file."""
         engine, clock = self.engine, self.engine.clock
         for task in self.options.script:
             self._print_warning(task)
@@ -121,7 +121,7 @@ class _HeadlessSession:
             clock.call_at(self.options.until, lambda: engine.end(f"{self.options.until:g} s are over"))
 
     def add_task(self, task: TimedTask) -> None:
-        """A task that came while the session runs; one whose time is over is submitted at once."""
+        """Add a task that came while the session runs; submit it immediately if its time is over."""
         self._print_warning(task)
         if task.at <= self.engine.clock.now():
             self._submit(task)
@@ -134,17 +134,17 @@ class _HeadlessSession:
             print_notes(warning)
 
     def end_if_idle(self) -> None:
-        """With `--until idle`: end when nothing happens by itself any more and no task is left to submit."""
+        """End with `--until idle` when nothing happens by itself any more and no task is left to submit."""
         if self.options.until is None and not self._due and not self.streaming and self.engine.idle:
             self.engine.end("nothing is left to do")
 
     def interrupt(self) -> None:
-        """Somebody wants it to end: stop the robot first."""
+        """End on the user's request; stop the robot first."""
         self.status = exit_status.INTERRUPTED
         self.engine.end("interrupted", stop=True)
 
     def end_if_output_failed(self) -> None:
-        """End the session when it cannot be written any more: no robot goes on unrecorded."""
+        """End the session when it cannot be written any more, so that no robot continues unrecorded."""
         if self.output.failure is not None:
             if not self._output_failure_reported:
                 self._output_failure_reported = True
@@ -164,7 +164,7 @@ class _HeadlessSession:
         self.engine.end(message, stop=True)
 
     def status_at_end(self) -> int:
-        """The exit status, once the session is over."""
+        """Return the exit status of the finished session."""
         if self.engine.failure is not None:
             print_notes(f"error: the engine failed, which is a mistake in this program: {self.engine.failure!r}")
             return exit_status.FAILED
@@ -179,7 +179,7 @@ class _HeadlessSession:
         return self.status
 
     def _schedule(self, task: TimedTask) -> None:
-        # Those of one moment have one timer, in the order of their lines: an asyncio loop does not keep that of timers.
+        # Tasks of one moment share a timer, in the order of their lines: asyncio does not keep the order of timers.
         tasks = self._due.setdefault(task.at, [])
         if not tasks:
             self.engine.clock.call_at(task.at, lambda: self._submit_due(task.at))
@@ -245,7 +245,7 @@ def _run_virtual(options: RunOptions) -> int:
 
 @contextmanager
 def _tolerate_engine_failure(engine: Engine) -> Iterator[None]:
-    """An engine that failed has stopped the robot and says why by itself: see `status_at_end`."""
+    """Suppress the exception of a failed engine: it has stopped the robot and reports the reason in `status_at_end`."""
     try:
         yield
     except Exception:
@@ -255,7 +255,7 @@ def _tolerate_engine_failure(engine: Engine) -> Iterator[None]:
 
 @contextmanager
 def _signals_to(handler: Callable[[int, FrameType | None], None]) -> Iterator[None]:
-    """SIGINT and SIGTERM go to `handler` inside the block."""
+    """Send SIGINT and SIGTERM to `handler` inside the block."""
     before = [(each, signal.signal(each, handler)) for each in (signal.SIGINT, signal.SIGTERM)]
     try:
         yield
@@ -301,8 +301,8 @@ async def _run_connected(options: RunOptions, bridge: Bridge[SessionHub] | None)
         loop.call_soon_threadsafe(session.interrupt)
 
     for each in (signal.SIGINT, signal.SIGTERM):
-        # Python runs `on_signal` only once the loop does something. This lets each signal wake it, also one that comes
-        # in the moment before it begins to wait.
+        # Python runs `on_signal` only when the loop does something. This handler makes each signal wake the loop, even
+        # one that comes just before it begins to wait.
         loop.add_signal_handler(each, lambda: None)
     with _signals_to(on_signal):
         try:
@@ -318,13 +318,13 @@ async def _run_connected(options: RunOptions, bridge: Bridge[SessionHub] | None)
 
 
 def _submit_from_standard_input(loop: asyncio.AbstractEventLoop, session: _HeadlessSession) -> None:
-    """Tasks run as their lines arrive on standard input; its end ends the script."""
+    """Run tasks as their lines arrive on standard input; its end ends the script."""
     reader = TaskFileReader("-")
 
     def submit_line(text: bytes) -> None:
         try:
             task = reader.read_line(text)
-        except FileError as error:  # the session goes on without this line
+        except FileError as error:  # the session continues without this line
             print_notes(*error.lines)
             session.status = exit_status.USAGE
         else:
@@ -336,7 +336,7 @@ def _submit_from_standard_input(loop: asyncio.AbstractEventLoop, session: _Headl
         session.end_if_idle()
 
     def read_lines() -> None:
-        # Straight from the descriptor: at the end of the program nothing may be stuck in a lock of sys.stdin.
+        # Read the descriptor directly: at the program's exit, nothing may wait for a lock of sys.stdin.
         rest = b""
         try:
             descriptor = sys.stdin.fileno()

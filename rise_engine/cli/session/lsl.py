@@ -1,4 +1,4 @@
-"""`rise-engine lsl`: markers of a running session for the Lab Streaming Layer, from a process of its own."""
+"""`rise-engine lsl`: markers of a running session for the Lab Streaming Layer, in a process of its own."""
 
 from __future__ import annotations
 
@@ -66,7 +66,7 @@ async def _send(plan: OutletPlan) -> int:
 
 
 def _log_to_standard_error() -> None:
-    """What the stream has to say is for who started it."""
+    """Show the stream's messages to the user who started it."""
     handler = logging.StreamHandler()
     handler.setFormatter(logging.Formatter("%(message)s"))
     log = logging.getLogger("rise_engine.run.recording")

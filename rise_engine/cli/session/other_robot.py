@@ -1,4 +1,4 @@
-"""The inputs of a recorded session once more, on another robot that is simulated, in virtual time."""
+"""The inputs of a recorded session on another, simulated robot, in virtual time."""
 
 from __future__ import annotations
 
@@ -29,10 +29,10 @@ from rise_engine.session.folder import SCENARIO_COPY, load_scenario_copy, read_i
 def compare_on_robot(folder: Path, robot: str) -> CourseComparison:
     """Run the inputs of people and programs of the session in `folder` on a simulated `robot`, and compare.
 
-    What the session's own robot reported, and what its time gave, is not repeated: the other robot gives that.
+    Reports of the session's own robot, and of its timers, are not repeated: the other robot gives its own.
 
     :param robot: the name of a profile (docs/reference/robots.md).
-    :raises ExportError: the scenario does not load for that robot, or goes round in circles with it.
+    :raises ExportError: the scenario does not load for that robot, or loops without end with it.
     :raises rise_engine.base.errors.SessionError: the session cannot be read.
     """
     info = read_info(folder)
@@ -42,7 +42,7 @@ def compare_on_robot(folder: Path, robot: str) -> CourseComparison:
 
 
 def load_for_robot(folder: Path, robot: str) -> Scenario:
-    """The scenario of the session in `folder`, for another robot, which is simulated.
+    """Load the scenario of the session in `folder` for another, simulated robot.
 
     :raises ExportError: it does not load.
     """
@@ -56,7 +56,7 @@ def load_for_robot(folder: Path, robot: str) -> Scenario:
 
 
 def run_on_robot(recorded: RecordedSession, scenario: Scenario) -> Sequence[AnyRecord]:
-    """The records that come of it. Raises ExportError."""
+    """Run the inputs on the scenario's robot, and return the records. Raises ExportError."""
     clock = VirtualClock()
     try:
         robot = make_robot(scenario.robot, "debug", clock, recorded.seed)

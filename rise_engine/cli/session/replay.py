@@ -1,4 +1,4 @@
-"""`rise-engine replay`: whether a session repeats, or the session played in real time."""
+"""`rise-engine replay`: a comparison of a session with its replay, or the session played in real time."""
 
 from __future__ import annotations
 

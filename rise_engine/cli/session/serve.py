@@ -132,8 +132,7 @@ def serve(
 
 
 def _lines(message: StartupProgress | StartOutcome, scenario_folder: str) -> list[str]:
-    """How far it is, and at last whether it serves. `scenario_folder`: what was to run; empty for a study, which is
-    right as it is."""
+    """Format the start's progress and outcome; `scenario_folder` is empty for a study."""
     match message:
         case StartupProgress(sentence=sentence):
             return [sentence]

@@ -54,11 +54,11 @@ def sessions(where: str | None, everything: bool, as_json: bool) -> None:
         print_sessions(as_json=as_json)
 
 
-# --- those that run -------------------------------------------------------------------------------------------------
+# --- running sessions -----------------------------------------------------------------------------------------------
 
 
 def print_sessions(*, as_json: bool) -> None:
-    """Print the running sessions, and on standard error what else did not end."""
+    """Print the running sessions, and on standard error those that did not end."""
     found = all_running_sessions()
     if as_json:
         write_json([{"name": name, "about": each} for name, each in found.items()], indent=-1)
@@ -88,12 +88,11 @@ def _running_lines(name: str, summary: SessionSummary | None) -> list[str]:
     return lines
 
 
-# --- those that were recorded ---------------------------------------------------------------------------------------
+# --- recorded sessions ----------------------------------------------------------------------------------------------
 
 
 def _print_recorded(where: str | None, *, as_json: bool) -> None:
-    """Print every session that was recorded: of a study, of a scenario, in a folder, or (None) in that where sessions
-    lie."""
+    """Print every recorded session of a study, of a scenario or in a folder; None: in the usual sessions folder."""
     if where is not None and not Path(where).is_dir():
         exit_with_usage(f"there is no folder {where}")
     found = list_sessions(None if where is None else Path(where))
@@ -110,7 +109,7 @@ class ListedSession(Struct, frozen=True):
     """ISO 8601."""
     status: Literal["running", "unfinished", "given-up", "ended"]
     outcome: str
-    """complete, aborted, excluded, or empty: not said."""
+    """complete, aborted, excluded, or empty: not set."""
     reason: str
     seconds: float
     """Session time of its last record."""
@@ -125,9 +124,9 @@ class ListedSession(Struct, frozen=True):
 
 
 def list_sessions(where: Path | None) -> list[ListedSession]:
-    """The sessions of a study, of a scenario or of a folder with sessions, the earliest first.
+    """List the sessions of a study, of a scenario or of a folder with sessions, the earliest first.
 
-    :param where: the folder of one of these; None: the folder where sessions lie that are of no study.
+    :param where: the folder of one of these; None: the folder of sessions outside of studies.
     :raises rise_engine.study.study_log.StudyLogError: a study's log cannot be read.
     """
     judged: dict[str, tuple[str, str]] = {}
@@ -146,7 +145,7 @@ def list_sessions(where: Path | None) -> list[ListedSession]:
         root = where
     found: list[ListedSession] = []
     for folder in _folders(root):
-        with suppress(SessionError):  # it is no session
+        with suppress(SessionError):  # it is not a session
             info = read_info(folder, compare=False)
             if (moved := reassignment_of(folder)) is not None:
                 info = replace(info, participant=moved.participant, slot=moved.slot or 0, attempt=moved.attempt)
@@ -156,7 +155,7 @@ def list_sessions(where: Path | None) -> list[ListedSession]:
 
 
 def session_lines(listed: Iterable[ListedSession]) -> list[str]:
-    """Sessions for a terminal: when, who, in which condition, how it counts, how long, its mode, its folder's name."""
+    """Format sessions as a table: time, participant, condition, run, outcome, length, mode, and the folder's name."""
     rows = [["when", "participant", "condition", "run", "outcome", "length", "mode", "folder"]]
     for each in listed:
         run = "" if not each.run else f"{each.run}" if each.attempt < 2 else f"{each.run}, attempt {each.attempt}"

@@ -1,4 +1,4 @@
-"""`rise-engine stop` and `take-over`: what is done to a running session from outside."""
+"""`rise-engine stop` and `take-over`: commands for a running session."""
 
 from __future__ import annotations
 
@@ -62,7 +62,7 @@ def stop(which: str | None) -> None:
 
 
 def _to_judge_lines(folder: Path) -> list[str]:
-    """What is to be said about a session of a study that ended without outcome."""
+    """Say how to set the outcome of a study's session that ended without one."""
     try:
         info = read_info(folder)
     except SessionError:
@@ -74,7 +74,7 @@ def _to_judge_lines(folder: Path) -> list[str]:
 
 
 def find_session_name(which: str | None) -> str:
-    """The name of the session that is meant. Raises RegistryError."""
+    """Return the name of the session that is meant. Raises RegistryError."""
     if which is not None and Path(which).is_dir():
         if (name := session_name(which)) in running_names():
             return name

@@ -1,11 +1,10 @@
-"""A session told in lines that a person can read, or as JSON lines; and written while it runs.
+"""A session as readable lines or as JSON lines, written while it runs.
 
     00:03.2  Speech    "Dear Reader, welcome!"           started
 
-The transcript has one line for each record that says something new; an action's `accepted` and a task's repeated states
-are left out. In real time a thread of its own writes, because a terminal or pipe that is not read must not hold up the
-robot. Nothing is dropped in silence: a record that cannot be written is a `failure`, and whoever runs the session ends
-it.
+The transcript has one line for each record with something new; an action's `accepted` and a task's repeated states are
+left out. In real time a separate thread writes, so that a terminal or pipe that nobody reads does not block the robot.
+Nothing is dropped silently: a record that cannot be written is a `failure`, which ends the session.
 """
 
 from __future__ import annotations
@@ -28,7 +27,7 @@ from rise_engine.session.journal_format import encode_record
 _WHO_WIDTH = 16
 _WHAT_WIDTH = 44
 _MAX_CLOCK_SECONDS = 1e12
-"""Seconds, more than any session has: the clock shows no more."""
+"""Maximum seconds that the clock shows, more than any session has."""
 _WITH_OWN_RECORD = {
     "stopAll",
     "releaseStop",
@@ -39,18 +38,17 @@ _WITH_OWN_RECORD = {
     "undoCue",
     "markMistake",
 }
-"""Functions whose success has a record of its own that says more."""
+"""Functions whose success has its own, more detailed record."""
 
 
 class Transcript:
-    """Turns records, in order, into lines."""
+    """Converter of records, in order, into lines."""
 
     def __init__(self) -> None:
         self._tasks: dict[int, TaskView] = {}
-        """Those that are not over."""
 
     def line_for(self, record: AnyRecord) -> str | None:
-        """The line for a record, without line end; None when it tells a reader nothing new."""
+        """Return the line for a record, without line end; None if it tells a reader nothing new."""
         add_record(self._tasks, record)
         words = self._words(record)
         if words is None:
@@ -71,7 +69,7 @@ class Transcript:
                 words = words_of(record, took=record.t - action.since if action is not None and ended else None)
                 return words._replace(kind=f"  {words.kind}", subject=words.subject or record.action)
             case FailureRecord(status="asked" | "waiting"):
-                words = words_of(replace(record, reason=""), sources=True)  # the act's own record has just told why
+                words = words_of(replace(record, reason=""), sources=True)  # the act's record has just said why
                 answers = f"repeatAct {record.task}, goOn {record.task} or stopRuleOfAct {record.task}"
                 return words._replace(text=f"{words.text}; answers: {answers}")
             case _:
@@ -79,7 +77,7 @@ class Transcript:
 
     def _task_words(self, record: TaskRecord) -> RecordWords | None:
         if record.status == "PENDING":
-            # Every act is PENDING for a moment; when no Blocking act runs it starts at once.
+            # Every act is PENDING for a moment; it starts immediately if no Blocking act runs.
             waits = record.function in ACT_FUNCTIONS and any(map(_blocks, self._tasks.values()))
             return words_of(record, sources=True) if waits else None
         starts_rule = record.function == "startInteractionRule"
@@ -94,12 +92,12 @@ class Transcript:
 
 
 def _blocks(task: TaskView) -> bool:
-    """Whether other acts wait for it."""
+    """Return whether other acts wait for a task."""
     return task.is_act and task.status == "ACTIVE" and task.calling_type != "None"
 
 
 def clock_text(t: float) -> str:
-    """Session time as `mm:ss.t`, from an hour on `h:mm:ss.t`."""
+    """Format session time as `mm:ss.t`, from an hour on as `h:mm:ss.t`."""
     tenths = int(min(t, _MAX_CLOCK_SECONDS) * 10 + 1e-6)
     seconds, tenth = divmod(tenths, 10)
     minutes, second = divmod(seconds, 60)
@@ -112,18 +110,18 @@ def _cell(text: str, width: int) -> str:
     return text.ljust(width) if len(text) <= width else text[: width - 1] + "…"
 
 
-# --- written while it runs ------------------------------------------------------------------------------------------
+# --- output during a session ----------------------------------------------------------------------------------------
 
 
 class Output:
-    """A sink for records. Every line is written and flushed at once."""
+    """A sink for records. It writes and flushes every line immediately."""
 
     def __init__(self, *, json: bool) -> None:
-        """`json`: JSON lines instead of a transcript."""
+        """:param json: JSON lines instead of a transcript."""
         self.broken = False
-        """True when nothing can be written any more (a closed pipe, a full disk)."""
+        """Whether nothing can be written any more (a closed pipe, a full disk)."""
         self.failure: Exception | None = None
-        """The first thing that kept a record from being written; a closed pipe is none."""
+        """The first error that kept a record from being written; a closed pipe does not count."""
         self.on_failure: Callable[[], None] | None = None
         """Called when either of these changes, on the thread where it happens."""
         self._transcript = None if json else Transcript()
@@ -132,7 +130,7 @@ class Output:
     def __call__(self, record: AnyRecord) -> None:
         try:
             line = self._format_record(record)
-        except Exception as error:  # this one is lost, those that follow (the robot's stop, the end) may not be
+        except Exception as error:  # this record is lost; the following ones (the robot's stop, the end) may not be
             self._fail(error)
         else:
             if line is not None:
@@ -150,7 +148,7 @@ class Output:
         try:
             sys.stdout.buffer.write(line)
             sys.stdout.buffer.flush()
-        except BrokenPipeError:  # there is nobody to tell
+        except BrokenPipeError:  # nobody can get a message
             self.broken = True
             discard_rest(sys.stdout)
             self._notify()
@@ -170,10 +168,10 @@ class Output:
 
 
 class ThreadedOutput(Output):
-    """The same, written by a thread of its own: whoever calls it never waits."""
+    """A sink with a thread of its own that writes: callers never wait."""
 
     CLOSE_SECONDS = 5.0
-    """What a reader that has stopped reading gets at the end of a session that somebody wants to end in a hurry."""
+    """Seconds that a reader who has stopped reading gets at the end of a session that somebody ends in a hurry."""
 
     def __init__(self, *, json: bool) -> None:
         super().__init__(json=json)
@@ -182,7 +180,7 @@ class ThreadedOutput(Output):
         self._thread.start()
 
     def close(self, hurried: Callable[[], bool]) -> None:
-        """Wait until all is written, as long as the reader takes (a pager) unless it becomes `hurried`."""
+        """Wait until everything is written, as long as the reader takes (a pager), unless it becomes `hurried`."""
         self._lines.put(None)
         deadline = None
         while self._thread.is_alive() and (deadline is None or time.monotonic() < deadline):
@@ -190,7 +188,7 @@ class ThreadedOutput(Output):
             if deadline is None and hurried():
                 deadline = time.monotonic() + self.CLOSE_SECONDS
         if self._thread.is_alive():
-            # It is stuck in a write and holds the stream's lock: the interpreter's own flush at exit would hang too.
+            # The thread hangs in a write with the stream's lock: the interpreter's flush at exit would hang, too.
             discard_rest(sys.stdout)
             self._fail(TimeoutError("nobody has read the last of the output"))
 

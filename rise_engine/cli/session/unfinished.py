@@ -1,4 +1,4 @@
-"""Sessions that did not end and that no engine goes on with: what somebody may look for when none is running."""
+"""Sessions that did not end and that no engine continues, for the message when no session runs."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from rise_engine.run.protocol.registry import session_name
 from rise_engine.session.folder import describe_session, find_unfinished, read_info
 
 MAX_SCENARIOS = 3
-"""Scenarios that are listed at most, those with the latest sessions."""
+"""Maximum number of listed scenarios, those with the latest sessions."""
 
 
 class UnfinishedSession(NamedTuple):
@@ -22,11 +22,11 @@ class UnfinishedSession(NamedTuple):
     command: str
     """The command that offers to recover it."""
     sentence: str
-    """What it was."""
+    """A description of the session."""
 
 
 def unfinished_sessions(running: Mapping[str, SessionSummary | None]) -> list[UnfinishedSession]:
-    """The latest first. `running`: those that run, which have not ended either, see `registry.ask_all_summaries`."""
+    """Find unfinished sessions, the latest first, without the `running` ones (`registry.ask_all_summaries`)."""
     recorded = {os.path.realpath(about.folder) for about in running.values() if about is not None and about.folder}
     found: dict[str, UnfinishedSession] = {}
     for folder in find_unfinished():
@@ -46,7 +46,7 @@ def unfinished_sessions(running: Mapping[str, SessionSummary | None]) -> list[Un
 
 
 def unfinished_lines(sessions: list[UnfinishedSession]) -> list[str]:
-    """The same in lines to read; none when there are none."""
+    """Format the sessions as lines; none if there are no sessions."""
     if not sessions:
         return []
     first = "A session did not end. To go on with it:"

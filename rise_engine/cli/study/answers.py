@@ -1,6 +1,6 @@
-"""The questions about a new study, and what their answers mean: those of `study new` and of its options alike.
+"""The questions about a new study and the parsing of their answers, for the prompts of `study new` and its options.
 
-Every function that parses a text gives what it means, or raises ValueError with a sentence that says why it is nothing.
+Every function that parses a text returns its meaning, or raises ValueError with a sentence that says what is wrong.
 """
 
 from __future__ import annotations
@@ -26,39 +26,39 @@ from rise_engine.study.model import FactorKind, Level, StudyCheck
 from rise_engine.study.study_toml import MAX_PARTICIPANTS, RESERVED_COLUMNS
 
 NOTHING = "-"
-"""The answer that means none of what Enter would give."""
+"""The answer that means nothing, in place of the default."""
 USUAL_CHECKS = "robot, disk, scenario, wizard"
 _NAME = re.compile(r"[A-Za-z][A-Za-z0-9_]*\Z")
 _LEVEL = re.compile(r"[A-Za-z0-9_-]+\Z")
 _PAIR = re.compile(r"\s*([^\s=,{}]+)\s*=\s*([A-Za-z_][\w -]*?)\s*(?=,|\Z)")
-"""`mood = happy`: a text that stands in no quotation marks."""
+"""`mood = happy`: a text without quotation marks."""
 _ON, _OFF = ("yes", "on", "with", "true"), ("no", "off", "without", "false")
 _YES, _NO = ("y", "yes", "j", "ja"), ("n", "no", "nein")
 
 
 def parse_text(text: str) -> str:
-    """Any text that can be shown."""
+    """Parse any text that can be shown."""
     if not text.strip() or not text.isprintable():
         raise ValueError("write a word or more")
     return text.strip()
 
 
 def parse_id(text: str) -> str:
-    """The short name of a study."""
+    """Parse the short name of a study."""
     if not re.fullmatch(r"[A-Za-z0-9]+", text):
         raise ValueError("letters (a-z) and digits only, without blanks: it is a part of file names")
     return text
 
 
 def parse_count(text: str) -> int:
-    """How many participants."""
+    """Parse the number of participants."""
     if not (text.isascii() and text.isdigit()) or not 1 <= int(text[:9]) <= MAX_PARTICIPANTS:
         raise ValueError(f"a whole number from 1 to {MAX_PARTICIPANTS}")
     return int(text)
 
 
 def parse_yes(text: str) -> bool:
-    """Yes or no."""
+    """Parse yes or no."""
     if text.casefold() in _YES:
         return True
     if text.casefold() in _NO:
@@ -67,7 +67,7 @@ def parse_yes(text: str) -> bool:
 
 
 def parse_scenario(text: str) -> tuple[Path, Scenario]:
-    """The folder of a scenario, shipped or somebody's own, and what is in it."""
+    """Parse the folder of a scenario, shipped or somebody's own, and load it."""
     studies = shipped_studies()
     path = studies.get(text, Path(text).expanduser())
     path = path.parent if path.name == SCENARIO_FILE else path
@@ -82,7 +82,7 @@ def parse_scenario(text: str) -> tuple[Path, Scenario]:
 
 
 def parse_factor_name(text: str, taken: Collection[str]) -> str:
-    """What a factor is called."""
+    """Parse the name of a factor."""
     if not _NAME.match(text):
         raise ValueError("one word of letters (a-z), digits and `_`, beginning with a letter: hesitation")
     if text in taken:
@@ -93,7 +93,7 @@ def parse_factor_name(text: str, taken: Collection[str]) -> str:
 
 
 def parse_kind(text: str) -> FactorKind:
-    """Between or within, as a word or its first letter."""
+    """Parse between or within, as a word or the beginning of one."""
     if text and "between".startswith(text.casefold()):
         return "between"
     if text and "within".startswith(text.casefold()):
@@ -102,7 +102,7 @@ def parse_kind(text: str) -> FactorKind:
 
 
 def parse_level_names(text: str) -> list[str]:
-    """The levels of a factor, with commas between them."""
+    """Parse the levels of a factor, separated by commas."""
     names = [part.strip() for part in text.split(",")]
     if wrong := next((name for name in names if not _LEVEL.match(name)), None):
         raise ValueError(f"a level is a word of letters (a-z), digits, `_` and `-`, not `{wrong}`")
@@ -114,7 +114,7 @@ def parse_level_names(text: str) -> list[str]:
 
 
 def parse_level(name: str, text: str, scenario: Scenario) -> Level:
-    """What the robot does in a level.
+    """Parse what the robot does in a level.
 
     :param name: the level's.
     :param text: memory values, `hesitation = true, pause_ms = 300`; or `scenario PATH`; or nothing.
@@ -138,7 +138,7 @@ def parse_level(name: str, text: str, scenario: Scenario) -> Level:
 
 
 def _as_bool(value: Json) -> Json:
-    """`yes` and `no`, where true and false are meant."""
+    """Replace `yes` and `no` by true and false."""
     word = value.casefold() if isinstance(value, str) else ""
     return True if word in _ON else False if word in _OFF else value
 
@@ -159,7 +159,7 @@ def _quote_word(word: str) -> str:
 
 
 def usual_level(factor: str, level: str, scenario: Scenario) -> str:
-    """What a level surely sets: the key of the factor's name, if the memory has one; empty if nobody can tell.
+    """Guess what a level sets: the memory key with the factor's name, if there is one; empty if it is unclear.
 
     >>> from rise_engine.scenario.loader import load
     >>> scenario = load("scenarios/lablinking").scenario
@@ -174,7 +174,7 @@ def usual_level(factor: str, level: str, scenario: Scenario) -> str:
 
 
 def parse_stratum(text: str, taken: Collection[str]) -> tuple[str, tuple[str, ...]]:
-    """A column of participants.csv and its values: `language: de, en`."""
+    """Parse a column of participants.csv and its values: `language: de, en`."""
     column, _, rest = re.sub(r"=", ":", text, count=1).partition(":")
     column, values = column.strip(), tuple(part.strip() for part in rest.split(","))
     if not _NAME.match(column) or len(values) < 2 or "" in values:
@@ -189,7 +189,7 @@ def parse_stratum(text: str, taken: Collection[str]) -> tuple[str, tuple[str, ..
 
 
 def parse_consents(text: str) -> tuple[str, ...]:
-    """What must be consented to, with commas between."""
+    """Parse the necessary consents, separated by commas."""
     if text.strip() in ("", NOTHING):
         return ()
     names = tuple(part.strip().removeprefix("consent_") for part in text.split(","))
@@ -199,7 +199,7 @@ def parse_consents(text: str) -> tuple[str, ...]:
 
 
 def parse_automatic(text: str) -> tuple[StudyCheck, ...]:
-    """Automatic checks, with commas between."""
+    """Parse automatic checks, separated by commas."""
     if text.strip() in ("", NOTHING):
         return ()
     names = list(dict.fromkeys(part.strip() for part in text.split(",")))
@@ -211,7 +211,7 @@ def parse_automatic(text: str) -> tuple[StudyCheck, ...]:
 
 
 def asked_check(sentence: str, taken: Collection[str], *, after: bool = False) -> StudyCheck:
-    """A check that somebody confirms, with an id made of its words."""
+    """Make a check that somebody confirms, with an id from its words."""
     words = re.findall(r"[a-z0-9]+", sentence.casefold())
     words = [word for word in words if word not in ("the", "is", "are", "a", "an", "was", "were", "has", "have")]
     base = "-".join(words[:3]) or "asked"
@@ -223,7 +223,7 @@ def asked_check(sentence: str, taken: Collection[str], *, after: bool = False) -
 
 
 def same_levels(levels: list[Level]) -> list[str]:
-    """The first two levels in which the robot does the same."""
+    """Find the first two levels in which the robot does the same; return their names."""
     for at, level in enumerate(levels):
         for other in levels[:at]:
             if what_it_does(level) == what_it_does(other):
@@ -233,7 +233,7 @@ def same_levels(levels: list[Level]) -> list[str]:
 
 @contextmanager
 def meaning(option: str) -> Iterator[None]:
-    """Within it, an answer that means nothing ends the command with the reason. `option`: what says it."""
+    """End the command with the reason if an answer within the block is invalid; `option` is its source."""
     try:
         yield
     except ValueError as error:
@@ -244,13 +244,13 @@ def meaning(option: str) -> Iterator[None]:
 
 
 class Question(NamedTuple):
-    """Something that is asked once."""
+    """A question that is asked once."""
 
     option: str
-    """That answers it."""
+    """The option that answers it."""
     question: str
     parse: Callable[[str], Any]
-    """Raises ValueError with the reason why an answer means nothing."""
+    """Raises ValueError with the reason why an answer is invalid."""
     about: str = ""
     """A paragraph before it."""
 

@@ -1,6 +1,6 @@
-"""The checks of a study on the command line: options that say what somebody has done, and questions on a terminal.
+"""The checks of a study on the command line: options with people's answers, and questions on a terminal.
 
-`gather_check_reports` makes every check and gives what the session is told, or says everything that is missing at once.
+`gather_check_reports` makes every check and returns the session's reports, or refuses with everything that is missing.
 """
 
 from __future__ import annotations
@@ -41,7 +41,7 @@ _SLOW = frozenset({"robot", "sound", "replay", "recorder", "explored"})
 
 
 class CheckOptions(Struct, frozen=True):
-    """What the command line says about checks."""
+    """The answers to checks on the command line."""
 
     confirmed: tuple[str, ...] = ()
     """`--confirm ID`: somebody has looked, or will have heard the word of `sound`."""
@@ -50,11 +50,11 @@ class CheckOptions(Struct, frozen=True):
 
 
 class CheckTerminal(Protocol):
-    """Where somebody reads how the checks stand, and answers."""
+    """A terminal where somebody reads the results of checks, and answers."""
 
     @property
     def answers(self) -> bool:
-        """Whether anybody is there to answer."""
+        """Whether somebody can answer."""
         ...
 
     def show(self, line: str) -> None:
@@ -62,9 +62,9 @@ class CheckTerminal(Protocol):
         ...
 
     def ask(self, question: str) -> str:
-        """What somebody types.
+        """Ask a question, and return what the user types.
 
-        :raises EOFError: nobody does any more.
+        :raises EOFError: the input has ended.
         """
         ...
 
@@ -94,17 +94,17 @@ def gather_check_reports(
     when: Literal["before", "after"] = "before",
     terminal: CheckTerminal | None = None,
 ) -> tuple[CheckReport, ...]:
-    """Make the checks of a study, one after the other, and write what came of each to study.jsonl.
+    """Make the checks of a study, one after the other, and write each result to study.jsonl.
 
-    A session that counts cannot begin before every check that blocks has passed or was skipped. After a session, and
-    before one that does not count, nothing is refused: what is missing is said. In debug mode none is made.
+    A session that counts begins only after every check that blocks has passed or was skipped. After a session, and
+    before one that does not count, missing checks are only reported. In debug mode no checks are made.
 
     :param context: the session.
-    :param options: what the command line says.
+    :param options: the answers on the command line.
     :param when: which checks.
-    :param terminal: standard input and error without.
-    :return: what the session is told, in the order of the file.
-    :raises Refused: with everything that is missing, and the options that say it.
+    :param terminal: by default standard input and standard error.
+    :return: the session's reports, in the order of the file.
+    :raises Refused: with everything that is missing, and the options that provide it.
     """
     terminal = terminal or StandardTerminal()
     study = context.study
@@ -127,23 +127,23 @@ def gather_check_reports(
 
 
 class ChosenChecks(Struct, frozen=True):
-    """The options, understood."""
+    """The options after parsing."""
 
     confirmed: frozenset[str]
     reasons: dict[str, str]
-    """Of those that are skipped."""
+    """For those that are skipped."""
 
 
 def read_check_options(
     study: Study, purpose: Purpose, options: CheckOptions, when: Literal["before", "after"]
 ) -> ChosenChecks:
-    """What the options mean for a study.
+    """Parse the options for a study.
 
     :param study: whose checks.
-    :param purpose: of the session.
+    :param purpose: the session's.
     :param options: as they were written.
-    :param when: whether they are about the checks before the session or after it.
-    :raises Refused: with everything that is wrong in them.
+    :param when: whether they concern the checks before the session or after it.
+    :raises Refused: with all errors in them.
     """
     problems: list[str] = []
     reasons: dict[str, str] = {}
@@ -169,7 +169,7 @@ def read_check_options(
 
 
 def is_answered_by_person(check: StudyCheck) -> bool:
-    """Whether somebody has to say what came of it."""
+    """Return whether somebody has to say the result of a check."""
     return bool(check.ask) or check.auto == "sound"
 
 
@@ -185,14 +185,14 @@ def _find_check(study: Study, id: str, when: str, option: str, problems: list[st
 
 
 class _Gathering:
-    """One way through the checks."""
+    """One pass through the checks."""
 
     def __init__(self, context: CheckContext, chosen: ChosenChecks, terminal: CheckTerminal, binding: bool) -> None:
         self._context = context
         self._chosen = chosen
         self._terminal = terminal
         self._binding = binding
-        """Whether what is missing is in the way."""
+        """Whether a missing check prevents the session."""
         self._person = f"wizard:{context.wizard or 'command-line'}"
         self.missing: list[str] = []
         self._to_confirm: list[str] = []
@@ -209,7 +209,7 @@ class _Gathering:
         ]
 
     def gather(self, pending: PendingCheck) -> CheckReport | None:
-        """Make one check; None when nothing has come of it."""
+        """Make one check; None if it has no result."""
         check = pending.check
         reason = self._chosen.reasons.get(check.id)
         if reason is not None:
@@ -217,16 +217,16 @@ class _Gathering:
         if pending.good_since:
             outcome = kept_check(pending)
             self._show(check, outcome)
-            return report_check(outcome)  # it stands in the log already
+            return report_check(outcome)  # it is in the log already
         if is_answered_by_person(check) and not self._terminal.answers and check.id not in self._chosen.confirmed:
-            # The robot is not made to speak where nobody says that it was heard.
+            # The robot does not speak if nobody can say that it was heard.
             if self._miss(check, f"{check.id}: not confirmed: “{check_text(check)}”"):
                 self._to_confirm.append(check.id)
             return None
         return self._make(check)
 
     def _make(self, check: StudyCheck) -> CheckReport:
-        """Look, and where somebody can answer, until it is well, skipped, or left."""
+        """Make a check; if somebody can answer, repeat it until it passes, is skipped, or is left."""
         while True:
             outcome, by = self._look(check)
             report = self._keep(check, outcome, by)
@@ -258,7 +258,7 @@ class _Gathering:
         return self._ask(outcome), self._person
 
     def _ask(self, outcome: CheckOutcome) -> CheckOutcome:
-        """What somebody says; a no when nobody does any more."""
+        """Ask for the answer; the end of the input means no."""
         while True:
             try:
                 answer = self._terminal.ask(f"?        {outcome.id}: {outcome.question} [y/n, and a word about it]")
@@ -271,7 +271,7 @@ class _Gathering:
                 return answer_check(outcome, False, comment)
 
     def _ask_on(self, check: StudyCheck) -> str | None:
-        """What is to become of a check that failed: empty to look again, a reason to skip it, None to leave it."""
+        """Ask what to do with a failed check: empty to repeat it, a reason to skip it, None to leave it."""
         may_skip = self._may_skip(check)
         question = "         a: look again" + (", s REASON: skip it" if may_skip else "") + ", q: leave it for now"
         while True:
@@ -292,7 +292,7 @@ class _Gathering:
         return not skip_problem(check, self._context.purpose, "a reason")
 
     def _miss(self, check: StudyCheck, line: str) -> bool:
-        """Note what is missing; whether that is in the way."""
+        """Note a missing check; return whether it prevents the session."""
         is_in_the_way = check.blocks and self._binding
         if is_in_the_way:
             self.missing.append(line)

@@ -18,7 +18,7 @@ STUDY = {
     "status": ("rise_engine.cli.study.day:status", "Show participants, cells and what is left to do."),
     "withdraw": ("rise_engine.cli.study.withdraw:withdraw", "Erase everything about a participant."),
 }
-"""Every command of `rise-engine study`: where it lies, and what help says of it."""
+"""Every command of `rise-engine study`: its place, and its line of the help."""
 
 
 @click.group("study", cls=LazyGroup, sections={"Commands": STUDY})

@@ -1,4 +1,4 @@
-"""`rise-engine study status|next|exclude|outcome|reassign`: how a study stands, and what people say of its sessions."""
+"""`rise-engine study status|next|exclude|outcome|reassign`: the state of a study, and decisions about its sessions."""
 
 from __future__ import annotations
 
@@ -138,11 +138,11 @@ _STATES: dict[ParticipantState, str] = {
     "to-judge": "to judge",
     "to-go-on": "in progress",
 }
-"""Where the words differ from the state's name."""
+"""Words that differ from the state's name."""
 
 
 def status_lines(state: StudyStatus) -> list[str]:
-    """The study, its participants, its cells, its rehearsals, what is due, and who is next."""
+    """Describe the study: its participants, its cells, its rehearsals, what is due, and who is next."""
     study, standing = state.study, state.standing
     lines = [f"{study.title} ({study.id}): {standing.complete} of {standing.wanted} participants are complete", ""]
     strata = study.assignment.strata
@@ -163,7 +163,7 @@ def status_lines(state: StudyStatus) -> list[str]:
 
 
 def _how_lines(state: StudyStatus) -> list[str]:
-    """The commands by which some of what is due is done."""
+    """List the commands for some of what is due."""
     states = {each.state for each in state.standing.participants}
     where = shlex.quote(state.study.folder)
     lines = []
@@ -179,14 +179,14 @@ def _how_lines(state: StudyStatus) -> list[str]:
 
 
 def status_json(state: StudyStatus) -> dict[str, Any]:
-    """The same as a document."""
+    """Return the same as JSON."""
     study = state.study
     built: dict[str, Any] = msgspec.to_builtins(state.standing)
     return {"id": study.id, "title": study.title, "folder": study.folder, "mode": study.mode, **built}
 
 
 def next_lines(state: StudyStatus) -> list[str]:
-    """Who is next and with which commands, or that nobody is."""
+    """Say who is next and which commands begin their session, or that nobody is next."""
     following = next_json(state)
     if not following["participant"]:
         if state.standing.complete >= state.standing.wanted:
@@ -202,7 +202,7 @@ def next_lines(state: StudyStatus) -> list[str]:
 
 
 def next_json(state: StudyStatus) -> dict[str, Any]:
-    """Who is next, as a document; its `participant` is empty when nobody is."""
+    """Return who is next as JSON; its `participant` is empty if nobody is."""
     name = state.standing.next
     found: dict[str, Any] = {"participant": name, "sentence": "", "run": None, "attempt": None, "slot": None}
     if not name:
@@ -233,7 +233,7 @@ def _participant_row(standing: ParticipantStanding, strata: Sequence[str]) -> li
         "" if standing.slot is None else str(standing.slot),
         f"{done} of {standing.runs}",
         _last_text(last),
-        standing.why if standing.state not in ("running", "unfinished", "to-judge") else "",  # the last session says it
+        standing.why if standing.state not in ("running", "unfinished", "to-judge") else "",  # the last session has it
     ]
 
 
@@ -245,8 +245,10 @@ def _last_text(last: SessionEntry | None) -> str:
 
 
 def _cell_rows(state: StudyStatus) -> list[list[str]]:
-    """Without the planned number where nobody knows how many come of each stratum; of a hidden study only the strata,
-    for whoever sees how full each cell is can guess what comes next."""
+    """Make the table of cells, without planned numbers if the sizes of strata are unknown.
+
+    If conditions are hidden, it has only the strata: the fullness of cells would reveal the next condition.
+    """
     cells, hidden = state.standing.cells, state.study.assignment.hidden
     columns = list(cells[0].strata)
     known = not columns and any(each.planned for each in cells)

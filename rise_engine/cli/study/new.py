@@ -1,4 +1,4 @@
-"""`rise-engine study new`: the questions about a new study, or the same answers as options."""
+"""`rise-engine study new`: questions about a new study, or the same answers as options."""
 
 from __future__ import annotations
 
@@ -114,7 +114,7 @@ def new(folder: str, **given: Any) -> int:
     try:
         look = look_at_study(review_study(path)) if not errors else None
     except KeyboardInterrupt:
-        look = None  # the study is there; `study check` explores it
+        look = None  # the study exists; `study check` explores it
     for line in look_lines(look):
         _print_filled(line)
     where = quote(folder)
@@ -139,10 +139,10 @@ def new(folder: str, **given: Any) -> int:
 
 
 class _Conversation:
-    """All questions. What options say is not asked."""
+    """All questions; answers from options are not asked again."""
 
     def __init__(self, folder: Path, given: dict[str, Any]) -> None:
-        """`given`: what the options of `new` say; with `yes`, nothing is asked."""
+        """Take the answers from options; with `yes`, nothing is asked."""
         self.folder = folder
         self.given = given
         self.asks = not given["yes"]
@@ -150,7 +150,7 @@ class _Conversation:
         self.label_only: set[str] = set(given["label_only"])
 
     def ask_all(self) -> NewStudy | None:
-        """Everything about the study; None: it is not to be written."""
+        """Ask everything about the study; None: the user does not want to write it."""
         self.say(
             f"A new study in {self.folder}. Enter takes the value in [brackets]; ctrl+c ends, and nothing is "
             "written before you have said so at the end. Everything can be changed in study.toml later."
@@ -195,13 +195,13 @@ class _Conversation:
     # --- asking ---
 
     def say(self, text: str) -> None:
-        """A paragraph before questions."""
+        """Print a paragraph before questions."""
         if self.asks:
             print_lines("")
             _print_filled(text, break_on_hyphens=True)
 
     def put(self, question: answers.Question, usual: str, given: str | None) -> Any:
-        """Ask one of the questions above, unless its option says it."""
+        """Ask one of the questions above, unless its option answers it."""
         if given is not None:
             with answers.meaning(f"{question.option} {given}"):
                 return question.parse(given)
@@ -214,7 +214,7 @@ class _Conversation:
         return self.answer(question.question, usual, question.parse)
 
     def answer(self, question: str, usual: str, parse: Callable[[str], _Answer]) -> _Answer:
-        """What is answered, asked again with a reason until it means something. `usual`: what Enter means."""
+        """Ask until the answer is valid, each time with the reason; Enter means `usual`."""
         if not self.asks:
             return parse(usual)
         while True:
@@ -225,7 +225,7 @@ class _Conversation:
                 _print_filled(f"   -> {error}", "      ", break_on_hyphens=True)
 
     def answers(self, first: str, others: str, parse: Callable[[str], _Answer]) -> Iterator[_Answer]:
-        """What is answered, until somebody only presses Enter. Each is used before the next is asked."""
+        """Yield answers until the user only presses Enter; the caller uses each before the next question."""
         question = first
         while (found := self.answer(question, "", lambda text: parse(text) if text else None)) is not None:
             yield found
@@ -288,7 +288,7 @@ class _Conversation:
         return self.answer(question, usual, lambda text: answers.parse_level(level, text, scenario))
 
     def make_factor(self, name: str, kind: FactorKind, levels: list[Level]) -> Factor:
-        """The factor, with the scenarios of its levels as they are called in the study."""
+        """Make the factor, with the names that the scenarios of its levels get in the study."""
         named: list[Level] = []
         for level in levels:
             if level.scenario:
@@ -356,7 +356,7 @@ class _Conversation:
 
 
 def _print_filled(text: str, indent: str = "", *, break_on_hyphens: bool = False) -> None:
-    """Print a paragraph, as wide as the terminal. `indent`: of its second line, and of the others."""
+    """Print a paragraph as wide as the terminal, with an `indent` from its second line on."""
     width = min(_WIDEST, get_terminal_size().columns - 1)
     print_lines(*fill(text, width, subsequent_indent=indent, break_on_hyphens=break_on_hyphens).split("\n"))
 

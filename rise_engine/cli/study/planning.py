@@ -1,4 +1,4 @@
-"""`rise-engine study check` and `study plan`: what is wrong with a study, and its plan."""
+"""`rise-engine study check` and `study plan`: the errors of a study, and its plan."""
 
 from __future__ import annotations
 
@@ -37,7 +37,7 @@ _PROBLEMS = (
 def look_at_study(review: StudyReview) -> StudyLook | None:
     """Explore and play every kind of session; None: the study has errors.
 
-    :param review: of the study, which was read a moment ago.
+    :param review: of the study, read just before.
     """
     if review.study is None or review.errors:
         return None
@@ -47,7 +47,7 @@ def look_at_study(review: StudyReview) -> StudyLook | None:
 
 
 def look_lines(look: StudyLook | None) -> Iterator[str]:
-    """Problems and warnings, a line each, and what was looked at; nothing of a study with errors."""
+    """Yield problems and warnings, a line each, and a summary; nothing for a study with errors."""
     if look is None:
         return
     for each in look.findings:
@@ -116,7 +116,7 @@ def _proved(path: Path) -> Iterator[ProvedSession]:
 
 
 def _print_proof(sessions: Iterator[ProvedSession]) -> bool:
-    """Print what is proved of each session, as soon as it is; whether all are."""
+    """Print the result for each session as soon as it is known; return whether all are proved."""
     found = []
     for session in sessions:
         found.append(session)
@@ -146,7 +146,7 @@ def _contents_text(study: Study, review: StudyReview) -> str:
 
 
 def _next_step(review: StudyReview, path: Path) -> str:
-    """What somebody does next."""
+    """Say what to do next."""
     where = quote(str(path))
     if not review.is_planned:
         return f"next: make the plan   rise-engine study plan {where}"

@@ -1,4 +1,4 @@
-"""`serve --study` and `run --study`: which session of a study is meant, asked before anything starts."""
+"""`serve --study` and `run --study`: the choice of a study's session, before anything starts."""
 
 from __future__ import annotations
 
@@ -31,13 +31,13 @@ def study_session(
     training: bool,
     checks: CheckOptions,
 ) -> SessionOptions:
-    """The options of a session of a study that is served. Ends the program, with every reason, if it cannot begin.
+    """Make the options of a session of a study to serve. Ends the program, with all reasons, if it cannot begin.
 
-    :param options: what the command line says, without the study.
-    :param study: the study's folder, as somebody wrote it.
-    :param folder: the scenario's, if somebody named one.
+    :param options: from the command line, without the study.
+    :param study: the study's folder, as the user wrote it.
+    :param folder: the scenario's, if the user named one.
     :param run: which of the participant's runs; 0: the next.
-    :param checks: what it says about the study's checks, which are made here.
+    :param checks: answers to the study's checks, which are made here.
     """
     if folder is not None:
         exit_with_usage("a session of a study has the study's scenario: use either DIR or --study")
@@ -50,7 +50,7 @@ def study_session(
     recovers = state.state_of(options.participant) == "unfinished" or purpose != "counted"
     if options.unfinished not in ("ask", "new") and (recovers or options.unfinished != "recover"):
         return options
-    # What can be known before the checks is said before somebody makes them.
+    # Report what is known before the user makes the checks.
     plan = _plan(state, options, serves=True)
     if plan is None:
         return options
@@ -85,10 +85,9 @@ def _make_checks(
 def rehearsed_session(
     options: SessionOptions, study: str, folder: str | None, run: int
 ) -> tuple[SessionOptions, SessionStarted]:
-    """The options and the first input of a session that `run` plays: in debug mode, so it takes no row. Ends the
-    program, with every reason, if there is no such session.
+    """Make the options and the first input of a session for `run`: in debug mode, so that it takes no row.
 
-    Parameters as of `study_session`.
+    Ends the program, with all reasons, if there is no such session. Parameters are those of `study_session`.
     """
     if folder is not None:
         exit_with_usage("a session of a study has the study's scenario: use either DIR or --study")
@@ -110,7 +109,7 @@ def rehearsed_session(
 
 
 def _plan(state: StudyStatus, options: SessionOptions, *, serves: bool = False) -> SessionPlan | None:
-    """What the session is; None, where one is to be served: another one runs or did not end, and the engine says so."""
+    """Plan the session; None if it is to be served while another one runs or did not end, which the engine reports."""
     request = BeginRequest(
         participant=options.participant,
         run=options.run,

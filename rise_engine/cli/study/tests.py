@@ -1,4 +1,4 @@
-"""`rise-engine test`: play the tests of a study, and say what came otherwise than they expect."""
+"""`rise-engine test`: runs of a study's tests, and their differences from what they expect."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ from rise_engine.scenario.model import Scenario
 
 
 def _find_tests(folder: Path, names: tuple[str, ...]) -> list[Path]:
-    """The files that are meant. Exits when one is not there, or there is none at all."""
+    """Find the test files. Exits if one does not exist, or if there are none."""
     if names:
         found = [path if (path := Path(name)).exists() else folder / name for name in names]
         missing = [name for name, path in zip(names, found, strict=True) if not path.is_file()]
@@ -39,7 +39,7 @@ def _shown(folder: Path, path: Path) -> str:
 
 
 def _play(scenario: Scenario, folder: Path, path: Path) -> StudyTestOutcome | tuple[str, ...]:
-    """What came of a test; or everything that is wrong with its file."""
+    """Run a test and return its outcome; or all errors of its file."""
     name = _shown(folder, path)
     try:
         return play_test(scenario, read_study_test(path.read_bytes(), name, scenario))

@@ -1,4 +1,4 @@
-"""`rise-engine study withdraw`: erases everything about a participant."""
+"""`rise-engine study withdraw`: the deletion of everything about a participant."""
 
 from __future__ import annotations
 
@@ -70,7 +70,7 @@ def withdraw(folder: str, participant: str, yes: bool, keep_anonymous: bool) -> 
 
 
 def _slot_afterwards(study: Path, participant: str) -> str:
-    """What becomes of the slot of somebody who withdraws; empty: they have none."""
+    """Say what happens to the slot of a participant who withdraws; empty: they have none."""
     taken = [entry for entry in read_log(study) if entry.kind == "taken"]
     takers = {entry.get("slot"): entry.get("participant") for entry in taken}
     theirs = [entry.get("slot") for entry in taken if entry.get("participant") == participant]
@@ -93,7 +93,7 @@ def _plan_lines(plan: WithdrawalPlan, moved: Mapping[str, Reassignment]) -> list
 
 
 def _ask(participant: str) -> None:
-    """Ends the command unless somebody types the pseudonym."""
+    """End the command unless the user types the pseudonym."""
     if not sys.stdin.isatty():
         exit_with_usage("without a terminal, use --yes to do it. Nothing was erased")
     typed = click.prompt("To do it, type the pseudonym", default="", show_default=False)

@@ -1,6 +1,6 @@
-"""For programs: take part in a running session (docs/how-to/drive-a-session-from-a-program.md).
+"""The interface for programs that take part in a running session (docs/how-to/drive-a-session-from-a-program.md).
 
-`connect` gives the session. What `Client` means for consoles stands in `rise_engine.run.protocol.client`.
+`connect` returns the session. `rise_engine.run.protocol.client` has the `Client` for consoles.
 """
 
 from __future__ import annotations
@@ -14,7 +14,7 @@ __all__ = ["EngineGone", "LinkLost", "Rejected", "Session", "connect"]
 
 
 def connect(session: str | os.PathLike[str], name: str, *, role: Role = "node") -> Session:
-    """A running session, for `async with`.
+    """Return a running session for `async with`.
 
         import asyncio
         from rise_engine.run.client import connect
@@ -25,12 +25,12 @@ def connect(session: str | os.PathLike[str], name: str, *, role: Role = "node") 
 
         asyncio.run(main())
 
-    :param session: its name (`rise-engine sessions` lists them; the six digits may be left out), or the path of its
+    :param session: its name (`rise-engine sessions` lists them; the six digits are optional), or the path of its
         socket.
-    :param name: stands in the record as the source of everything that this program does: `node:gaze-tracker`.
+    :param name: the source of everything that this program does, in the record: `node:gaze-tracker`.
     :param role: `node`, a program, which may submit at any time; `observer`, which only watches, adds notes and stops
-        everything; or `wizard`, which may hold control.
-    :return: the session; entering it attaches, leaving it detaches, and the session goes on.
-    :raises EngineGone: on entering, when no such session runs or it does not admit this program.
+        everything; or `wizard`, which may have control.
+    :return: the session; entering it attaches, leaving it detaches, and the session continues.
+    :raises EngineGone: on entering, if no such session runs or it does not admit this program.
     """
     return Session(session, name, role=role)

@@ -1,4 +1,4 @@
-"""A recorded session, played to a console as if it happened now: the same `Client`, but nothing can be changed."""
+"""A recorded session, played to a console as if it happened now: the same `Client`, but without changes."""
 
 from __future__ import annotations
 
@@ -17,13 +17,13 @@ from rise_engine.session.journal_reader import read_journal
 from rise_engine.session.replay import load_session_scenario
 
 BATCH = 500
-"""Records that a console gets at once at most, so that it can paint in between."""
+"""Maximum number of records that a console gets at once, so that it can paint in between."""
 
 _NOT_IN_REPLAY = Reply(False, "this is a replay: nothing can be changed in it")
 
 
 class ReplayClient:
-    """Implements `rise_engine.run.protocol.client.Client` over a session's folder."""
+    """An implementation of `rise_engine.run.protocol.client.Client` over a session's folder."""
 
     def __init__(self, folder: Path, speed: float = 1.0) -> None:
         """

@@ -1,6 +1,6 @@
-"""Sessions that run but not in this runtime folder: with another RISE_RUNTIME or XDG_RUNTIME_DIR, or another computer.
+"""Running sessions outside of this runtime folder (RISE_RUNTIME or XDG_RUNTIME_DIR), or on another computer.
 
-Their folders know them: the journal is locked, and beside it stands where the session is reached.
+Their folders show them: the journal is locked, and a file beside it says where the session is reached.
 """
 
 from __future__ import annotations
@@ -12,8 +12,10 @@ from rise_engine.session.lock import running_message
 
 
 def all_running_sessions() -> dict[str, SessionSummary | None]:
-    """Every session that runs on this computer and what it says about itself: those of this runtime folder by their
-    names, the others by the paths of their sockets. Raises RegistryError. Blocks up to a second for each."""
+    """Return every session on this computer and its summary, by name, or by socket outside of this runtime folder.
+
+    Raises RegistryError. Blocks up to a second for each.
+    """
     summaries = ask_all_summaries()
     ours = {str(socket_path(name).absolute()) for name in summaries}
     for holder in running_sessions().values():
@@ -23,7 +25,7 @@ def all_running_sessions() -> dict[str, SessionSummary | None]:
 
 
 def sessions_on_other_computers() -> list[str]:
-    """What runs there, in sentences."""
+    """Describe the sessions on other computers, in sentences."""
     return [
         running_message(folder, holder)
         for folder, holder in running_sessions().items()

@@ -1,4 +1,4 @@
-"""A program's side of a session: what `rise_engine.run.client.connect` gives."""
+"""A program's view of a session: the result of `rise_engine.run.client.connect`."""
 
 from __future__ import annotations
 
@@ -36,9 +36,9 @@ T = TypeVar("T")
 class Session:
     """A session that this program is attached to, as `async with connect(...) as session`.
 
-    Every method that asks for something returns when the session has taken it (and it is on the disk), and raises
-    Rejected when it has not. All raise LinkLost when this connection was cut (attach again), and EngineGone when the
-    session is over. What came of an accepted task at once is in `view` when its method returns.
+    Every method with a request returns when the session has accepted it (and it is on the disk), and raises Rejected
+    otherwise. All raise LinkLost if this connection was cut (attach again), and EngineGone if the session is over. When
+    a method returns, the immediate effects of its task are in `view`.
 
         import asyncio
         from rise_engine.run.client import Rejected, connect
@@ -59,10 +59,10 @@ class Session:
     """
 
     def __init__(self, session: str | os.PathLike[str], name: str, *, role: Role = "node") -> None:
-        """As `rise_engine.run.client.connect`, which makes it.
+        """Make the session; `rise_engine.run.client.connect` does this.
 
         :param session: the name of a running session, or the path of its socket.
-        :param name: who the program is, in the record.
+        :param name: the program's name in the record.
         :param role: `node`, `observer` or `wizard`.
         """
         self._client = SocketClient(session, name, role)
@@ -72,12 +72,12 @@ class Session:
         self._following: asyncio.Task[None] | None = None
         self._ended_by: EngineGone | None = None
         self.journal_status = JournalStatus()
-        """How the record of the session stands; while `trouble` is set, the session is paused."""
+        """The state of the session's record; while `trouble` is set, the session is paused."""
         self.heartbeat = Heartbeat()
         """The session's latest sign of life, and its robot's."""
 
     async def __aenter__(self) -> Session:
-        """Attach. Raises EngineGone when no such session runs, or it does not admit this program."""
+        """Attach. Raises EngineGone if no such session runs, or it does not admit this program."""
         self._attached = await self._client.attach()
         self.journal_status = self._attached.journaling
         self._following = asyncio.create_task(self._follow(self._client.records()))
@@ -92,11 +92,11 @@ class Session:
                 await self._following
         await self._client.close()
 
-    # --- what there is to see -----------------------------------------------------------------------------------
+    # --- the state ----------------------------------------------------------------------------------------------
 
     @property
     def attach_reply(self) -> AttachReply:
-        """What the session said at the beginning: its mode, robot, seed, folder, and how it calls this program.
+        """The session's answer to attaching: its mode, robot, seed, folder, and its name for this program.
 
         :raises RuntimeError: outside of `async with`.
         """
@@ -111,19 +111,19 @@ class Session:
 
     @property
     def view(self) -> SessionView:
-        """The present state; it changes while the program waits for anything. For looking only."""
+        """The present state, read-only; it changes whenever the program waits."""
         return self.attach_reply.view
 
     def now(self) -> float:
-        """The session's time: seconds since it began, as well as this computer's clock knows it."""
+        """Return the session's time: seconds since it began, as precisely as this computer's clock knows it."""
         return self._client.now()
 
     def records(self) -> AsyncIterator[AnyRecord]:
-        """Every record from this call on, until the session ends. Each call gives an iterator of its own.
+        """Yield every record from this call on, until the session ends. Each call has an iterator of its own.
 
-        :return: for `async for`; what is not taken waits, without a limit.
-        :raises LinkLost: while iterating, when this connection is cut.
-        :raises EngineGone: while iterating, when the engine goes without an end.
+        :return: for `async for`; records wait without a limit until they are taken.
+        :raises LinkLost: while iterating, if this connection is cut.
+        :raises EngineGone: while iterating, if the engine goes without an end.
         """
         queue: asyncio.Queue[AnyRecord | None] = asyncio.Queue()
         self._record_queues.append(queue)
@@ -143,11 +143,11 @@ class Session:
     async def wait_until(self, condition: Callable[[SessionView], T | None], seconds: float | None = None) -> T:
         """Wait until `condition(view)` is true.
 
-        :param condition: looks at the state; called again whenever that has changed.
-        :param seconds: how long to wait at most; None: as long as the session lasts.
-        :return: what `condition` gave.
-        :raises TimeoutError: after so many seconds.
-        :raises EngineGone: when the session ends before, or this connection (`LinkLost`).
+        :param condition: called with the state, again after every change.
+        :param seconds: maximum time to wait; None: as long as the session lasts.
+        :return: the result of `condition`.
+        :raises TimeoutError: the time is over.
+        :raises EngineGone: the session ends before, or this connection (`LinkLost`).
         """
         async with asyncio.timeout(seconds):
             while True:
@@ -160,13 +160,13 @@ class Session:
                 await self._changed.wait()
 
     async def wait_for_task(self, task: int, seconds: float | None = None) -> TaskView:
-        """Wait until a task has come to its end.
+        """Wait until a task has ended.
 
-        :param task: its id, as `start` and `submit` give it.
-        :param seconds: how long to wait at most; None: as long as the session lasts.
+        :param task: its id, from `start` or `submit`.
+        :param seconds: maximum time to wait; None: as long as the session lasts.
         :return: the task; its `status` says how it ended: SUCCEEDED, ABORTED, CANCELED or REJECTED.
-        :raises TimeoutError: after so many seconds.
-        :raises EngineGone: when the session ends before, or this connection (`LinkLost`).
+        :raises TimeoutError: the time is over.
+        :raises EngineGone: the session ends before, or this connection (`LinkLost`).
         """
 
         def find_ended(view: SessionView) -> TaskView | None:
@@ -175,7 +175,7 @@ class Session:
 
         return await self.wait_until(find_ended, seconds)
 
-    # --- what there is to do ------------------------------------------------------------------------------------
+    # --- requests -----------------------------------------------------------------------------------------------
 
     async def start(self, act: str, calling_type: str = "") -> int:
         """Start an act. It may wait for its turn.
@@ -215,7 +215,7 @@ class Session:
         return await self.submit("stopInteractionRule", rule)
 
     async def raise_event(self, topic: str) -> int:
-        """Raise an event. Whether a rule took it is in its record.
+        """Raise an event. Its record shows whether a rule took it.
 
         :param topic: as the rules name it: `/H_arrived`.
         :return: the task's id.
@@ -224,10 +224,10 @@ class Session:
         return await self.submit("raiseEventTopic", topic)
 
     async def set(self, key: str, value: Any) -> int:
-        """Set a key of the working memory; it is made when it is not there.
+        """Set a key of the working memory; a missing key is created.
 
         :param key: its name.
-        :param value: what JSON can hold: None, a truth value, a number, a text, or lists and dicts of these.
+        :param value: a JSON value: None, a Boolean, a number, a text, or lists and dicts of these.
         :return: the task's id.
         :raises Rejected: the memory cannot hold that key or value.
         """
@@ -243,9 +243,9 @@ class Session:
         return await self.submit("deleteValue", key)
 
     async def stop_all(self) -> int:
-        """Stop everything, at once; nothing starts until somebody releases the stop. Every role may do this.
+        """Stop everything immediately; nothing starts until somebody releases the stop. Every role may do this.
 
-        :return: the task's id. `view.stop` says what the robot has confirmed.
+        :return: the task's id. `view.stop` shows what the robot has confirmed.
         """
         return await self.submit("stopAll")
 
@@ -253,8 +253,8 @@ class Session:
         """Let acts and rules start again after a stop.
 
         :return: the task's id.
-        :raises Rejected: only the wizard who holds control may, and programs that `[control] may_release` of the
-            scenario names.
+        :raises Rejected: only the wizard who has control may do this, and programs in the scenario's `[control]
+            may_release`.
         """
         return await self.submit("releaseStop")
 
@@ -262,7 +262,7 @@ class Session:
         """Submit a task.
 
         :param function: what to do, by its name in the record: `raiseEventTopic`, `assignValue`, ...
-        :param behavior: to what: an act, a rule, a topic, an assignment.
+        :param behavior: its object: an act, a rule, a topic, an assignment.
         :param calling_type: `Blocking`, `None` or `Interrupt` instead of the act's own.
         :return: the task's id, for `wait_for_task`.
         :raises Rejected: with the engine's sentence.
@@ -273,7 +273,7 @@ class Session:
     async def add_note(self, text: str) -> None:
         """Add a remark to the record.
 
-        :param text: what to remark, in one or more lines.
+        :param text: the remark, in one or more lines.
         :raises Rejected: nothing can be recorded.
         """
         await self._send(Note(text=text))
@@ -281,11 +281,11 @@ class Session:
     async def report_check(
         self, check: str, result: CheckResult, *, text: str = "", value: str = "", reason: str = ""
     ) -> None:
-        """Put on record what came of something that was looked at before or after the session.
+        """Record the result of a check before or after the session.
 
-        :param check: its id, as study.toml names it.
+        :param check: its id in study.toml.
         :param result: `passed`, `failed` or `skipped`.
-        :param text: what was looked at.
+        :param text: what was checked.
         :param value: what was found.
         :param reason: why it failed, or was skipped.
         :raises Rejected: nothing can be recorded; always for an observer.
@@ -293,23 +293,23 @@ class Session:
         await self._send(CheckReport(id=check, text=text, result=result, value=value, reason=reason))
 
     async def report_outcome(self, status: OutcomeStatus, reason: str = "") -> None:
-        """Put on record how the session is to count. The last word counts.
+        """Record how the session counts. The last report is valid.
 
         :param status: `complete`, `aborted` or `excluded`.
         :param reason: why, for the record.
-        :raises Rejected: only the wizard who holds control may, and programs; never an observer.
+        :raises Rejected: only the wizard who has control may do this, and programs; never an observer.
         """
         await self._send(OutcomeReport(status=status, reason=reason))
 
     async def report_recording(
         self, name: str, status: RecordingStatus, *, path: str = "", bytes: int | None = None, reason: str = ""
     ) -> None:
-        """Put on record how something stands that records the session.
+        """Record the state of a recorder of the session.
 
-        :param name: what it is called: `camera`.
+        :param name: its name: `camera`.
         :param status: `started`, `running`, `stalled`, `stopped` or `failed`.
-        :param path: of its file.
-        :param bytes: how large that is now; None: not known.
+        :param path: the path of its file.
+        :param bytes: the file's present size; None: unknown.
         :param reason: why it has stalled or failed.
         :raises Rejected: nothing can be recorded; always for an observer.
         """
@@ -318,21 +318,21 @@ class Session:
     async def mark_sync(
         self, number: int, medium: str, text: str = "", *, at: float | None = None, within: float | None = None
     ) -> None:
-        """Put on record that a mark was given which recordings show.
+        """Record a mark that recordings show.
 
-        :param number: of the mark; `view.sync` has that of the last one.
-        :param medium: by what it is seen or heard: `sound`, `flash`.
-        :param text: anything about it.
+        :param number: the mark's; `view.sync` has the number of the last one.
+        :param medium: how it is seen or heard: `sound`, `flash`.
+        :param text: any remark about it.
         :param at: session time in seconds at which it began; None: now.
-        :param within: seconds by which that is wrong at most; None: not known.
+        :param within: maximum error of that in seconds; None: unknown.
         :raises Rejected: nothing can be recorded; always for an observer.
         """
         await self._send(SyncMark(number=number, medium=medium, text=text, at=at, within=within))
 
     async def change_control(self, verb: ControlVerb) -> None:
-        """Do something about who holds control, as a wizard.
+        """Change who has control, as a wizard.
 
-        :param verb: `take` it (whoever has it), `ask` the holder for it, `give` it to who asked, or `release` it.
+        :param verb: `take` it (whoever has it), `ask` the holder for it, `give` it to the asker, or `release` it.
         :raises Rejected: with the engine's sentence; always for a `node` or an `observer`.
         """
         reply = await self._client.change_control(verb)
@@ -343,7 +343,7 @@ class Session:
         """Stop the robot, end the session, and wait until it has ended.
 
         :param reason: why, for the record.
-        :raises Rejected: only the wizard who holds control may, and programs; never an observer.
+        :raises Rejected: only the wizard who has control may do this, and programs; never an observer.
         """
         try:
             await self._client.close(end_session=True, reason=reason)
@@ -359,7 +359,7 @@ class Session:
         if not reply.accepted:
             raise Rejected(reply.reason)
         task = reply.task
-        if task is not None:  # its records have come before the answer; here they are taken in
+        if task is not None:  # its records came before the answer; wait until they are applied here
             await self.wait_until(lambda view: task in view.tasks)
         return task
 
@@ -374,7 +374,7 @@ class Session:
                     if isinstance(update, Heartbeat):
                         self.heartbeat = update
                         continue
-                    if isinstance(update, ShadowStatus):  # only of a shadow
+                    if isinstance(update, ShadowStatus):  # only for a shadow
                         continue
                     self.view.apply(update)
                     for queue in self._record_queues:

@@ -1,9 +1,9 @@
-"""A recorded session, played to a second wizard: they see its cues and press their keys, which are sent nowhere.
+"""A recorded session, played to a second wizard, who sees its cues and presses keys that are sent nowhere.
 
-The same `Client` as that of a session. What the first wizard did about a cue, and all that came of it, is held back
-from the moment of their first key until the second one has answered, or the cue is over (the next one, taken back, the
-end): so the second one decides as the first had to, knowing what the robot did up to the cue. Never shown is what the
-first one said about it afterwards: marks, notes, outcome.
+It is the same `Client` as for a session. The first wizard's reaction to a cue, and its consequences, are held back from
+their first key until the second wizard has answered or the cue is over (by the next cue, its being taken back, or the
+end). So the second wizard decides with the same knowledge as the first: what the robot did up to the cue. The first
+wizard's later judgements are never shown: marks, notes, outcome.
 """
 
 from __future__ import annotations
@@ -56,9 +56,9 @@ from rise_engine.session.shadow import (
 )
 
 BATCH = 500
-"""Records that a console gets at once at most, so that it can paint in between."""
+"""Maximum number of records that a console gets at once, so that it can paint in between."""
 LEAST_WAIT = 0.001
-"""Seconds; a clock may not be able to wait for less."""
+"""In seconds; a clock may not be able to wait for less."""
 _ABOUT_CUES = frozenset({"markCue", "undoCue"})
 _PEOPLE = ("wizard:", "observer:")
 _PAUSED = "paused: nothing is kept before it goes on"
@@ -66,10 +66,9 @@ _NOT_HERE = Reply(False, "this is a shadow of a session: there is nothing to tak
 
 
 def start_time(folder: Path, text: str) -> float:
-    """The session time that somebody means with `--at`: seconds (`12.5`), or a mark that recordings show (`mark`, the
-    first one; `mark3`, the one with that number).
+    """Return the session time of `--at`: seconds (`12.5`) or a mark (`mark`: the first one; `mark3`: number 3).
 
-    :raises SessionError: there is no such time or mark; the text says which there are.
+    :raises SessionError: there is no such time or mark; the text names the existing ones.
     """
     if not text.startswith("mark"):
         try:
@@ -95,7 +94,7 @@ def start_time(folder: Path, text: str) -> float:
 
 
 class ShadowClient:
-    """Implements `rise_engine.run.protocol.client.Client` over a session's folder. It begins paused."""
+    """An implementation of `rise_engine.run.protocol.client.Client` over a session's folder. It begins paused."""
 
     def __init__(
         self,
@@ -106,12 +105,11 @@ class ShadowClient:
         speed: float = 1.0,
         resume: Shadow | None = None,
     ) -> None:
-        """
-        :param folder: the session's.
-        :param wizard: who sits here.
-        :param at: session time from which on it is played; what was before is known from the start.
+        """:param folder: the session's.
+        :param wizard: the second wizard's name.
+        :param at: session time where playing starts; everything before is known from the start.
         :param speed: session seconds in a second.
-        :param resume: go on with this one, where it stopped; `at` and `speed` are then its own.
+        :param resume: continue this shadow where it stopped, with its own `at` and `speed`.
         """
         self._folder, self._wizard, self._resume = folder, wizard, resume
         self._at, self._again = (at, 0) if resume is None else resume.resume_at
@@ -120,28 +118,28 @@ class ShadowClient:
         self._scenario: Scenario | None = None
         self._records: list[AnyRecord] = []
         self._next = 0
-        """The first of the records that has not been looked at."""
+        """Index of the first record that was not handled yet."""
         self._own: list[ClientUpdate] = []
-        """What this console itself brings about."""
+        """Updates that this console itself causes."""
         self._held: list[AnyRecord] = []
         self._holds = False
         self._cue: CueRecord | None = None
-        """The one that waits for an answer of this wizard."""
+        """The cue that waits for this wizard's answer."""
         self._cues = self._shown = 0
         self._base, self._since = self._at, 0.0
-        """Session time when it was last set going or halted, and the clock then."""
+        """Session time at the last start or pause, and the clock then."""
         self._paused = True
         self._over = False
         self._wake = asyncio.Event()
         self._closed = False
         self._trouble = ""
-        """Why the latest line was not kept."""
+        """Why the latest line was not stored."""
         self._writing = asyncio.Lock()
         self._pending: set[asyncio.Task[bool]] = set()
 
     @property
     def path(self) -> Path | None:
-        """The file in which keys are kept, once it is open."""
+        """The file that stores the keys, once it is open."""
         return self._writer.path if self._writer is not None else None
 
     # --- the beginning --------------------------------------------------------------------------------------------
@@ -172,17 +170,17 @@ class ShadowClient:
         view.control = you = f"wizard:{self._wizard}"
         self._shown, self._cues = len(marked) - len(ahead), len(marked)
         self._records, self._scenario = records, scenario
-        if self._resume is not None:  # else there is nothing to keep before it is played
+        if self._resume is not None:  # otherwise there is nothing to store before it is played
             self._writer = ShadowWriter.resume(self._resume.path)
         return AttachReply(
             scenario, info.mode, info.robot, info.seed, view, you=you, folder=str(self._folder), shadow=True
         )
 
     def _lies_ahead(self, record: AnyRecord) -> bool:
-        """Whether it is still to be played: from the time on, or from the cue on that is shown again."""
+        """Return whether a record is still to be played: by its time, or from the cue that is shown again."""
         return record.seq >= self._again if self._again else record.t >= self._at
 
-    # --- what is played -------------------------------------------------------------------------------------------
+    # --- records --------------------------------------------------------------------------------------------------
 
     async def records(self) -> AsyncIterator[Sequence[ClientUpdate]]:
         yield [self._status]
@@ -204,7 +202,7 @@ class ShadowClient:
                 continue
 
     def _due(self) -> list[ClientUpdate]:
-        """What is to be seen now and was not yet."""
+        """Return what has become visible since the last call."""
         batch: list[ClientUpdate] = list(self._own)
         self._own.clear()
         if not self._holds:
@@ -225,7 +223,7 @@ class ShadowClient:
         return batch
 
     def _take(self, record: AnyRecord) -> list[ClientUpdate]:
-        """One record whose time has come: what is to be seen because of it."""
+        """Handle a record whose time has come; return what becomes visible because of it."""
         if isinstance(record, CueRecord) and record.status in ("marked", "undone"):
             released: list[ClientUpdate] = [*self._held, record]
             self._held.clear()
@@ -254,7 +252,7 @@ class ShadowClient:
         return self._base + (time.monotonic() - self._since) * self._speed
 
     async def toggle_pause(self) -> str:
-        """Halt, or go on. Returns why it cannot, or empty."""
+        """Pause or continue; return why that is not possible, or empty."""
         if self._over:
             return "the session is over"
         if self._paused:
@@ -274,7 +272,7 @@ class ShadowClient:
         self._own.append(update)
         self._wake.set()
 
-    # --- what is pressed ------------------------------------------------------------------------------------------
+    # --- keys -----------------------------------------------------------------------------------------------------
 
     async def send(self, message: ClientInput) -> Reply:
         if self._over or self._closed:
@@ -299,7 +297,7 @@ class ShadowClient:
             cue=cue.seq if cue is not None else None,
             filler=self._is_filler(message),
         )
-        if key.answers:  # before the disk has it: what comes now is no longer this cue's
+        if key.answers:  # before the disk has it: what comes now is not this cue's any more
             self._cue = None
         if not await self._write(key):
             self._cue = self._cue or cue
@@ -329,7 +327,7 @@ class ShadowClient:
         return Reply(True, "kept, and sent nowhere")
 
     async def _write(self, line: ShadowLine) -> bool:
-        """Whether the disk has it. When not, it is halted: nobody must press keys that are lost."""
+        """Write a line; if that fails, pause, so that no pressed key is lost. Return whether the disk has it."""
         async with self._writing:
             if self._closed:
                 return False
@@ -349,7 +347,7 @@ class ShadowClient:
         self._writer.append(line)
 
     def _write_soon(self, line: ShadowLine) -> None:
-        """What is shown must not wait for the disk. Lines are written in the order in which they were asked for."""
+        """Write a line without making the display wait for the disk. Lines are written in the order of the calls."""
         writing = asyncio.get_running_loop().create_task(self._write(line))
         self._pending.add(writing)
         writing.add_done_callback(self._pending.discard)
@@ -361,7 +359,7 @@ class ShadowClient:
         return _NOT_HERE
 
     async def close(self, *, end_session: bool = False) -> None:
-        """Leave; it can be gone on with. `end_session` means nothing here: there is no session to end."""
+        """Leave; the shadow can be resumed. `end_session` has no effect: there is no session to end."""
         if self._closed:
             return
         if not self._paused and not self._over:
@@ -376,14 +374,14 @@ class ShadowClient:
 
 
 def _is_deed(record: AnyRecord) -> bool:
-    """Whether it tells what a wizard decided: the first sign of it, from which on everything may come of it."""
+    """Return whether a record is the first sign of a wizard's decision, after which everything may follow from it."""
     if isinstance(record, TaskRecord):
         return record.source.startswith("wizard:") and record.function not in _ABOUT_CUES
     return False
 
 
 def _is_hidden(record: AnyRecord) -> bool:
-    """Whether a second wizard never sees it: what people said about the session, and who held control of it."""
+    """Return whether a record is never shown: people's judgements of the session, and who had control."""
     match record:
         case ControlRecord() | MistakeRecord() | OutcomeRecord():
             return True

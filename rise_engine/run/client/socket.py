@@ -1,4 +1,4 @@
-"""A client of a session that runs in another process, over the session's socket."""
+"""A client of a session in another process, over the session's socket."""
 
 from __future__ import annotations
 
@@ -54,19 +54,18 @@ from rise_engine.scenario.model import Scenario
 from rise_engine.scenario.serialization import decode_scenario
 
 READ_BYTES = 262_144
-"""Bytes that are read at once."""
 SLICE_SECONDS = 0.001
-"""Seconds of reading after which the loop does what else there is to do."""
+"""Seconds of reading after which other tasks of the loop get their turn."""
 MAX_WAITING_RECORDS = 20_000
-"""Records that may wait to be taken from `records`. With more, the connection is given up."""
+"""Maximum number of records that wait in `records`. With more, the connection is cut."""
 LOCK_RELEASE_SECONDS = 0.3
-"""Seconds in which a process that is just ending releases its lock."""
+"""Seconds that an ending process may take to release its lock."""
 
 _INPUT_NAMES = ", ".join(kind.__name__ for kind in get_args(ClientInput))
 
 
 class SocketClient:
-    """Implements `rise_engine.run.protocol.client.Client`. All methods belong to one loop."""
+    """An implementation of `rise_engine.run.protocol.client.Client`. All methods belong to one loop."""
 
     def __init__(
         self,
@@ -76,11 +75,10 @@ class SocketClient:
         *,
         scenario: Scenario | None = None,
     ) -> None:
-        """
-        :param session: the name of a running session, or the path of its socket.
+        """:param session: the name of a running session, or the path of its socket.
         :param who: the client's name in the record, without the role.
         :param role: what it may do.
-        :param scenario: what the session is known to run; with the right hash it is not loaded again.
+        :param scenario: what the session probably runs; with the right hash it is not loaded again.
         """
         self._session = session
         self._name = who
@@ -88,10 +86,10 @@ class SocketClient:
         self._scenario = scenario
         self._connection: _ServerConnection | None = None
         self._clock_at_attach: tuple[float, float, float] | None = None
-        """Session time, speed, and when that was on our own clock."""
+        """Session time, speed, and the time of this process' clock then."""
 
     async def attach(self) -> AttachReply:
-        """As the protocol says. Also raises EngineGone, with the engine's sentence, when it refuses this client."""
+        """Attach as `Client` does. Raises EngineGone, with the engine's sentence, also if the engine refuses."""
         await self._disconnect()
         connection = await _ServerConnection.open(self._socket_path())
         try:
@@ -119,7 +117,7 @@ class SocketClient:
         )
 
     def records(self) -> AsyncIterator[Sequence[Update]]:
-        """As the protocol says."""
+        """Yield records as `Client` does."""
         if self._connection is None:
             raise RuntimeError("attach first")
         return self._connection.read_batches()
@@ -146,7 +144,7 @@ class SocketClient:
         return await connection.request(TakeOverMessage(connection.next_id()))
 
     async def close(self, *, end_session: bool = False, reason: str = "") -> None:
-        """As the protocol says; with `end_session`, returns when the session has ended."""
+        """Leave as `Client` does; with `end_session`, return when the session has ended."""
         connection = self._connection
         if end_session and connection is not None:
             with suppress(EngineGone):
@@ -177,9 +175,9 @@ class SocketClient:
             await connection.close()
 
     async def _find_scenario(self, hello: HelloMessage, encoded: bytes) -> Scenario:
-        """What the session runs: as the engine sent it, or else read from the copy in the session's folder."""
+        """Return the scenario that the engine sent, or else read the copy in the session's folder."""
         if encoded:
-            with suppress(ValueError):  # an engine of another release may describe it otherwise
+            with suppress(ValueError):  # an engine of another release may encode it differently
                 self._scenario = decode_scenario(encoded)
         if self._scenario is None or self._scenario.hash != hello.scenario_hash:
             folder = Path(hello.folder)
@@ -188,7 +186,7 @@ class SocketClient:
 
 
 def _load_copy(folder: Path, hash: str) -> Scenario:
-    """The scenario with this hash. Raises EngineGone."""
+    """Load the scenario with this hash. Raises EngineGone."""
     from rise_engine.base.errors import SessionError
     from rise_engine.session.folder import read_info
     from rise_engine.session.scenario_copies import load_copy_with_hash
@@ -212,13 +210,13 @@ class _ServerConnection:
         self._unanswered: dict[int, asyncio.Future[Reply]] = {}
         loop = asyncio.get_running_loop()
         self.state: asyncio.Future[tuple[HelloMessage, SessionView]] = loop.create_future()
-        """Set once it is complete."""
+        """Done when the state is complete."""
         self.hello_at = 0.0
-        """When its `hello` came, on our own clock."""
+        """When `hello` came, by this process' clock."""
         self.scenario = b""
-        """What the session runs, if the engine sent it."""
+        """The session's scenario, if the engine sent it."""
         self._hello: HelloMessage | None = None
-        """Of the state that is on its way, and the tasks of it that have come."""
+        """The `hello` of a state in transfer, and the tasks of it that have come."""
         self._tasks: list[TaskView] = []
         self._updates: deque[Update] = deque()
         self._arrived = asyncio.Event()
@@ -231,7 +229,7 @@ class _ServerConnection:
 
     @classmethod
     async def open(cls, path: Path) -> _ServerConnection:
-        """Raises EngineGone."""
+        """Open a connection. Raises EngineGone."""
         try:
             reader, writer = await asyncio.open_unix_connection(path, limit=READ_BYTES * 4)
         except (FileNotFoundError, ConnectionRefusedError):
@@ -249,21 +247,21 @@ class _ServerConnection:
         self._writer.write(encode_line(message))
 
     async def request(self, message: SendMessage | ControlMessage | EndMessage | TakeOverMessage) -> Reply:
-        """Raises EngineGone."""
+        """Send a request and wait for the reply. Raises EngineGone."""
         if self.ended.is_set():
             raise self._reason
         future: asyncio.Future[Reply] = asyncio.get_running_loop().create_future()
         self._unanswered[message.id] = future
         try:
             self.write(message)
-            with suppress(ConnectionError):  # the reading side finds out what it means
+            with suppress(ConnectionError):  # the reading side finds the reason
                 await self._writer.drain()
             return await future
         finally:
             self._unanswered.pop(message.id, None)
 
     async def _read_message(self) -> ServerMessage:
-        """The next message. Raises EngineGone when there is none."""
+        """Return the next message. Raises EngineGone if there is none."""
         while not self._lines:
             try:
                 data = await self._reader.read(READ_BYTES)
@@ -282,7 +280,7 @@ class _ServerConnection:
         began = time.monotonic()
         try:
             while True:
-                if time.monotonic() - began > SLICE_SECONDS:  # much came at once: others on the loop have their turn
+                if time.monotonic() - began > SLICE_SECONDS:  # much came at once: others get their turn
                     await asyncio.sleep(0)
                     began = time.monotonic()
                 message = await self._read_message()
@@ -296,12 +294,12 @@ class _ServerConnection:
             self._finish()
 
     def _take_message(self, message: ServerMessage) -> None:
-        """Raises EngineGone when it is the last one."""
+        """Handle a message. Raises EngineGone if it is the last one."""
         match message:
             case RecordsMessage(records=records):
                 self._add_updates(*records)
                 if len(self._updates) > MAX_WAITING_RECORDS:
-                    self._updates.clear()  # the state that it gets when it attaches anew has them all
+                    self._updates.clear()  # attaching again gets a state that includes them all
                     raise LinkLost("this client fell too far behind the engine; attach again")
             case JournalStatusMessage(journaling=journaling):
                 self._add_updates(journaling)
@@ -343,17 +341,17 @@ class _ServerConnection:
         for future in waiting:
             if not future.done():
                 future.set_exception(self._reason)
-                future.exception()  # nobody may be waiting
+                future.exception()  # perhaps nobody waits
 
     async def _reason_for_cut(self) -> EngineGone:
-        """The connection has ended without a word. An engine's lock goes with its process."""
+        """Find why the connection ended without a message. An engine's lock goes with its process."""
         lock = registry.lock_path(self._path)
         deadline = time.monotonic() + LOCK_RELEASE_SECONDS
         while is_locked(lock):
             if time.monotonic() > deadline:
                 return LinkLost("the engine has cut this connection, but it goes on; attach again")
             await asyncio.sleep(0.02)
-        if not lock.exists() and await _accepts_connections(self._path):  # one that runs without a lock
+        if not lock.exists() and await _accepts_connections(self._path):  # an engine without a lock
             return LinkLost("the engine has cut this connection, but it goes on; attach again")
         return EngineGone("its process is not there any more")
 
@@ -366,7 +364,7 @@ class _ServerConnection:
                 self._updates.clear()
                 yield batch
             if self.ended.is_set() and not self._updates:
-                self._arrived.set()  # for whoever asks again
+                self._arrived.set()  # for the next call
                 if self._error is not None:
                     raise self._error
                 return

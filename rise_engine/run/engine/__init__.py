@@ -1,1 +1,1 @@
-"""A kernel with what it does not have itself: a clock, a journal, a robot."""
+"""A kernel with the parts that it lacks: a clock, a journal, a robot."""

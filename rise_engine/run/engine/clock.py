@@ -1,6 +1,6 @@
 """The two clocks of a session: real time (optionally faster) and virtual time (as fast as the machine can).
 
-Both measure seconds since the session began and never go back. `wall_label` gives what records carry beside it.
+Both measure seconds since the session began and never go back. `wall_label` returns the wall-clock time for records.
 """
 
 from __future__ import annotations
@@ -17,11 +17,11 @@ from rise_engine.ports.robot import Clock, Timer
 
 _EPOCH = datetime(1970, 1, 1, tzinfo=UTC)
 _LAST_SECOND = 253_402_300_799.0
-"""The last second that a calendar has (the end of the year 9999), counted from 1970."""
+"""The last second of the calendar (the end of the year 9999), counted from 1970."""
 
 
 def seconds_between_labels(before: str, now: str) -> float | None:
-    """Seconds between two wall-clock labels, not below 0 when somebody has set the clock back; None when one is none.
+    """Compute the seconds between two wall-clock labels, at least 0; None if a label is invalid.
 
     >>> seconds_between_labels("2026-11-21T14:00:00.000+01:00", "2026-11-21T13:00:02.500+00:00")
     2.5
@@ -36,13 +36,13 @@ def seconds_between_labels(before: str, now: str) -> float | None:
 
 
 class SessionClock(Clock, Protocol):
-    """What the engine needs: the robot's clock, and the label for records."""
+    """The engine's needs: the robot's clock, and the label for records."""
 
     speed: float
-    """Session seconds in a second of the wall clock; of a virtual clock, 1."""
+    """Session seconds in a second of the wall clock; 1 for a virtual clock."""
 
     def wall_label(self, t: float) -> str:
-        """The wall-clock label of session time `t`: ISO 8601 with offset, to the millisecond. Never raises."""
+        """Return the wall-clock label of session time `t`: ISO 8601 with offset, to the millisecond. Never raises."""
         ...
 
 
@@ -57,7 +57,7 @@ class _VirtualTimer:
 
 
 class VirtualClock:
-    """Time that passes only when somebody calls `advance`. No thread, no loop, no waiting.
+    """Time that passes only when somebody calls `advance`, without thread, loop or waiting.
 
     Its wall labels begin at 1970-01-01T00:00:00.000+00:00, so that the same scenario, seed and inputs give the same
     output, byte for byte.
@@ -68,7 +68,7 @@ class VirtualClock:
     def __init__(self) -> None:
         self._now = 0.0
         self._heap: list[tuple[float, int, _VirtualTimer]] = []
-        """When, a number, and the timer; a cancelled one lies here until its time has come."""
+        """The time, a number, and the timer; a cancelled one stays here until its time has come."""
         self._numbers = count()
 
     def now(self) -> float:
@@ -78,20 +78,20 @@ class VirtualClock:
         return (_EPOCH + timedelta(seconds=min(max(0.0, t), _LAST_SECOND))).isoformat(timespec="milliseconds")
 
     def call_at(self, when: float, callback: Callable[[], None]) -> Timer:
-        # To the microsecond, as the engine counts: timers that are due together run in the order of their setting.
+        # In microseconds, like the engine's times: timers that are due together run in the order of their setting.
         timer = _VirtualTimer(callback)
         heappush(self._heap, (max(round(when, 6), self._now), next(self._numbers), timer))
         return timer
 
     @property
     def next_at(self) -> float | None:
-        """The session time of the next timer, or None when there is none."""
+        """The session time of the next timer; None if there is none."""
         while self._heap and self._heap[0][2].callback is None:
             heappop(self._heap)
         return self._heap[0][0] if self._heap else None
 
     def advance(self) -> bool:
-        """Let time pass until the next timer and run it. False when there is none."""
+        """Let time pass until the next timer and run it. False if there is none."""
         if self.next_at is None:
             return False
         when, _, timer = heappop(self._heap)
@@ -102,7 +102,7 @@ class VirtualClock:
         return True
 
     def pass_until(self, when: float) -> None:
-        """Let time pass until `when`: what is due before is run, what is due then waits for `advance`."""
+        """Let time pass until `when`: timers before it run, those at `when` wait for `advance`."""
         while (due := self.next_at) is not None and due < when:
             self.advance()
         self._now = max(self._now, when)
@@ -112,11 +112,10 @@ class RealClock:
     """Real time on an asyncio loop. With `speed` 10, ten session seconds pass in one second."""
 
     def __init__(self, loop: AbstractEventLoop, speed: float = 1.0, start: float = 0.0) -> None:
-        """
-        :param loop: the engine's.
+        """:param loop: the engine's.
         :param speed: session seconds in a second.
-        :param start: the session's time now, for one that goes on.
-        :raises ValueError: unless `speed` is above 0.
+        :param start: the session's present time, for one that continues.
+        :raises ValueError: `speed` is not above 0.
         """
         if not 0 < speed < float("inf"):
             raise ValueError("the speed must be a number above 0")
@@ -126,8 +125,10 @@ class RealClock:
 
     @property
     def origin(self) -> float:
-        """The loop's clock at session time 0: it shows `origin + t / speed` at `t`. Of a session that goes on, where it
-        would have been, had the session run since then."""
+        """The loop's clock at session time 0: it shows `origin + t / speed` at `t`.
+
+        For a continued session, it is the time at which it would have begun without the break.
+        """
         return self._origin
 
     def now(self) -> float:

@@ -1,6 +1,6 @@
-"""Carrying out what the kernel asks for: timers on the session's clock, actions on the robot.
+"""The execution of the kernel's commands: timers on the session's clock, actions on the robot.
 
-An adapter's exception ends here. It becomes a report like any other, so that the record says what went wrong.
+An adapter's exception ends here. It becomes a report, so that the record says what went wrong.
 """
 
 from __future__ import annotations
@@ -43,13 +43,12 @@ class CommandRunner:
         post: Callable[[AnyInput], None],
         session_id: str = "",
     ) -> None:
-        """
-        :param robot: not connected yet.
-        :param scenario: says what the record calls the robot, and in which words it is given what it says.
+        """:param robot: not connected yet.
+        :param scenario: has the robot's name for the record, and the wording of what it says.
         :param clock: the session's.
-        :param post: takes what the robot reports, and every timer that has elapsed.
-        :param session_id: what goals have their UUIDs from, the same for every engine of the session; empty: no other
-            engine will ever go on with it.
+        :param post: takes the robot's reports, and every elapsed timer.
+        :param session_id: the source of the goals' UUIDs, the same for every engine of the session; empty: no other
+            engine will continue the session.
         """
         self._robot = robot
         self._robot_name = scenario.robot.name
@@ -60,7 +59,7 @@ class CommandRunner:
         self._goal_namespace = uuid5(NAMESPACE_OID, session_id) if session_id else uuid4()
 
     def change_wording(self, scenario: Scenario) -> None:
-        """From now on the robot is given the words as this scenario has them said."""
+        """Use this scenario's wording for the robot from now on."""
         self._wording = RobotWording(scenario)
 
     @property
@@ -70,14 +69,14 @@ class CommandRunner:
 
     @property
     def robot_seen(self) -> float | None:
-        """Session time of the robot's last sign of life; None when its driver does not know, or has failed."""
+        """Session time of the robot's last sign of life; None if its driver does not know, or has failed."""
         try:
             return self._robot.last_seen()
-        except Exception:  # an adapter of others, perhaps older than this question
+        except Exception:  # other people's adapter, perhaps older than this method
             return None
 
     def connect(self, unfinished: Iterable[StartAction] = ()) -> None:
-        """Begin to reach the robot. `unfinished`: what an engine before this one may have left it doing."""
+        """Connect to the robot, which may still do actions left `unfinished` by an earlier engine."""
         goals = [self._with_id(goal) for goal in unfinished]
         robot = self._robot
         if goals and isinstance(robot, RobotWithOpenGoals):
@@ -109,7 +108,7 @@ class CommandRunner:
                     self._post(ActionReport(action=command.action, status="failed", reason=failure))
             case CancelAction(action=action):
                 if failure := self._call_robot(f"cancel {action}", lambda: self._robot.cancel(action)):
-                    # It goes on running until it ends or its time is over.
+                    # It continues until it ends or its time is over.
                     self._post(Note(text=f"{action} could not be cancelled: {failure}"))
             case CancelOpenGoals() | ReleaseOpenGoals():
                 self._settle_open_goals(command)
@@ -120,7 +119,7 @@ class CommandRunner:
 
     def _settle_open_goals(self, command: CancelOpenGoals | ReleaseOpenGoals) -> None:
         robot = self._robot
-        assert isinstance(robot, RobotWithOpenGoals)  # no other one reports any
+        assert isinstance(robot, RobotWithOpenGoals)  # no other robot reports open goals
         settle = robot.cancel_open_goals if isinstance(command, CancelOpenGoals) else robot.release_open_goals
         if failure := self._call_robot("settle open goals", lambda: settle(command.part)):
             self._post(Note(text=f"that had no effect: {failure}"))
@@ -130,26 +129,26 @@ class CommandRunner:
         return replace(goal, goal=uuid.hex, parameters=goal.parameters if parameters is None else parameters)
 
     def stop_robot(self) -> str:
-        """Ask the robot to stop; gives a sentence when its adapter fails, otherwise an empty text."""
+        """Ask the robot to stop; return a sentence if its adapter fails, otherwise an empty text."""
         return self._call_robot("stop the robot", lambda: self._robot.stop_all())
 
     def release(self) -> None:
-        """Cancel all timers and let go of the robot."""
+        """Cancel all timers and close the robot's adapter."""
         for timer in self._timers.values():
             timer.cancel()
         self._timers.clear()
         self._call_robot("close", lambda: self._robot.close())
 
     def _call_robot(self, what: str, call: Callable[[], None]) -> str:
-        """Call the robot's adapter; gives a sentence when it fails or cannot do that, otherwise an empty text."""
+        """Call the robot's adapter; return a sentence if it fails or cannot do that, otherwise an empty text."""
         try:
             call()
-        except Exception as error:  # code of others
+        except Exception as error:  # other people's code
             _LOG.exception("the robot adapter failed to %s", what)
             return f"the robot adapter failed ({error_text(error)})"
         return ""
 
 
 def error_text(error: Exception) -> str:
-    """An exception for the record: its kind, and what it says if it says anything."""
+    """Format an exception for the record: its kind, and its text if there is any."""
     return f"{type(error).__name__}: {error}" if str(error) else type(error).__name__

@@ -1,8 +1,7 @@
-"""Finding the code behind a robot: drivers by the entry-point group `rise.drivers`, and drivers that share a session's
-connection by the group `rise.bridges`. None is imported by name.
+"""The search for a robot's code: drivers in the group `rise.drivers`, connections in the group `rise.bridges`.
 
-A profile (data, see docs/reference/robots.md) names its driver. In debug mode the driver is always `simulated`,
-whatever the profile says: no robot moves.
+Entry points name them; none is imported by name. A bridge shares a session's connection. A profile (data, see
+docs/reference/robots.md) names its driver. In debug mode the driver is always `simulated`: no robot moves.
 """
 
 from __future__ import annotations
@@ -22,7 +21,7 @@ CHECKS = "rise.checks"
 DOCTORS = "rise.doctors"
 PARAMETERS = "rise.parameters"
 ROS_BRIDGE = "ros2"
-"""The bridge that `--ros` is about."""
+"""The bridge that `--ros` controls."""
 
 
 class RobotOptionsError(RiseError):
@@ -30,20 +29,20 @@ class RobotOptionsError(RiseError):
 
 
 def driver_names() -> set[str]:
-    """What a profile's `driver` can name here: the installed drivers, and those that a bridge is."""
+    """Return the possible values of a profile's `driver` here: the installed drivers, and the bridges."""
     return installed_plugins(DRIVERS).names | installed_plugins(BRIDGES).names
 
 
 def _load_plugin(entry: EntryPoint, what: str) -> Any:
-    """The code behind an entry point. Raises AdapterError, in which `what` names it."""
+    """Load the code of an entry point. Raises AdapterError, in which `what` names it."""
     try:
         return entry.load()
-    except Exception as error:  # code of others runs as it is imported
+    except Exception as error:  # other people's code runs at import
         raise AdapterError(f"{what} ({entry.value}) cannot be loaded: {error}") from error
 
 
 def find_driver(name: str) -> Driver:
-    """The driver of that name. Raises AdapterError when it is not installed or cannot be loaded."""
+    """Load the driver of that name. Raises AdapterError if it is not installed or cannot be loaded."""
     entry = find_plugin(DRIVERS, name)
     if entry is None:
         installed = ", ".join(sorted(installed_plugins(DRIVERS).names)) or "none"
@@ -55,7 +54,7 @@ def find_driver(name: str) -> Driver:
 
 
 def driver_name_for(profile: RobotProfile, mode: Mode) -> str:
-    """The driver that a session of that mode uses."""
+    """Return the driver that a session of that mode uses."""
     return SIMULATED if mode == "debug" else profile.driver
 
 
@@ -67,9 +66,9 @@ def make_robot(
     faults: tuple[str, ...] = (),
     bridge: Bridge[Any] | None = None,
 ) -> Robot:
-    """The robot for one session, over `bridge` if its driver is one.
+    """Make the robot for one session, over `bridge` if its driver is a bridge.
 
-    Raises AdapterError, and RobotOptionsError when the profile's options or a fault cannot be understood.
+    Raises AdapterError, and RobotOptionsError if the profile's options or a fault are invalid.
     """
     name = driver_name_for(profile, mode)
     if name == ROS_BRIDGE and bridge is not None:
@@ -92,13 +91,13 @@ def make_robot(
 
 
 async def open_bridge(connection: RosConnection, profile: RobotProfile, mode: Mode) -> Bridge[Any] | None:
-    """Connect a session with ROS 2, when its robot needs that or it is asked for.
+    """Connect a session to ROS 2, if its robot needs that or the user wants it.
 
-    :param connection: how ROS 2 is spoken.
+    :param connection: how ROS 2 is reached.
     :param profile: the session's robot.
     :param mode: the session's.
-    :return: the open connection, which whoever called closes; None: the session does without.
-    :raises AdapterError: it cannot be had.
+    :return: the open connection, which the caller closes; None: the session does not use ROS 2.
+    :raises AdapterError: the connection is not possible.
     """
     reaches_robot = driver_name_for(profile, mode) == ROS_BRIDGE
     if connection.transport == "off" or (connection.transport == "auto" and not reaches_robot):
@@ -111,7 +110,7 @@ async def open_bridge(connection: RosConnection, profile: RobotProfile, mode: Mo
 
 
 def profile_findings(profile: RobotProfile) -> list[ProfileFinding]:
-    """What the driver that the profile names has to say about it, whatever the mode."""
+    """Return the findings of a profile's own driver about it, whatever the mode."""
     entry = find_plugin(CHECKS, profile.driver)
     if entry is None:
         return []
@@ -123,8 +122,10 @@ def profile_findings(profile: RobotProfile) -> list[ProfileFinding]:
 
 
 def load_ros_plugin(group: str) -> Any:
-    """What the ROS 2 bridge offers in a group of entry points (BRIDGES: a `BridgeOpener`, DOCTORS: an `Examiner`,
-    PARAMETERS: a `ParameterReader`). Raises AdapterError."""
+    """Load a plugin of the ROS 2 bridge from a group of entry points. Raises AdapterError.
+
+    BRIDGES has a `BridgeOpener`, DOCTORS an `Examiner`, PARAMETERS a `ParameterReader`.
+    """
     entry = find_plugin(group, ROS_BRIDGE)
     if entry is None:
         raise AdapterError(f"no ROS 2 bridge is installed: no entry point {ROS_BRIDGE!r} in the group {group!r}")
@@ -132,7 +133,7 @@ def load_ros_plugin(group: str) -> Any:
 
 
 def simulated_robot_warning(profile: RobotProfile, mode: Mode) -> str | None:
-    """What a person must know before trusting the mode: `real` with a robot that is only simulated is not real."""
+    """Warn if the mode is real, but the robot is only simulated."""
     if mode == "real" and profile.driver == SIMULATED:
         return (
             f"the mode is real, but the robot profile {profile.name!r} has only the simulated driver: "

@@ -1,13 +1,13 @@
 """The engine: the kernel with a clock, a robot, a journal and sinks for its records (architecture, "The engine").
 
-One step: input -> time -> kernel -> journal -> records to the sinks -> commands carried out. It is synchronous and
-belongs to one thread; real time comes from a `RealClock` on an asyncio loop, virtual time from somebody who advances a
-`VirtualClock`.
+One step: input -> time -> kernel -> journal -> records to the sinks -> commands carried out. The engine is synchronous
+and belongs to one thread. Real time comes from a `RealClock` on an asyncio loop, virtual time from a caller who
+advances a `VirtualClock`.
 
-With a journal, whatever a step sends out waits until the step is on the disk: no console shows, no robot begins and
-nobody is answered what could still be lost. The loop does not wait meanwhile. Only what makes the robot safe (cancels,
-stop-all) never waits for a disk. While the disk takes nothing, the session is paused: from outside only stop-all is
-taken, and what the robot and the timers say is kept, with its time, until it can be recorded.
+With a journal, the effects of a step wait until the step is on the disk: no console shows, no robot begins and nobody
+gets an answer about anything that could still be lost. The loop does not wait meanwhile. Only what makes the robot safe
+(cancels, stop-all) never waits for the disk. While the disk fails, the session is paused: it accepts only stop-all from
+outside. Reports of the robot and the timers are kept, with their time, until they can be recorded.
 """
 
 from __future__ import annotations
@@ -51,24 +51,24 @@ from rise_engine.session.recovery import RecoveredSession
 _LOG = logging.getLogger(__name__)
 
 LAG_SHOWN_FROM = 0.5
-"""Seconds that the disk may lag before the clients are told."""
+"""Seconds of the disk's lag above which clients get to know it."""
 
 END_SECONDS = 6.0
 """Seconds of session time that the robot gets to end everything before the session ends without it."""
 
 Sink = Callable[[AnyRecord], None]
-"""Gets every record, in order, on the engine's thread. It must not block; one that raises is dropped."""
+"""A sink gets every record, in order, on the engine's thread. It must not block; a sink that raises is removed."""
 
 ReplyCallback: TypeAlias = Callable[[Reply], None]
-"""Gets what became of an input, once."""
+"""A callback that gets the reply to an input, once."""
 
 
 def _ignore_reply(reply: Reply) -> None:
-    """Nobody waits for this answer."""
+    """Ignore a reply."""
 
 
 class _UnrecordedStep(Struct):
-    """What a step sends out once it is on the disk."""
+    """The effects of a step that wait until it is on the disk."""
 
     position: int
     records: list[AnyRecord]
@@ -114,20 +114,20 @@ class Engine:
         recovered: RecoveredSession | None = None,
         session_id: str = "",
     ) -> None:
-        """Nothing happens before `start` or `resume`.
+        """Make an engine; nothing happens before `start` or `resume`.
 
-        :param scenario: what is run, as `rise_engine.scenario.loader.load` gives it.
+        :param scenario: what is run, from `rise_engine.scenario.loader.load`.
         :param robot: the adapter; the engine connects and closes it.
         :param clock: a `RealClock` on the loop that this engine belongs to, or a `VirtualClock`.
-        :param seed: for everything that is picked at random: the same seed and inputs give the same records.
-        :param participant: who takes part, for the record.
+        :param seed: for all random choices: the same seed and inputs give the same records.
+        :param participant: the participant, for the record.
         :param condition: the session's condition, for the record.
         :param started: the session's first input, instead of `participant` and `condition`, for a session of a study;
-            `versions` and `driver` are put in here.
+            `versions` and `driver` are set here.
         :param sinks: get every record from the first one on.
-        :param journal: makes steps durable before anything of them goes out; without it nothing is kept.
-        :param recovered: the unfinished session that is gone on with, by `resume` instead of `start`.
-        :param session_id: tells it from all others; the same for every engine of the session.
+        :param journal: makes steps durable before their effects; without it nothing is stored.
+        :param recovered: the unfinished session to continue, by `resume` instead of `start`.
+        :param session_id: identifies the session; the same for every engine of the session.
         """
         self.scenario = scenario
         self.clock = clock
@@ -137,17 +137,17 @@ class Engine:
             first, versions=versions(), driver=driver_name_for(scenario.robot, scenario.mode)
         )
         self.ended = False
-        """True when the session is over; nothing is accepted any more."""
+        """Whether the session is over; then it accepts nothing any more."""
         self.open_goals: tuple[OpenGoal, ...] = ()
         """What the robot may still have been doing when the session ended."""
         self.failure: Exception | None = None
-        """Why it is over, when that was an error of the engine itself."""
+        """The engine's own error that ended the session."""
         self.inputs = recovered.inputs if recovered is not None else 0
         """How many inputs were handled."""
         self.after_inputs: Callable[[], object] | None = None
-        """Called after inputs were handled, outside any step: the moment to look whether the session is idle."""
+        """Called after inputs were handled, outside of any step: the moment to check whether the session is idle."""
         self.journal_status = JournalStatus()
-        """How the record of the session stands."""
+        """The state of the session's record."""
         self.on_journal_status: Callable[[JournalStatus], object] | None = None
         """Called when that has changed."""
         self._timers_left = recovered.timers if recovered is not None else {}
@@ -166,53 +166,54 @@ class Engine:
         self._end_reason: str | None = None
         self._last_record_made = False
         self._unrecorded_stops: list[str] = []
-        """What has come of stops that were asked for while nothing could be recorded."""
+        """Results of stops that were requested while nothing could be recorded."""
 
     # --- a session's life ---------------------------------------------------------------------------------------
 
     def start(self) -> None:
-        """Begin: the session's first record, then the robot. Called once, unless `resume` is.
+        """Begin: the session's first record, then the robot. Call it once, or call `resume` instead.
 
-        :raises Exception: what the kernel raised, after the engine has ended by it (`failure`).
+        :raises Exception: the kernel's exception, after the engine has ended because of it (`failure`).
         """
         self.accept(self._session_started)
         self._commands.connect()
 
     def resume(self) -> None:
-        """Go on with a session whose engine has gone: timers with the time that they had left, then the robot.
+        """Continue a session whose engine has gone: timers with their remaining time, then the robot.
 
-        Called once, instead of `start`, on an engine that was made with a `recovered` session; raises as `start` does.
+        Call it once, instead of `start`, on an engine made with a `recovered` session; it raises as `start` does.
         """
         for timer, at in sorted(self._timers_left.items(), key=lambda item: (item[1], item[0])):
             self._commands.set_timer(timer, at)
-        self._stepping = True  # the robot is there before anything goes out to it, and its report follows the record
+        self._stepping = True  # the robot is there before any command goes out to it, and its report follows the record
         try:
             self._commands.connect(self._kernel.unfinished_goals())
         finally:
             self._stepping = False
         now = self.clock.now()
         away = seconds_between_labels(self._wall_before, self.clock.wall_label(now))
-        # The last record is not the last sign of life: the engine before has noted how late it was after that.
+        # The engine before this one lived longer than its last record: it has noted how much.
         lived_on = (now - self._t_before) / self.clock.speed
         downtime = None if away is None else round(max(0.0, away - lived_on), 3)
         self.accept(SessionRecovered(versions=versions(), reason="its engine had gone", downtime=downtime))
 
     def stop_before_end(self) -> None:
-        """Stop the robot and every rule at once, if anything runs or waits: the session will end soon, and what comes
-        until then is to find it still. Never called within a step."""
+        """Stop the robot and every rule immediately if anything runs or waits, because the session will end soon.
+
+        Later inputs find everything stopped. Never call it within a step.
+        """
         if self._last_record_made or self._end_reason is not None:
             return
         if self._kernel.is_busy or self._kernel.rules.standing() or self._commands.has_timers:
             self.accept(Submit(function="stopAll", source="engine"))
 
     def end(self, reason: str = "", *, stop: bool | None = None) -> None:
-        """Begin to end the session: stop the robot, then the last record. Nothing happens when it is ending already.
+        """Begin to end the session: stop the robot, then make the last record. Has no effect if it is already ending.
 
-        `ended` is true when that has happened: at once, or when the robot has ended everything that it was given, but
-        after END_SECONDS at the latest.
+        `ended` becomes true immediately, or when the robot has ended all its actions, within END_SECONDS.
 
         :param reason: why, for the record.
-        :param stop: whether the robot is stopped first; None: when anything runs.
+        :param stop: whether the robot is stopped first; None: if anything runs.
         """
         if self._last_record_made or self._end_reason is not None:
             return
@@ -223,10 +224,11 @@ class Engine:
         self._end_if_idle()
 
     def end_now(self, reason: str = "") -> None:
-        """End the session without waiting for the robot any longer. What still runs is recorded as lost, and what the
-        robot may still be doing is in the last record.
+        """End the session without waiting for the robot, and record what still runs as lost.
 
-        :param reason: why, for the record; what was said to `end` before counts more.
+        The last record says what the robot may still be doing.
+
+        :param reason: why, for the record; an earlier reason given to `end` takes precedence.
         """
         self.end(reason)
         if self._kernel.is_busy:
@@ -239,9 +241,9 @@ class Engine:
             self._record_end()
 
     def abandon(self) -> None:
-        """End here and now, whatever is not recorded, if it has not ended: the robot is asked to stop.
+        """End immediately, even with unrecorded steps, if the session has not ended; ask the robot to stop.
 
-        For what `end_now` could not bring to an end, because the disk does not take the last records.
+        For a session that `end_now` could not end, because the disk does not take the last records.
         """
         if not self.ended:
             self._commands.stop_robot()
@@ -251,40 +253,40 @@ class Engine:
 
     @property
     def kernel(self) -> Kernel:
-        """What the session is, for who looks into one that is played. It changes by inputs only, and by nobody else."""
+        """The session's state, for observers of a played one. Only inputs change it."""
         return self._kernel
 
     @property
     def holding_goals(self) -> tuple[OpenGoal, ...]:
-        """What the robot may still be doing of actions that have ended, and can be asked to stop."""
+        """What the robot may still be doing for ended actions, and can be asked to stop."""
         return self._kernel.holding_goals
 
     @property
     def robot_seen(self) -> float | None:
-        """Session time of the robot's last sign of life; None when its driver does not know, or has failed."""
+        """Session time of the robot's last sign of life; None if its driver does not know, or has failed."""
         return self._commands.robot_seen
 
     @property
     def idle(self) -> bool:
-        """True when nothing will happen by itself: nothing runs and no timer is set. Waiting rules do not count."""
+        """Whether nothing will happen without an input: nothing runs, no timer is set. Waiting rules do not count."""
         return not (self._kernel.is_busy or self._commands.has_timers or self._queue or self._unrecorded_steps)
 
     @property
     def paused(self) -> bool:
-        """True while nothing can be recorded."""
+        """Whether nothing can be recorded now."""
         return self._journal is not None and bool(self._journal.error)
 
     def subscribe(self, sink: Sink) -> None:
-        """Let somebody have every record from now on.
+        """Send every record from now on to a sink.
 
-        :param sink: gets one record at a time, in order, on this thread, as those given to `__init__` do.
+        :param sink: gets one record at a time, in order, on this thread, like the sinks given to `__init__`.
         """
         self._sinks.append(sink)
 
     def on_ended(self, callback: Callable[[], None]) -> None:
-        """Learn that the session is over.
+        """Call back when the session is over.
 
-        :param callback: called once, without arguments; at once when the session has ended already.
+        :param callback: called once, without arguments; immediately if the session has ended already.
         """
         if self.ended:
             callback()
@@ -296,10 +298,10 @@ class Engine:
     def accept(self, input: AnyInput, answer: ReplyCallback = _ignore_reply) -> None:
         """Take one input from outside.
 
-        :param input: what happened; its time is put on here.
-        :param answer: gets what became of it, once it is recorded and the sinks have had it: called once, perhaps
-            before this returns. An input that cannot be taken is answered too: the session has ended, or is paused.
-        :raises RuntimeError: inside a step. Robots and sinks `post`.
+        :param input: what happened; its time is set here.
+        :param answer: gets the reply, once the input is recorded and the sinks have had it. It is called once, perhaps
+            before this returns, also if the input is refused because the session has ended or is paused.
+        :raises RuntimeError: inside a step. Robots and sinks use `post`.
         """
         if self._stepping:
             raise RuntimeError("accept() was called inside a step; use post()")
@@ -312,17 +314,17 @@ class Engine:
             self._process_queue()
 
     def why_not_take_over(self, scenario: Scenario) -> list[str]:
-        """Why the session cannot go on with another scenario now: sentences, none if it can."""
+        """Return why the session cannot continue with another scenario now: sentences, none if it can."""
         if self._last_record_made or self._end_reason is not None:
             return ["the session is ending"]
         return self._kernel.why_not_take_over(scenario)
 
     def take_over(self, scenario: Scenario, copy: str, source: str, answer: ReplyCallback = _ignore_reply) -> bool:
-        """Go on with another scenario; whether it does. Never within a step.
+        """Continue with another scenario; return whether it does. Never call it within a step.
 
         :param scenario: checked, read for the session's robot and mode.
-        :param copy: the folder of its files, in the session's, where they lie durably.
-        :param source: who asked for it.
+        :param copy: the subfolder of the session's folder with a durable copy of its files.
+        :param source: who requested it.
         :param answer: as for `accept`.
         """
         if problems := self.why_not_take_over(scenario):
@@ -330,7 +332,7 @@ class Engine:
             return False
         self._kernel.offered = scenario
         self.accept(ScenarioChanged(hash=scenario.hash, was=self.scenario.hash, copy=copy, source=source), answer)
-        if self._kernel.scenario is not scenario:  # nothing can be recorded now, and the answer has said so
+        if self._kernel.scenario is not scenario:  # nothing can be recorded now; the answer has said so
             self._kernel.offered = None
             return False
         self.scenario = scenario
@@ -338,9 +340,9 @@ class Engine:
         return True
 
     def post(self, input: AnyInput) -> None:
-        """Take one input after the step that is being made, if any, so that steps never nest. Nobody is answered.
+        """Take one input after the present step, if there is one, so that steps never nest. There is no reply.
 
-        :param input: what happened; its time is put on here. After the session's end it is dropped.
+        :param input: what happened; its time is set here. After the session's end it is dropped.
         """
         if self._last_record_made:
             return
@@ -362,7 +364,7 @@ class Engine:
         self._stop_unrecorded(input.source)
 
     def _stop_unrecorded(self, source: str) -> None:
-        """Nothing can be recorded, and the robot stops all the same."""
+        """Stop the robot although nothing can be recorded."""
         self._unrecorded_stops.append(f"stop was sent to the robot by {source}")
         self._carry_out_before_recording(StopRobot())
         self._update_journal_status()
@@ -378,7 +380,7 @@ class Engine:
         return replace(input, t=max(self._t, round(self.clock.now(), 6)))
 
     def _step(self, input: AnyInput, answer: ReplyCallback) -> None:
-        """The one place where anything happens."""
+        """Handle one input; everything that happens, happens here."""
         self._stepping = True
         try:
             if input.t < self._t:
@@ -394,7 +396,7 @@ class Engine:
             self.inputs += 1
             try:
                 records, commands = self._kernel.handle(input)
-            except Exception as error:  # whatever it is, the robot must not go on
+            except Exception as error:  # whatever the error is, the robot must not continue
                 self._fail(error)
                 raise
             wall = self.clock.wall_label(self._t)  # all records of a step are of one moment
@@ -420,16 +422,16 @@ class Engine:
     # --- outputs ------------------------------------------------------------------------------------------------
 
     def flush_durable(self) -> None:
-        """Send out what has become durable: records to the sinks, actions to the robot, answers to who asked.
+        """Send out what has become durable: records to the sinks, actions to the robot, replies to their callers.
 
-        The journal's `changed` calls for this, and somebody twice a second or so, so that a lag shows.
+        The journal's `changed` calls for this. Somebody else should call it about twice a second, so that a lag shows.
         """
         journal = self._journal
         if journal is None:
             return
         outgoing, durable = self._unrecorded_steps, journal.durable
         if outgoing and outgoing[0].position <= durable:
-            self._stepping = True  # what sinks and robots post meanwhile comes after
+            self._stepping = True  # inputs that sinks and robots post meanwhile come after
             try:
                 while outgoing and outgoing[0].position <= durable:
                     step = outgoing.popleft()
@@ -467,13 +469,13 @@ class Engine:
             for sink in tuple(self._sinks):
                 try:
                     sink(record)
-                except Exception as error:  # code of others
+                except Exception as error:  # other people's code
                     _LOG.exception("an output failed and gets no more records")
                     self._sinks.remove(sink)
                     self.post(Note(text=f"an output failed and gets no more records: {error_text(error)}"))
 
     def _carry_out_before_recording(self, command: Command) -> None:
-        """Carry out at once what needs no record first. An action that is cancelled before it went out never does."""
+        """Carry out a command that needs no record first. An action cancelled before it went out never starts."""
         if isinstance(command, CancelAction):
             for step in self._unrecorded_steps:
                 for start in step.starts:
@@ -487,7 +489,7 @@ class Engine:
 
     @property
     def _is_robot_busy(self) -> bool:
-        """Whether an act runs or waits, a stop is not answered, or the robot may still be doing what has ended here."""
+        """Whether an act runs or waits, a stop is unanswered, or the robot may still be doing what has ended here."""
         return self._kernel.is_busy or bool(self._kernel.holding_goals)
 
     def _end_if_idle(self) -> None:
@@ -505,7 +507,7 @@ class Engine:
             self._close()
 
     def _fail(self, error: Exception) -> None:
-        """The kernel itself failed: leave the robot still, and say why."""
+        """Stop the robot after an error of the kernel, and log it."""
         _LOG.error("the engine failed", exc_info=error)
         self.failure = error
         self.abandon()
@@ -538,5 +540,5 @@ def _stop_sentence(report: StopReport) -> str:
 
 
 def versions() -> dict[str, str]:
-    """What made a session's records: this program and its Python."""
+    """Return the versions behind a session's records: of this program and its Python."""
     return {"rise-tui": __version__, "python": platform.python_version()}

@@ -1,7 +1,7 @@
 """The one interface between a console and an engine: messages, never calls into the engine (console.md 4.1, 5.1).
 
-`Client` is what a console, a feature node or a test holds. `rise_engine.run.client.socket` implements it over the
-session's socket, `rise_engine.run.client.replay` over the record of a session.
+A console, a feature node or a test uses a `Client`. `rise_engine.run.client.socket` implements it over the session's
+socket, `rise_engine.run.client.replay` over the record of a session.
 """
 
 from __future__ import annotations
@@ -18,48 +18,50 @@ from rise_engine.kernel.view import SessionView
 from rise_engine.scenario.model import Scenario
 
 Role: TypeAlias = Literal["wizard", "observer", "node"]
-"""wizard: a console that may hold control. observer: only watches, but may stop everything and add notes. node: a
-program, which submits tasks at any time, as ROS nodes do."""
+"""wizard: a console that may have control. observer: only watches, but may stop everything and add notes. node: a
+program, which may submit tasks at any time, like a ROS node."""
 
 ControlVerb: TypeAlias = Literal["take", "ask", "give", "release"]
-"""What a wizard can do about control: take it (whoever has it), ask the holder for it, give it to the one who asked,
-release it. Who attaches as a wizard while nobody holds control gets it."""
+"""Take control (whoever has it), ask the holder for it, give it to the asker, or release it. A wizard who attaches
+while nobody has control gets it."""
 
 ClientInput: TypeAlias = Submit | Note | CheckReport | OutcomeReport | RecordingReport | SyncMark
-"""What a client may send. The engine puts on the time and the source."""
+"""What a client may send. The engine sets the time and the source."""
 
 
 class JournalStatus(Struct, frozen=True, tag_field="kind", tag="journaling"):
-    """How the record of the session stands. Comes among the records whenever it changes; no record itself."""
+    """The state of the session's record. It comes among the records whenever it changes, and is not a record itself."""
 
     durable: int = 0
-    """All records up to this `seq` are on the disk. Records reach clients only then."""
+    """All records up to this `seq` are on the disk. Clients get records only then."""
     behind: float = 0.0
-    """Seconds for which the oldest input has been waiting for the disk; 0 when nothing waits."""
+    """Seconds for which the oldest input has been waiting for the disk; 0 if nothing waits."""
     trouble: str = ""
     """Why nothing can be recorded, for a person. While this is set, the session is paused."""
 
 
 class Heartbeat(Struct, frozen=True, tag_field="kind", tag="pulse"):
-    """Signs of life, about once a second. Comes among the records; no record itself."""
+    """Signs of life, about once a second, among the records; not a record itself."""
 
     robot_seen: float | None = None
     """Session time of the robot's last sign of life; None: its driver does not know."""
     lag: float = 0.0
-    """Seconds by which the engine's loop was late at most, lately."""
+    """Maximum recent delay of the engine's loop in seconds."""
 
 
 class ShadowStatus(Struct, frozen=True):
-    """How a shadow stands (`run.client.shadow`). Comes among the records whenever it changes; no record itself,
-    and never on a socket."""
+    """The state of a shadow (`run.client.shadow`), among the records whenever it changes.
+
+    It is not a record itself, and is never sent over a socket.
+    """
 
     paused: bool
     shown: int
-    """Cues that were shown."""
+    """How many cues were shown."""
     cues: int
-    """Of how many."""
+    """How many cues there are."""
     kept: bool = True
-    """Whether there is a file already."""
+    """Whether its file exists already."""
 
 
 Update: TypeAlias = AnyRecord | JournalStatus | Heartbeat
@@ -67,7 +69,7 @@ ClientUpdate: TypeAlias = Update | ShadowStatus
 
 
 class AttachReply(Struct, frozen=True):
-    """What a client is told when it attaches: snapshot plus later records is the live state."""
+    """The reply to an attaching client: this snapshot plus later records is the live state."""
 
     scenario: Scenario
     mode: str
@@ -77,35 +79,35 @@ class AttachReply(Struct, frozen=True):
     view: SessionView
     """The state at `view.seq`; the next record has the next number."""
     you: str = ""
-    """How the session calls this client: `wizard:anna`; a second Anna is `wizard:anna#2`. `view.control` names the one
-    who holds control."""
+    """The session's name for this client: `wizard:anna`, or `wizard:anna#2` for a second Anna. `view.control` names the
+    holder of control."""
     role: Role = "wizard"
     folder: str = ""
-    """The session's folder; empty when nothing is kept."""
+    """The session's folder; empty if nothing is stored."""
     replay: bool = False
-    """This is no session but the replay of one: nothing can be submitted."""
+    """Whether this is only the replay of a session: nothing can be submitted."""
     shadow: bool = False
-    """This is no session but the cues of one, for a second wizard: what they press is kept, and sent nowhere."""
+    """Whether this shows only the cues of a session to a second wizard: their keys are stored, and sent nowhere."""
     journaling: JournalStatus = JournalStatus()
     speed: float = 1.0
     """Session seconds in a second."""
     origin: float | None = None
     """This computer's monotonic clock (`time.monotonic()`) at session time 0: at `t` it shows `origin + t / speed`, in
-    every process. Of a session that was recovered it holds from there on. None: nobody knows."""
+    every process. For a recovered session it is valid from the recovery on. None: unknown."""
 
     @property
     def is_recorded(self) -> bool:
-        """Whether what is shown has happened already, and no robot is there."""
+        """Whether everything shown has happened already, without a robot."""
         return self.replay or self.shadow
 
     @property
     def recorded_as(self) -> str:
-        """What it is then, in a word."""
+        """The kind of recorded session, in a word."""
         return "shadow" if self.shadow else "replay"
 
 
 class Reply(Struct, frozen=True):
-    """The engine's answer to one message. An accepted one is on the disk."""
+    """The engine's reply to one message. An accepted message is on the disk."""
 
     accepted: bool
     reason: str = ""
@@ -128,7 +130,7 @@ class Rejected(RiseError):
 class Client(Protocol):
     """One connection to one engine. All methods belong to the client's loop.
 
-    Programs have it easier with `rise_engine.run.client.connect`; who wants the batches and replies themselves:
+    `rise_engine.run.client.connect` is easier for programs. This example handles the batches and replies itself:
 
         import asyncio
         from rise_engine.run.client.socket import SocketClient
@@ -151,57 +153,57 @@ class Client(Protocol):
     """
 
     async def attach(self) -> AttachReply:
-        """Begin, or begin again after `LinkLost`.
+        """Attach, or attach again after `LinkLost`.
 
-        :return: what the session runs, and its state at this moment, from which `records` goes on.
+        :return: what the session runs, and its state at this moment, from which `records` continues.
         :raises EngineGone: no such session runs, or it does not admit this client; the text says why.
         """
         ...
 
     def records(self) -> AsyncIterator[Sequence[ClientUpdate]]:
-        """What happens from `attach` on. Ends when the session does.
+        """Yield what happens from `attach` on, until the session ends.
 
-        :return: for `async for`: batches, in order and without gaps, of records and of what comes
-            among them (`JournalStatus`, `Heartbeat`).
-        :raises LinkLost: while iterating, when only this connection was cut.
-        :raises EngineGone: while iterating, when the engine has gone without an end.
+        :return: for `async for`: batches, in order and without gaps, of records and of what comes among them
+            (`JournalStatus`, `Heartbeat`).
+        :raises LinkLost: while iterating, if only this connection was cut.
+        :raises EngineGone: while iterating, if the engine has gone without an end.
         """
         ...
 
     async def send(self, message: ClientInput) -> Reply:
         """Submit an input and wait until the engine has accepted (and recorded) or rejected it.
 
-        :param message: a task, a note or a report; the engine puts on the time and the source.
-        :return: what became of it; an accepted task's id is in it, and its records have come before.
-        :raises EngineGone: when the session or this connection (`LinkLost`) is over.
+        :param message: a task, a note or a report; the engine sets the time and the source.
+        :return: the reply; it has the id of an accepted task, whose records have come before.
+        :raises EngineGone: the session or this connection (`LinkLost`) is over.
         """
         ...
 
     async def change_control(self, verb: ControlVerb) -> Reply:
-        """Do something about who holds control. What comes of it arrives as a record too.
+        """Change who has control. The result also arrives as a record.
 
         :param verb: `take`, `ask`, `give` or `release`, see `ControlVerb`.
         :return: whether it was done, or why not.
-        :raises EngineGone: when the session or this connection (`LinkLost`) is over.
+        :raises EngineGone: the session or this connection (`LinkLost`) is over.
         """
         ...
 
     async def take_over(self) -> Reply:
-        """Let the session go on with the files of its scenario as they are now (semantics.md 12.5).
+        """Make the session continue with the present files of its scenario (semantics.md 12.5).
 
         :return: whether it does, or why not. If it does, the connection ends (`LinkLost`); attach again.
-        :raises EngineGone: when the session or this connection (`LinkLost`) is over.
+        :raises EngineGone: the session or this connection (`LinkLost`) is over.
         """
         ...
 
     def now(self) -> float:
-        """The session's time in seconds, as well as this client knows it; for running clocks on the screen."""
+        """Return the session's time in seconds, as well as this client knows it, for running clocks on the screen."""
         ...
 
     async def close(self, *, end_session: bool = False) -> None:
-        """Leave; the session goes on.
+        """Leave; the session continues.
 
-        :param end_session: also let the engine stop the robot and end the session.
-        :raises Rejected: when this client may not end it; it stays attached.
+        :param end_session: also make the engine stop the robot and end the session.
+        :raises Rejected: this client may not end it; it stays attached.
         """
         ...

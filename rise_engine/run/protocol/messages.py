@@ -1,7 +1,7 @@
-"""What crosses a session's socket: one JSON object per line, version 1 (docs/reference/link.md).
+"""The messages on a session's socket: one JSON object per line, version 1 (docs/reference/link.md).
 
-A client attaches, gets the session's state in pieces (`hello`, `tasks`, `ready`), and from then on every record and the
-answers to what it sends. Fields that a reader does not know are ignored; whatever changes a meaning raises `VERSION`.
+A client attaches and gets the session's state in pieces (`hello`, `tasks`, `ready`). From then on it gets every record,
+and the replies to its messages. Readers ignore fields that they do not know; a change of a meaning raises `VERSION`.
 """
 
 from __future__ import annotations
@@ -42,9 +42,9 @@ from rise_engine.run.protocol.client import ClientInput, ControlVerb, Heartbeat,
 
 VERSION = 1
 MAX_LINE_BYTES = 1_048_576
-"""Bytes of a client's line. One that is longer is no mistake of a person: its connection ends."""
+"""Maximum bytes of a client's line. A longer line is not a person's error: its connection ends."""
 MAX_MESSAGE_BYTES = 65_536
-"""Bytes of a `send`; a longer one is answered with a rejection. Its texts are repeated in records to every client."""
+"""Maximum bytes of a `send`; a longer one is rejected. Its texts are repeated in records to every client."""
 
 Number: TypeAlias = Annotated[int, Meta(ge=0, le=2**53)]
 
@@ -59,16 +59,16 @@ class AttachMessage(Struct, tag_field="type", tag="attach", frozen=True):
     name: str
     role: Role = "wizard"
     scenario: bool = False
-    """Whether the scenario is wanted with the state."""
+    """Whether the client wants the scenario with the state."""
 
 
 class AskSummaryMessage(Struct, tag_field="type", tag="about", frozen=True):
-    """Instead of attaching: what session is this? It is answered, and the connection ends."""
+    """A question about the session instead of attaching. It gets a reply, and the connection ends."""
 
 
 class SendMessage(Struct, tag_field="type", tag="send", frozen=True):
     id: Number
-    """The client's own number; the `reply` carries it."""
+    """The client's own number; the `reply` has the same one."""
     message: ClientInput
 
 
@@ -78,14 +78,14 @@ class ControlMessage(Struct, tag_field="type", tag="control", frozen=True):
 
 
 class EndMessage(Struct, tag_field="type", tag="end", frozen=True):
-    """Stop the robot and end the session."""
+    """A request to stop the robot and end the session."""
 
     id: Number
     reason: str = ""
 
 
 class TakeOverMessage(Struct, tag_field="type", tag="take_over", frozen=True):
-    """Go on with the scenario's files as they are now (semantics.md 12.5). Who is attached then attaches anew."""
+    """A request to continue with the scenario's present files (semantics.md 12.5). All clients then attach again."""
 
     id: Number
 
@@ -141,7 +141,7 @@ class HelloMessage(Struct, tag_field="type", tag="hello", frozen=True):
     seed: int
     scenario_hash: str
     folder: str
-    """The session's folder, absolute, which has a copy of the scenario that the session runs."""
+    """The session's folder, absolute, which has a copy of the session's scenario."""
     replay: bool
     journaling: JournalStatus
     t: float
@@ -152,25 +152,25 @@ class HelloMessage(Struct, tag_field="type", tag="hello", frozen=True):
     tasks: int = 0
     """How many tasks the state has."""
     origin: float | None = None
-    """This computer's monotonic clock at session time 0, in seconds: at `t` it shows `origin + t / speed`. Of a session
-    that was recovered it holds from there on. Null: the session's time is virtual."""
+    """This computer's monotonic clock at session time 0, in seconds: at `t` it shows `origin + t / speed`. For a
+    recovered session it is valid from the recovery on. Null: the session's time is virtual."""
 
 
 class ScenarioMessage(Struct, tag_field="type", tag="scenario", frozen=True):
-    """What the session runs, for one who wanted it; it comes before `ready`, or not at all."""
+    """The session's scenario, for a client that wants it; it comes before `ready`, or not at all."""
 
     scenario: msgspec.Raw
     """As `rise_engine.scenario.serialization` writes and reads it."""
 
 
 class TasksMessage(Struct, tag_field="type", tag="tasks", frozen=True):
-    """Some of the view's tasks: first those that are not over, then the others by their ids."""
+    """Some of the view's tasks: first the unfinished ones, then the others by their ids."""
 
     tasks: list[TaskView]
 
 
 class ReadyMessage(Struct, tag_field="type", tag="ready", frozen=True):
-    """The state is complete; from here on everything comes as it happens."""
+    """The end of the state; from here on everything comes as it happens."""
 
 
 class RecordsMessage(Struct, tag_field="type", tag="records", frozen=True):
@@ -182,13 +182,13 @@ class JournalStatusMessage(Struct, tag_field="type", tag="journaling", frozen=Tr
 
 
 class HeartbeatMessage(Struct, tag_field="type", tag="pulse", frozen=True):
-    """About once a second: signs of life. No record."""
+    """Signs of life, about once a second. Not a record."""
 
     pulse: Heartbeat
 
 
 class ReplyMessage(Struct, tag_field="type", tag="reply", frozen=True):
-    """To `send`, `control` and `end`. An accepted `send` is on the disk, and its records have come before."""
+    """The reply to `send`, `control` and `end`. An accepted `send` is on the disk, and its records have come before."""
 
     id: int
     accepted: bool
@@ -197,17 +197,17 @@ class ReplyMessage(Struct, tag_field="type", tag="reply", frozen=True):
 
 
 class RefusedMessage(Struct, tag_field="type", tag="refused", frozen=True):
-    """The connection ends; the session goes on."""
+    """The end of the connection; the session continues."""
 
     reason: str
 
 
 class EndedMessage(Struct, tag_field="type", tag="ended", frozen=True):
-    """The session is over. The last line."""
+    """The end of the session, the last line."""
 
     reason: str
     failed: bool = False
-    """The engine itself failed."""
+    """Whether the engine itself failed."""
 
 
 class SessionSummary(Struct, tag_field="type", tag="about", frozen=True, kw_only=True):
@@ -225,26 +225,25 @@ class SessionSummary(Struct, tag_field="type", tag="about", frozen=True, kw_only
     t: float
     """Its time in seconds."""
     seq: int
-    """Records so far."""
+    """How many records it has so far."""
     busy: bool
-    """An act runs or waits."""
+    """Whether an act runs or waits."""
     stopped: bool
-    """Everything is stopped until the stop is released."""
+    """Whether everything is stopped until the stop is released."""
     control: str | None
     clients: list[str]
-    """Who is attached."""
     participant: str = ""
-    """Who takes part, as the record names them."""
+    """The participant's name in the record."""
     condition: str = ""
     wizard: str = ""
-    """The name of the wizard who held control last, also when their console has gone."""
+    """The name of the last wizard who had control, also when their console has gone."""
     replay: bool = False
     trouble: str = ""
     """Why nothing can be recorded; while this is set, the session is paused."""
     pid: int = 0
     program: str = ""
     lag: float = 0.0
-    """Seconds by which the engine's loop was late at most, within the last five seconds."""
+    """Maximum delay of the engine's loop within the last five seconds, in seconds."""
     lag_max: float = 0.0
     """The same since the session began."""
     versions: dict[str, str] = field(default_factory=dict)
@@ -267,17 +266,17 @@ ServerMessage: TypeAlias = (
 
 @cache
 def _decoder(kind: Any) -> msgspec.json.Decoder[Any]:
-    """Made when it is first used: it takes a few milliseconds, and each side reads only what the other one writes."""
+    """Make a decoder at its first use: that takes milliseconds, and each side reads only what the other writes."""
     return msgspec.json.Decoder(kind)
 
 
 def encode_line(message: ClientMessage | ServerMessage) -> bytes:
-    """A message with its line end. Half characters, as a broken file name has them, are written as `\\udcff`."""
+    """Encode a message with its line end. Lone surrogates, as in a broken file name, are written as `\\udcff`."""
     return encode(message) + b"\n"
 
 
 def decode_client_message(data: bytes) -> ClientMessage:
-    """Raises ValueError with a sentence."""
+    """Decode a client's message. Raises ValueError with a sentence."""
     try:
         return _decoder(ClientMessage).decode(data)  # type: ignore[no-any-return]
     except (ValueError, RecursionError, OverflowError) as error:
@@ -285,7 +284,7 @@ def decode_client_message(data: bytes) -> ClientMessage:
 
 
 def decode_server_message(data: bytes) -> ServerMessage:
-    """Raises ValueError with a sentence."""
+    """Decode the server's message. Raises ValueError with a sentence."""
     try:
         return _decoder(ServerMessage).decode(data)  # type: ignore[no-any-return]
     except (ValueError, RecursionError, OverflowError) as error:
@@ -298,7 +297,7 @@ def without_tasks(view: SessionView) -> ViewWithoutTasks:
 
 
 def with_tasks(state: ViewWithoutTasks, tasks: Iterable[TaskView]) -> SessionView:
-    """What `without_tasks` was made from. The last task of an act is again the same object as among the tasks."""
+    """Restore the view from `without_tasks`. An act's last task is again the same object as among the tasks."""
     view = SessionView(tasks={task.id: task for task in sorted(tasks, key=lambda task: task.id)})
     for name in ViewWithoutTasks.__struct_fields__:
         setattr(view, name, getattr(state, name))

@@ -1,11 +1,11 @@
-"""Where sessions are reached: a folder of the user's own, with a socket and a lock for each running session.
+"""The registry of running sessions: a folder of the user's own, with a socket and a lock for each of them.
 
     $RISE_RUNTIME, or $XDG_RUNTIME_DIR/rise-tui, or /tmp/rise-tui-<uid>      0700
         lablinking-3f09ac.sock                                              0600
         lablinking-3f09ac.lock      held by the engine's process as long as it lives
 
-A lock is the operating system's (flock): it goes with the process, however that ends. So a session runs exactly when
-its lock is held, and a socket without one is left over from an engine that was killed.
+The locks belong to the operating system (flock) and end with the process, however it ends. So a session runs exactly
+when its lock is held, and a socket without a held lock is left over from an engine that was killed.
 """
 
 from __future__ import annotations
@@ -27,7 +27,7 @@ from rise_engine.run.protocol.messages import AskSummaryMessage, SessionSummary,
 
 SUMMARY_SECONDS = 1.0
 MAX_PATH_BYTES = 103 if sys.platform == "darwin" else 107
-"""Bytes that the path of a Unix socket may have."""
+"""Maximum bytes of a Unix socket's path."""
 
 
 class RegistryError(RiseError):
@@ -35,7 +35,7 @@ class RegistryError(RiseError):
 
 
 def runtime_folder() -> Path:
-    """The folder of this user's sockets, made when it is not there. Raises RegistryError when it is not safe."""
+    """Return the folder of this user's sockets, and create it if necessary. Raises RegistryError if it is not safe."""
     ours, runtime = os.environ.get("RISE_RUNTIME"), os.environ.get("XDG_RUNTIME_DIR")
     if ours:
         folder = Path(ours).expanduser()
@@ -64,7 +64,7 @@ def runtime_folder() -> Path:
 
 
 def session_name(folder: str | os.PathLike[str]) -> str:
-    """The name of a scenario folder's session: the folder's own name, and six digits of its whole path."""
+    """Return the name of a scenario folder's session: the folder's own name, and six digits of its path's hash."""
     real = os.path.realpath(folder)
     plain = unicodedata.normalize("NFKD", os.path.basename(real)).encode("ascii", "ignore").decode()  # noqa: PTH119
     slug = re.sub(r"[^a-z0-9]+", "-", plain.lower()).strip("-")[:32].strip("-") or "scenario"
@@ -72,7 +72,7 @@ def session_name(folder: str | os.PathLike[str]) -> str:
 
 
 def socket_path(name: str) -> Path:
-    """The socket of a session: by its name in the runtime folder, or by its whole path in any other folder.
+    """Return the socket of a session: by its name in the runtime folder, or by its whole path in any other folder.
 
     Raises RegistryError.
     """
@@ -93,7 +93,7 @@ def _socket_in_runtime_folder(name: str) -> Path:
 
 
 def lock_path(socket: Path) -> Path:
-    """The lock that stands beside a session's socket."""
+    """Return the lock beside a session's socket."""
     return socket.with_suffix(".lock")
 
 
@@ -103,14 +103,14 @@ class SessionLock:
     def __init__(self, name: str, path: Path, descriptor: int) -> None:
         self.name = name
         self.socket = path
-        """Where to listen. Nothing is there yet."""
+        """Where to listen. Nothing exists there yet."""
         self._descriptor = descriptor
 
     def close(self) -> None:
         """Remove the socket and release the name."""
         if self._descriptor < 0:
             return
-        # In this order: while the lock is held, nobody else makes these files.
+        # In this order: while the lock is held, no other process makes these files.
         for path in (self.socket, lock_path(self.socket)):
             with suppress(OSError):
                 path.unlink()
@@ -119,16 +119,16 @@ class SessionLock:
 
 
 def acquire_lock(name: str) -> SessionLock | None:
-    """Take a session's name for this process; None when a running session has it. Raises RegistryError."""
+    """Take a session's name for this process; None if a running session has it. Raises RegistryError."""
     path = _socket_in_runtime_folder(name)
-    for _ in range(20):  # somebody who looks whether it runs holds the lock for a moment
+    for _ in range(20):  # a process that checks whether it runs holds the lock for a moment
         try:
             descriptor = _lock_file(lock_path(path))
         except OSError as error:
             raise RegistryError(f"{lock_path(path)} cannot be locked: {error.strerror or error}") from None
         if descriptor is not None:
             with suppress(FileNotFoundError):
-                path.unlink()  # of an engine that was killed
+                path.unlink()  # left over from an engine that was killed
             os.ftruncate(descriptor, 0)
             os.write(descriptor, b"%d\n" % os.getpid())
             return SessionLock(name, path, descriptor)
@@ -150,23 +150,22 @@ def _lock_file(path: Path) -> int | None:
         except BaseException:
             os.close(descriptor)
             raise
-        os.close(descriptor)  # its file was removed by the one who held it before: lock the one that is there now
+        os.close(descriptor)  # the previous holder removed this file: lock the present one
 
 
 def running_names() -> list[str]:
-    """The names of this user's running sessions. Raises RegistryError."""
+    """Return the names of this user's running sessions. Raises RegistryError."""
     folder = runtime_folder()
     return sorted(path.stem for path in folder.glob("*.lock") if is_locked(path))
 
 
 def find_running(name: str) -> str:
-    """The running session that is meant by `name`: its whole name, what stands before the six digits, or the path of
-    its socket, whatever runtime folder that is in.
+    """Find a running session by its name, with or without the six digits, or by its socket's path in any folder.
 
-    Raises RegistryError when there is none, or more than one.
+    Raises RegistryError if there is none, or more than one.
     """
     if "/" in name:
-        path = os.path.abspath(name)  # noqa: PTH100  # links stay
+        path = os.path.abspath(name)  # noqa: PTH100  # does not resolve links
         if is_locked(lock_path(Path(path))):
             return path
         raise RegistryError(f"no session runs at {name}")
@@ -183,7 +182,7 @@ def find_running(name: str) -> str:
 
 
 def ask_summary(name: str) -> SessionSummary | None:
-    """What a session says about itself; None when it says nothing within a second. Raises RegistryError. Blocks."""
+    """Ask a session for its summary; None if it does not answer within a second. Raises RegistryError. Blocks."""
     path = socket_path(name)
     try:
         with socket.socket(socket.AF_UNIX, socket.SOCK_STREAM) as connection:
@@ -198,5 +197,5 @@ def ask_summary(name: str) -> SessionSummary | None:
 
 
 def ask_all_summaries() -> dict[str, SessionSummary | None]:
-    """Every running session and what it says about itself. Raises RegistryError. Blocks up to a second for each."""
+    """Return every running session with its summary. Raises RegistryError. Blocks up to a second for each."""
     return {name: ask_summary(name) for name in running_names()}

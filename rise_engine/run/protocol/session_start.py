@@ -1,4 +1,4 @@
-"""What a session of a scenario begins with, and whether it can: for whoever starts one, with or without a process."""
+"""The beginning of a scenario's session, and whether it can begin, with or without a process of its own."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from rise_engine.session.labels import pseudonym_problem
 
 
 def start_problems(scenario: Scenario, options: SessionOptions) -> list[str]:
-    """Why a new session cannot begin as these options have it: sentences, none if it can.
+    """Return why a new session cannot begin with these options: sentences, none if it can.
 
     :param scenario: the one that the options name, in their mode.
     """
@@ -25,7 +25,7 @@ def start_problems(scenario: Scenario, options: SessionOptions) -> list[str]:
 
 
 def first_input(scenario: Scenario, options: SessionOptions) -> SessionStarted:
-    """The first input of a session that is of no study: who takes part, and what their condition sets."""
+    """Make the first input of a session outside of a study: the participant, and the memory values of the condition."""
     return SessionStarted(
         participant=options.participant,
         condition=options.condition,
@@ -34,7 +34,7 @@ def first_input(scenario: Scenario, options: SessionOptions) -> SessionStarted:
 
 
 def start_remarks(scenario: Scenario, started: SessionStarted) -> list[str]:
-    """What to say, and to record, of a session that begins in this way: sentences.
+    """Return remarks to print and to record about a session's beginning, in sentences.
 
     :param scenario: what is run.
     :param started: its first input.
@@ -49,11 +49,11 @@ def start_remarks(scenario: Scenario, started: SessionStarted) -> list[str]:
 
 
 def set_conflicts(scenario: Scenario, started: SessionStarted, tasks: Iterable[Submit]) -> list[str]:
-    """What the first tasks of a session would make other than its condition says: a sentence for each key.
+    """Return a sentence for each key that the first tasks set against the session's condition.
 
     :param scenario: what is run.
     :param started: the first input; with a condition, of a study or of the scenario.
-    :param tasks: what is submitted at once then (`--set`).
+    :param tasks: the tasks submitted immediately after it (`--set`).
     """
     if not started.condition:
         return []
@@ -70,7 +70,7 @@ def set_conflicts(scenario: Scenario, started: SessionStarted, tasks: Iterable[S
 
 
 def assigned_keys(options: SessionOptions) -> list[str]:
-    """The memory keys that are assigned at the beginning of a session, without the parts after the first full stop."""
+    """Return the memory keys assigned at the beginning of a session, without the parts after the first full stop."""
     return [_head(key) for task in options.first_tasks for key in _assigned_keys(task)]
 
 
@@ -79,7 +79,7 @@ def _assigned_keys(task: Submit) -> list[str]:
         return []
     try:
         return [assignment.key for assignment in Assignment.parse_all(task.behavior)]
-    except ExpressionError:  # its task says what is wrong
+    except ExpressionError:  # its task reports the error
         return []
 
 

@@ -2,11 +2,11 @@
 
     {"function_type": "startCommunicationRobotAct", "domain_task_behavior": "Greet", "calling_type": "None", "at": 2.5}
 
-`at` is session time in seconds; without it a task goes together with the one on the line before. `calling_type` may be
-left out, and `source` may say who asks (default `file`). Empty lines and lines that begin with # are skipped.
+`at` is session time in seconds; a task without it comes together with the one on the line before. `calling_type` is
+optional, and `source` may name the sender (default `file`). Empty lines and lines that begin with # are skipped.
 
-Lines before the first task may say with what it is played: what goes wrong on the simulated robot, from which seed
-chance comes, and under which of the scenario's conditions.
+Lines before the first task may set how it is played: the faults of the simulated robot, the seed of random choices, and
+one of the scenario's conditions.
 
     {"fault": "Emotion=fail@3"}
     {"seed": 7}
@@ -31,11 +31,11 @@ from rise_engine.scenario.model import Scenario
 FUNCTIONS: tuple[str, ...] = get_args(TaskFunction)
 KEYS = ("function_type", "domain_task_behavior", "calling_type", "at", "source")
 SETTINGS = ("fault", "seed", "condition")
-"""What a line says instead that is about the whole session."""
+"""Entries of a line about the whole session."""
 OF_TESTS = ("test", "key", "go_on", "wait", "expect")
-"""What the lines of tests have instead (`rise_engine.author.trial.study_test`)."""
+"""Entries of the lines of tests (`rise_engine.author.trial.study_test`)."""
 LATEST_SECONDS = 366 * 86_400.0
-"""Seconds; nothing is planned more than a year ahead."""
+"""In seconds; nothing is planned more than a year ahead."""
 _WITHOUT_BEHAVIOR = (
     *("stopAll", "releaseStop", "cancelOpenGoals", "releaseOpenGoals"),
     *("markCue", "undoCue", "nextFiller"),
@@ -57,18 +57,18 @@ class TaskFile(Struct, frozen=True):
     tasks: tuple[TimedTask, ...] = ()
     """By `at`; those of one moment in file order."""
     faults: tuple[str, ...] = ()
-    """What the simulated robot does wrong, as its driver documents it."""
+    """Faults of the simulated robot, as its driver documents them."""
     seed: int | None = None
-    """Null: the file does not say."""
+    """None: the file does not set it."""
     condition: str = ""
-    """Empty: the file does not say."""
+    """Empty: the file does not set it."""
 
 
 class TaskFileReader:
-    """Reads a task file line by line, as it comes."""
+    """A reader of a task file, line by line as it comes."""
 
     def __init__(self, file: str, *, as_it_comes: bool = True) -> None:
-        """`as_it_comes`: the session runs already, so nothing can be said about the whole of it."""
+        """:param as_it_comes: whether the session runs already, too late for lines about the whole of it."""
         self.file = file
         self.faults: list[str] = []
         self.seed: int | None = None
@@ -79,7 +79,7 @@ class TaskFileReader:
         self._at = 0.0
 
     def read_line(self, text: bytes | str) -> TimedTask | None:
-        """The task of the next line, or None for a line without one. Raises FileError with all its mistakes."""
+        """Return the task of the next line, or None for a line without one. Raises FileError with all its errors."""
         self._line += 1
         if isinstance(text, bytes):
             try:
@@ -109,7 +109,7 @@ class TaskFileReader:
         return TimedTask(self._at, task_of(value), self.file, self._line)
 
     def _find_setting_problems(self, setting: str, value: dict[str, Any]) -> list[str]:
-        """What is wrong with a line about the whole session, in sentences."""
+        """Return the errors of a line about the whole session, in sentences."""
         content = value[setting]
         problems = []
         if len(value) > 1:
@@ -142,7 +142,7 @@ class TaskFileReader:
 
 
 def read_task_file(text: bytes, file: str) -> TaskFile:
-    """A whole file. Raises FileError with all mistakes."""
+    """Read a whole file. Raises FileError with all errors."""
     reader = TaskFileReader(file, as_it_comes=False)
     tasks: list[TimedTask] = []
     problems: list[str] = []
@@ -161,7 +161,7 @@ def read_task_file(text: bytes, file: str) -> TaskFile:
 
 
 def warning_for_task(task: TimedTask, scenario: Scenario) -> str | None:
-    """What will probably go wrong: a name that the scenario does not have. The session will reject such a task."""
+    """Warn about a name that the scenario does not have. The session will reject such a task."""
     function, name = task.task.function, task.task.behavior
     if function == "startInteractionRule":
         return _warning_for_start(task, scenario)
@@ -192,12 +192,12 @@ def _warning_for_start(task: TimedTask, scenario: Scenario) -> str | None:
 
 
 def unknown_name_sentence(what: str, name: str, known: Sequence[str]) -> str:
-    """``there is no act `Gret`; did you mean `Greet`?``"""
+    """Return ``there is no act `Gret`; did you mean `Greet`?``"""
     return f"there is no {what} `{name}`{did_you_mean(name, known)}"
 
 
 def task_of(value: dict[str, Any], source: str = "file") -> Submit:
-    """The task of a line without problems; `source` is who asks when the line does not say it."""
+    """Make the task of a valid line; `source` is the default for the line's own."""
     behavior = value.get("domain_task_behavior", "")
     return Submit(
         function=value["function_type"],
@@ -208,7 +208,7 @@ def task_of(value: dict[str, Any], source: str = "file") -> Submit:
 
 
 def find_task_problems(value: dict[str, Any]) -> list[str]:
-    """What is wrong with a line of a task file, in sentences."""
+    """Return the errors of a line of a task file, in sentences."""
     if test_lines := [key for key in OF_TESTS if key in value]:
         return [f"`{test_lines[0]}` belongs to a test of a study, which `rise-engine test DIR` runs"]
     problems = [f"unknown entry `{key}`{did_you_mean(key, (*KEYS, *SETTINGS))}" for key in value if key not in KEYS]

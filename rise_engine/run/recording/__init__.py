@@ -1,1 +1,1 @@
-"""What records a session from outside: cameras, microphones, bags, streams; started, watched and stopped with it."""
+"""Recorders of a session: cameras, microphones, bags, streams; they start, run and stop with it."""

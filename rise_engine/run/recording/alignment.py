@@ -1,11 +1,10 @@
-"""Lays a recording against the session's clock, by marks that were found in it or moments that somebody has given.
+"""The alignment of a recording with the session's clock, by marks found in it or moments that somebody has given.
 
 media time = offset + rate * session time, both in seconds (`rise_engine.session.media`).
 
-A recorder's clock is off by some tens of millionths: 50 ppm are 90 ms in half an hour, which is why there is a mark at
-each end. Which mark of the session a sound in the file is, follows from how it sweeps and from how far it lies from
-the others: between two clocks that distance differs by `USUAL_DRIFT` at most. What can be read in two ways is told,
-and never guessed.
+A recorder's clock is off by some tens of millionths: 50 ppm are 90 ms in half an hour. This is why there is a mark at
+each end. The sweep of a sound in the file, and its distance from other sounds, show which mark it is: between two
+clocks that distance differs by `USUAL_DRIFT` at most. An ambiguous result is reported, and never guessed.
 """
 
 from __future__ import annotations
@@ -20,14 +19,13 @@ from rise_engine.run.recording.chirp import Sweep, sweep_of
 from rise_engine.session.media import FoundMark
 
 USUAL_DRIFT = 500e-6
-"""By which two clocks differ at most. Quartz crystals keep 100 ppm."""
+"""Maximum difference of two clocks. Quartz crystals keep 100 ppm."""
 LARGEST_DRIFT = 2_000e-6
-"""What is looked for when nothing fits otherwise: 1,001 ppm is a film that is played at 30 frames a second instead of
-29.97."""
+"""The limit if nothing fits otherwise: 1,001 ppm is a film played at 30 frames a second instead of 29.97."""
 UNKNOWN_WITHIN = 0.5
-"""Seconds by which the time of a mark can be wrong of which nothing is on record."""
+"""Assumed maximum error in seconds of a mark's time if the record does not state it."""
 _TOLD = 6
-"""So many times are named in a sentence."""
+"""Number of times that a sentence names."""
 
 
 class SessionMark(Struct, frozen=True):
@@ -37,38 +35,38 @@ class SessionMark(Struct, frozen=True):
     at: float
     """Session time in seconds."""
     within: float = UNKNOWN_WITHIN
-    """Seconds by which that is wrong at most."""
+    """Maximum error of that in seconds."""
     medium: str = "sound"
     part: int = 0
-    """Interruptions of the session before it: what a camera went on for then, its clock did not count."""
+    """Earlier interruptions of the session, which a camera's clock counts and the session's does not."""
 
 
 class HeardMark(Struct, frozen=True):
-    """A sound in a file that sounds as marks do."""
+    """A sound in a file that is like a mark."""
 
     sweep: Sweep
     at: float
     """Seconds in the file at which it begins."""
     strength: float
-    """How far it stands above all else in the file, as a ratio."""
+    """Its ratio to the best match elsewhere in the file."""
 
 
 class Alignment(Struct, frozen=True):
-    """How a file lies against the session's clock."""
+    """The position of a file on the session's clock."""
 
     offset: float | None = None
-    """None: nobody knows; `problem` says why."""
+    """None: unknown; `problem` says why."""
     rate: float = 1.0
     marks: tuple[FoundMark, ...] = ()
     within: float | None = None
-    """Seconds by which this is wrong at most between the marks, as far as the times of the marks are known."""
+    """Maximum error in seconds between the marks, as far as the times of the marks are known."""
     remarks: tuple[str, ...] = ()
-    """What there is to know about it, in sentences."""
+    """Remarks about it, in sentences."""
     problem: str = ""
 
     @property
     def rate_within_ppm(self) -> float | None:
-        """Millionths by which the rate is wrong at most; None: it was not measured."""
+        """The maximum error of the rate in millionths; None: it was not measured."""
         if len(self.marks) < 2 or self.within is None:
             return None
         return 2e6 * self.within / (self.marks[-1].session_at - self.marks[0].session_at)
@@ -78,11 +76,11 @@ _Pair = tuple[SessionMark, HeardMark]
 
 
 def align_by_marks(marks: Sequence[SessionMark], heard: Sequence[HeardMark]) -> Alignment:
-    """Find out which sound is which mark, and what follows from that.
+    """Find which sound is which mark, and compute the alignment.
 
-    :param marks: of the session, that could be heard.
-    :param heard: what was found in the file.
-    :return: without an offset where nothing was found that fits, or more than one thing.
+    :param marks: the session's marks that could be heard.
+    :param heard: the sounds found in the file.
+    :return: without an offset if nothing fits, or more than one reading does.
     """
     if not marks:
         return Alignment(problem="the session has no mark that could be heard: say --at FILE=SESSION for a moment")
@@ -98,7 +96,7 @@ def align_by_marks(marks: Sequence[SessionMark], heard: Sequence[HeardMark]) -> 
 
 
 def _best_matches(marks: Sequence[SessionMark], heard: Sequence[HeardMark], limit: float) -> list[tuple[_Pair, ...]]:
-    """Every way to read the sounds that explains the most marks, of at least two."""
+    """Return every assignment of sounds to marks that explains the most marks, at least two."""
     found: dict[tuple[_Pair, ...], None] = {}
     for first, last in combinations(sorted(marks, key=lambda mark: mark.at), 2):
         if first.part != last.part:
@@ -129,7 +127,7 @@ def _pairs_that_fit(
 
 
 def _nearest(mark: SessionMark, at: float, heard: Sequence[HeardMark]) -> dict[SessionMark, HeardMark]:
-    """The sound that a further mark must be; nothing when there is none."""
+    """Find the sound that a further mark must be; nothing if there is none."""
     allowed = 2 * mark.within + 0.01
     near = [each for each in heard if each.sweep == sweep_of(mark.number) and abs(each.at - at) <= allowed]
     return {mark: min(near, key=lambda each: abs(each.at - at))} if near else {}
@@ -157,7 +155,7 @@ def _of_pairs(marks: Sequence[SessionMark], heard: Sequence[HeardMark], pairs: S
 
 
 def _single(marks: Sequence[SessionMark], heard: Sequence[HeardMark]) -> Alignment:
-    """Where no two sounds lie as far apart as two marks do: one alone gives the offset, if there is no doubt."""
+    """Align by a single sound, if no two sounds are as far apart as two marks and there is no doubt."""
     possible = [(mark, sound) for sound in heard for mark in marks if sound.sweep == sweep_of(mark.number)]
     if len(possible) == 1 and len(heard) == 1:
         [(mark, sound)] = possible
@@ -194,10 +192,10 @@ def _several_fit(found: Sequence[Sequence[_Pair]]) -> str:
 
 
 def align_by_moments(moments: Sequence[FoundMark]) -> Alignment:
-    """By what somebody has given: each moment in the file with the session's.
+    """Align by moments that somebody has given, each in the file and in the session.
 
-    :param moments: one gives the offset, two or more the rate, too.
-    :return: without an offset when they cannot all be right.
+    :param moments: one gives the offset, two or more also the rate.
+    :return: without an offset if they cannot all be right.
     """
     if len(moments) == 1:
         return Alignment(moments[0].media_at - moments[0].session_at, 1.0, tuple(moments))
@@ -214,7 +212,7 @@ def align_by_moments(moments: Sequence[FoundMark]) -> Alignment:
 
 
 def fit_line(points: Sequence[tuple[float, float]]) -> tuple[float, float]:
-    """Offset and rate of the line that fits best: least squares; through two points it goes exactly.
+    """Compute offset and rate of the best line: by least squares; through two points it is exact.
 
     >>> offset, rate = fit_line([(0.0, 1.7), (1000.0, 1001.75)])
     >>> round(offset, 6), round(rate, 6)

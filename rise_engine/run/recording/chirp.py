@@ -1,8 +1,8 @@
 """The sound of a mark: a tone that sweeps between 1 and 4 kHz within half a second, fading in and out.
 
-Marks with odd numbers sweep up, those with even numbers down, so that neither is taken for the other. A sweep that
-fades (a Hann window) is found far more exactly than a beep or a clap: also under speech, through a cheap microphone
-and lossy compression.
+Marks with odd numbers sweep up, those with even numbers down, so that they are not confused. A sweep that fades (a Hann
+window) can be located far more exactly than a beep or a clap, even under speech, through a cheap microphone and through
+lossy compression.
 """
 
 from __future__ import annotations
@@ -15,23 +15,23 @@ from typing import Literal, TypeAlias
 CHIRP_SECONDS = 0.5
 LOW_HZ, HIGH_HZ = 1_000.0, 4_000.0
 LEAD_SECONDS = 0.4
-"""Silence before the tone: a sound card that was asleep swallows the beginning of what it plays."""
+"""Silence before the tone, because a sound card that wakes up swallows the beginning."""
 TAIL_SECONDS = 0.3
-"""Silence after it: players that leave at once cut off the end."""
+"""Silence after it, because players that exit early cut off the end."""
 SOUND_SECONDS = LEAD_SECONDS + CHIRP_SECONDS + TAIL_SECONDS
 PLAYED_RATE = 48_000
 _LOUDNESS = 0.8
-"""Of what the card can do at most."""
+"""Fraction of the card's maximum."""
 Sweep: TypeAlias = Literal["up", "down"]
 
 
 def sweep_of(number: int) -> Sweep:
-    """How the mark of this number sweeps."""
+    """Return the sweep of the mark with this number."""
     return "up" if number % 2 else "down"
 
 
 def chirp(sweep: Sweep, rate: int) -> array[float]:
-    """The tone alone, between -1 and 1.
+    """Make the tone alone, between -1 and 1.
 
     :param sweep: up or down.
     :param rate: samples in a second.
@@ -52,7 +52,7 @@ def chirp(sweep: Sweep, rate: int) -> array[float]:
 
 
 def mark_sound(number: int) -> bytes:
-    """The mark of this number as a WAV file: 48 kHz, one channel, 16 bit, silence around the tone.
+    """Make the mark of this number as a WAV file: 48 kHz, one channel, 16 bit, silence around the tone.
 
     >>> mark_sound(1)[:4], len(mark_sound(1)) == 44 + 2 * round(SOUND_SECONDS * PLAYED_RATE)
     (b'RIFF', True)

@@ -1,9 +1,9 @@
-"""What a companion process is asked to do: the one line that it reads first.
+"""The request for a companion process, which it reads first.
 
-A companion is a child of the engine's process that belongs to one running session: it works the recorders, or it is an
-outlet. Its standard input is a leash: the first line is a `CompanionRequest` as JSON, and its end means that it is to
-finish what it does and to go. On standard output it writes an empty line every `SIGN_SECONDS`, as a sign of life. Its
-exit status is 0; anything else has the reason as the last line on standard error.
+A companion is a child of the engine's process and belongs to one running session: it runs the recorders, or it is an
+outlet. Its standard input is a leash. The first line is a `CompanionRequest` as JSON; when the input ends, the
+companion finishes its work and exits. On standard output it writes an empty line every `SIGN_SECONDS` as a sign of
+life. Its exit status is 0; for any other status, the last line on standard error is the reason.
 """
 
 from __future__ import annotations
@@ -20,11 +20,11 @@ from rise_engine.study.model import RecordingSettings
 
 CompanionKind: TypeAlias = Literal["recorders", "outlet"]
 SIGN_SECONDS = 2.0
-"""Between two signs of life."""
+"""Interval between two signs of life."""
 OUTLET_NAME = "lsl"
-"""What the outlet is called in `recording` records, and its entry point in the group `rise.outlets`."""
+"""The outlet's name in `recording` records, and its entry point in the group `rise.outlets`."""
 MARKS_NAME = "marks"
-"""What the companion that only gives marks is called there."""
+"""The name there of a companion that only gives marks."""
 
 
 class CompanionRequest(Struct, frozen=True):
@@ -47,19 +47,19 @@ class CompanionRequest(Struct, frozen=True):
 
     @property
     def recordings(self) -> tuple[str, ...]:
-        """The names of the `recording` records that it is about."""
+        """The names of its `recording` records."""
         if self.kind == "outlet":
             return (OUTLET_NAME,)
         return tuple(each.name for each in self.settings.recorders) or (MARKS_NAME,)
 
     @property
     def arguments(self) -> list[str]:
-        """How its process is started; what it is to do is nothing that a list of processes shows."""
+        """The command line of its process, which keeps the request out of lists of processes."""
         return [sys.executable, "-m", "rise_engine.run.recording.companion_main"]
 
 
 def companions_for(request: CompanionRequest) -> list[CompanionRequest]:
-    """The companions that its settings need, of a request of whatever kind."""
+    """Make the requests for all companions that the settings of a request need."""
     settings = request.settings
     found = []
     if settings.recorders or settings.sync is not None:
@@ -70,10 +70,10 @@ def companions_for(request: CompanionRequest) -> list[CompanionRequest]:
 
 
 def encode_request(request: CompanionRequest) -> bytes:
-    """The line that a companion reads first."""
+    """Encode the first line for a companion."""
     return encode(request) + b"\n"
 
 
 def decode_request(line: bytes) -> CompanionRequest:
-    """The request in that line. Raises msgspec.DecodeError and ValidationError."""
+    """Decode that line. Raises msgspec.DecodeError and ValidationError."""
     return msgspec.convert(restore_all_surrogates(msgspec.json.decode(line)), CompanionRequest)

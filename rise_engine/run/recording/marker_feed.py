@@ -1,9 +1,8 @@
-"""Follows a running session and hands its markers to a stream, each with the exact time at which it happened: never
-when it was sent.
+"""The markers of a running session for a stream, each with the exact time at which it happened.
 
-It is an observer of the session. Markers wait for the first consumer, so that who starts a recorder a little late loses
-nothing; the session waits for nobody. The payload `short` is what happened, in names of the scenario
-(`rise_engine.results.analysis.markers`); `json` is whole records, as the export level `shared` tells them.
+The feed is an observer of the session. Markers wait for the first consumer, so that a recorder that starts a little
+late loses nothing; the session never waits. The payload `short` describes what happened, in names of the scenario
+(`rise_engine.results.analysis.markers`). `json` has whole records, as the export level `shared` includes them.
 """
 
 from __future__ import annotations
@@ -37,53 +36,54 @@ _LOG = logging.getLogger(__name__)
 
 CLIENT_NAME = "lsl"
 MAX_WAITING = 30_000
-"""Markers that wait for a consumer; of more, the oldest are given up. The library itself keeps 36,000."""
+"""Maximum number of markers that wait for a consumer; beyond it the oldest are dropped. The library keeps 36,000."""
 LOOK_SECONDS = 0.1
-"""Between two looks whether somebody receives, while markers wait."""
+"""Interval for checking whether somebody receives, while markers wait."""
 GRACE_SECONDS = 0.3
-"""For which records are still taken after somebody has said that it is enough."""
+"""How long records are still taken after the request to finish."""
 LINGER_SECONDS = 5.0
-"""For which consumers get to fetch the last markers, unless they go before: nobody tells when they have them."""
+"""How long consumers may fetch the last markers, unless they go before: they do not report that they have them."""
 HASTY_LINGER_SECONDS = 1.5
-"""The same, when somebody waits for this to end."""
+"""The same, if somebody waits for the end."""
 
 
 class MarkerStream(Struct, frozen=True, kw_only=True):
-    """What a stream says about itself."""
+    """A stream's description of itself."""
 
     name: str
     type: str
     source_id: str
-    """By which receivers find it again after its process was started anew."""
+    """Identifies the stream for receivers after its process was restarted."""
     description: dict[str, str]
-    """Of its session, by element name."""
+    """Facts about its session, by element name."""
 
 
 class MarkerOutlet(Protocol):
     """One stream. No method blocks."""
 
     def send(self, text: str, at: float) -> None:
-        """Send one marker. `at`: when it happened, on this computer's monotonic clock (`time.monotonic()`), in seconds;
-        that may be long ago."""
+        """Send one marker.
+
+        :param at: when it happened, perhaps long ago, in seconds of `time.monotonic()` on this computer.
+        """
 
     def has_consumers(self) -> bool:
-        """Whether anybody receives it now."""
+        """Return whether anybody receives it now."""
         ...
 
     def close(self) -> None:
-        """Take the stream away. What consumers have not fetched by now may be lost."""
+        """Close the stream. Markers that consumers have not fetched by now may be lost."""
 
 
 OpenStream: TypeAlias = Callable[[MarkerStream], MarkerOutlet]
-"""Raises AdapterError."""
+"""An opener of a stream. Raises AdapterError."""
 
 
 class MarkerFeed:
-    """Sends the markers of one session."""
+    """The sender of one session's markers."""
 
     def __init__(self, plan: OutletPlan, open_stream: OpenStream) -> None:
-        """
-        :param plan: which session, and what is told of it.
+        """:param plan: which session, and what is sent of it.
         :param open_stream: makes the outlet, once.
         """
         self._plan, self._open_stream = plan, open_stream
@@ -92,14 +92,14 @@ class MarkerFeed:
         self._lost = 0
         self._arrived = asyncio.Event()
         self.seq = 0
-        """Of the last record that was taken in."""
+        """The `seq` of the last record taken."""
         self.sent = 0
-        """Markers that consumers were given."""
+        """How many markers consumers got."""
 
     async def run(self, finish: asyncio.Event) -> None:
-        """Send until the session ends, or `finish` is set; then let consumers fetch the last ones.
+        """Send until the session ends, or `finish` is set; then let consumers fetch the last markers.
 
-        Raises EngineGone when there is no such session, or its engine went without an end, and AdapterError.
+        Raises EngineGone if there is no such session, or its engine went without an end, and AdapterError.
         """
         stopping = asyncio.create_task(finish.wait())
         following = asyncio.create_task(self._follow())
@@ -107,7 +107,7 @@ class MarkerFeed:
         tasks: tuple[asyncio.Task[Any], ...] = (stopping, following, sending)
         try:
             await asyncio.wait(tasks, return_when=asyncio.FIRST_COMPLETED)
-            if finish.is_set():  # what was on record by then is perhaps still on its way
+            if finish.is_set():  # records from before may still be under way
                 await asyncio.wait((following,), timeout=GRACE_SECONDS)
             for task in (following, sending):
                 if task.done():
@@ -133,11 +133,11 @@ class MarkerFeed:
                         for text in word(record):
                             self._add(text, origin + record.t / speed)
                 return
-            except LinkLost:  # the engine goes on
+            except LinkLost:  # the engine continues
                 await asyncio.sleep(LOOK_SECONDS)
 
     def _open(self, session: Session) -> None:
-        """Make the stream. Raises AdapterError."""
+        """Open the stream. Raises AdapterError."""
         if self._outlet is not None:
             return
         reply = session.attach_reply
@@ -169,14 +169,14 @@ class MarkerFeed:
             _LOG.warning("whole records go out in clear text: all that is said, but for private keys, notes and names")
 
     async def _make_words(self, session: Session) -> Callable[[AnyRecord], Iterable[str]]:
-        """What makes markers of records. Raises AdapterError when nobody can say what must not go out."""
+        """Return the function that makes markers. Raises AdapterError if it cannot know which values are private."""
         private = PrivateValues(session.scenario)
         folder = Path(session.attach_reply.folder) if session.attach_reply.folder else None
         study = study_of_session(folder) if folder is not None else None
         tells = LevelFilter("shared", private, wizard_names(study))
         words = live_words(session.scenario, lambda name: str(private.hide_value(name)))
-        words.skip_to(session.view)  # before anything is awaited: the view goes on, and those records are still to come
-        if session.view.seq and (self._plan.payload == "json" or private.keys):  # what was private is so now, too
+        words.skip_to(session.view)  # before the first await: the view continues, and later records still come
+        if session.view.seq and (self._plan.payload == "json" or private.keys):  # old private values still count
             tells.note(await asyncio.to_thread(_records_before, folder))
         if self._plan.payload == "json":
 
@@ -209,7 +209,7 @@ class MarkerFeed:
                 await asyncio.sleep(LOOK_SECONDS)
 
     def _send_now(self) -> bool:
-        """Send what waits, if somebody receives it; whether nothing waits any more."""
+        """Send the waiting markers if somebody receives them; return whether none waits any more."""
         if self._outlet is not None and self._waiting and self._outlet.has_consumers():
             while self._waiting:
                 self._outlet.send(*self._waiting.popleft())
@@ -230,7 +230,7 @@ class MarkerFeed:
 
 
 def session_facts(session: Session) -> SessionFacts:
-    """What a stream says of a running session. Its name is told whole: today's date is no secret to who listens now."""
+    """Collect a session's facts for a stream, with its whole name: today's date is no secret to a live listener."""
     reply, about = session.attach_reply, session.view.session
     return SessionFacts(
         session=Path(reply.folder).name if reply.folder else "",
@@ -249,7 +249,7 @@ def session_facts(session: Session) -> SessionFacts:
 
 
 def _records_before(folder: Path | None) -> list[AnyRecord]:
-    """What the session has recorded so far. Raises AdapterError."""
+    """Read the session's records so far. Raises AdapterError."""
     if folder is None:
         return []
     try:

@@ -1,4 +1,4 @@
-"""Gives a mark that recordings show: a sound, or a flash on the consoles' screens; and puts on record when it began."""
+"""Marks for recordings: a sound, or a flash on the consoles' screens; the record says when each began."""
 
 from __future__ import annotations
 
@@ -29,17 +29,17 @@ PLAYERS: tuple[tuple[str, ...], ...] = (
     ("ffplay", "-nodisp", "-autoexit", "-loglevel", "error", "{file}"),
     ("afplay", "{file}"),
 )
-"""Programs that play a sound, as they are called; those that wait until it has been heard come first."""
+"""Commands of programs that play a sound; those that wait until it has been heard come first."""
 PLAY_SECONDS = 3.5
-"""How long all of giving a mark may take; the sound itself takes 1.2 s."""
+"""Maximum duration of giving a mark; the sound itself takes 1.2 s."""
 LEAST_WITHIN = 0.02
-"""Seconds: no player knows better when a loudspeaker begins."""
+"""Minimum error in seconds: no player knows more exactly when a loudspeaker begins."""
 EARLY_SECONDS = 0.25
-"""A player may be gone so much before the end of the sound: it lies in the card's buffer then."""
+"""How long before the end of the sound a player may exit: the rest is in the card's buffer then."""
 
 
 class MarkSession(Protocol):
-    """What of a `rise_engine.run.client.Session` is needed."""
+    """The necessary part of a `rise_engine.run.client.Session`."""
 
     @property
     def attach_reply(self) -> AttachReply: ...
@@ -57,19 +57,19 @@ class MarkSession(Protocol):
 
 
 class GivenMark(Struct, frozen=True):
-    """What became of a mark."""
+    """The result of giving a mark."""
 
     number: int
     at: float | None = None
-    """Session time in seconds at which it began; None: it was not given, or it is a flash, which follows its record."""
+    """Session time in seconds at which it began; None: it was not given, or is a flash, which follows its record."""
     within: float | None = None
-    """Seconds by which that is wrong at most."""
+    """Maximum error of that in seconds."""
     problem: str = ""
     """Why nobody has heard it, in a sentence; empty: it was given."""
 
 
 class _Played(Struct, frozen=True):
-    """What one player did; times are monotonic."""
+    """The result of one player; times are monotonic."""
 
     begun: float
     ended: float
@@ -79,16 +79,16 @@ class _Played(Struct, frozen=True):
 async def give_mark(
     session: MarkSession, number: int, settings: SyncSettings, *, players: Sequence[Sequence[str]] | None = None
 ) -> GivenMark:
-    """Give a mark, and put it on record. Returns within five seconds, and never raises: what went wrong becomes a note
-    in the record, and is told in the result.
+    """Give a mark, and record it. Returns within five seconds, and never raises.
 
-    A sound is played between two moments that are known: its program is started, and ends when the last of it has been
-    played. `at` lies in their middle, and `within` is half of what is between them. What a loudspeaker delays (a radio
-    one by a tenth of a second and more) is not in it, and is the same for every mark of a session.
+    A problem becomes a note in the record, and is part of the result. The time of a sound has known bounds: its program
+    starts, and ends when the end of the sound has been played. `at` is the middle of the possible beginnings, and
+    `within` half of their range. The delay of a loudspeaker (a wireless one has a tenth of a second and more) is not
+    included; it is the same for every mark of a session.
 
     :param session: attached as a program.
-    :param number: of the mark; odd ones sweep up, even ones down.
-    :param settings: sound or flash, and what plays the sound.
+    :param number: the mark's; odd ones sweep up, even ones down.
+    :param settings: sound or flash, and the program that plays the sound.
     :param players: instead of `PLAYERS`, for tests.
     """
     try:
@@ -118,7 +118,7 @@ async def give_mark(
 
 
 def _time_of(session: MarkSession, number: int, played: _Played) -> GivenMark:
-    """When the tone began, by the session's clock."""
+    """Compute when the tone began, by the session's clock."""
     speed = session.attach_reply.speed
     latest = max(played.begun, played.ended - SOUND_SECONDS)
     middle, half = (played.begun + latest) / 2, (latest - played.begun) / 2
@@ -127,10 +127,10 @@ def _time_of(session: MarkSession, number: int, played: _Played) -> GivenMark:
 
 
 async def _play_with_one_of(commands: Sequence[Sequence[str]], number: int) -> tuple[str, _Played | None]:
-    """Play it with the first one that does it; the name, and what became of that, or of the last one that failed."""
+    """Play the mark with the first program that can; return its name and result, or those of the last failure."""
     deadline = monotonic() + PLAY_SECONDS
     name, played = "", None
-    with tempfile.TemporaryDirectory(prefix="rise-mark-") as folder:  # for its owner alone
+    with tempfile.TemporaryDirectory(prefix="rise-mark-") as folder:  # readable only by its owner
         file = _write_sound(folder, number)
         for command in commands:
             program = shutil.which(command[0])
@@ -150,7 +150,7 @@ def _write_sound(folder: str, number: int) -> str:
 
 
 async def _play(command: Sequence[str], deadline: float) -> _Played:
-    """Run a player until it has ended, or the deadline."""
+    """Run a player until it has ended, or until the deadline."""
     name = Path(command[0]).name
     begun = monotonic()
     try:

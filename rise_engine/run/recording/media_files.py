@@ -1,11 +1,11 @@
-"""What a recording is, and its sound: by ffmpeg and ffprobe where they are installed, else as far as Python knows.
+"""Facts about a recording and its sound, from ffmpeg and ffprobe if installed, otherwise as far as Python knows.
 
-Finds marks in the sound of a file: cross-correlation with the sweeps, in blocks, so that a file of two hours takes
-no more memory than one of a minute. Needs numpy (extra `sync`).
+It finds marks in a file's sound by cross-correlation with the sweeps, in blocks, so that a file of two hours takes no
+more memory than one of a minute. It needs numpy (extra `sync`).
 
-At each moment the sound of the last half second, from 0.8 to 4.2 kHz, is compared with a sweep as a correlation
-coefficient between 0 and 1, whatever its loudness: a mark that is as loud as the noise around it comes to 0.7, one of a
-tenth of its power to 0.3, an hour of noise to 0.1 at most.
+At each moment, the sound of the last half second, from 0.8 to 4.2 kHz, is compared with a sweep. The result is a
+correlation coefficient between 0 and 1, whatever the loudness. A mark as loud as the noise around it gets 0.7, one with
+a tenth of its power 0.3, an hour of noise 0.1 at most.
 """
 
 from __future__ import annotations
@@ -39,28 +39,28 @@ if TYPE_CHECKING:
 # --- finding marks in a file ------------------------------------------------------------------------------------------
 
 BELIEVED = 3.0
-"""A mark stands so many times above all else in the file."""
+"""Minimum ratio of a mark to the best match elsewhere in the file."""
 _LEAST = 0.15
-"""Below this nothing is a mark, however quiet the file is otherwise."""
+"""Minimum coefficient of a mark, however quiet the rest of the file is."""
 MOST = 200
-"""Marks in one file; a camera that runs for a whole day has those of all sessions."""
+"""Maximum number of marks in one file; a camera that runs for a whole day has those of all sessions."""
 _FEW, _SHARE = 4, 0.1
-"""In a short file so many, in a longer one this share of its time, can be marks."""
+"""Maximum number of marks in a short file, and maximum share of the time in a longer one."""
 _BLOCK = 1 << 18
-"""Samples that are compared at once."""
+"""Samples compared at once."""
 _BIN_SECONDS = 0.25
-"""Of each such piece of the file the best match is kept."""
+"""Duration of the pieces of a file of which the best match is used."""
 _APART_SECONDS = 0.5
-"""Two marks are no nearer to each other; what is nearer is an echo."""
+"""Minimum distance of two marks; anything nearer is an echo."""
 _QUIET = 1e-5
-"""Loudness (of 1) below which there is nothing to compare."""
+"""Loudness (of 1) below which nothing is compared."""
 _MARGIN_HZ = 200.0
-"""By which the band is wider than the sweep."""
+"""How much wider the band is than the sweep."""
 SWEEPS: tuple[Sweep, ...] = get_args(Sweep)
 
 
 def load_numpy() -> Any:
-    """numpy. Raises SessionError where it is not installed."""
+    """Load numpy. Raises SessionError if it is not installed."""
     try:
         return import_module("numpy")
     except ImportError:
@@ -68,11 +68,11 @@ def load_numpy() -> Any:
 
 
 def find_marks(blocks: Iterable[Samples], rate: int) -> list[HeardMark]:
-    """Every sound that is a mark, in the order of the file.
+    """Find every sound that is a mark, in the order of the file.
 
     :param blocks: the sound, one channel, between -1 and 1, in pieces of any length.
-    :param rate: samples in a second, 9,000 at least: the sweeps reach 4 kHz.
-    :return: those that stand `BELIEVED` times above everything else that sounds alike.
+    :param rate: samples in a second, at least 9,000: the sweeps reach 4 kHz.
+    :return: those that are `BELIEVED` times as strong as everything else of that kind.
     :raises SessionError: numpy is missing, or the rate is too low.
     """
     numpy = load_numpy()
@@ -86,8 +86,10 @@ def find_marks(blocks: Iterable[Samples], rate: int) -> list[HeardMark]:
 
 
 def _overlapping(numpy: Any, blocks: Iterable[Samples], length: int) -> Iterator[tuple[int, Samples]]:
-    """Blocks of one size, each with the place of its first sample; the last samples of one are the first of the next,
-    so that no mark is cut in two. The file's end is filled with silence."""
+    """Cut the sound into overlapping blocks of one size, each with the index of its first sample.
+
+    The overlap keeps every mark whole. The file's end is filled with silence.
+    """
     buffer = numpy.zeros(_BLOCK, dtype=numpy.float32)
     filled = start = 0
     step = _BLOCK - length + 1
@@ -107,7 +109,7 @@ def _overlapping(numpy: Any, blocks: Iterable[Samples], length: int) -> Iterator
 
 
 class _Matcher:
-    """Compares blocks with both sweeps."""
+    """Comparison of blocks with both sweeps."""
 
     def __init__(self, numpy: Any, rate: int) -> None:
         self._numpy, self._rate = numpy, rate
@@ -126,7 +128,7 @@ class _Matcher:
         return numpy.conj(numpy.fft.rfft(tone)) * self._band
 
     def best_matches(self, start: int, block: Samples) -> Iterator[tuple[float, float, Sweep]]:
-        """Of each piece of the block the best match of each sweep: how good it is, when in the file it begins."""
+        """Yield each sweep's best match in each piece of the block: its quality, and where in the file it begins."""
         numpy = self._numpy
         spectrum = numpy.fft.rfft(block)
         heard = numpy.fft.irfft(spectrum * self._band, _BLOCK).astype(numpy.float64)
@@ -143,7 +145,7 @@ class _Matcher:
                 yield float(matches[place]), (start + self._peak(matches, int(place))) / self._rate, sweep
 
     def _peak(self, matches: Any, place: int) -> float:
-        """Where the top of a peak lies between samples: of a parabola through its three highest."""
+        """Find the top of a peak between samples, from a parabola through its three highest."""
         if not 0 < place < len(matches) - 1:
             return place
         before, top, after = (float(each) for each in matches[place - 1 : place + 2])
@@ -152,7 +154,7 @@ class _Matcher:
 
 
 def _select(best: list[tuple[float, float, Sweep]]) -> list[HeardMark]:
-    """Those that stand above all else. All else begins behind as many of the best as can be marks."""
+    """Select the matches that are stronger than all others; the others begin after the maximum number of marks."""
     places = max((at for _, at, _ in best), default=0.0) / _APART_SECONDS
     most = min(MOST, max(_FEW, int(places * _SHARE)))
     apart: list[tuple[float, float, Sweep]] = []
@@ -168,10 +170,10 @@ def _select(best: list[tuple[float, float, Sweep]]) -> list[HeardMark]:
 
 
 SOUND_RATE = 16_000
-"""Samples in a second of what ffmpeg gives."""
+"""Samples in a second of ffmpeg's output."""
 PROBE_SECONDS = 30.0
 _PIECE = 1 << 20
-"""Bytes that are read at once."""
+"""Bytes read at once."""
 _SUFFIXES: dict[str, MediaKind] = {
     **dict.fromkeys(
         (".mkv", ".mp4", ".mov", ".avi", ".webm", ".m4v", ".mts", ".m2ts", ".mpg", ".wmv", ".flv"), "video"
@@ -181,19 +183,19 @@ _SUFFIXES: dict[str, MediaKind] = {
     ".xdf": "streams",
 }
 _LOCAL = ("-protocol_whitelist", "file,pipe")
-"""Nothing that a file names is fetched from a network."""
+"""Prevents fetching anything that a file names from a network."""
 
 
 class MediaFacts(Struct, frozen=True):
-    """What is known of a file, or a bag's folder."""
+    """The facts about a file, or a bag's folder."""
 
     kind: MediaKind
     bytes: int
     duration: float | None = None
-    """Seconds; None: not known."""
+    """Seconds; None: unknown."""
     fps: float | None = None
     has_sound: bool | None = None
-    """None: not known."""
+    """None: unknown."""
 
 
 class _Stream(Struct, frozen=True):
@@ -212,7 +214,7 @@ class _Probe(Struct, frozen=True):
 
 
 def look_at_media(path: Path) -> MediaFacts:
-    """What a file is. Raises OSError."""
+    """Find out what a file is. Raises OSError."""
     kind = _SUFFIXES.get(path.suffix.lower(), "other")
     if path.is_dir():
         files = [each for each in path.rglob("*") if each.is_file()]
@@ -266,20 +268,19 @@ def _wav_seconds(path: Path) -> float | None:
 
 
 def hash_file(path: Path) -> str:
-    """SHA-256 of a file, as hexadecimal digits; empty for a folder. Raises OSError."""
+    """Compute the SHA-256 of a file, as hexadecimal digits; empty for a folder. Raises OSError."""
     return "" if path.is_dir() else file_hash(path)
 
 
 class Sound:
-    """The sound of a file, in pieces, as one channel; time 0 of it is time 0 of the file, as players count.
+    """The sound of a file, in pieces, as one channel; its time 0 is time 0 of the file, as players count.
 
     Without ffmpeg only WAV files (PCM) can be read.
     """
 
     def __init__(self, path: Path, *, program: str | None = None) -> None:
-        """
-        :param path: the file.
-        :param program: ffmpeg; None: the one that is installed.
+        """:param path: the file.
+        :param program: ffmpeg; None: the installed one.
         :raises SessionError: it cannot be read, or numpy is missing.
         """
         self._path, self._numpy = path, load_numpy()
@@ -289,11 +290,11 @@ class Sound:
             self.rate = self._wav(lambda file: int(file.getframerate()))
 
     def blocks(self) -> Iterator[Samples]:
-        """The samples. Raises SessionError when it has no sound, or when it ends in the middle of reading."""
+        """Yield the samples. Raises SessionError if there is no sound, or if it ends in the middle of reading."""
         return self._from_ffmpeg() if self._program else self._from_wav()
 
     def _from_ffmpeg(self) -> Iterator[Samples]:
-        # first_pts and async: a track that begins late or has holes keeps its times.
+        # first_pts and async: a track that begins late or has gaps keeps its times.
         times = f"aresample={SOUND_RATE}:async=1:min_hard_comp=0.02:first_pts=0"
         command = [self._program, "-nostdin", "-v", "error", *_LOCAL, "-i", f"file:{self._path.absolute()}"]
         command += ["-map", "0:a:0", "-af", times, "-ac", "1", "-f", "f32le", "pipe:1"]
@@ -322,9 +323,9 @@ class Sound:
                 yield self._samples(data, width).reshape(-1, channels).mean(axis=1, dtype="f4")
 
     def _samples(self, data: bytes, width: int) -> Any:
-        """Between -1 and 1."""
+        """Convert samples to values between -1 and 1."""
         numpy = self._numpy
-        if width == 1:  # the only one without a sign
+        if width == 1:  # the only unsigned format
             return (numpy.frombuffer(data, dtype="u1").astype("f4") - 128) / 128
         if width == 3:
             bytes_of = numpy.frombuffer(data, dtype="u1").reshape(-1, 3)

@@ -1,4 +1,4 @@
-"""One recorder of a running session: prepared, started, watched and stopped, whatever it does."""
+"""One recorder of a running session, prepared, started, watched and stopped, however it behaves."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ from rise_engine.study.recording_table import open_recorder
 
 
 class GrowthWatch:
-    """Looks at one recording again and again.
+    """Repeated observation of one recording.
 
     >>> watch = GrowthWatch(3.0, now=0.0)
     >>> watch.look(RecorderStatus(True, bytes=10), 1.0), watch.look(RecorderStatus(True, bytes=10), 3.9)
@@ -37,20 +37,19 @@ class GrowthWatch:
     """
 
     def __init__(self, stalled_after: float, now: float) -> None:
-        """
-        :param stalled_after: seconds without growth after which it has stalled.
-        :param now: a time in seconds, from which on it is expected to grow.
+        """:param stalled_after: seconds without growth after which it has stalled.
+        :param now: a time in seconds, from which on it should grow.
         """
         self.stalled_after = stalled_after
         self.has_grown = False
-        """Whether it ever has."""
+        """Whether it has ever grown."""
         self._most = -1.0
         self._grown_at = now
 
     def look(self, status: RecorderStatus, now: float) -> bool:
-        """Whether it grows, or may still be believed to.
+        """Return whether it grows, or may still do so.
 
-        :param status: how it stands; of one about which nobody can know anything it is believed.
+        :param status: its status; one without a measure counts as growing.
         :param now: the time.
         """
         size = status.bytes if status.bytes is not None else status.seconds
@@ -66,7 +65,7 @@ class GrowthWatch:
         return now - self._grown_at < self.stalled_after
 
     def still_for(self, now: float) -> float:
-        """Seconds since it last grew."""
+        """Return the seconds since it last grew."""
         return now - self._grown_at
 
 
@@ -78,13 +77,13 @@ Result = TypeVar("Result")
 async def call_within(
     seconds: float, call: Coroutine[Any, Any, Result], what: str, unless: asyncio.Event | None = None
 ) -> Result:
-    """What a call gives, within so many seconds; then it is cancelled, and nobody waits for that either.
+    """Return the result of a call within a time limit; after it, the call is cancelled without waiting for that.
 
-    :param seconds: how long it may take.
-    :param call: of the code of somebody.
-    :param what: was asked of it, for the sentence: `to start`.
-    :param unless: set when the answer is of no use any more.
-    :raises RecorderError: it gave no answer, or raised something; or `unless` was set before there was one.
+    :param seconds: the limit.
+    :param call: of other people's code.
+    :param what: the request, for the sentence: `to start`.
+    :param unless: set when the answer is not needed any more.
+    :raises RecorderError: it gave no answer, or raised something; or `unless` was set before.
     """
     task = asyncio.create_task(call)
     waiting: set[asyncio.Task[Any]] = {task}
@@ -111,15 +110,15 @@ async def call_within(
 
 
 LOOK_SECONDS = 1.0
-"""Between two looks at a recorder."""
+"""Interval between two checks of a recorder."""
 CLOSE_SECONDS = 1.0
-"""To let go of a recorder that has stopped."""
+"""Time limit for closing a stopped recorder."""
 RETRY_SECONDS = 5.0
-"""Between two tries to start one that cannot record."""
+"""Interval between two tries to start a recorder that cannot record."""
 
 
 class RecordingState(Struct, frozen=True):
-    """How a recording stands, as the record says it."""
+    """The state of a recording, as in the record."""
 
     status: RecordingStatus
     path: str = ""
@@ -128,19 +127,19 @@ class RecordingState(Struct, frozen=True):
 
 
 class RecordedFile(Struct, frozen=True):
-    """Something that was recorded."""
+    """A finished recording."""
 
     name: str
     kind: MediaKind
     path: str
     started_at: float
-    """When its recorder was started, as the caller's clock has it."""
+    """When its recorder was started, by the caller's clock."""
     bytes: int | None = None
-    """How large it was when that was known last; None: never."""
+    """Its last known size; None: never known."""
 
 
 class SupervisedRecorder:
-    """One recorder. `run` is its whole life; what it says is a `RecordingState` whenever that has changed."""
+    """One recorder. `run` controls it from beginning to end, and reports a `RecordingState` after every change."""
 
     def __init__(
         self,
@@ -152,29 +151,28 @@ class SupervisedRecorder:
         look_seconds: float = LOOK_SECONDS,
         retry_seconds: float = RETRY_SECONDS,
     ) -> None:
-        """
-        :param settings: which recorder, with its options.
+        """:param settings: which recorder, with its options.
         :param plan: what is recorded.
-        :param say: gets the name and how it stands, whenever that has changed.
-        :param now: the session's time.
+        :param say: gets the name and the state after every change.
+        :param now: returns the session's time.
         """
         self.name = settings.name
         self.settings, self.plan, self.say, self.now = settings, plan, say, now
         self.look_seconds, self.retry_seconds = look_seconds, retry_seconds
         self.files: list[RecordedFile] = []
-        """What it has recorded, once it is stopped."""
+        """Its recordings, once it is stopped."""
         self.settled = asyncio.Event()
-        """Set when its file has begun to grow, or something is wrong for the first time."""
+        """Set when its file has begun to grow, or at the first problem."""
         self._state: RecordingState | None = None
         self._path = ""
 
     @property
     def records(self) -> bool:
-        """Whether it records, as far as anybody can know."""
+        """Whether it records, as far as known."""
         return self._state is not None and self._state.status in ("started", "running", "stalled")
 
     async def run(self, finish: asyncio.Event) -> None:
-        """Record until `finish`; then it stops within CALL_SECONDS and CLOSE_SECONDS. Never raises."""
+        """Record until `finish`, then stop within CALL_SECONDS and CLOSE_SECONDS. Never raises."""
         while not finish.is_set():
             recorder = await self._begin(finish)
             if recorder is None:
@@ -187,7 +185,7 @@ class SupervisedRecorder:
             await _wait(finish, self.retry_seconds)
 
     async def _begin(self, finish: asyncio.Event) -> Recorder | None:
-        """The recorder, which records; None: it does not, and has said why."""
+        """Start and return the recorder; None: it does not record, and the reason was reported."""
         try:
             recorder = open_recorder(self.settings.driver, self.name, self.settings.options)
         except RecorderError as error:
@@ -204,7 +202,7 @@ class SupervisedRecorder:
         except RecorderError as error:
             if not finish.is_set():
                 self._fail(error)
-            if asked_to_start:  # it may have begun, and nobody is to be recorded unawares
+            if asked_to_start:  # it may have begun, and nobody must be recorded without knowing
                 await _quietly(CALL_SECONDS, recorder.stop(), "to stop")
             await _quietly(CLOSE_SECONDS, recorder.close(), "to let go")
             return None
@@ -212,7 +210,7 @@ class SupervisedRecorder:
         return recorder
 
     async def _watch(self, recorder: Recorder, finish: asyncio.Event) -> str:
-        """Until it is to finish, or has ended by itself: then why."""
+        """Watch the recorder until it should finish or has ended by itself; return why it ended."""
         loop = asyncio.get_running_loop()
         stalled_after = self.settings.stalled_after or recorder.stalled_after
         watch = GrowthWatch(stalled_after, loop.time())
@@ -227,7 +225,7 @@ class SupervisedRecorder:
                 self._fail(error)
                 continue
             self._path = status.path or self._path
-            self._bytes = status.bytes or self._bytes  # OBS says 0 once it has stopped
+            self._bytes = status.bytes or self._bytes  # OBS reports 0 once it has stopped
             if not status.recording:
                 self._set(RecordingState("failed", self._path, status.bytes, "it does not record any more"))
             elif not watch.look(status, loop.time()):
@@ -254,7 +252,7 @@ class SupervisedRecorder:
         self._set(RecordingState("failed", self._path, None, " ".join(str(error).split())))
 
     def _set(self, state: RecordingState) -> None:
-        """Say it, if it is news: the size alone is none, nor are more of the frames that it has lost."""
+        """Report a state if it is new; a new size alone is not, nor are more lost frames."""
         before = self._state
         if state.status != "started":
             self.settled.set()
@@ -266,7 +264,7 @@ class SupervisedRecorder:
 
 
 def recording_size(path: str) -> int | None:
-    """Bytes of a file, or of all files in a folder (blocking); None: it is not on this computer."""
+    """Return the bytes of a file, or of all files in a folder (blocking); None: it is not on this computer."""
     place = Path(path).expanduser()
     try:
         if not path:
@@ -288,7 +286,7 @@ async def _quietly(seconds: float, call: Coroutine[Any, Any, object], what: str)
 
 
 async def _wait(event: asyncio.Event, seconds: float) -> bool:
-    """Whether the event has come within so many seconds."""
+    """Return whether the event has come within these seconds."""
     try:
         async with asyncio.timeout(seconds):
             await event.wait()

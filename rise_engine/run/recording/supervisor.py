@@ -1,7 +1,7 @@
-"""What works the recorders of a running session: it starts, watches and stops each by itself, and gives the marks.
+"""The supervisor of a running session's recorders: it starts, watches and stops each of them, and gives the marks.
 
-It runs in a companion process (`companion`). Nothing that a recorder does (no answer, a refusal,
-standing still, dying) concerns another one, or the session, which only gets records.
+It runs in a companion process (`companion`). A recorder that does not answer, refuses, stalls or dies does not affect
+the others, or the session, which only gets records.
 """
 
 from __future__ import annotations
@@ -37,30 +37,29 @@ from rise_engine.study.model import SyncSettings
 # --- reports to the session -------------------------------------------------------------------------------------------
 
 AGAIN_SECONDS = 1.0
-"""Between two tries to say something that the session did not take, or to attach again."""
+"""Interval before it repeats a report that the session did not accept, or attaches again."""
 LAST_SECONDS = 1.0
-"""For what is still to be said at the end."""
+"""Time limit for the last reports at the end."""
 
 
 class SessionReports:
-    """The way to a running session. `run` keeps it open; `session` is there while it is."""
+    """The connection to a running session. `run` keeps it open; `session` is set while it is open."""
 
     def __init__(self, socket: str, name: str) -> None:
-        """
-        :param socket: of the session.
-        :param name: who reports, in the record.
+        """:param socket: the session's.
+        :param name: the source of the reports, in the record.
         """
         self.socket, self.name = socket, name
         self.session: Session | None = None
         """The session, while this program is attached."""
         self.attached, self.over = asyncio.Event(), asyncio.Event()
-        """Set when it was reached for the first time; and when it has ended, or its engine has gone."""
+        """Set when the session was reached for the first time; and when it has ended, or its engine has gone."""
         self._waiting: deque[tuple[str, RecordingState] | str] = deque()
         self._news, self._said = asyncio.Event(), asyncio.Event()
         self._said.set()
 
     def recording(self, name: str, state: RecordingState) -> None:
-        """Say how a recording stands."""
+        """Report the state of a recording."""
         self._put((name, state))
 
     def note(self, text: str) -> None:
@@ -73,14 +72,14 @@ class SessionReports:
         self._said.clear()
 
     async def flush(self) -> None:
-        """Wait until everything is said, or LAST_SECONDS are over, or nobody is there any more."""
+        """Wait until everything is reported, LAST_SECONDS are over, or the session is over."""
         tasks = [asyncio.create_task(each.wait()) for each in (self._said, self.over)]
         await asyncio.wait(tasks, timeout=LAST_SECONDS, return_when=asyncio.FIRST_COMPLETED)
         for task in tasks:
             task.cancel()
 
     async def run(self) -> None:
-        """Attach, and again when the connection was cut, until the session is over."""
+        """Attach, and attach again when the connection was cut, until the session is over."""
         while True:
             try:
                 async with connect(self.socket, self.name) as session:
@@ -96,7 +95,7 @@ class SessionReports:
         self.over.set()
 
     async def _talk(self, session: Session) -> None:
-        """Say everything. Raises EngineGone when the session is over, LinkLost when the connection was cut."""
+        """Send all reports. Raises EngineGone when the session is over, LinkLost when the connection was cut."""
         ending = asyncio.create_task(session.wait_until(lambda view: view.ended))
         try:
             while not ending.done():
@@ -119,7 +118,7 @@ class SessionReports:
                 await ending
 
     async def _say(self, session: Session) -> bool:
-        """Whether the session has taken what comes first."""
+        """Send the first report; return whether the session has accepted it."""
         first = self._waiting[0]
         try:
             if isinstance(first, str):
@@ -137,22 +136,21 @@ class SessionReports:
 OWN_FOLDER = "recordings"
 """In the session's folder."""
 START_MARK_SECONDS, END_MARK_SECONDS = 8.0, 3.0
-"""How long a mark may take."""
+"""Time limit of a mark."""
 TAIL_SECONDS = {"sound": 2.5, "flash": 1.0}
-"""For which everything still records after the last mark that was given, so that it is in the file: ffmpeg's sound
-input from PulseAudio holds two seconds back (measured: a film's sound ended 1.9 s before its picture), and a flash is
-still to be drawn."""
+"""How long recording continues after the last mark, so that the files contain it: ffmpeg's sound input from PulseAudio
+holds two seconds back (measured: a film's sound ended 1.9 s before its picture), and a flash must still be drawn."""
 START_SECONDS = 10.0
-"""For which the first mark waits until everything records."""
+"""How long the first mark waits until everything records."""
 
 GiveMark: TypeAlias = Callable[[Session, int, SyncSettings], Awaitable[GivenMark]]
 
 
 async def supervise(request: CompanionRequest, finish: asyncio.Event, mark: GiveMark = give_mark) -> None:
-    """Record a session until it ends or is to end; then everything is stopped within 13 s.
+    """Record a session until it ends or `finish` is set; then everything is stopped within 13 s.
 
-    :param request: what records it.
-    :param finish: set when everything is to be stopped.
+    :param request: the recorders and their settings.
+    :param finish: set when everything should stop.
     :param mark: gives a mark (`rise_engine.run.recording.marks`).
     :raises RiseError: nothing can be recorded at all; a sentence.
     """
@@ -191,7 +189,7 @@ async def supervise(request: CompanionRequest, finish: asyncio.Event, mark: Give
 
 
 def _make_plan(request: CompanionRequest) -> RecordingPlan:
-    """Raises RecorderError when there is no place for files."""
+    """Make the plan. Raises RecorderError if there is no place for files."""
     named = request.settings.folder
     folder = Path(named) / request.session if named else Path(request.folder) / OWN_FOLDER
     try:
@@ -205,9 +203,9 @@ def _make_plan(request: CompanionRequest) -> RecordingPlan:
 
 
 def path_in_record(path: str, folder: Path) -> str:
-    """A path as the record has it: within the session's folder relative to that, and without the login of its owner.
+    """Write a path for the record: relative to the session's folder if it is inside, and without the owner's login.
 
-    :param path: of a recording; empty: not known.
+    :param path: of a recording; empty: unknown.
     :param folder: the session's.
     """
     if not path:
@@ -224,7 +222,7 @@ async def _mark_start(
     finish: asyncio.Event,
     mark: GiveMark,
 ) -> None:
-    """The first mark, once everything records that can."""
+    """Give the first mark, once every working recorder records."""
     settled = [asyncio.create_task(each.settled.wait()) for each in recorders]
     ending = asyncio.create_task(_first(finish, reports.over))
     try:
@@ -242,7 +240,7 @@ async def _mark_start(
 
 
 async def _mark(reports: SessionReports, sync: SyncSettings, seconds: float, mark: GiveMark) -> bool:
-    """One mark, or a remark why there is none; whether it was given."""
+    """Give one mark, or add a remark why there is none; return whether it was given."""
     session = reports.session
     if session is None:
         return False
@@ -264,7 +262,7 @@ async def _give(mark: GiveMark, session: Session, number: int, sync: SyncSetting
 
 
 def _register(files: list[RecordedFile], folder: Path) -> None:
-    """Put what was recorded into the session's media.json (blocking)."""
+    """Add the recordings to the session's media.json (blocking)."""
     for file in files:
         path = Path(file.path).expanduser()
         inside = path.is_relative_to(folder)
@@ -283,7 +281,7 @@ def _register(files: list[RecordedFile], folder: Path) -> None:
 
 
 async def _first(*events: asyncio.Event) -> asyncio.Event:
-    """The event that is set first; of several, the first."""
+    """Return the event that is set first; the first argument, if several are."""
     tasks = [asyncio.create_task(each.wait()) for each in events]
     try:
         await asyncio.wait(tasks, return_when=asyncio.FIRST_COMPLETED)

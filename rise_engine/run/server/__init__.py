@@ -1,1 +1,1 @@
-"""A running session as others reach it: its socket, who is attached, and its process."""
+"""A running session's server: its socket, its attached clients, and its process."""

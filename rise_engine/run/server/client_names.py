@@ -1,8 +1,8 @@
-"""Names of clients: what can be one, and which two a reader of the record could not tell apart. Pure.
+"""Names of clients: which are valid, and which two a reader of the record could confuse. Pure.
 
-The record says who did what by name alone, so a name that looks like another one's would put words into their mouth.
-After Unicode's UTS 39: a name mixes no scripts whose letters look alike, and two names differ in their skeleton, in
-which every letter is replaced by the Latin one that it looks like.
+The record identifies people by name alone, so a name that looks like another would attribute words to the wrong person.
+Following Unicode's UTS 39, a name must not mix scripts whose letters look alike. Two names must differ in their
+skeleton, in which each letter becomes the Latin letter that it looks like.
 """
 
 from __future__ import annotations
@@ -14,7 +14,7 @@ LOOKALIKE_SCRIPTS = ("LATIN", "CYRILLIC", "GREEK", "ARMENIAN", "CHEROKEE", "COPT
 """Scripts with letters that look like those of another one of them."""
 
 _INVISIBLE = frozenset("\u115f\u1160\u2800\u3164\uffa0\u034f\u17b4\u17b5")
-"""Characters that count as letters or signs and show nothing."""
+"""Characters that count as letters or signs but are invisible."""
 
 _LATIN_LOOKALIKES = {
     # Cyrillic
@@ -32,7 +32,7 @@ _LATIN_LOOKALIKES = {
 
 
 def name_problem(name: str) -> str:
-    """Why this cannot be anybody's name, or empty."""
+    """Return why this cannot be a name, or empty."""
     if not name.strip():
         return "say who you are: the name is empty"
     if len(name) > MAX_CHARACTERS:
@@ -49,18 +49,18 @@ def name_problem(name: str) -> str:
 
 
 def find_lookalike(name: str, others: list[str]) -> str:
-    """The one of the other names with which this one could be confused, and is not; or empty."""
+    """Return the other name that this one could be confused with; or empty."""
     own = skeleton(name)
     return next((other for other in others if other != name and skeleton(other) == own), "")
 
 
 def skeleton(name: str) -> str:
-    """What a reader sees: names with one skeleton look the same."""
+    """Return what a reader sees: names with the same skeleton look the same."""
     seen = unicodedata.normalize("NFKD", name)
     return "".join(_LATIN_LOOKALIKES.get(character, character) for character in seen if character not in _INVISIBLE)
 
 
 def _scripts(word: str) -> set[str]:
-    """The scripts of a word's letters, among those that look alike."""
+    """Return the scripts of a word's letters, among those that look alike."""
     found = {unicodedata.name(letter, "").partition(" ")[0] for letter in word if letter.isalpha()}
     return found & set(LOOKALIKE_SCRIPTS)

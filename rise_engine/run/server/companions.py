@@ -1,8 +1,8 @@
-"""The processes that belong to a running session and are none of its business: what works its recorders, and its outlet
-(`rise_engine.run.recording.companion`).
+"""The companion processes of a running session: its recorders' supervisor and its outlet.
 
-Each is a child with the session's socket. Whatever one does (it cannot start, dies, hangs, does not finish) becomes a
-`recording` record, `failed` and why, and nothing more: nothing here raises, blocks, or takes longer than it says.
+`rise_engine.run.recording.companion` describes them. Each is a child with the session's socket. Any failure of a
+companion (it cannot start, dies, hangs, does not finish) becomes a `recording` record, `failed` with the reason, and
+has no other effect: nothing here raises, blocks, or takes longer than its limit.
 """
 
 from __future__ import annotations
@@ -24,21 +24,21 @@ from rise_engine.run.recording.companion import CompanionRequest, encode_request
 _LOG = logging.getLogger(__name__)
 
 FINISH_SECONDS = 13.0
-"""That what works the recorders gets to finish, when the session is to end: the last mark, and stopping them."""
+"""Time limit for the recorders to finish before the session ends: the last mark, and stopping."""
 OUTLET_SECONDS = 3.0
-"""That an outlet gets when the session is over, to pass on what came until the last."""
+"""Time limit for an outlet after the session's end, to pass on the last markers."""
 GRACE_SECONDS = 1.0
-"""Between being asked to go (SIGTERM) and being ended (SIGKILL)."""
+"""Time between the request to end (SIGTERM) and the forced end (SIGKILL)."""
 LEFT_SECONDS = 3.0
-"""That what a companion has left running gets to complete its file."""
+"""Time limit for processes that a companion left running, to complete their files."""
 AGAIN_SECONDS = 5.0
-"""Before one that ended too early is started again, which goes on in a new file."""
+"""Delay before a companion that ended too early is restarted; it continues in a new file."""
 AGAIN = 3
-"""How often that is done: what ends again and again would only fill the disk."""
+"""Maximum number of restarts: one that ends again and again would only fill the disk."""
 SILENT_SECONDS = 30.0
-"""Without a sign of life after which a companion counts as hung."""
+"""Time without a sign of life after which a companion counts as hung."""
 _KEPT = 2_000
-"""Bytes of what a companion says, of which the last line becomes the reason."""
+"""Stored bytes of a companion's messages; the last line becomes the reason."""
 _OVER: frozenset[RecordingStatus] = frozenset({"stopped", "failed"})
 
 
@@ -56,15 +56,15 @@ class Companions:
         again: int = AGAIN,
         again_seconds: float = AGAIN_SECONDS,
     ) -> None:
-        """Nothing is started yet.
+        """Make the companions without starting them.
 
-        :param requests: what each is to do.
-        :param report: takes a `recording` report, at any moment; after the session's end it drops it.
-        :param status_of: how a recording of that name stands, by the last record; None: there is none.
-        :param finish_seconds: that they get to finish.
-        :param silent_seconds: without a sign of life after which one counts as hung.
-        :param again: how often one that ended too early is started again.
-        :param again_seconds: before that.
+        :param requests: one for each companion.
+        :param report: takes a `recording` report at any moment; after the session's end it drops it.
+        :param status_of: returns a recording's status in the last record; None: there is none.
+        :param finish_seconds: their time limit to finish.
+        :param silent_seconds: time without a sign of life after which one counts as hung.
+        :param again: how often one that ended too early is restarted.
+        :param again_seconds: delay before a restart.
         """
         self._companions: list[_Companion] = []
         for request in requests:
@@ -74,29 +74,33 @@ class Companions:
         self._tasks: list[asyncio.Task[None]] = []
 
     def start(self) -> None:
-        """Start them; they come up by themselves."""
+        """Start them; they run in the background."""
         loop = asyncio.get_running_loop()
         self._tasks = [loop.create_task(each.run()) for each in self._companions]
 
     @property
     def recording(self) -> bool:
-        """Whether there is any for which a session has to wait before it ends: recorders, never outlets."""
+        """Whether the session must wait for any before it ends: for recorders, never for outlets."""
         return any(not task.done() for each, task in self._pairs() if each.request.kind == "recorders")
 
     def hurry(self) -> None:
-        """Do not wait for them any longer: each is ended, with what it was to complete."""
+        """End all companions without waiting for them any longer, including what they should complete."""
         for each in self._companions:
             each.finish()
             each.hurrying.set()
 
     async def finish_recorders(self) -> None:
-        """Before the session ends: let the recorders finish and go. Returns after `finish_seconds`, and after
-        GRACE_SECONDS twice and LEFT_SECONDS for what has to be ended, at most."""
+        """Let the recorders finish and exit, before the session ends.
+
+        It takes `finish_seconds` at most, and twice GRACE_SECONDS and LEFT_SECONDS for what must be ended.
+        """
         await self._finish([(each, task) for each, task in self._pairs() if each.request.kind == "recorders"])
 
     async def finish(self) -> None:
-        """When the session is over, whose end outlets have seen, so that they pass it on: let all that is left finish
-        and go, with the same limits (an outlet's is OUTLET_SECONDS)."""
+        """Let all other companions finish and exit, after outlets have seen the session's end and passed it on.
+
+        The limits are the same (an outlet's is OUTLET_SECONDS).
+        """
         await self._finish(self._pairs())
 
     def _pairs(self) -> list[tuple[_Companion, asyncio.Task[None]]]:
@@ -116,7 +120,7 @@ class _Lives(NamedTuple):
 
 
 class _Companion:
-    """One of them, from its start to its end."""
+    """One companion, from its start to its end."""
 
     def __init__(
         self,
@@ -134,14 +138,14 @@ class _Companion:
         self.lives = lives
         self.finishing, self.hurrying = asyncio.Event(), asyncio.Event()
         self._said = b""
-        """The end of what it wrote to standard error."""
+        """The end of its standard error."""
         self._reading: asyncio.Task[None]
 
     def finish(self) -> None:
         self.finishing.set()
 
     async def run(self) -> None:
-        """Its whole life, or its lives. Never raises: the session never learns more than the record says."""
+        """Run the companion, with restarts. Never raises: failures only become records."""
         for _ in range(1 + self.lives.again):
             if self.finishing.is_set():
                 return
@@ -170,7 +174,7 @@ class _Companion:
             process._transport.close()  # type: ignore[attr-defined]  # its children may hold the pipes open
 
     async def _attend(self, process: Process) -> None:
-        """Until it has gone."""
+        """Follow the companion until it has gone."""
         assert process.stdin is not None
         with suppress(OSError):
             process.stdin.write(encode_request(self.request))
@@ -198,8 +202,10 @@ class _Companion:
                 task.cancel()
 
     async def _follow_signs(self, process: Process) -> Literal["gone", "silent"]:
-        """Returns when it has gone, with which its output ends (unless a child of it holds that open), or has given no
-        sign of life for too long. Counted are looks: that this process, or the computer, stood still is no silence."""
+        """Wait until the companion is silent for too long, or has gone: its output ends, unless a child holds it open.
+
+        Silence is counted in steps, so that a pause of this process or of the computer does not count.
+        """
         assert process.stdout is not None
         step = min(GRACE_SECONDS, self.silent_seconds)
         silent = 0.0
@@ -216,10 +222,10 @@ class _Companion:
         return "silent"
 
     async def _report_exit(self, process: Process) -> None:
-        """What it left open has failed; what it has reported as over needs no other word."""
+        """Report what it left open as failed; what it has reported as over needs no report."""
         status = await _exit_status(process)
         if status == 0 and self.finishing.is_set():
-            return  # it was to go, and went
+            return  # it should exit, and did
         await asyncio.wait({self._reading}, timeout=GRACE_SECONDS)
         lines = [clean(line).strip() for line in self._said.decode("utf-8", "replace").splitlines()]
         reason = next((line for line in reversed(lines) if line), "")
@@ -243,7 +249,7 @@ class _Companion:
 
 
 async def _end(process: Process) -> None:
-    """Asked first, then by force; two seconds at most."""
+    """End a process: first ask, then by force; takes two seconds at most."""
     for ask in (process.terminate, process.kill):
         with suppress(ProcessLookupError):
             ask()
@@ -252,8 +258,10 @@ async def _end(process: Process) -> None:
 
 
 async def _exit_status(process: Process) -> int | None:
-    """The exit status, as soon as it has one; None after GRACE_SECONDS. `Process.wait` would also wait for whoever else
-    holds its pipes open, on some versions of Python."""
+    """Return the exit status as soon as there is one; None after GRACE_SECONDS.
+
+    On some versions of Python, `Process.wait` would also wait for other holders of its pipes.
+    """
     for _ in range(round(GRACE_SECONDS / 0.02)):
         if process.returncode is not None:
             break
@@ -262,11 +270,13 @@ async def _exit_status(process: Process) -> int | None:
 
 
 async def _end_group(group: int) -> None:
-    """What a companion that died has left running (a camera's program) is asked to end, as by Ctrl-C, so that it
-    completes its file; and ended, so that it records nobody any longer."""
+    """End what a dead companion has left running (a camera's program): SIGINT lets it complete its file.
+
+    SIGKILL makes sure that it records nobody any longer.
+    """
     with suppress(ProcessLookupError, PermissionError):
         os.killpg(group, signal.SIGINT)
         for _ in range(round(LEFT_SECONDS / 0.05)):
             await asyncio.sleep(0.05)
-            os.killpg(group, 0)  # raises when nobody is left
+            os.killpg(group, 0)  # raises if no process is left
         os.killpg(group, signal.SIGKILL)

@@ -1,7 +1,7 @@
 """One connection to a session's socket: whole lines in, and bytes out. The engine never waits for it.
 
-A client that attaches is sent the state first, piece by piece as it takes them. What happens meanwhile waits behind
-that. A client that leaves too much waiting is cut. It can attach anew, and gets the state of that moment.
+An attaching client first gets the state, piece by piece as it takes them. Everything that happens meanwhile waits
+behind the state. A client with too much waiting data is cut. It can attach again, and gets the state of that moment.
 """
 
 from __future__ import annotations
@@ -22,36 +22,36 @@ from rise_engine.run.server.hub import AttachedClient
 _LOG = logging.getLogger(__name__)
 
 PIECE = 65_536
-"""Bytes that are given to the system at once."""
+"""Bytes given to the system at once."""
 STATE_PIECES = 4
-"""Pieces of the state that one client is sent in one turn of the loop."""
+"""Pieces of the state that one client gets in one turn of the loop."""
 BACKLOG = 524_288
-"""Bytes that may wait for one client."""
+"""Maximum bytes that wait for one client."""
 ARRIVAL_BACKLOG = 8_388_608
 """The same until it has taken the state and what came meanwhile."""
 STALL_SECONDS = 10.0
-"""A client that takes nothing for so long, while something waits for it, is cut."""
+"""Time after which a client that takes nothing, although something waits for it, is cut."""
 _BEHIND = encode_line(RefusedMessage("this client fell too far behind the session: attach again"))
 LINGER_SECONDS = 2.0
-"""A last line may wait so long to be read."""
+"""Maximum time that a last line waits to be read."""
 URGENT = b'"stopAll"'
 URGENT_WITHIN = 256
-"""A line that has this text within so many bytes is taken before those of others."""
+"""A line with this text within this many bytes is taken before those of others."""
 
 
 class ConnectionOwner(Protocol):
-    """Learns what happens on its connections."""
+    """The owner of connections, who gets their events."""
 
     def connection_opened(self, connection: ClientConnection) -> None:
-        """It is there, and has sent nothing yet."""
+        """Handle a new connection, which has sent nothing yet."""
         ...
 
     def line_arrived(self, connection: ClientConnection, *, urgent: bool) -> None:
-        """It has a whole line, after it had none; `take_line` gives it. Nothing more is read until all are taken."""
+        """Handle the first waiting line (`take_line` returns it). Nothing more is read until all lines are taken."""
         ...
 
     def connection_closed(self, connection: ClientConnection) -> None:
-        """It has ended. Nothing more is reported about it."""
+        """Handle the end of a connection, its last event."""
         ...
 
 
@@ -66,16 +66,16 @@ class ClientConnection(asyncio.Protocol):
         self.client: AttachedClient | None = None
         """Set once it has attached."""
         self.unanswered = 0
-        """Its messages that are not answered yet."""
+        """How many of its messages are not answered yet."""
         self.user: int | None = None
-        """The user at the other end, where the system tells."""
+        """The user at the other end, if the system tells."""
         self.closing = False
-        """It has been sent its last line, or is cut: nothing more is taken from it or sent."""
+        """Whether it has got its last line, or is cut: nothing more is taken from it or sent."""
         self._partial = bytearray()
         self._lines: deque[bytes] = deque()
         self._eof = False
         self._full_since: float | None = None
-        """What was sent last has not left yet, since this time of the loop."""
+        """The loop's time since which the last data has not left."""
         self._state: Iterator[bytes] | None = None
         self._queue: deque[bytes] = deque()
         self._backlog = BACKLOG
@@ -99,7 +99,7 @@ class ClientConnection(asyncio.Protocol):
         self._owner.connection_closed(self)
 
     def finish(self, last: bytes) -> None:
-        """End this connection with a last line, if any, after all that waits; the rest of the state is dropped."""
+        """End this connection after all waiting data with a last line, if any; the rest of the state is dropped."""
         if self.closing:
             return
         if self._state is not None:
@@ -134,11 +134,11 @@ class ClientConnection(asyncio.Protocol):
             self._partial += rest
             if len(self._partial) <= MAX_LINE_BYTES:
                 return
-            lines = [bytes(self._partial)]  # too long as it is: whoever takes it sees that
+            lines = [bytes(self._partial)]  # too long: the owner checks the length
             self._partial.clear()
         self._lines.extend(lines)
         with suppress(RuntimeError):
-            self._transport.pause_reading()  # what it writes now waits with itself
+            self._transport.pause_reading()  # what it writes now waits on its side
         self._owner.line_arrived(self, urgent=URGENT in lines[0][:URGENT_WITHIN])
 
     def eof_received(self) -> bool:
@@ -153,11 +153,11 @@ class ClientConnection(asyncio.Protocol):
         return bool(self._lines) and not self.closing
 
     def take_line(self) -> bytes:
-        """The next line, without its end, while `has_line`. It may be longer than MAX_LINE_BYTES."""
+        """Return the next line, without its end, while `has_line`. It may be longer than MAX_LINE_BYTES."""
         line = self._lines.popleft()
         if not self._lines:
             if self._eof:
-                self._loop.call_soon(self._transport.close)  # what comes of this line at once still leaves
+                self._loop.call_soon(self._transport.close)  # the immediate reply to this line still leaves
             else:
                 self._transport.resume_reading()
         return line
@@ -176,12 +176,12 @@ class ClientConnection(asyncio.Protocol):
         self._send_waiting()
 
     def send(self, pieces: Iterable[bytes]) -> None:
-        """Send these, none longer than PIECE, as soon as the client takes them. One that lies too far behind is cut."""
+        """Send pieces, none longer than PIECE, as soon as the client takes them; cut one that is too far behind."""
         if self.closing or self._transport.is_closing():
             return
         if self.waiting > self._backlog:
             if self._state is None:
-                self.finish(_BEHIND)  # if it still reads, it knows at once that it has to attach anew
+                self.finish(_BEHIND)  # if it still reads, it learns immediately that it must attach again
             else:
                 self.abort()
             return
@@ -199,8 +199,8 @@ class ClientConnection(asyncio.Protocol):
         self._full_since = self._loop.time()
 
     def resume_writing(self) -> None:
-        # The transport calls this in the middle of a write of its own. If we wrote or closed now, and that failed,
-        # asyncio would call connection_lost twice, the second time on nothing. So the rest is sent in the next turn.
+        # The transport calls this in the middle of its own write. If a write or close here failed, asyncio would call
+        # connection_lost twice, the second time on nothing. So the rest is sent in the next turn.
         self._full_since = None
         self._loop.call_soon(self._send_waiting)
 
@@ -246,12 +246,12 @@ class ClientConnection(asyncio.Protocol):
 
 
 def split_into_pieces(data: bytes) -> list[bytes]:
-    """The data in pieces as `ClientConnection.send` takes them."""
+    """Split data into pieces for `ClientConnection.send`."""
     return [data[at : at + PIECE] for at in range(0, len(data), PIECE)]
 
 
 def _user_of(connected: socket.socket) -> int | None:
-    """The number of the user whose program is at the other end; None where the system does not tell."""
+    """Return the id of the user whose program is at the other end; None if the system does not tell."""
     if sys.platform == "darwin":
         # struct xucred {u_int version; uid_t uid; ...}, by getsockopt(SOL_LOCAL, LOCAL_PEERCRED)
         return int(struct.unpack("=II", connected.getsockopt(0, 1, 76)[:8])[1])

@@ -1,7 +1,7 @@
-"""Finding the marks in what recorded a session, once it has ended: in a process that nobody waits for.
+"""The search for marks in a session's recordings after its end, in a process that nobody waits for.
 
-It does what `rise-engine media add --find-marks` does for each file of a recorder, one after the other and with the
-lowest priority. Where no mark is found, what media.json says of a file stays as it was.
+It does the same as `rise-engine media add --find-marks` for each file of a recorder, one after the other and with the
+lowest priority. For a file without marks, media.json stays unchanged.
 
 `python -m rise_engine.run.server.find_marks FOLDER` is that process.
 """
@@ -21,15 +21,15 @@ from rise_engine.session.media import media_path, read_media
 
 _LOG = logging.getLogger(__name__)
 FILE_SECONDS = 900.0
-"""For one file: an hour of sound takes some seconds, and a film of 50 GB has to be read once."""
+"""Time limit for one file: an hour of sound takes some seconds, and a film of 50 GB must be read once."""
 _WITH_SOUND = frozenset({"video", "audio"})
 
 
 def find_marks_later(folder: Path, view: SessionView) -> bool:
-    """Start looking for marks, if there can be any; whether it was started. Never raises.
+    """Start the search for marks, if there can be any; return whether it was started. Never raises.
 
-    :param folder: of a session that has ended.
-    :param view: how it ended.
+    :param folder: that of a session that has ended.
+    :param view: its last state.
     """
     try:
         if view.sync is None or view.sync.medium != "sound" or find_spec("numpy") is None or not unaligned(folder):
@@ -41,7 +41,7 @@ def find_marks_later(folder: Path, view: SessionView) -> bool:
             stderr=subprocess.DEVNULL,
             start_new_session=True,
         )
-        process.returncode = 0  # it is nobody's child: no warning that it still runs
+        process.returncode = 0  # detached: no warning that it still runs
     except (OSError, RiseError) as error:
         _LOG.warning("marks were not looked for: %s", error)
         return False
@@ -49,7 +49,7 @@ def find_marks_later(folder: Path, view: SessionView) -> bool:
 
 
 def unaligned(folder: Path) -> list[tuple[str, Path]]:
-    """The files of a session's recorders about which only their start is known, with their recorder's name.
+    """Return a session's recordings for which only the start is known, with their recorder's name.
 
     :param folder: the session's.
     :raises RiseError: media.json cannot be read.
@@ -63,7 +63,7 @@ def unaligned(folder: Path) -> list[tuple[str, Path]]:
 
 
 def main(folder: Path) -> None:
-    """Look for marks in each file.
+    """Search for marks in each file.
 
     :param folder: the session's.
     """

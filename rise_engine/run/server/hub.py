@@ -1,10 +1,10 @@
-"""The clients of a session: who is attached, who of them holds control, and what each may do. No sockets in here.
+"""The clients of a session: who is attached, who has control, and what each may do. It has no sockets.
 
-One client at most holds control: the wizard who may act. Everybody else watches, adds notes, and can stop everything.
-What changes about control goes through the engine like any other input, so that it is in the record.
+At most one client has control: the wizard who may act. Everybody else watches, adds notes, and can stop everything.
+Changes of control go through the engine like any other input, so that they are in the record.
 
-Two names: a client's own name is unique (`wizard:anna#2` is Anna's second console), because control belongs to one
-console; the `source` of what it submits is the person (`wizard:anna`), because the record asks who did it.
+A client has two names. Its own name is unique (`wizard:anna#2` is Anna's second console), because control belongs to
+one console. The `source` of its inputs is the person (`wizard:anna`), because the record names who did it.
 """
 
 from __future__ import annotations
@@ -29,18 +29,17 @@ from rise_engine.run.server.client_names import find_lookalike, name_problem
 _LOG = logging.getLogger(__name__)
 
 ALLOWED_WITHOUT_CONTROL = frozenset({"stopAll", "cancelOpenGoals", "markMistake"})
-"""What everybody who is attached may ask for: it starts nothing. So may notes be added."""
+"""Functions for every attached client: they start nothing. Every client may also add notes."""
 
 
 class AttachedClient(Struct, frozen=True, eq=False):
-    """A console or a program that is attached."""
+    """An attached console or program."""
 
     name: str
-    """Unique among those attached: `wizard:anna#2`."""
+    """Unique among the attached clients: `wizard:anna#2`."""
     source: str
-    """What the record names for what it submits: `wizard:anna`."""
+    """The source of its inputs in the record: `wizard:anna`."""
     role: Role
-    """What it may do."""
 
 
 class SessionHub:
@@ -54,23 +53,23 @@ class SessionHub:
         view: SessionView | None = None,
         end: Callable[[str], object] | None = None,
     ) -> None:
-        """Make it before the engine starts, so that it misses no record.
+        """Make the hub before the engine starts, so that it misses no record.
 
         :param engine: whose session it is.
-        :param folder: the session's; empty when nothing is kept.
-        :param view: the state of a session that goes on, before the first new record.
-        :param end: what ends the session, for the reason given, when a client asks for it; without it, the engine does.
+        :param folder: the session's; empty if nothing is stored.
+        :param view: the state of a session that continues, before the first new record.
+        :param end: ends the session with the given reason when a client requests it; by default, the engine does.
         """
         self.engine = engine
         self.folder = folder
         self.clients: dict[str, AttachedClient] = {}
         self._names_seen: dict[str, None] = {}
-        """Of all who have attached so far."""
+        """Names of all who have attached so far."""
         self._end_session = end or engine.end
         self.take_over: Callable[[str, ReplyCallback], object] | None = None
         """Begins to take over changed files of the scenario, for this source; None: this session cannot."""
         self.view = SessionView() if view is None else view
-        """The present state, for looking only."""
+        """The present state, read-only."""
         self._all_tasks: list[TaskView] | None = None
         self._changing_tasks = {id for id, task in self.view.tasks.items() if _can_change(task)}
         self._listeners: list[Callable[[Update], object]] = []
@@ -84,33 +83,32 @@ class SessionHub:
         engine.on_journal_status = self._notify_listeners
 
     def changing_tasks(self) -> list[TaskView]:
-        """The view's tasks that can still change, which are to be looked at now; no other one ever does."""
+        """Return the view's tasks that can still change; encode them before they do."""
         tasks = self.view.tasks
         return [tasks[id] for id in sorted(self._changing_tasks) if id in tasks]
 
     def all_tasks(self) -> list[TaskView]:
-        """The view's tasks. Made once for all who ask before there is another task: a copy of the whole view would be
-        ten times as dear."""
+        """Return the view's tasks, made once until there is a new one: copying the view takes ten times as long."""
         if self._all_tasks is None:
             self._all_tasks = list(self.view.tasks.values())
         return self._all_tasks
 
     def subscribe(self, listener: Callable[[Update], object]) -> None:
-        """Let `listener` have every record, and every change of how recording stands. It may be called in a step."""
+        """Send every record, and every change of the recording's state, to a listener. It may be called in a step."""
         self._listeners.append(listener)
 
     # --- attaching and detaching --------------------------------------------------------------------------------
 
     def attach(self, name: str, role: Role, source: str | None = None) -> AttachedClient:
-        """Admit a client. A wizard who attaches while nobody holds control gets it.
+        """Admit a client. A wizard who attaches while nobody has control gets it.
 
-        :param name: who it is; a second one of the same name gets a number.
+        :param name: the client's; a second one of the same name gets a number.
         :param role: what it may do.
-        :param source: what the record names instead of `role:name`, for one who speaks for others (`ros:domain_task`).
-        :raises Rejected: the name cannot be one, or looks like another's; or the session has ended.
+        :param source: its source in the record instead of `role:name`, if it speaks for others (`ros:domain_task`).
+        :raises Rejected: the name is invalid, or looks like another's; or the session has ended.
         """
         name = normalize("NFC", name)
-        before = [self.view.wizard] if self.view.wizard else []  # of a session that goes on
+        before = [self.view.wizard] if self.view.wizard else []  # for a session that continues
         problem = name_problem(name)
         if not problem and (other := find_lookalike(name, [*self._names_seen, *before])):
             problem = f"{name!r} looks like {other!r}, a name in this session's record: use another name"
@@ -132,7 +130,7 @@ class SessionHub:
         return client
 
     def detach(self, client: AttachedClient) -> None:
-        """A client has gone. Control that it held goes to who asked for it, or to nobody."""
+        """Remove a client that has gone. Its control goes to the one who asked for it, or to nobody."""
         if self.clients.get(client.name) is not client:
             return
         del self.clients[client.name]
@@ -143,7 +141,7 @@ class SessionHub:
             self._set_control("released", client, self._holder)
 
     def summary(self) -> SessionSummary:
-        """The session in a few words, but for what only its server knows."""
+        """Summarize the session, without what only its server knows."""
         engine, scenario, view = self.engine, self.engine.scenario, self.view
         return SessionSummary(
             version=VERSION,
@@ -168,7 +166,7 @@ class SessionHub:
             versions=versions(),
         )
 
-    # --- what clients do ----------------------------------------------------------------------------------------
+    # --- requests of clients ------------------------------------------------------------------------------------
 
     def submit(self, client: AttachedClient, message: ClientInput, answer: ReplyCallback) -> None:
         """Pass an input on, in the client's name; `answer` is called once."""
@@ -204,7 +202,7 @@ class SessionHub:
                 answer(Reply(False, "nobody has asked for control; release it, so that others can take it"))
             case "give":
                 self._set_control("given", client, requester, answer)
-            case "release":  # also of one who asked and does not want it any more
+            case "release":  # also takes a request back
                 self._set_control("released", client, None if holder is client else holder, answer)
 
     def end_session(self, client: AttachedClient, reason: str, answer: ReplyCallback) -> None:
@@ -217,7 +215,7 @@ class SessionHub:
             self._end_session(reason or f"ended by {client.source}")
 
     def take_over_scenario(self, client: AttachedClient, answer: ReplyCallback) -> None:
-        """Go on with the scenario's files as they are now; `answer` is called once, when it is done or refused."""
+        """Continue with the scenario's present files; `answer` is called once, when it is done or refused."""
         problem = "" if self._has_begun else "the session has not begun yet"
         problem = problem or self._why_not_judge(client, "take over changed files")
         if self.ending or self.engine.ended:
@@ -250,7 +248,10 @@ class SessionHub:
         return f"you do not hold control: {self._holder_sentence()}"
 
     def _why_not_judge(self, client: AttachedClient, what: str) -> str:
-        """The session as a whole is for who holds control, for programs, and for any wizard while nobody does."""
+        """Return why a client may not decide about the whole session; empty: it may.
+
+        The wizard who has control may, programs may, and any wizard may while nobody has control.
+        """
         if client.role == "observer":
             return f"an observer cannot {what}"
         if client.role == "wizard" and self._holder not in (None, client):
@@ -258,8 +259,7 @@ class SessionHub:
         return ""
 
     def _why_not_release(self, client: AttachedClient) -> str:
-        """A stop, or a part that is held, is not released by whatever program happens to run: by a person, or by one
-        that the study names."""
+        """Return why a program may not release a stop or a held part: only a person may, or a program that is named."""
         named = self.engine.scenario.may_release
         program = client.source.partition(":")[2]
         if program in named:
@@ -275,7 +275,7 @@ class SessionHub:
 
     @property
     def _has_begun(self) -> bool:
-        """The engine has taken its first input; none of ours may come before."""
+        """Whether the engine has taken its first input; no client's input may come before."""
         return self.engine.inputs != self._inputs_before
 
     def _set_control(
@@ -285,10 +285,10 @@ class SessionHub:
         holder: AttachedClient | None,
         answer: ReplyCallback | None = None,
     ) -> None:
-        """Set who holds control: `holder`, because of what `by` did. It counts at once, before it is recorded.
+        """Give control to `holder`, because of what `by` did. It is effective immediately, before it is recorded.
 
-        With `answer` it is a request, and undone when it is rejected. Without, it is a fact (somebody has gone), and
-        recorded later if it cannot be now.
+        With `answer` it is a request, and undone if it is rejected. Without, it is a fact (somebody has gone), and
+        recorded later if that is not possible now.
         """
         before = self._holder, self._requester
         after = self._holder, self._requester = holder, by if status == "asked" else None
@@ -306,7 +306,7 @@ class SessionHub:
         self.engine.accept(fact, undo_if_rejected)
 
     def _assign_control_at_start(self) -> None:
-        """With the first record: a wizard who attached before it gets control; who held it before a crash does not."""
+        """Give control to a wizard who attached before the first record; a holder from before a crash loses it."""
         self._first_record_came = True
         if self._holder is not None:
             return
@@ -338,7 +338,7 @@ class SessionHub:
         for listener in self._listeners:
             try:
                 listener(update)
-            except Exception:  # or the engine would drop the whole hub
+            except Exception:  # otherwise the engine would remove the whole hub
                 _LOG.exception("a listener failed")
 
 

@@ -1,7 +1,7 @@
-"""Everything about a session that can be refused before it runs: its name, scenario, robot and journal.
+"""The preparation of a session, with every possible refusal: its name, scenario, robot and journal.
 
 `SessionPreparation` locks the session's name, chooses between a new session and one that did not end, loads or recovers
-it, and opens its journal. What is in the way is a `ServeRefused`, with the exit status and sentences for a person.
+it, and opens its journal. A refusal is a `ServeRefused`, with the exit status and sentences for a person.
 """
 
 from __future__ import annotations
@@ -54,23 +54,23 @@ from rise_engine.study.traces import study_of_session
 
 
 class SessionPreparation:
-    """One session, from its options to its open journal. Whoever makes it closes it."""
+    """One session, from its options to its open journal. The caller closes it."""
 
     def __init__(self, options: SessionOptions, report: ReportStartup) -> None:
-        """Choose the session and load what it runs, or recover it, which can take long.
+        """Choose the session and load its scenario, or recover it, which can take long.
 
-        :param options: what was asked for.
-        :param report: gets sentences about how far a recovery is.
-        :raises ServeRefused: nothing was started; what was locked is released.
+        :param options: the user's.
+        :param report: gets sentences about the progress of a recovery.
+        :raises ServeRefused: nothing was started; locks are released.
         """
         self.options = options = _with_study_of_session(options)
         self.study = StudyPreparation(options) if options.study else None
-        """Of a session of a study."""
+        """For a session of a study."""
         self.recovered: RecoveredSession | None = None
         self.started = SessionStarted()
         """The first input of a new session."""
         self.lock: JournalLock | None = None
-        """Of the journal of a session that goes on, until that is open."""
+        """The journal's lock of a session that continues, until the journal is open."""
         self.name = options.socket_name or session_name(Path(options.study or options.folder))
         self.name_lock = self._acquire_name()
         try:
@@ -104,7 +104,7 @@ class SessionPreparation:
         self.name_lock.close()
 
     def _choose_unfinished(self) -> Path | None:
-        """The folder of the session that is to go on; None for a new session."""
+        """Return the folder of the session to continue; None for a new session."""
         options = self.options
         if self.study is not None:
             return self.study.choose()
@@ -127,7 +127,7 @@ class SessionPreparation:
                 others=others,
             )
         if options.unfinished == "new":
-            for folder in theirs:  # those of others stay to be recovered
+            for folder in theirs:  # those of others can still be recovered
                 mark_abandoned(folder)
             return None
         if others and not theirs:
@@ -139,7 +139,7 @@ class SessionPreparation:
         return theirs[0] if theirs else None
 
     def _refuse_if_running(self, scenario_folder: str) -> None:
-        """One session of a scenario at a time, whoever's environment its engine has, unless somebody gave it a name."""
+        """Refuse a second session of a scenario in any environment, unless this one has its own socket name."""
         if self.options.socket_name is not None:
             return
         for folder, holder in running_sessions(str(Path(scenario_folder).absolute())).items():
@@ -147,7 +147,7 @@ class SessionPreparation:
             raise ServeRefused(exit_status.ALREADY_RUNNING, running_message(folder, holder), socket=socket)
 
     def _check_participant(self, folder: Path) -> None:
-        """Nobody's session goes on as somebody else's. Raises SessionError."""
+        """Check that a session does not continue for another participant. Raises SessionError."""
         options, info = self.options, read_info(folder)
         if not belongs_to(info, options.participant, options.condition):
             owner = participant_text(info.participant, info.condition)
@@ -185,15 +185,15 @@ class SessionPreparation:
         self._files = loaded.files
 
     def _refuse_other_memory(self) -> None:
-        """The memory is what the condition says, whoever has chosen that: the command line, or the plan of a study."""
+        """Check that the first tasks do not change what the condition sets, from the command line or a study's plan."""
         if problems := set_conflicts(self.scenario, self.started, self.options.first_tasks):
             raise ServeRefused(exit_status.USAGE, *(f"error: {problem}" for problem in problems))
 
     def open_journal(self, changed: Callable[[], None], now: Callable[[], float]) -> Journal:
-        """The journal of the session that goes on, or of a new one, whose folder is made for it.
+        """Open the journal of the session that continues, or make the folder and the journal of a new one.
 
-        :param changed: as `Journal` takes it: called on its thread.
-        :param now: the session's time.
+        :param changed: passed to `Journal`, which calls it on its thread.
+        :param now: returns the session's time.
         :raises ServeRefused: it cannot be written, or another session of the scenario has begun meanwhile.
         """
         try:
@@ -201,7 +201,7 @@ class SessionPreparation:
                 journal = Journal(
                     self.folder / JOURNAL, size=self.recovered.size, lock=self.lock, changed=changed, now=now
                 )
-                self.lock = None  # it is the journal's now
+                self.lock = None  # it belongs to the journal now
                 return journal
             return self._begin(changed, now)
         except OSError as error:
@@ -210,7 +210,7 @@ class SessionPreparation:
             raise ServeRefused(exit_status.NOT_WRITTEN, str(error)) from None
 
     def _begin(self, changed: Callable[[], None], now: Callable[[], float]) -> Journal:
-        """Make the new session's folder and journal, and what the study's log says of it."""
+        """Make the new session's folder and journal, and its entry in the study's log."""
         root = sessions_folder() if self.study is None else self.study.root
         with suppress(OSError):
             root.mkdir(0o700, parents=True, exist_ok=True)
@@ -266,18 +266,18 @@ class SessionPreparation:
 
     @property
     def session_id(self) -> str:
-        """Tells the session from all others; the same when it is recovered."""
+        """An id of the session that stays the same after a recovery."""
         info = read_info(self.folder)
         return f"{self.folder.name} {info.started} {info.seed}"
 
     def decide_recording(self) -> RecordingDecision:
-        """What records the session, once its journal is open; nothing does in one that is of no study."""
+        """Decide what records the session, once its journal is open; nothing outside of a study."""
         if self.study is None:
             return RecordingDecision(RecordingSettings())
         return self.study.decide_recording(read_info(self.folder))
 
     def companions(self, settings: RecordingSettings) -> list[CompanionRequest]:
-        """The processes that record the session, and what each is to do."""
+        """Make the requests for the processes that record the session."""
         info = read_info(self.folder)
         request = CompanionRequest(
             kind="recorders",
@@ -293,14 +293,14 @@ class SessionPreparation:
         return companions_for(request)
 
     async def connect(self) -> Bridge[SessionHub] | None:
-        """The connection to ROS, where the session has one. Raises ServeRefused."""
+        """Open the session's connection to ROS, if it has one. Raises ServeRefused."""
         try:
             return await open_bridge(self.ros, self.scenario.robot, self.scenario.mode)
         except AdapterError as error:
             raise ServeRefused(exit_status.REFUSED, *(f"error: {line}" for line in error.lines)) from None
 
     def make_robot(self, clock: RealClock, bridge: Bridge[SessionHub] | None) -> Robot:
-        """The session's robot, over the bridge if that is its driver. Raises ServeRefused."""
+        """Make the session's robot, over the bridge if that is its driver. Raises ServeRefused."""
         try:
             return make_robot(self.scenario.robot, self.scenario.mode, clock, self.seed, self.faults, bridge)
         except AdapterError as error:
@@ -310,7 +310,7 @@ class SessionPreparation:
 
 
 def _language_of_session(plan: SessionPlan, options: SessionOptions, robot: str | None) -> str:
-    """In which language a session of a study is. Raises ServeRefused: another one was asked for."""
+    """Return the language of a study's session. Raises ServeRefused: the user wants another one."""
     if not plan.language:
         return options.language
     try:
@@ -320,7 +320,7 @@ def _language_of_session(plan: SessionPlan, options: SessionOptions, robot: str 
 
 
 def _with_study_of_session(options: SessionOptions) -> SessionOptions:
-    """A session of a study that is named goes on as one, also when nobody named the study."""
+    """Add the study of a named session that belongs to one, if the user did not name it."""
     if options.study or options.unfinished in ("ask", "new", "recover"):
         return options
     try:

@@ -1,7 +1,7 @@
-"""`rise-engine serve`: one session in a process of its own, which no console can take down.
+"""`rise-engine serve`: one session in its own process, which survives its consoles.
 
-`SessionPreparation` gives what is run. The process runs its engine and listens on the session's socket until it has
-ended. SIGTERM and SIGINT stop the robot and end the session in order; SIGHUP, which a lost terminal sends, is ignored.
+`SessionPreparation` decides what is run. The process runs its engine and listens on the session's socket to its end.
+SIGTERM and SIGINT stop the robot and end the session in order; SIGHUP, which a lost terminal sends, is ignored.
 """
 
 from __future__ import annotations
@@ -40,14 +40,14 @@ RECORD_SECONDS = 5.0
 LEFTOVER_SECONDS = 5.0
 """Seconds after a recovery in which a wizard can take control and decide about what the robot is still doing."""
 POLL_SECONDS = 0.5
-"""Between two looks at the journal, so that a lag shows."""
+"""Interval between two checks of the journal, so that a lag shows."""
 
 
 def serve(options: SessionOptions, report: ReportStartup) -> int:
     """Serve a session until it ends.
 
     :param options: what to run.
-    :param report: gets the progress, and at last that the session is served, or why not.
+    :param report: gets the progress, and finally whether the session is served, or why not.
     :return: the exit status.
     """
     preparation: SessionPreparation | None = None
@@ -72,7 +72,7 @@ class _SessionProcess:
         self.unrecorded = False
 
     async def run(self) -> int:
-        # A driver that is not installed, or an option that it does not take, is found before a session is made.
+        # Before a session is made: a driver may be missing, or refuse an option.
         bridge = await self.prepared.connect()
         try:
             return await self._serve(bridge)
@@ -118,7 +118,7 @@ class _SessionProcess:
             polling.cancel()
             _notify_systemd("STOPPING=1")
             await server.close()
-            await self.companions.finish()  # outlets; and recorders, of a session that failed
+            await self.companions.finish()  # outlets; and the recorders of a session that failed
             recorded = await asyncio.to_thread(journal.close, RECORD_SECONDS)
             if prepared.study is not None:
                 await asyncio.to_thread(prepared.study.note_ended)
@@ -133,9 +133,9 @@ class _SessionProcess:
         return exit_status.OK
 
     def _flush_soon(self) -> None:
-        """On the journal's thread: it has got on."""
+        """Flush the engine soon; called on the journal's thread after progress."""
         with suppress(RuntimeError):  # the loop is closed
-            self.loop.call_soon_threadsafe(lambda: self.engine.flush_durable())  # perhaps it is just being made
+            self.loop.call_soon_threadsafe(lambda: self.engine.flush_durable())  # the engine may not exist yet
 
     def _make_engine(self, robot: Robot, clock: RealClock, journal: Journal) -> Engine:
         prepared, recovered = self.prepared, self.prepared.recovered
@@ -188,12 +188,12 @@ class _SessionProcess:
         self._schedule(engine)
 
     def _cancel_leftovers(self) -> None:
-        """Nobody has taken control of a recovered session: what the engine before it left running is stopped."""
+        """Stop what an earlier engine left running, if nobody has taken control of the recovered session."""
         if self.hub.view.control is None and self.engine.holding_goals:
             self.engine.post(Submit(function="cancelOpenGoals", source="engine"))
 
     def _schedule(self, engine: Engine) -> None:
-        """What a rehearsal does by itself later. Those of one moment share a timer: a loop keeps no order of timers."""
+        """Schedule the tasks of a rehearsal. Those of one moment share a timer: a loop keeps no order of timers."""
         due: dict[float, list[Submit]] = {}
         for timed in self.prepared.options.script:
             due.setdefault(timed.at, []).append(timed.task)
@@ -210,12 +210,12 @@ class _SessionProcess:
         return record.status if record is not None else None
 
     def _end_by_signal(self, reason: str) -> None:
-        if self.ending:  # the second one: whoever asks twice means now
+        if self.ending:  # the second one: end immediately
             self.companions.hurry()
         self.end(reason)
 
     def end(self, reason: str) -> None:
-        """Stop the robot, let the recorders finish, end the session; and do not wait for ever for any of it."""
+        """Stop the robot, let the recorders finish, and end the session, each with a time limit."""
         if self.ending:
             return
         self.ending = True
@@ -249,13 +249,13 @@ class _SessionProcess:
 
 
 def report_to_pipe(descriptor: int) -> ReportStartup:
-    """Reports that are written to a pipe, at whose other end waits who started this process.
+    """Make a report function that writes to a pipe, for the process that started this one.
 
     :param descriptor: the pipe's; it is closed after the last report.
     """
 
     def write(message: StartupProgress | StartOutcome) -> None:
-        with suppress(OSError):  # nobody waits any more; the session goes on
+        with suppress(OSError):  # nobody waits any more; the session continues
             os.write(descriptor, encode(message) + b"\n")
         if not isinstance(message, StartupProgress):
             os.close(descriptor)
@@ -264,7 +264,7 @@ def report_to_pipe(descriptor: int) -> ReportStartup:
 
 
 def _notify_systemd(state: str) -> None:
-    """For a unit of Type=notify (sd_notify(3))."""
+    """Notify systemd, for a unit of Type=notify (sd_notify(3))."""
     address = os.environ.get("NOTIFY_SOCKET")
     if not address:
         return

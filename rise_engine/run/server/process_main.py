@@ -1,4 +1,4 @@
-"""A session's process, as `spawn` starts it: with its options, and a descriptor for its report."""
+"""The main program of a session's process, started by `spawn` with its options and a descriptor for its report."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from rise_engine.run.server.process import report_to_pipe, serve
 
 
 def main() -> None:
-    """`python -m rise_engine.run.server.process_main OPTIONS DESCRIPTOR`."""
+    """Run `python -m rise_engine.run.server.process_main OPTIONS DESCRIPTOR`."""
     _, options, descriptor = sys.argv
     session = msgspec.convert(restore_all_surrogates(msgspec.json.decode(options)), SessionOptions)
     sys.exit(serve(session, report_to_pipe(int(descriptor))))

@@ -1,10 +1,10 @@
 """The session's socket, in the engine's loop. The engine never waits for a client.
 
-What keeps the loop free, whatever clients do:
-- messages are taken in turn, one of each client, and only so many before the loop goes on; stop-all goes first;
-- records are encoded once, gathered for one turn of the loop, and shared by everybody's queue;
-- a client that lies too far behind is cut, and attaches anew when it can;
-- the state for those who attach goes out in pieces, a few of each client in a turn of the loop.
+These rules keep the loop free, whatever clients do:
+- messages are taken in turn, one of each client, with a limit for each turn of the loop; stop-all comes first;
+- records are encoded once, gathered for one turn of the loop, and shared by all queues;
+- a client that is too far behind is cut, and attaches again when it can;
+- attaching clients get the state in pieces, a few for each client in a turn of the loop.
 """
 
 from __future__ import annotations
@@ -62,25 +62,24 @@ _LOG = logging.getLogger(__name__)
 
 MAX_CLIENTS = 200
 MAX_UNANSWERED = 256
-"""Messages of one client that are not answered yet."""
+"""Maximum number of unanswered messages of one client."""
 ATTACH_SECONDS = 5.0
-"""Within which a connection has to attach."""
+"""Time limit for attaching after a connection."""
 TASKS_AT_ONCE = 128
 """Tasks of the state in one message."""
 HEARTBEAT_SECONDS = 1.0
-"""Between two signs of life."""
+"""Interval between two signs of life."""
 SLICE_SECONDS = 0.005
 SLICE_BYTES = 65_536
-"""For which, and up to which, messages are taken in one turn of the loop: what comes of them has to go out too."""
+"""Limits of the messages taken in one turn of the loop, in seconds and bytes, so that their effects go out too."""
 
 
 class SessionServer:
-    """Listens for clients of one session. All methods belong to the engine's loop."""
+    """A server for the clients of one session. All methods belong to the engine's loop."""
 
     def __init__(self, hub: SessionHub, path: str | os.PathLike[str]) -> None:
-        """
-        :param hub: the session.
-        :param path: of the socket; nothing is there yet.
+        """:param hub: the session.
+        :param path: the socket's; nothing exists there yet.
         """
         self.hub = hub
         self.path = Path(path)
@@ -88,14 +87,14 @@ class SessionServer:
         self.lag: LagMeter
         self._server: asyncio.AbstractServer | None = None
         self._encoded_scenario: tuple[Scenario | None, bytes] = (None, b"")
-        """What a client is sent that asks for it, made once."""
+        """The scenario's message for clients that want it, made once."""
         self._attached: set[ClientConnection] = set()
         self._waiting_connections: deque[ClientConnection] = deque()
-        """Those that have sent something that was not taken yet."""
+        """Connections with lines that were not taken yet."""
         self._messages = TimeSlicer(self._take_message, SLICE_SECONDS, most=SLICE_BYTES)
         self._all_gone = asyncio.Event()
         self._records: list[bytes] = []
-        """Encoded, of this turn of the loop."""
+        """Encoded records of this turn of the loop."""
         self._replies: dict[ClientConnection, list[bytes]] = {}
         self._flushing = False
         hub.subscribe(self._on_update)
@@ -119,7 +118,7 @@ class SessionServer:
         self._heartbeat = self._loop.call_later(HEARTBEAT_SECONDS, self._on_heartbeat)
 
     async def close(self) -> None:
-        """Say that the session is over, if it is, and end all connections. Waits a moment for clients that read."""
+        """Announce the session's end, if it is over, and end all connections. Waits a moment for clients that read."""
         if self._server is None:
             return
         self._server.close()
@@ -146,7 +145,7 @@ class SessionServer:
         self._server = None
 
     def summary(self) -> SessionSummary:
-        """The session in a few words, and how late its loop is."""
+        """Summarize the session, including the delay of its loop."""
         program = f"rise-tui {versions()['rise-tui']}"
         return replace(self.hub.summary(), program=program, lag=self.lag.recent, lag_max=self.lag.max)
 
@@ -158,7 +157,7 @@ class SessionServer:
             _refuse(connection, "this session belongs to another user")
 
     def _end_idle(self) -> None:
-        """End the connections that have had their time to attach, or to read."""
+        """End the connections whose time to attach, or to read, is over."""
         oldest = self._loop.time() - ATTACH_SECONDS
         for connection in tuple(self.connections):
             if connection.client is None and connection.opened_at < oldest:
@@ -174,17 +173,17 @@ class SessionServer:
         if not self.connections and self._server is not None and not self._server.is_serving():
             self._all_gone.set()
 
-    # --- in: one message of each client in turn ---------------------------------------------------------------------
+    # --- input: one message of each client in turn ------------------------------------------------------------------
 
     def line_arrived(self, connection: ClientConnection, *, urgent: bool) -> None:
-        if urgent:  # a stop-all does not wait behind the long messages of others
+        if urgent:  # a stop-all does not wait behind long messages of others
             self._waiting_connections.appendleft(connection)
         else:
             self._waiting_connections.append(connection)
         self._messages.wake()
 
     def _take_message(self) -> int:
-        """Take one message of the client whose turn it is; gives its length."""
+        """Take one message of the next client; return its length."""
         if not self._waiting_connections:
             return 0
         connection = self._waiting_connections.popleft()
@@ -193,7 +192,7 @@ class SessionServer:
         data = connection.take_line()
         try:
             self._take_line(connection, data)
-        except Exception:  # the engine's own failure ends the session; nothing else may hurt other clients
+        except Exception:  # the engine's own failure ends the session; no other error may affect other clients
             _LOG.exception("a client's message failed")
             _refuse(connection, "this message could not be handled; the engine's log says why")
         if connection.has_line:
@@ -246,7 +245,7 @@ class SessionServer:
                 self.hub.take_over_scenario(client, answer)
 
     def _attach(self, connection: ClientConnection, message: AttachMessage) -> None:
-        """Raises Rejected."""
+        """Attach a client. Raises Rejected."""
         if message.version != VERSION:
             raise Rejected(
                 f"this session speaks version {VERSION} of the protocol, and you speak version {message.version}; "
@@ -259,13 +258,13 @@ class SessionServer:
         client = connection.client = self.hub.attach(message.name, message.role)
         self._flush_records()  # the state has them already
         self._attached.add(connection)
-        # Everything that can still change is encoded now; the tasks that cannot, some at a time.
+        # Everything that can still change is encoded now; other tasks follow, some at a time.
         changing = self.hub.changing_tasks()
         scenario = self._scenario_line if message.scenario else b""
         first = encode_line(self._make_hello(client)) + scenario + encode_line(TasksMessage(changing))
         connection.send_state(_state_pieces(first, self.hub.all_tasks(), {task.id for task in changing}))
 
-    # --- out: everything of one turn together -----------------------------------------------------------------------
+    # --- output: everything of one turn together --------------------------------------------------------------------
 
     def _on_update(self, update: Update) -> None:
         if not self._attached or isinstance(update, Heartbeat):
@@ -278,7 +277,7 @@ class SessionServer:
             self._flush_soon()
 
     def _on_heartbeat(self) -> None:
-        """Signs of life, for those that are attached."""
+        """Send signs of life to the attached clients."""
         self._heartbeat = self._loop.call_later(HEARTBEAT_SECONDS, self._on_heartbeat)
         self._end_idle()
         if self._attached:
@@ -299,7 +298,7 @@ class SessionServer:
             self._loop.call_soon(self._flush)
 
     def _flush(self) -> None:
-        """Records first: who reads that an input was accepted has seen what came of it."""
+        """Send records first: a client that reads that an input was accepted has already seen its records."""
         self._flushing = False
         self._flush_records()
         replies, self._replies = self._replies, {}
@@ -338,18 +337,18 @@ class SessionServer:
         )
 
     def scenario_changed(self) -> None:
-        """The session goes on with another scenario: whoever is attached attaches anew, and gets it then."""
+        """Make all clients attach again, because the session continues with another scenario."""
         self._loop.call_soon(self._let_attach_anew)
 
     def _let_attach_anew(self) -> None:
-        """After what is on its way, an answer to who has asked for it among that."""
+        """Send what is under way, including the reply to the request, and end the connections."""
         self._flush()
         for connection in tuple(self._attached):
             _refuse(connection, "the files of the scenario have changed: attach again")
 
     @property
     def _scenario_line(self) -> bytes:
-        """Empty when it cannot be sent; then a client reads the copy in the session's folder."""
+        """The scenario's message; empty if it cannot be sent: clients then read the copy in the session's folder."""
         scenario = self.hub.engine.scenario
         if scenario is not self._encoded_scenario[0]:
             try:
@@ -370,7 +369,7 @@ def _is_stop(message: object) -> bool:
 
 
 def _state_pieces(first: bytes, tasks: list[TaskView], sent: set[int]) -> Iterator[bytes]:
-    """The state of a session: `first`, then the tasks that were not sent with it."""
+    """Yield the state of a session: `first`, then the tasks that were not sent with it."""
     yield from split_into_pieces(first)
     for at in range(0, len(tasks), TASKS_AT_ONCE):
         portion = [task for task in tasks[at : at + TASKS_AT_ONCE] if task.id not in sent]

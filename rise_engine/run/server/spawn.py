@@ -1,4 +1,4 @@
-"""Starting an engine in the background: a process that belongs to no terminal, and its report whether it serves."""
+"""The start of an engine in the background, without a terminal, and its report whether it serves."""
 
 from __future__ import annotations
 
@@ -19,11 +19,11 @@ from rise_engine.run.protocol.registry import RegistryError, runtime_folder
 from rise_engine.run.protocol.session_options import SessionOptions
 
 SILENCE_SECONDS = 30.0
-"""Seconds for which an engine may be silent before it says whether it serves; one that recovers says how far it is."""
+"""Maximum silence in seconds of an engine before it serves; a recovery reports its progress."""
 
 
 class StartupProgress(Struct, frozen=True, tag="progress"):
-    """How far an engine's process is, for who started it, while that takes long."""
+    """The progress of an engine's slow start."""
 
     sentence: str
 
@@ -32,17 +32,16 @@ class EngineStarted(Struct, frozen=True, tag="started"):
     """The last message of a process that serves."""
 
     name: str
-    """Of the session, for `SocketClient`."""
+    """The session's name, for `SocketClient`."""
     folder: str
-    """The session's folder."""
     lines: list[str] = []
     """About a recovery, for a person."""
     recovered: bool = False
-    """Whether a session that did not end goes on."""
+    """Whether a session that did not end continues."""
 
 
 class EngineRefused(Struct, frozen=True, tag="refused"):
-    """The last message of one that does not: nothing was started."""
+    """The last message of a process that does not serve: nothing was started."""
 
     code: int
     """The exit status."""
@@ -50,22 +49,22 @@ class EngineRefused(Struct, frozen=True, tag="refused"):
     unfinished: list[tuple[str, str]] = []
     """Sessions that could be recovered: folder, and a sentence about it."""
     others: list[tuple[str, str]] = []
-    """Those that did not end either and are of other participants or conditions than the one that was named."""
+    """Other unfinished sessions, of other participants or conditions than the named ones."""
     socket: str = ""
-    """Where the session is reached that runs already, if it is not reached by its name."""
+    """The socket of a session that already runs, if it is not reached by its name."""
 
 
 StartOutcome: TypeAlias = EngineStarted | EngineRefused
 
 ReportStartup: TypeAlias = Callable[[StartupProgress | StartOutcome], None]
-"""How an engine's process tells whoever started it how far it is, and at last whether it serves."""
+"""A function that gets an engine's progress, and finally whether it serves."""
 
 
 class EngineProcess:
-    """An engine that is starting; something else can be done meanwhile."""
+    """An engine that starts while the caller can do something else."""
 
     def __init__(self, options: SessionOptions) -> None:
-        """Start it. `wait` says what came of it, also when it could not be started."""
+        """Start the engine. `wait` returns the outcome, also if the start failed."""
         self._process: subprocess.Popen[bytes] | None = None
         self._problem = ""
         self._report_pipe, ready = os.pipe()
@@ -95,22 +94,22 @@ class EngineProcess:
             os.close(log)
 
     def wait(self, on_progress: Callable[[str], object] = lambda sentence: None) -> StartOutcome:
-        """Wait (blocking) until the engine serves or refuses, as long as it works.
+        """Wait (blocking) until the engine serves or refuses, as long as it reports progress.
 
-        :param on_progress: gets sentences about how far it is.
+        :param on_progress: gets sentences about the progress.
         """
         outcome = self._read_outcome(on_progress) if self._process is not None else None
         os.close(self._report_pipe)
         if outcome is None or self._process is None:
             return self._refusal_from_log()
         if isinstance(outcome, EngineStarted):
-            self._process.returncode = 0  # it is nobody's child: no warning that it still runs
+            self._process.returncode = 0  # detached: no warning that it still runs
         else:
             self._process.wait()
         return outcome
 
     def _read_outcome(self, on_progress: Callable[[str], object]) -> StartOutcome | None:
-        """Its last message; None when it has gone, or says nothing any more."""
+        """Return its last message; None if it has gone, or is silent for too long."""
         text = b""
         while True:
             if not select([self._report_pipe], [], [], SILENCE_SECONDS)[0]:
@@ -129,7 +128,7 @@ class EngineProcess:
                 on_progress(message.sentence)
 
     def _refusal_from_log(self) -> EngineRefused:
-        """A refusal with what it left in its log instead of a report."""
+        """Make a refusal from its log, because it sent no report."""
         if self._process is None:
             return EngineRefused(exit_status.FAILED, [self._problem])
         if self._problem:
@@ -146,6 +145,6 @@ def start_engine(options: SessionOptions, on_progress: Callable[[str], object] =
     """Start an engine and wait (blocking) until it serves or refuses.
 
     :param options: what to run.
-    :param on_progress: gets sentences about how far it is.
+    :param on_progress: gets sentences about the progress.
     """
     return EngineProcess(options).wait(on_progress)

@@ -1,9 +1,8 @@
 """A session of a study from its options to its entries in the study's log.
 
-What is written, in this order, and what a kill in between leaves: `taken` (the participant holds a row and has had no
-session yet: they get the same row again), the session's folder (in which nothing has happened: it is passed over), its
-journal, `session` (the folder says as much, and whoever opens the study next writes it), and at the end
-`outcome` (it stands in the journal, too). All of it happens under the log's lock.
+It writes in this order, under the log's lock; a kill after a write leaves a known state. After `taken`, the participant
+gets the same row again. A session's folder in which nothing has happened is passed over. The journal follows. Then
+`session` and, at the end, `outcome`: the folder and the journal say the same, and the study's next opening writes them.
 """
 
 from __future__ import annotations
@@ -69,27 +68,25 @@ _CHECK_FIELDS = ("id", "text", "result", "value", "reason", "source")
 
 
 class StudyPreparation:
-    """What a study says about the session that is to begin or to go on."""
+    """A study's decisions about the session that will begin or continue."""
 
     def __init__(self, options: SessionOptions) -> None:
-        """
-        :param options: with the study's folder.
-        """
+        """:param options: with the study's folder."""
         self.options = options
         self.folder = Path(options.study).absolute()
         self.root = self.folder / SESSIONS
-        """Where its sessions lie."""
+        """The folder of its sessions."""
         self.plan: SessionPlan | None = None
-        """What the new session is; None: one goes on."""
+        """The plan of the new session; None: one continues."""
         self.state: StudyStatus
-        """The study as it stood when the session was chosen."""
+        """The study's state when the session was chosen."""
 
     # --- choosing ---------------------------------------------------------------------------------------------------
 
     def choose(self) -> Path | None:
-        """The folder of the participant's session that is to go on; None: `plan` is the new one.
+        """Return the folder of the participant's session to continue; None: `plan` is the new one.
 
-        :raises ServeRefused: with everything that is in the way.
+        :raises ServeRefused: with all reasons.
         """
         with ExitStack() as stack:
             open = self._open(stack)
@@ -148,7 +145,7 @@ class StudyPreparation:
             raise ServeRefused(exit_status.REFUSED, *error.lines) from None
 
     def _raise_running(self, state: StudyStatus, *sentences: str) -> None:
-        """Their own session is named with its socket, so that a console can attach; never somebody else's."""
+        """Refuse because a session runs; name only the participant's own with its socket, for a console to attach."""
         participant = self.options.participant
         running = next((each for each in state.sessions if each.entry.status == "running"), None)
         if running is None:
@@ -161,7 +158,7 @@ class StudyPreparation:
         raise ServeRefused(exit_status.REFUSED, *sentences)
 
     def _session_to_recover(self, state: StudyStatus) -> Path | None:
-        """Raises ServeRefused."""
+        """Return the folder of the session to recover; None: a new one begins. Raises ServeRefused."""
         wanted = self.options.unfinished
         if wanted in ("ask", "new"):
             return None
@@ -201,14 +198,14 @@ class StudyPreparation:
     # --- beginning --------------------------------------------------------------------------------------------------
 
     def first_input(self) -> SessionStarted:
-        """The first input of the new session, without versions."""
+        """Return the first input of the new session, without versions."""
         assert self.plan is not None
         return self.plan.first_input(self.state.study)
 
     def open_for_beginning(self, stack: ExitStack) -> LockedLog:
-        """Lock the log until the stack closes, look again whether everything is as it was, and take the row.
+        """Lock the log until the stack closes, check that nothing has changed, and take the row.
 
-        :raises ServeRefused: it is not, or it cannot be written.
+        :raises ServeRefused: something has changed, or the log cannot be written.
         """
         open = self._open(stack)
         assert self.plan is not None
@@ -219,7 +216,7 @@ class StudyPreparation:
         new = self.options.unfinished == "new"
         given_up = to_give_up(open.state, self._request(open.state)) if new else []
         try:
-            for session in given_up:  # all of them, before anything is written
+            for session in given_up:  # check all of them before anything is written
                 refuse_running_elsewhere(session, here=self.options.from_other_computer)
             for session in given_up:
                 give_up(open.log, session)
@@ -233,12 +230,12 @@ class StudyPreparation:
         return open.log
 
     def note_begun(self, log: LockedLog, folder: Path, info: SessionInfo) -> None:
-        """Write that the session began, and what was looked at before it. Raises StudyLogError."""
+        """Write that the session began, with the checks before it. Raises StudyLogError."""
         checks = [{name: getattr(each, name) for name in _CHECK_FIELDS} for each in self.options.checks]
         log.append("session", **session_fields(folder.name, info), checks=checks)
 
     def decide_recording(self, info: SessionInfo) -> RecordingDecision:
-        """What records the session, a new one or one that goes on.
+        """Decide what records the session, a new one or one that continues.
 
         :param info: its session.toml.
         """
@@ -246,10 +243,10 @@ class StudyPreparation:
         asked = self.options.record
         return decide_recording(state.study, state.participants, info.participant, purpose, asked)
 
-    # --- going on and ending ----------------------------------------------------------------------------------------
+    # --- continuing and ending --------------------------------------------------------------------------------------
 
     def unrecorded_checks(self, folder: Path, view: SessionView) -> list[CheckReport]:
-        """Checks of a session that goes on which its engine did not come to record before it went."""
+        """Return the checks of a continued session that its earlier engine did not record."""
         entry = next(
             (each for each in self.state.log if each.kind == "session" and each.get("folder") == folder.name), None
         )
@@ -258,8 +255,7 @@ class StudyPreparation:
         return [each for each in reports if each.id not in view.checks]
 
     def note_ended(self) -> None:
-        """Write the outcome, once the journal is closed. What cannot be written now, whoever opens the study next
-        finds in the journal."""
+        """Write the outcome after the journal is closed; failing that, the study's next opening finds it there."""
         try:
             with OpenStudy(self.folder):
                 pass  # opening it writes what the session folders say
@@ -268,7 +264,7 @@ class StudyPreparation:
 
 
 def give_up(log: LockedLog, session: StudySession) -> None:
-    """Judge a session that did not end; nobody is asked again to go on with it.
+    """Give up a session that did not end, so that nobody is asked again to continue it.
 
     :raises StudyLogError: it cannot be written.
     """

@@ -1,4 +1,4 @@
-"""Taking over the changed files of a scenario into the session that runs it (semantics.md 12.5)."""
+"""Replacement of the scenario of a running session by its changed files (semantics.md 12.5)."""
 
 from __future__ import annotations
 
@@ -15,17 +15,16 @@ from rise_engine.session.folder import read_info, spoken_as
 from rise_engine.session.scenario_copies import remove_copy, write_copy
 
 MOST_ERRORS = 3
-"""Errors of the changed files that an answer has; `rise-engine check` says them all."""
+"""Maximum number of errors in an answer; `rise-engine check` lists them all."""
 
 
 class ScenarioTakeover:
-    """Reads the files, keeps them in the session's folder, and lets the engine go on with them."""
+    """The transfer of changed files: it reads and copies them, and passes them to the engine."""
 
     def __init__(self, engine: Engine, folder: Path, paths: dict[str, str], taken_over: Callable[[], object]) -> None:
-        """
-        :param engine: of the session.
+        """:param engine: the session's.
         :param folder: the session's.
-        :param paths: where acts, rules and memory lie, where the session was begun with others than the scenario's.
+        :param paths: paths of acts, rules and memory, if the session began with others than the scenario's.
         :param taken_over: called when it has been done.
         """
         self._engine = engine
@@ -37,7 +36,7 @@ class ScenarioTakeover:
     def begin(self, source: str, answer: ReplyCallback) -> None:
         """Begin to take over; the loop does not wait for the disk.
 
-        :param source: who asks for it.
+        :param source: who requested it.
         :param answer: called once: that it is done, or why it is not.
         """
         if self._under_way is not None:
@@ -48,7 +47,7 @@ class ScenarioTakeover:
     async def _take_over(self, source: str, answer: ReplyCallback) -> None:
         try:
             await self._read_and_take_over(source, answer)
-        except Exception as error:  # whatever it is, somebody waits for the answer, and the session goes on as it was
+        except Exception as error:  # somebody waits for the answer
             answer(Reply(False, f"the changed files could not be taken over ({error})"))
             raise
         finally:
@@ -59,7 +58,7 @@ class ScenarioTakeover:
         return load(before.folder, robot=before.robot.name, mode=before.mode, paths=self._paths, **spoken)
 
     def _then_tell(self, answer: ReplyCallback) -> ReplyCallback:
-        """Answer, and only then, when it is recorded, let others know."""
+        """Answer, and then, after it is recorded, notify others."""
 
         def answer_and_tell(reply: Reply) -> None:
             answer(reply)
