@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+from collections.abc import Collection
 from functools import lru_cache, partial
 
 from rise_engine.base.nearest_name import Correction, suggest
@@ -10,6 +11,7 @@ from rise_engine.base.text import BLANKS, character_name, find_unseen, pluralize
 from rise_engine.scenario.diagnostics import Diagnostics, unknown_code
 from rise_engine.scenario.draft import BareKey, Mention, PartMention, ScenarioDraft
 from rise_engine.scenario.element_reader import ElementReader
+from rise_engine.scenario.grammar import COMMON
 from rise_engine.scenario.graph import find_cycles
 from rise_engine.scenario.model import Act, Action, ActionCall, ActionSpec, Parameter, RobotProfile
 from rise_engine.scenario.parameters import ParameterError, check_template, convert_parameter
@@ -21,8 +23,6 @@ from rise_engine.scenario.xml import XmlFile
 from rise_engine.syntax.xml import Element
 from rise_engine.syntax.xml_format import ACT_WRAPPERS
 
-COMMON = ("actionID", "waitForActions", "onFailure")
-_NO_ATTRIBUTES: frozenset[str] = frozenset()
 _SLOT = re.compile(r"\{\{|\{\s*+(?:\"[^\"]*+\"\s*+)?([^\W\d][\w.]*+)(?!\s*\[)")
 _LONGEST_PIECE = 12
 """How many characters are searched for to find a place again."""
@@ -61,7 +61,7 @@ class _ActReader(ElementReader):
 
     def read_act(self, element: Element) -> Act | None:
         self.waits.clear()
-        self.check_attributes(element, frozenset({"name"}))
+        self.check_attributes(element)
         self.check_no_text(element)
         name = (element.get("name") or "").strip()
         if not name:
@@ -114,12 +114,12 @@ class _ActReader(ElementReader):
         common = {child.tag: child for child in element if child.tag in COMMON}
         if spec is None:  # other actions may still wait for it
             return self.make_action(element, common, ()) if "actionID" in common else None
-        self.check_attributes(element, _NO_ATTRIBUTES)
+        self.check_attributes(element, ())
         call = self.read_call(element, spec, COMMON)
         return self.make_action(element, common, (call,))
 
     def read_variants(self, element: Element) -> Action | None:
-        self.check_attributes(element, _NO_ATTRIBUTES)
+        self.check_attributes(element, ())
         self.check_no_text(element)
         common: dict[str, Element] = {}
         calls: list[ActionCall] = []
@@ -137,7 +137,7 @@ class _ActReader(ElementReader):
             spec = self.find_spec(child)
             if spec is None:
                 continue
-            self.check_attributes(child, _NO_ATTRIBUTES)
+            self.check_attributes(child, ())
             if first is None:
                 first = spec.name
             elif spec.name != first:
@@ -199,7 +199,7 @@ class _ActReader(ElementReader):
         """The text of a child that contains only text."""
         if element is None:
             return ""
-        self.check_attributes(element, _NO_ATTRIBUTES)
+        self.check_attributes(element, ())
         for child in element:
             ssml = "; SSML is one <speak>...</speak> and nothing else" if element.tag == MESSAGE else ""
             self.report_error("unknown-element", child, f"`<{element.tag}>` holds only text{ssml}")
@@ -277,7 +277,7 @@ class _ActReader(ElementReader):
         """The message: a text, or one `<speak>` element as text."""
         if len(element) != 1 or element[0].tag != "speak":
             return self.read_plain_text(element)
-        self.check_attributes(element, _NO_ATTRIBUTES)
+        self.check_attributes(element, ())
         self.check_no_text(element)
         return write_element(element[0])
 
@@ -353,7 +353,7 @@ class _ActReader(ElementReader):
         code = "unknown-name" if parameter.type == "name" else error.code
         self.diagnostics.error(code, location, str(error), error.suggestion)
 
-    def report_unknown_attribute(self, element: Element, name: str, known: frozenset[str]) -> None:
+    def report_unknown_attribute(self, element: Element, name: str, known: Collection[str]) -> None:
         spec = self.robot.actions.get(element.tag)
         if spec is None or (name not in spec.parameters and name not in COMMON):
             super().report_unknown_attribute(element, name, known)

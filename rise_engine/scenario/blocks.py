@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Collection
 from functools import partial
-from typing import Any, TypeVar, get_args
+from typing import Any, TypeVar
 
 from rise_engine.base.nearest_name import suggest
 from rise_engine.expression import Assignment, Expression, ExpressionError
@@ -16,38 +16,19 @@ from rise_engine.scenario.expression_checks import (
     note_assignment,
     note_expression,
 )
-from rise_engine.scenario.model import Block, Branch, Function, FunctionName, If, OneOf, Statement, normal_topic
+from rise_engine.scenario.grammar import FUNCTIONS, STATEMENTS, form_of
+from rise_engine.scenario.model import Block, Branch, Function, If, OneOf, Statement, normal_topic
 from rise_engine.syntax.xml import Element
 
 Code = TypeVar("Code", Expression, Assignment)
 
-FUNCTIONS: tuple[FunctionName, ...] = get_args(FunctionName)
 MAX_DEPTH = 50
 """How deep `if` and `oneOf` can be nested."""
 _FUNCTIONS = frozenset(FUNCTIONS)
+_EXTRAS = {name: form.of for name, form in form_of("function").attributes.items() if form.of}
+"""Attributes that say more about one function, and which."""
 _STARTING = "startInteractionRule"
-_EXTRAS: dict[str, frozenset[str]] = {
-    _STARTING: frozenset({"state", "enter"}),
-    "raiseEventTopic": frozenset({"keep"}),
-}
-"""Additional attributes of single functions."""
-NO_ATTRIBUTES: frozenset[str] = frozenset()
-_COND = frozenset({"cond"})
-_STATEMENTS = ("function", "if", "oneOf")
 _ELSE = ("else", "elseif")
-_PLACES = {
-    "InteractionRule": "is the outermost element",
-    "State": "belongs in <InteractionRule>",
-    "onEntry": "belongs in <State>",
-    "onExit": "belongs in <State>",
-    "transition": "belongs in <State> or <transitions>",
-    "transitions": "belongs in <InteractionRule>",
-    "function": "belongs in <onEntry>, <onExit>, <if>, <else>, <oneOf> or <transition>",
-    "if": "belongs in <onEntry>, <onExit>, <else>, <oneOf> or <transition>",
-    "oneOf": "belongs in <onEntry>, <onExit>, <if>, <else> or <transition>",
-    "else": "belongs at the end of its <if>, or directly after it",
-    "elseif": "belongs in its <if> before <else>, or directly after it",
-}
 
 
 class BlockReader(ElementReader):
@@ -56,8 +37,8 @@ class BlockReader(ElementReader):
     def report_misplaced(self, element: Element, parent: Element, known: tuple[str, ...]) -> None:
         """Report an element that is not allowed in its parent."""
         name = element.tag
-        if name in _PLACES:
-            message = f"`<{name}>` is not allowed in `<{parent.tag}>`; it {_PLACES[name]}"
+        if place := form_of(name).place:
+            message = f"`<{name}>` is not allowed in `<{parent.tag}>`; it {place}"
         else:
             message = f"unknown element `<{name}>` in `<{parent.tag}>`{suggest(name, known).words}"
         self.report_error("unknown-element", element, message)
@@ -99,9 +80,9 @@ class BlockReader(ElementReader):
                 elif before is not None:
                     self.add_branches(before, child, depth)
                 else:
-                    self.report_error("misplaced", child, f"`<{tag}>` has no `<if>` before it; it {_PLACES[tag]}")
+                    self.report_error("misplaced", child, f"`<{tag}>` has no `<if>` before it; it {form_of(tag).place}")
                 continue
-            if later and tag in _STATEMENTS:
+            if later and tag in STATEMENTS:
                 self.report_error(
                     "misplaced",
                     child,
@@ -118,7 +99,7 @@ class BlockReader(ElementReader):
                 open_ifs.append((len(statements), before))
                 statements.append(If((), self.file.element_location(child)))
             elif tag == "oneOf":
-                self.check_attributes(child, NO_ATTRIBUTES)
+                self.check_attributes(child)
                 choices = self.read_statements(child, depth + 1, chain=False)[0]
                 if choices:
                     statements.append(OneOf(choices, self.file.element_location(child)))
@@ -127,14 +108,14 @@ class BlockReader(ElementReader):
                         "no-choice", child, "`<oneOf>` holds functions and picks one of them; it has none"
                     )
             else:
-                self.report_misplaced(child, parent, _STATEMENTS)
+                self.report_misplaced(child, parent, STATEMENTS)
         for index, branches in open_ifs:
             statements[index] = If(tuple(branches), statements[index].location)
         return tuple(statements), later
 
     def read_branches(self, element: Element, depth: int) -> list[Branch]:
         """The branches of an `if` or `elseif`, including those nested inside it."""
-        if "cond" not in self.check_attributes(element, _COND):
+        if "cond" not in self.check_attributes(element):
             self.report_error(
                 "missing-attribute", element, f'`<{element.tag}>` needs a condition: <{element.tag} cond="...">'
             )
@@ -149,7 +130,7 @@ class BlockReader(ElementReader):
         if element.tag == "elseif":
             branches += self.read_branches(element, depth)
         else:
-            self.check_attributes(element, NO_ATTRIBUTES)
+            self.check_attributes(element)
             branches.append(Branch(None, self.read_statements(element, depth + 1, chain=False)[0]))
 
     def read_function(self, element: Element) -> Function | None:
@@ -202,11 +183,11 @@ class BlockReader(ElementReader):
             )
         self.check_no_text(element)
         known = [name for name in given if name in _FUNCTIONS]
-        extras = _EXTRAS.get(known[0], NO_ATTRIBUTES) if known else NO_ATTRIBUTES
+        extras = [name for name, function in _EXTRAS.items() if function in known[:1]]
         for name in given:
-            if owner := next((function for function, names in _EXTRAS.items() if name in names), None):
+            if name in _EXTRAS:
                 if name not in extras:
-                    message = f"`{name}` goes with {owner}"
+                    message = f"`{name}` goes with {_EXTRAS[name]}"
                     self.report_attribute("unknown-attribute", element, name, message)
             elif name not in _FUNCTIONS:
                 near = suggest(name, (*FUNCTIONS, *sorted(extras)))

@@ -13,6 +13,7 @@ from rise_engine.scenario.diagnostics import Diagnostics
 from rise_engine.scenario.draft import Definition, ScenarioDraft
 from rise_engine.scenario.durations import MAX_SECONDS, UNITS, parse_time, seconds_from
 from rise_engine.scenario.expression_checks import expression_message, note_expression
+from rise_engine.scenario.grammar import form_of
 from rise_engine.scenario.model import Act, Delay, Rule, SourceLocation
 from rise_engine.scenario.xml import XmlFile
 from rise_engine.syntax.xml import Element
@@ -84,14 +85,15 @@ class ElementReader:
                 message = f"`<{child.tag}>` is not allowed here; `<{root.tag}>` holds `<{tag}>`"
                 self.report_error("unknown-element", child, message)
 
-    def check_attributes(self, element: Element, known: frozenset[str]) -> dict[str, str]:
-        """Return an element's attributes, and report each unknown one."""
+    def check_attributes(self, element: Element, known: Collection[str] | None = None) -> dict[str, str]:
+        """Return an element's attributes, and report each that is not `known` (None: not in the grammar)."""
+        known = form_of(element.tag).attributes if known is None else known
         for name in element.attributes:
             if name not in known:
                 self.report_unknown_attribute(element, name, known)
         return element.attributes
 
-    def report_unknown_attribute(self, element: Element, name: str, known: frozenset[str]) -> None:
+    def report_unknown_attribute(self, element: Element, name: str, known: Collection[str]) -> None:
         """Report an unknown attribute."""
         message, near = f"`<{element.tag}>` has no attribute `{name}`", suggest(name, sorted(known))
         self.report_attribute("unknown-attribute", element, name, message, near)

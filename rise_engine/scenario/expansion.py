@@ -9,9 +9,9 @@ from functools import partial
 from xml.sax.saxutils import escape
 
 from rise_engine.base.text import BLANKS
-from rise_engine.scenario.blocks import FUNCTIONS
 from rise_engine.scenario.diagnostics import Diagnostics
 from rise_engine.scenario.element_templates import TemplateCollection
+from rise_engine.scenario.grammar import form_of
 from rise_engine.scenario.xml import ExpandedElement, TemplateCall, XmlFile
 from rise_engine.syntax.xml import Element
 
@@ -158,22 +158,9 @@ class _Expander:
 
 _IN_VALUES = {'"': "&quot;", "\n": "&#10;", "\t": "&#9;", "\r": "&#13;"}
 _IN_TEXTS = {"\r": "&#13;"}
-_ELEMENTS = {
-    "onFailure": "`<onFailure>`",
-    "Variants": "`<Variants>`",
-    "transitions": "`<transitions in>`",
-    "oneOf": "`<oneOf>`",
-    "elseif": "`<elseif>`",
-    "onExit": "`<onExit>`",
-}
-"""Elements that RISE does not know."""
-_EXPRESSIONS = ("cond", "while", "after", "assignValue")
-"""Attributes that contain expressions."""
 _SLOTS = re.compile(r"\{[^}]*\}")
 _QUOTED = re.compile(r"""\"[^\"]*\"|'[^']*'""")
 _INDEX = re.compile(r"[\w)]\s*\[")
-_OF_TRANSITIONS = ("cond", "ended", "after", "while")
-"""Attributes of transitions that RISE does not know."""
 
 
 def plain_text(file: XmlFile) -> str:
@@ -251,17 +238,19 @@ def additions(files: Iterable[XmlFile]) -> Counter[str]:
     while rest:
         element = rest.pop()
         rest += element
-        if element.tag in _ELEMENTS:
-            found[_ELEMENTS[element.tag]] += 1
-        written = [value for name, value in element.attributes.items() if name in _EXPRESSIONS]
+        form = form_of(element.tag)
+        found[f"`<{element.tag}>`"] += not form.in_rise
+        forms = [
+            (form.attributes[name], name, value)
+            for name, value in element.attributes.items()
+            if name in form.attributes
+        ]
+        found.update(f"`{name}` of `<{element.tag}>`" for each, name, _ in forms if not each.in_rise)
+        written = [value for each, _, value in forms if each.holds in ("expression", "delay", "assignment")]
         written += _SLOTS.findall(element.text) if not len(element) else []
         found["parts of values by index"] += sum(_INDEX.search(_QUOTED.sub("''", text)) is not None for text in written)
-        if element.tag == "transition":
-            found.update(f"`{name}`" for name in _OF_TRANSITIONS if name in element.attributes)
-            if "target" not in element.attributes:
-                found["transitions without `target`"] += 1
-        elif element.tag == "function":
-            found.update(f"`{name}` of `<function>`" for name in element.attributes if name not in FUNCTIONS)
+        if element.tag == "transition" and "target" not in element.attributes:
+            found["transitions without `target`"] += 1
         elif element.tag == "waitForActions" and ("," in element.text or ";" in element.text):
             found["several ids in `<waitForActions>`"] += 1
         elif element.tag == "speak":

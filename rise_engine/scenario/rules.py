@@ -13,10 +13,11 @@ from msgspec.structs import replace
 from rise_engine.base.nearest_name import suggest
 from rise_engine.base.text import BLANKS
 from rise_engine.expression import Expression
-from rise_engine.scenario.blocks import NO_ATTRIBUTES, BlockReader
+from rise_engine.scenario.blocks import BlockReader
 from rise_engine.scenario.diagnostics import Diagnostics, unknown_code
 from rise_engine.scenario.draft import ForeignEnd, Mention, ScenarioDraft
 from rise_engine.scenario.element_reader import read_delay
+from rise_engine.scenario.grammar import form_of
 from rise_engine.scenario.graph import component_numbers
 from rise_engine.scenario.model import (
     ActOutcome,
@@ -35,13 +36,8 @@ from rise_engine.syntax.xml_format import RULE_WRAPPERS
 _NUMBER = re.compile(r"\s*[-+]?(?:\d+(?:\.\d*)?|\.\d+)(?:[eE][-+]?\d+)?\s*\Z", re.ASCII)
 SHORT_AFTER = 0.05
 """Seconds. A rule that loops faster than this floods the record and every console."""
-_RULE = frozenset({"name", "initial", "priority"})
-_STATE = frozenset({"id"})
-_TRANSITION = frozenset({"eventTopic", "ended", "outcome", "target", "cond", "while", "after"})
-_SHARED = frozenset({"in"})
 _TRIGGERS = ("eventTopic", "ended", "after")
 _OUTCOMES: tuple[ActOutcome, ...] = get_args(ActOutcome)
-_STATE_PARTS = ("onEntry", "onExit", "transition")
 
 
 def read_rules(file: XmlFile, draft: ScenarioDraft, diagnostics: Diagnostics) -> None:
@@ -72,7 +68,7 @@ class _RuleReader(BlockReader):
         self.shared.clear()
         self.doubtful.clear()
         self.unknown_states.clear()
-        self.check_attributes(element, _RULE)
+        self.check_attributes(element)
         self.check_no_text(element)
         name = (element.get("name") or "").strip()
         if not name:
@@ -85,7 +81,7 @@ class _RuleReader(BlockReader):
                 self.read_shared(child)
                 continue
             if child.tag != "State":
-                self.report_misplaced(child, element, ("State", "transitions"))
+                self.report_misplaced(child, element, form_of("InteractionRule").children)
                 continue
             state = self.read_state(child)
             if state is None:
@@ -165,7 +161,7 @@ class _RuleReader(BlockReader):
                 self.diagnostics.warning("short-loop", self.file.value_location(element, "after"), message)
 
     def read_state(self, element: Element) -> State | None:
-        attributes = self.check_attributes(element, _STATE)
+        attributes = self.check_attributes(element)
         self.check_no_text(element)
         name = attributes.get("id", "").strip()
         if not name:
@@ -182,10 +178,10 @@ class _RuleReader(BlockReader):
             elif tag in ("onEntry", "onExit"):
                 if tag in blocks:
                     self.report_error("duplicate-element", child, f"this state has `<{tag}>` twice; join them")
-                self.check_attributes(child, NO_ATTRIBUTES)
+                self.check_attributes(child)
                 blocks[tag] = blocks.get(tag, ()) + self.read_block(child)
             else:
-                self.report_misplaced(child, element, _STATE_PARTS)
+                self.report_misplaced(child, element, form_of("State").children)
         if not name:
             return None
         return State(
@@ -202,7 +198,7 @@ class _RuleReader(BlockReader):
 
     def read_shared(self, element: Element) -> None:
         """Read `<transitions in="A | B">`: transitions that several states have after their own."""
-        names = self.check_attributes(element, _SHARED).get("in")
+        names = self.check_attributes(element).get("in")
         self.check_no_text(element)
         if names is None:
             message = '`<transitions>` says which states have them: <transitions in="A | B">'
@@ -210,7 +206,7 @@ class _RuleReader(BlockReader):
         transitions = []
         for child in element:
             if child.tag != "transition":
-                self.report_misplaced(child, element, ("transition",))
+                self.report_misplaced(child, element, form_of("transitions").children)
             elif (transition := self.read_transition(child)) is not None:
                 transitions.append((transition, child))
         if not len(element):
@@ -235,7 +231,7 @@ class _RuleReader(BlockReader):
                 seen.add(name)
 
     def read_transition(self, element: Element) -> Transition | None:
-        attributes = self.check_attributes(element, _TRANSITION)
+        attributes = self.check_attributes(element)
         get = attributes.get
         event = get("eventTopic")
         given = [name for name in _TRIGGERS if name in attributes]

@@ -14,6 +14,7 @@ from msgspec import UNSET, Struct
 
 from rise_engine.expression.key_places import KeyPlace, keys_in_assignment, keys_in_expression, keys_in_slots
 from rise_engine.scenario.element_reader import computed_part
+from rise_engine.scenario.grammar import COMMON, form_of
 from rise_engine.scenario.model import RobotProfile, SourceLocation, normal_topic
 from rise_engine.scenario.parameters import is_bare_key
 from rise_engine.scenario.source_files import SourceFile
@@ -101,12 +102,9 @@ def _order(use: Use) -> tuple[bool, str, int, int]:
 
 Sources = Mapping[str, SourceFile]
 """By name. Templates may be in other files than their `<use>`."""
-_COMMON = ("actionID", "waitForActions", "onFailure")
 _ID = re.compile(r"[^,;\s]+")
 _PART = re.compile(r"[^|]+")
 _COMMENT = re.compile(r"<!--.*?-->", re.DOTALL)
-_ACTS = {"startCommunicationRobotAct", "stopCommunicationRobotAct"}
-_RULES = {"startInteractionRule", "stopInteractionRule"}
 
 
 def written_length(text: str, offset: int, name: str) -> int:
@@ -196,9 +194,9 @@ class _UseFinder:
     def find_in_act(self, element: Element, robot: RobotProfile) -> None:
         self.of = (element.get("name") or "").strip()
         self.where = f"act {self.of}"
-        self.add_attribute("act", element, "name", defines=True)
+        self.find_in_attributes(element)
         for action in element:
-            common = {child.tag: child for child in action if child.tag in _COMMON}
+            common = {child.tag: child for child in action if child.tag in COMMON}
             id_element, wait = common.get("actionID"), common.get("waitForActions")
             id = id_element.text.strip() if id_element is not None else ""
             if id_element is not None and id:
@@ -209,7 +207,7 @@ class _UseFinder:
                 for wanted in _ID.finditer(wait.text):
                     location = self.file.text_location(wait, wanted.start())
                     self.add("action", f"{self.of}/{wanted.group()}", wanted.group(), location)
-            for call in [each for each in action if each.tag not in _COMMON] if action.tag == "Variants" else [action]:
+            for call in [each for each in action if each.tag not in COMMON] if action.tag == "Variants" else [action]:
                 self.find_in_call(call, robot)
             self.where = f"act {self.of}"
 
@@ -217,7 +215,7 @@ class _UseFinder:
         spec = robot.actions.get(call.tag)
         where = self.where
         for child in call:
-            if child.tag in _COMMON:
+            if child.tag in COMMON:
                 continue
             self.where = f"{where}: {child.tag}"
             parameter = spec.parameters.get(child.tag) if spec is not None else None
@@ -237,21 +235,15 @@ class _UseFinder:
     def find_in_rule(self, element: Element) -> None:
         self.of = (element.get("name") or "").strip()
         top = self.where = f"rule {self.of}"
-        self.add_attribute("rule", element, "name", defines=True)
-        self.add_attribute("state", element, "initial", self.of)
+        self.find_in_attributes(element)
         for child in element:
             if child.tag == "State":
-                self.add_attribute("state", child, "id", self.of, defines=True)
                 inside = f"{top}, state {(child.get('id') or '').strip()}"
             elif child.tag == "transitions":
                 self.where = inside = f"{top}, transitions of several states"
-                value = child.get("in") or ""
-                for found in _PART.finditer(value):
-                    if name := found.group().strip():
-                        at = found.start() + found.group().index(name)
-                        self.add("state", f"{self.of}/{name}", name, self.file.value_location(child, "in", at))
             else:
                 continue
+            self.find_in_attributes(child)
             number = 0
             for part in child:
                 number += part.tag == "transition"
@@ -266,32 +258,29 @@ class _UseFinder:
         while rest:
             each = rest.pop()
             rest += each[::-1]
-            attributes = each.attributes
-            for name in ("cond", "while"):
-                if name in attributes:
-                    self.add_keys(keys_in_expression(attributes[name]), partial(self.file.value_location, each, name))
-            if each.tag == "transition":
-                self.find_in_transition(each)
-            elif each.tag == "function":
-                self.find_in_function(each)
+            self.find_in_attributes(each)
 
-    def find_in_transition(self, element: Element) -> None:
-        self.add_attribute("event", element, "eventTopic")
-        self.add_attribute("act", element, "ended")
-        self.add_attribute("state", element, "target", self.of)
-        computed = computed_part(element.get("after") or "")
-        if computed is not None:
-            self.add_keys(keys_in_expression(*computed), partial(self.file.value_location, element, "after"))
-
-    def find_in_function(self, element: Element) -> None:
+    def find_in_attributes(self, element: Element) -> None:
+        """What the attributes of an element name, each by what it holds (`grammar`)."""
+        forms = form_of(element.tag).attributes
         for name, value in element.attributes.items():
-            if name in _ACTS:
-                self.add_attribute("act", element, name)
-            elif name in _RULES:
-                self.add_attribute("rule", element, name)
-            elif name == "raiseEventTopic":
-                self.add_attribute("event", element, name)
-            elif name == "assignValue":
-                self.add_keys(keys_in_assignment(value), partial(self.file.value_location, element, name))
-            elif name == "state":
-                self.add_attribute("state", element, name, (element.get("startInteractionRule") or "").strip())
+            if (form := forms.get(name)) is None:
+                continue
+            locate = partial(self.file.value_location, element, name)
+            match form.holds:
+                case "act" | "rule" | "event":
+                    self.add_attribute(form.holds, element, name, defines=form.defines)
+                case "state":
+                    rule = (element.get(form.of) or "").strip() if form.of else self.of
+                    self.add_attribute("state", element, name, rule, defines=form.defines)
+                case "states":
+                    for found in _PART.finditer(value):
+                        if state := found.group().strip():
+                            at = found.start() + found.group().index(state)
+                            self.add("state", f"{self.of}/{state}", state, locate(at))
+                case "expression":
+                    self.add_keys(keys_in_expression(value), locate)
+                case "assignment":
+                    self.add_keys(keys_in_assignment(value), locate)
+                case "delay" if (computed := computed_part(value)) is not None:
+                    self.add_keys(keys_in_expression(*computed), locate)

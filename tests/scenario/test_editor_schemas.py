@@ -10,9 +10,10 @@ from pathlib import Path
 import pytest
 from lxml import etree
 
-from rise_engine.scenario import blocks, element_templates, rules
+from rise_engine.scenario import element_templates
 from rise_engine.scenario.action_declarations import core_actions
 from rise_engine.scenario.editor_schemas import FOLDER, act_schema_text, rule_schema_text
+from rise_engine.scenario.grammar import COMMON, ELEMENTS
 from rise_engine.scenario.loader import load
 from rise_engine.scenario.model import ActionSpec
 from tests.scenario.folders import LISTINGS, SPEECH, act, in_state, loaded
@@ -70,17 +71,17 @@ def names(text: str, what: str) -> set[str]:
 
 def test_the_reader_and_the_schemas_have_the_same_words() -> None:
     """No element and no attribute that only the schemas know, and none that only the reader knows."""
-    known = {*rules._RULE, *rules._STATE, *rules._TRANSITION, *rules._SHARED, *blocks._COND, *blocks.FUNCTIONS}
-    known.update(*blocks._EXTRAS.values())
+    forms = {tag: form for tag, form in ELEMENTS.items() if form.place}
+    known = {name for form in forms.values() for name in form.attributes}
     of_templates = {*element_templates._TEMPLATE, *element_templates._PARAMETER, "template"}
     assert names(rule_schema_text(), "attribute") == known | of_templates
-    assert names(rule_schema_text(), "element") == {"InteractionRules", *blocks._PLACES, "Template", "parameter", "use"}
+    assert names(rule_schema_text(), "element") == {"InteractionRules", *forms, "Template", "parameter", "use"}
     core = core_actions()
     assert names(act_schema_text(core), "attribute") == {"name"} | of_templates
     assert names(act_schema_text(core), "element") == {
         *("Dialogs", "AgentDialogs", "CommunicationRobotActs", "Dialog", "Variants"),
         *("Template", "parameter", "use"),
-        *("actionID", "waitForActions", "onFailure"),
+        *COMMON,
         *core,
         *(parameter for spec in core.values() for parameter in spec.parameters),
     }

@@ -431,7 +431,7 @@ def test_expand_prints_and_says_what_is_beyond_rise(tmp_path: Path) -> None:
     assert '<!-- acts/a.xml -->\n<Dialogs>\n<Dialog name="A"><Speech>\n' in done.stdout
     assert "<!-- rules/r.xml -->" in done.stdout and "Template" not in done.stdout
     assert done.stderr.strip() == (
-        "beyond RISE itself, these acts and rules have: `after` (1), `ended` (1), transitions without `target` (1)"
+        "beyond RISE itself, these acts and rules have: `after` of `<transition>` (1), `ended` of `<transition>` (1), transitions without `target` (1)"
     )
 
 

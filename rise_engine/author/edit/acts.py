@@ -26,7 +26,7 @@ from rise_engine.author.edit.translations import follow_act, follow_action
 from rise_engine.author.edit.variants import plan_add_variant, plan_remove_variant
 from rise_engine.base.nearest_name import did_you_mean
 from rise_engine.base.text import pluralize
-from rise_engine.scenario.acts import COMMON
+from rise_engine.scenario.grammar import COMMON
 from rise_engine.scenario.model import ActionSpec
 from rise_engine.scenario.spoken_texts import SpokenText, text_key
 from rise_engine.syntax.xml import Element, XmlSyntaxError, XmlTree

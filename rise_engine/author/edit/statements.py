@@ -32,7 +32,7 @@ from rise_engine.author.edit.edits import (
 from rise_engine.author.edit.outline import WrittenStatement
 from rise_engine.author.edit.plan import EditRefused, Plan, Splice, StudyState
 from rise_engine.author.edit.rule_words import ONE_OF, call_words, statement_words
-from rise_engine.scenario.blocks import FUNCTIONS
+from rise_engine.scenario.grammar import form_of
 from rise_engine.scenario.model import normal_topic
 from rise_engine.syntax.xml import Element
 from rise_engine.syntax.xml_layout import (
@@ -46,7 +46,7 @@ from rise_engine.syntax.xml_layout import (
 )
 from rise_engine.syntax.xml_writing import NewElement, one_line, set_attributes
 
-_ORDER = (*FUNCTIONS, "state", "enter", "keep")
+_ORDER = tuple(form_of("function").attributes)
 _BRANCHES = ("else", "elseif")
 
 

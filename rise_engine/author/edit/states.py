@@ -21,6 +21,7 @@ from rise_engine.author.edit.outline import WrittenRule, WrittenState, WrittenTr
 from rise_engine.author.edit.plan import EditRefused, Plan, Splice, StudyState
 from rise_engine.author.edit.rule_words import transition_words
 from rise_engine.base.nearest_name import did_you_mean
+from rise_engine.scenario.grammar import form_of
 from rise_engine.scenario.model import normal_topic
 from rise_engine.syntax.xml import Element
 from rise_engine.syntax.xml_layout import (
@@ -34,7 +35,7 @@ from rise_engine.syntax.xml_layout import (
 )
 from rise_engine.syntax.xml_writing import NewElement, set_attributes, set_value
 
-_RULE_ORDER = ("name", "initial", "priority")
+_RULE_ORDER = tuple(form_of("InteractionRule").attributes)
 
 
 def _changeable_rule(study: StudyState, name: str) -> WrittenRule:
@@ -126,7 +127,7 @@ def _without_state(shared: Element, name: str) -> list[Splice]:
 # --- transitions -----------------------------------------------------------------------------------------------------
 
 
-_TRANSITION_ORDER = ("eventTopic", "ended", "outcome", "while", "after", "cond", "target")
+_TRANSITION_ORDER = tuple(form_of("transition").attributes)
 
 
 def transition_attributes(form: TransitionForm) -> dict[str, str | None]:

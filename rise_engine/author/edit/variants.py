@@ -6,7 +6,7 @@ import re
 
 from rise_engine.author.edit.outline import WrittenAction
 from rise_engine.author.edit.plan import Plan, Splice
-from rise_engine.scenario.acts import COMMON
+from rise_engine.scenario.grammar import COMMON
 from rise_engine.syntax.changes import changed_text
 from rise_engine.syntax.xml import Element
 from rise_engine.syntax.xml_layout import (

@@ -9,16 +9,15 @@ from typing import get_args
 from msgspec import Struct
 
 from rise_engine.expression.functions import SITUATION_SIGNATURES
-from rise_engine.scenario.blocks import FUNCTIONS
 from rise_engine.scenario.cross_references import engine_topics
 from rise_engine.scenario.explore_settings import ExploredKeys
 from rise_engine.scenario.explore_tables import EVENTUALLY_KEYS, EXPLORE_KEYS, PROPERTY_TABLES
+from rise_engine.scenario.grammar import COMMON, AttributeForm, form_of
 from rise_engine.scenario.loader import LoadResult
 from rise_engine.scenario.model import ActionSpec, SourceLocation
 from rise_engine.scenario.parameters import listed_names
 from rise_engine.scenario.source_files import SourceFile
 from rise_engine.scenario.trial_settings import MEASURES, TRIAL_KEYS
-from rise_engine.syntax.xml_format import ACT_WRAPPERS
 
 _TAG = re.compile(r"<!--.*?-->|<!\[CDATA\[.*?\]\]>|<(/?)([\w.:-]+)((?:[^<>\"']|\"[^\"]*\"|'[^']*')*?)(/?)>", re.DOTALL)
 _NAME = re.compile(r"""\s(?:name|id)\s*=\s*["']([^"']*)["']""")
@@ -33,27 +32,6 @@ _TOML_CONDITION = re.compile(r"""=\s*(["'])((?:(?!\1)[^\\]|\\.)*)\Z""")
 _IN_TRIES = re.compile(r"\btries\s*=\s*\{(?:[^{}]*,)?[^{},=]*\Z")
 _ASKED_NAME = re.compile(r"""\b(in|rule|runs|waits)\s*\(\s*\\?["'](?:([^"'\\]*)\\?["']\s*,\s*\\?["'])?([^"'\\]*)\Z""")
 _WORD = re.compile(r"[\w.]*\Z")
-_COMMON = ("actionID", "waitForActions", "onFailure")
-_STATEMENTS = ("function", "if", "oneOf")
-_CHILDREN = {
-    "InteractionRules": ("InteractionRule",),
-    "InteractionRule": ("State", "transitions"),
-    "State": ("onEntry", "onExit", "transition"),
-    "transitions": ("transition",),
-    "if": (*_STATEMENTS, "elseif", "else"),
-    **dict.fromkeys(("onEntry", "onExit", "transition", "else", "elseif", "oneOf"), _STATEMENTS),
-    **dict.fromkeys(ACT_WRAPPERS, ("Dialog",)),
-}
-_ATTRIBUTES = {
-    "Dialog": ("name",),
-    "InteractionRule": ("name", "initial", "priority"),
-    "State": ("id",),
-    "transitions": ("in",),
-    "transition": ("eventTopic", "ended", "outcome", "after", "while", "cond", "target"),
-    "function": (*FUNCTIONS, "state", "enter", "keep"),
-    "if": ("cond",),
-    "elseif": ("cond",),
-}
 
 
 class Proposal(Struct, frozen=True):
@@ -187,36 +165,36 @@ class _XmlPlace:
             return end - len(tag), self.elements_here() if not tag.startswith("/") else []
         attribute = _IN_ATTRIBUTE.search(tag)
         if attribute is not None:
-            return self.in_value(tag, attribute.group(1), attribute.group(3))
+            form = form_of(element).attributes.get(attribute.group(1), AttributeForm())
+            return self.in_value(tag, form, attribute.group(3))
         written = _word(tag)
-        return end - len(written), [Proposal(each, "attribute") for each in _ATTRIBUTES.get(element, ())]
+        return end - len(written), [Proposal(each, "attribute") for each in form_of(element).attributes]
 
-    def in_value(self, tag: str, attribute: str, written: str) -> tuple[int, list[Proposal]]:
-        checked, start = self.checked, len(self.before) - len(written)
-        match attribute:
-            case "startCommunicationRobotAct" | "stopCommunicationRobotAct" | "ended":
+    def in_value(self, tag: str, form: AttributeForm, written: str) -> tuple[int, list[Proposal]]:
+        checked, end = self.checked, len(self.before)
+        part = written.rpartition("|")[2].lstrip() if form.holds in ("states", "choices") else written
+        start = end - len(part)
+        if form.defines:
+            return end, []
+        match form.holds:
+            case "act":
                 return start, _named(checked.draft.acts, "act")
-            case "startInteractionRule" | "stopInteractionRule":
+            case "rule":
                 return start, _named(checked.draft.rules, "rule")
-            case "eventTopic" | "raiseEventTopic":
+            case "event":
                 return start, _events(checked)
-            case "target" | "initial" | "in":
-                part = written.rpartition("|")[2].lstrip() if attribute == "in" else written
-                return len(self.before) - len(part), _states(checked, self.enclosing("InteractionRule"))
-            case "state":
+            case "state" if form.of:
                 started = _STARTED.search(tag)
                 return start, _states(checked, started.group(1) if started else "")
-            case "cond" | "while" | "assignValue":
-                return len(self.before) - len(_word(written)), _keys(checked)
-            case "after" if "{" in written:
-                return len(self.before) - len(_word(written)), _keys(checked)
-            case "outcome":
-                part = written.rpartition("|")[2].lstrip()
-                values = ("succeeded", "failed", "stopped")
-                return len(self.before) - len(part), [Proposal(each, "value") for each in values]
-            case "enter":
-                return start, [Proposal(each, "value") for each in ("yes", "no")]
-        return len(self.before), []
+            case "state" | "states":
+                return start, _states(checked, self.enclosing("InteractionRule"))
+            case "expression" | "assignment":
+                return end - len(_word(written)), _keys(checked)
+            case "delay" if "{" in written:
+                return end - len(_word(written)), _keys(checked)
+            case "choice" | "choices":
+                return start, [Proposal(each, "value") for each in form.choices]
+        return end, []
 
     def in_text(self, written: str) -> tuple[int, list[Proposal]]:
         end = len(self.before)
@@ -244,11 +222,11 @@ class _XmlPlace:
         inside = self.elements[-1].tag
         if inside in ("Dialog", "Variants"):
             own = [Proposal(each.name, "element", each.help) for each in actions.values() if each.supported]
-            rest = ("Variants",) if inside == "Dialog" else _COMMON
+            rest = ("Variants",) if inside == "Dialog" else COMMON
             return [*own, *(Proposal(each, "element") for each in rest)]
         if (spec := actions.get(inside)) is not None:
             return list(_parameters(spec))
-        return [Proposal(each, "element") for each in _CHILDREN.get(inside, ())]
+        return [Proposal(each, "element") for each in form_of(inside).children]
 
     def enclosing(self, tag: str) -> str:
         """Return the name of the enclosing act or rule."""
@@ -278,7 +256,7 @@ def _open_elements(before: str) -> Iterator[_OpenElement]:
 def _parameters(spec: ActionSpec) -> Iterator[Proposal]:
     for each in spec.parameters.values():
         yield Proposal(each.name, "element", each.help)
-    yield from (Proposal(each, "element") for each in _COMMON)
+    yield from (Proposal(each, "element") for each in COMMON)
 
 
 def _named(names: Iterable[str], kind: str) -> list[Proposal]:

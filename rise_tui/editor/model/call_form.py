@@ -20,8 +20,8 @@ from rise_engine.author.edit.edits import (
 )
 from rise_engine.author.edit.rule_words import FUNCTION_WORDS
 from rise_engine.expression import Assignment, Environment, EvaluationError, ExpressionError, lookup
-from rise_engine.scenario.blocks import FUNCTIONS
 from rise_engine.scenario.durations import parse_time
+from rise_engine.scenario.grammar import FUNCTIONS
 from rise_engine.scenario.model import FunctionName, normal_topic
 from rise_tui.editor.model.condition_reading import condition_notes, suggest_ending, values_text
 from rise_tui.editor.model.fields import EditField, FieldChoice, FieldNote, RuleForm, text_field

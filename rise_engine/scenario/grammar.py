@@ -1,0 +1,127 @@
+"""The grammar of acts and rules: which element belongs where, and what its attributes hold.
+
+The readers, the search for uses, completion, edits and the list of what RISE lacks all take it from here. The schemas
+for XML editors say the same in RELAX NG (`schema/`); `tests/scenario/test_editor_schemas.py` compares them. Sources:
+paper, sections 4.2.1 and 4.2.2; docs/reference/cra.md and docs/reference/rules.md.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Literal, TypeAlias, get_args
+
+from msgspec import Struct
+
+from rise_engine.scenario.model import ActOutcome, FunctionName
+from rise_engine.syntax.xml_format import ACT_WRAPPERS, RULE_WRAPPERS
+
+ValueKind: TypeAlias = Literal[
+    "text", "act", "rule", "state", "states", "event", "expression", "assignment", "delay", "choice", "choices"
+]
+"""What the value of an attribute is. A delay is a time or an expression in braces; `states` and `choices` have `|`
+between them."""
+
+
+class AttributeForm(Struct, frozen=True):
+    """An attribute that an element may have."""
+
+    holds: ValueKind = "text"
+    defines: bool = False
+    """Whether the value is the name of the element itself."""
+    choices: tuple[str, ...] = ()
+    of: str = ""
+    """The function that it says more about; empty: it can be written alone."""
+    in_rise: bool = True
+    """Whether RISE knows it."""
+
+
+class ElementForm(Struct, frozen=True):
+    """An element of a file of acts or rules."""
+
+    place: str = ""
+    """Where it belongs, as the end of a sentence about it."""
+    children: tuple[str, ...] = ()
+    attributes: Mapping[str, AttributeForm] = {}
+    """In the order in which they are written."""
+    in_rise: bool = True
+
+
+FUNCTIONS: tuple[FunctionName, ...] = get_args(FunctionName)
+STATEMENTS = ("function", "if", "oneOf")
+COMMON = ("actionID", "waitForActions", "onFailure")
+"""Children that every action may have, beside its parameters."""
+
+_ACT, _RULE, _STATE = AttributeForm("act"), AttributeForm("rule"), AttributeForm("state")
+_CONDITION = {"cond": AttributeForm("expression")}
+_FUNCTIONS: dict[FunctionName, AttributeForm] = {
+    "startCommunicationRobotAct": _ACT,
+    "stopCommunicationRobotAct": _ACT,
+    "startInteractionRule": _RULE,
+    "stopInteractionRule": _RULE,
+    "raiseEventTopic": AttributeForm("event"),
+    "assignValue": AttributeForm("assignment"),
+}
+ELEMENTS: dict[str, ElementForm] = {
+    **dict.fromkeys(ACT_WRAPPERS, ElementForm(children=("Dialog",))),
+    "Dialog": ElementForm(children=("Variants",), attributes={"name": AttributeForm("act", defines=True)}),
+    "Variants": ElementForm(children=COMMON, in_rise=False),
+    "actionID": ElementForm(),
+    "waitForActions": ElementForm(),
+    "onFailure": ElementForm(in_rise=False),
+    **dict.fromkeys(RULE_WRAPPERS, ElementForm(children=("InteractionRule",))),
+    "InteractionRule": ElementForm(
+        "is the outermost element",
+        ("State", "transitions"),
+        {"name": AttributeForm("rule", defines=True), "initial": _STATE, "priority": AttributeForm()},
+    ),
+    "State": ElementForm(
+        "belongs in <InteractionRule>",
+        ("onEntry", "onExit", "transition"),
+        {"id": AttributeForm("state", defines=True)},
+    ),
+    "transitions": ElementForm(
+        "belongs in <InteractionRule>", ("transition",), {"in": AttributeForm("states")}, in_rise=False
+    ),
+    "transition": ElementForm(
+        "belongs in <State> or <transitions>",
+        STATEMENTS,
+        {
+            "eventTopic": AttributeForm("event"),
+            "ended": AttributeForm("act", in_rise=False),
+            "outcome": AttributeForm("choices", choices=get_args(ActOutcome), of="ended", in_rise=False),
+            "while": AttributeForm("expression", of="after", in_rise=False),
+            "after": AttributeForm("delay", in_rise=False),
+            "cond": AttributeForm("expression", in_rise=False),
+            "target": _STATE,
+        },
+    ),
+    "onEntry": ElementForm("belongs in <State>", STATEMENTS),
+    "onExit": ElementForm("belongs in <State>", STATEMENTS, in_rise=False),
+    "function": ElementForm(
+        "belongs in <onEntry>, <onExit>, <if>, <else>, <oneOf> or <transition>",
+        attributes={
+            **_FUNCTIONS,
+            "state": AttributeForm("state", of="startInteractionRule", in_rise=False),
+            "enter": AttributeForm("choice", choices=("yes", "no"), of="startInteractionRule", in_rise=False),
+            "keep": AttributeForm(of="raiseEventTopic", in_rise=False),
+        },
+    ),
+    "if": ElementForm(
+        "belongs in <onEntry>, <onExit>, <else>, <oneOf> or <transition>",
+        (*STATEMENTS, "elseif", "else"),
+        _CONDITION,
+    ),
+    "oneOf": ElementForm("belongs in <onEntry>, <onExit>, <if>, <else> or <transition>", STATEMENTS, in_rise=False),
+    "else": ElementForm("belongs at the end of its <if>, or directly after it", STATEMENTS),
+    "elseif": ElementForm(
+        "belongs in its <if> before <else>, or directly after it", STATEMENTS, _CONDITION, in_rise=False
+    ),
+}
+
+
+_UNKNOWN = ElementForm()
+
+
+def form_of(tag: str) -> ElementForm:
+    """The form of an element; without children and attributes, of one that is not in the grammar."""
+    return ELEMENTS.get(tag, _UNKNOWN)
