@@ -14,7 +14,7 @@ from rise_engine.kernel.speech import act_name, find_act
 from rise_engine.scenario.durations import expected_seconds, limit_seconds
 from rise_engine.scenario.model import Act, Action, ActionCall
 from rise_engine.scenario.parameters import fill_parameters
-from rise_engine.scenario.template import MissingValueError
+from rise_engine.scenario.speech.template import MissingValueError
 
 SPEECH_CHANNEL = "speech"
 CANCEL_LIMIT = 5.0

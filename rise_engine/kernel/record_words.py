@@ -38,7 +38,7 @@ from rise_engine.kernel.records import (
     describe_open_goals,
     stopper_words,
 )
-from rise_engine.scenario.ssml import plain_words
+from rise_engine.scenario.speech.ssml import plain_words
 
 FUNCTION_WORDS = {
     "startCommunicationRobotAct": "act",

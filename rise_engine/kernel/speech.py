@@ -4,9 +4,9 @@ from __future__ import annotations
 
 from rise_engine.kernel.core import Task
 from rise_engine.scenario.model import Act, Action, ActionCall, Scenario
-from rise_engine.scenario.spoken import LANGUAGE, MESSAGE
-from rise_engine.scenario.ssml import begins_as_ssml, literal_ssml
-from rise_engine.scenario.template import Template
+from rise_engine.scenario.speech.spoken import LANGUAGE, MESSAGE
+from rise_engine.scenario.speech.ssml import begins_as_ssml, literal_ssml
+from rise_engine.scenario.speech.template import Template
 
 SAY = "say"
 """The function of the task, and the name of the act and of its only action in records and events (`/say_end`)."""

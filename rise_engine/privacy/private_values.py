@@ -18,7 +18,7 @@ from rise_engine.expression import Assignment, ExpressionError
 from rise_engine.kernel.records import AnyRecord, MemoryRecord
 from rise_engine.kernel.speech import SAY
 from rise_engine.scenario.model import ActionCall, Scenario
-from rise_engine.scenario.template import spoken_text
+from rise_engine.scenario.speech.template import spoken_text
 
 WITHIN_WORDS = 3
 """The least number of letters with which a value is also found within longer words (`Anna` in `Annas`)."""

@@ -6,9 +6,9 @@ import os
 from pathlib import Path
 
 from rise_engine.base.nearest_name import limited_comparisons
+from rise_engine.scenario.files.source_files import Memo
+from rise_engine.scenario.files.tree import Held
 from rise_engine.scenario.loader import LoadResult, ScenarioLoader
-from rise_engine.scenario.source_files import Memo
-from rise_engine.scenario.tree import Held
 
 
 class ScenarioChecker:

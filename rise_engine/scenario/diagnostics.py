@@ -54,7 +54,7 @@ WARNING_CODES = frozenset(
         "variants",
     }
 )
-"""The codes of warnings that can be silenced (`rise_engine.scenario.suppressions`)."""
+"""The codes of warnings that can be silenced (`rise_engine.scenario.reading.suppressions`)."""
 
 
 class Diagnostic(Struct, frozen=True):

@@ -7,7 +7,7 @@ from collections.abc import Mapping
 from typing import Any
 
 from rise_engine.scenario.model import ActionSpec
-from rise_engine.scenario.ssml import pause_seconds, plain_words
+from rise_engine.scenario.speech.ssml import pause_seconds, plain_words
 
 _TIME = re.compile(r"\s*(\d+(?:\.\d+)?)\s*(ms|s|min)\s*\Z", re.ASCII)
 UNITS = {"ms": 0.001, "s": 1.0, "min": 60.0}

@@ -13,41 +13,41 @@ from msgspec import Struct, field
 from msgspec.structs import replace
 
 from rise_engine.base.nearest_name import did_you_mean, in_backquotes, limited_comparisons
-from rise_engine.scenario.act_settings import ActTables
-from rise_engine.scenario.action_declarations import apply_declarations, name_places, read_places
-from rise_engine.scenario.acts import read_acts, report_unsent_ssml
-from rise_engine.scenario.cross_references import check_cross_references, check_failures
-from rise_engine.scenario.diagnostic_ends import with_ends
+from rise_engine.scenario.checking.cross_references import check_cross_references, check_failures
+from rise_engine.scenario.checking.diagnostic_ends import with_ends
+from rise_engine.scenario.checking.find_uses_in_settings import uses_in_memory, uses_in_settings, uses_in_trials
+from rise_engine.scenario.checking.memory_paths import factors_read
+from rise_engine.scenario.checking.uses import Use, Uses, uses_in_acts, uses_in_rules
 from rise_engine.scenario.diagnostics import Diagnostic, Diagnostics
 from rise_engine.scenario.draft import ScenarioDraft
-from rise_engine.scenario.element_templates import LIBRARY, PATTERNS, ElementTemplate, TemplateCollection
-from rise_engine.scenario.expansion import expand_files
-from rise_engine.scenario.file_names import DEFAULT_PATHS, LEXICON_FILE, SCENARIO_FILE, TEXTS_FOLDER
-from rise_engine.scenario.find_uses_in_settings import uses_in_memory, uses_in_settings, uses_in_trials
-from rise_engine.scenario.lexicon import read_lexicon
-from rise_engine.scenario.memory import read_memory
-from rise_engine.scenario.memory_paths import factors_read
+from rise_engine.scenario.files.file_names import DEFAULT_PATHS, LEXICON_FILE, SCENARIO_FILE, TEXTS_FOLDER
+from rise_engine.scenario.files.source_files import MAX_TOML_BYTES, FileReader, Memo, SourceFile, Value
+from rise_engine.scenario.files.study_paths import why_not_read
+from rise_engine.scenario.files.toml_files import TomlFile, TomlTable, toml_of
+from rise_engine.scenario.files.tree import FileTree, Held, contents_of_interrupted_save
+from rise_engine.scenario.files.xml import XmlFile, xml_of
 from rise_engine.scenario.model import SESSION, LexiconTable, RobotProfile, Scenario, SourceLocation
-from rise_engine.scenario.robot_profiles import DEFAULT_ROBOT, builtin_robot, read_robot, robot_names
-from rise_engine.scenario.rules import read_rules
-from rise_engine.scenario.scenario_toml import ScenarioSettings
-from rise_engine.scenario.shipped_studies import shipped_hint
-from rise_engine.scenario.source_files import MAX_TOML_BYTES, FileReader, Memo, SourceFile, Value
-from rise_engine.scenario.spoken_texts import SpokenText, TableText
-from rise_engine.scenario.study_paths import why_not_read
-from rise_engine.scenario.suppressions import (
+from rise_engine.scenario.reading.act_settings import ActTables
+from rise_engine.scenario.reading.action_declarations import apply_declarations, name_places, read_places
+from rise_engine.scenario.reading.acts import read_acts, report_unsent_ssml
+from rise_engine.scenario.reading.element_templates import LIBRARY, PATTERNS, ElementTemplate, TemplateCollection
+from rise_engine.scenario.reading.expansion import expand_files
+from rise_engine.scenario.reading.lexicon import read_lexicon
+from rise_engine.scenario.reading.memory import read_memory
+from rise_engine.scenario.reading.robot_profiles import DEFAULT_ROBOT, builtin_robot, read_robot, robot_names
+from rise_engine.scenario.reading.rules import read_rules
+from rise_engine.scenario.reading.scenario_toml import ScenarioSettings
+from rise_engine.scenario.reading.suppressions import (
     SuppressedWarning,
     Suppression,
     apply_suppressions,
     memory_suppressions,
     read_suppressions,
 )
-from rise_engine.scenario.tables import TABLES_FOLDER, ScenarioLanguages, read_tables
-from rise_engine.scenario.toml_files import TomlFile, TomlTable, toml_of
-from rise_engine.scenario.translations import LanguageTexts, TranslationReader, translated_languages
-from rise_engine.scenario.tree import FileTree, Held, contents_of_interrupted_save
-from rise_engine.scenario.uses import Use, Uses, uses_in_acts, uses_in_rules
-from rise_engine.scenario.xml import XmlFile, xml_of
+from rise_engine.scenario.reading.tables import TABLES_FOLDER, ScenarioLanguages, read_tables
+from rise_engine.scenario.reading.translations import LanguageTexts, TranslationReader, translated_languages
+from rise_engine.scenario.shipped_studies import shipped_hint
+from rise_engine.scenario.speech.spoken_texts import SpokenText, TableText
 
 
 class WrittenParts(Struct, frozen=True):

@@ -14,7 +14,7 @@ from rise_engine.base.json_codec import is_64_bit
 from rise_engine.base.nearest_name import Correction, suggest
 from rise_engine.scenario.durations import MAX_SECONDS
 from rise_engine.scenario.model import ActionCall, ActionSpec, Parameter
-from rise_engine.scenario.template import Template, spoken_text
+from rise_engine.scenario.speech.template import Template, spoken_text
 
 _NUMBER = re.compile(r"[-+]?(?:\d+(?:\.\d*)?|\.\d+)(?:[eE][-+]?\d+)?\Z", re.ASCII)
 _WHOLE = re.compile(r"[-+]?\d{1,300}\Z", re.ASCII)

@@ -34,7 +34,7 @@ from rise_engine.base.text import escape_all_surrogates, restore_all_surrogates
 from rise_engine.kernel.inputs import SessionStarted
 from rise_engine.kernel.records import Purpose, identity_of
 from rise_engine.ports.bridge import RosConnection, RosTransport
-from rise_engine.scenario.file_names import DEFAULT_PATHS
+from rise_engine.scenario.files.file_names import DEFAULT_PATHS
 from rise_engine.scenario.loader import load
 from rise_engine.scenario.model import Scenario
 from rise_engine.session.journal_format import FORMAT

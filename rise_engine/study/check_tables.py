@@ -11,7 +11,7 @@ from pathlib import Path
 
 from rise_engine.base.nearest_name import did_you_mean, in_backquotes
 from rise_engine.base.text import clean, escape_surrogates
-from rise_engine.scenario.toml_files import TomlTable
+from rise_engine.scenario.files.toml_files import TomlTable
 from rise_engine.study.model import StudyCheck
 
 _QUANTITY = re.compile(r"\s*(\d+(?:\.\d+)?)\s*([A-Za-z]+)\s*\Z", re.ASCII)

@@ -10,11 +10,11 @@ from unicodedata import combining, normalize
 from msgspec import Struct
 
 from rise_engine.base.nearest_name import did_you_mean, in_backquotes
-from rise_engine.scenario.csv_reader import MAX_COLUMNS, CsvReader, TableRecord
 from rise_engine.scenario.diagnostics import Diagnostics
+from rise_engine.scenario.files.csv_reader import MAX_COLUMNS, CsvReader, TableRecord
+from rise_engine.scenario.files.source_files import FileReader
+from rise_engine.scenario.files.tree import FileTree, Held
 from rise_engine.scenario.model import SourceLocation
-from rise_engine.scenario.source_files import FileReader
-from rise_engine.scenario.tree import FileTree, Held
 
 MAX_BYTES, MAX_ROWS = 20_000_000, 200_000
 _ENCODING_REMEDY = "in Excel or LibreOffice, save it as `CSV UTF-8`"

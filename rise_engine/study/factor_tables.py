@@ -9,9 +9,9 @@ from msgspec.json import encode
 
 from rise_engine.base.nearest_name import did_you_mean, nearest_name
 from rise_engine.expression import lookup
-from rise_engine.scenario.memory_paths import MemoryPaths
+from rise_engine.scenario.checking.memory_paths import MemoryPaths
+from rise_engine.scenario.files.toml_files import TomlTable
 from rise_engine.scenario.model import SESSION, Json, Scenario
-from rise_engine.scenario.toml_files import TomlTable
 from rise_engine.study.model import Factor, FactorKind, Level, Study
 from rise_engine.study.study_scenarios import scenario_folder
 

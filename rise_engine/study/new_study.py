@@ -14,8 +14,8 @@ from msgspec import Struct
 from rise_engine.base.errors import StudyError
 from rise_engine.base.files import error_message
 from rise_engine.scenario.diagnostics import Diagnostic
+from rise_engine.scenario.files.study_paths import why_no_name, why_not_read
 from rise_engine.scenario.model import Json
-from rise_engine.scenario.study_paths import why_no_name, why_not_read
 from rise_engine.study.model import Level, Study, StudyCheck
 from rise_engine.study.participants import PARTICIPANTS_FILE, header_line
 from rise_engine.study.publishing import REPORT_ITEMS

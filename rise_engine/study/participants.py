@@ -11,9 +11,9 @@ from msgspec import Struct
 
 from rise_engine.base.nearest_name import did_you_mean, in_backquotes, limited_comparisons, nearest_name
 from rise_engine.scenario.diagnostics import Diagnostic, Diagnostics
-from rise_engine.scenario.file_names import PARTICIPANTS_FILE as PARTICIPANTS_FILE
+from rise_engine.scenario.files.file_names import PARTICIPANTS_FILE as PARTICIPANTS_FILE
+from rise_engine.scenario.files.tree import Held
 from rise_engine.scenario.model import SourceLocation
-from rise_engine.scenario.tree import Held
 from rise_engine.study.csv_table import WHY, CsvRow, CsvTable, mail_address_in, personal_column, read_csv
 from rise_engine.study.model import Participant, Study
 

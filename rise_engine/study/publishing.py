@@ -8,7 +8,7 @@ from typing import Any
 
 from msgspec import Struct
 
-from rise_engine.scenario.toml_files import TomlTable
+from rise_engine.scenario.files.toml_files import TomlTable
 
 LICENSES = {
     "CC0-1.0": "https://creativecommons.org/publicdomain/zero/1.0/",

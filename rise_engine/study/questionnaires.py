@@ -14,9 +14,9 @@ from msgspec import Struct
 
 from rise_engine.base.nearest_name import did_you_mean, in_backquotes, limited_comparisons
 from rise_engine.scenario.diagnostics import Diagnostic, Diagnostics
+from rise_engine.scenario.files.study_paths import why_no_name, why_not_read
+from rise_engine.scenario.files.toml_files import TomlTable
 from rise_engine.scenario.model import SourceLocation
-from rise_engine.scenario.study_paths import why_no_name, why_not_read
-from rise_engine.scenario.toml_files import TomlTable
 from rise_engine.study.csv_table import WHY, CsvRow, CsvTable, mail_address_in, personal_column, read_csv
 from rise_engine.study.model import ItemDescription, Participant, QuestionnaireSettings, Study
 

@@ -13,8 +13,8 @@ from msgspec.structs import replace
 from rise_engine.base.nearest_name import did_you_mean, in_backquotes, nearest_name
 from rise_engine.base.plugins import find_plugin, installed_plugins
 from rise_engine.ports.recorder import Recorder, RecorderError, RecorderOpener
+from rise_engine.scenario.files.toml_files import TomlTable
 from rise_engine.scenario.model import Json
-from rise_engine.scenario.toml_files import TomlTable
 from rise_engine.study.check_tables import parse_length
 from rise_engine.study.model import (
     MarkerSettings,

@@ -9,8 +9,8 @@ from pathlib import Path
 from msgspec import Struct
 
 from rise_engine.scenario.diagnostics import Diagnostic, Diagnostics
+from rise_engine.scenario.files.tree import Held
 from rise_engine.scenario.model import Scenario, SourceLocation
-from rise_engine.scenario.tree import Held
 from rise_engine.study.balance import block_problems
 from rise_engine.study.design import runs
 from rise_engine.study.labels import reassignments, session_differences

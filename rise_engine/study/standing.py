@@ -67,8 +67,7 @@ def in_stratum(row: Slot, strata: Mapping[str, str]) -> bool:
 def places_of(participants: Sequence[Participant], log: Sequence[LogEntry]) -> Places:
     """Determine who holds which row, and who is out.
 
-    A participant whose row was given to another stays out, even if their exclusion is taken back, because nobody changes
-    rows.
+    A participant whose row was given to another stays out, even if their exclusion is taken back: nobody changes rows.
 
     :param participants: the rows of participants.csv.
     :param log: all entries of the log, with `missing_entries`.

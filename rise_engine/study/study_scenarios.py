@@ -9,11 +9,11 @@ from msgspec.structs import replace
 
 from rise_engine.base.nearest_name import did_you_mean
 from rise_engine.scenario.diagnostics import Diagnostic
-from rise_engine.scenario.file_names import SCENARIO_FILE
+from rise_engine.scenario.files.file_names import SCENARIO_FILE
+from rise_engine.scenario.files.study_paths import why_not_read
+from rise_engine.scenario.files.toml_files import TomlTable
 from rise_engine.scenario.loader import load
 from rise_engine.scenario.model import Scenario
-from rise_engine.scenario.study_paths import why_not_read
-from rise_engine.scenario.toml_files import TomlTable
 from rise_engine.study.model import Study
 
 

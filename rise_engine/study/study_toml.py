@@ -11,11 +11,11 @@ from msgspec import Struct
 
 from rise_engine.base.nearest_name import did_you_mean, in_backquotes, limited_comparisons, nearest_name
 from rise_engine.scenario.diagnostics import Diagnostic, Diagnostics
-from rise_engine.scenario.file_names import STUDY_FILE as STUDY_FILE
+from rise_engine.scenario.files.file_names import STUDY_FILE as STUDY_FILE
+from rise_engine.scenario.files.source_files import MAX_TOML_BYTES, FileReader
+from rise_engine.scenario.files.toml_files import TomlFile, TomlTable, is_integer, read_toml
+from rise_engine.scenario.files.tree import FileTree, Held
 from rise_engine.scenario.model import Mode, Scenario, SourceLocation
-from rise_engine.scenario.source_files import MAX_TOML_BYTES, FileReader
-from rise_engine.scenario.toml_files import TomlFile, TomlTable, is_integer, read_toml
-from rise_engine.scenario.tree import FileTree, Held
 from rise_engine.study.check_tables import DAY, parse_length, read_checks
 from rise_engine.study.csv_table import WHY, personal_column
 from rise_engine.study.design import PLAN_COLUMNS, cells, runs, with_hashes

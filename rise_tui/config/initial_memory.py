@@ -11,10 +11,10 @@ from rise_engine.author.edit.memory import edit_memory_text, memory_file_text
 from rise_engine.author.edit.plan import EditRefused
 from rise_engine.author.edit.saving import write_files
 from rise_engine.base.json_codec import json_equal
-from rise_engine.scenario.file_names import DEFAULT_PATHS
+from rise_engine.scenario.files.file_names import DEFAULT_PATHS
+from rise_engine.scenario.files.study_paths import why_not_written
 from rise_engine.scenario.model import Scenario
 from rise_engine.scenario.shipped_studies import shipped_name
-from rise_engine.scenario.study_paths import why_not_written
 from rise_tui.rendering.text import format_value
 
 

@@ -17,10 +17,10 @@ from msgspec.structs import replace
 
 from rise_engine.base.nearest_name import did_you_mean
 from rise_engine.scenario.diagnostics import Diagnostics
+from rise_engine.scenario.files.source_files import FileReader
+from rise_engine.scenario.files.toml_files import TomlFile, read_toml
 from rise_engine.scenario.keys import KeyRefusedError, key_name
 from rise_engine.scenario.model import SourceLocation
-from rise_engine.scenario.source_files import FileReader
-from rise_engine.scenario.toml_files import TomlFile, read_toml
 from rise_tui.actions import ACTIONS, BY_ID, ON_STUDY_SCREEN, ConsoleAction
 from rise_tui.config.keymap import KeyFile
 from rise_tui.key_labels import key_label

@@ -12,12 +12,12 @@ from msgspec import Struct
 from rise_engine.run.protocol.client import AttachReply, Client
 from rise_engine.run.protocol.session_options import SessionOptions
 from rise_engine.run.server.spawn import EngineStarted
-from rise_engine.scenario.conditions import conditions_in
 from rise_engine.scenario.diagnostics import Diagnostic
-from rise_engine.scenario.file_names import DEFAULT_PATHS, SCENARIO_FILE
+from rise_engine.scenario.files.file_names import DEFAULT_PATHS, SCENARIO_FILE
 from rise_engine.scenario.loader import load
 from rise_engine.scenario.model import Condition, Scenario
-from rise_engine.scenario.robot_profiles import DEFAULT_ROBOT, robot_names
+from rise_engine.scenario.reading.conditions import conditions_in
+from rise_engine.scenario.reading.robot_profiles import DEFAULT_ROBOT, robot_names
 from rise_tui.config.settings import find_scenario, scenario_folder, why_no_scenario
 from rise_tui.config.study_source import ReportProgress as ReportProgress
 from rise_tui.config.study_source import StudySource

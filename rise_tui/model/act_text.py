@@ -10,9 +10,9 @@ from rise_engine.author.drawing.act_graph import ActRow, act_rows
 from rise_engine.author.drawing.act_seconds import estimate_call_seconds
 from rise_engine.kernel.task_view import ActionView, TaskView
 from rise_engine.scenario.model import Act, Action, ActionCall
-from rise_engine.scenario.spoken import MESSAGE
-from rise_engine.scenario.ssml import plain_words
-from rise_engine.scenario.template import MissingValueError, Template, spoken_text
+from rise_engine.scenario.speech.spoken import MESSAGE
+from rise_engine.scenario.speech.ssml import plain_words
+from rise_engine.scenario.speech.template import MissingValueError, Template, spoken_text
 from rise_tui.model.log_text import field_lines
 from rise_tui.model.robot_speech import estimate_action_seconds
 from rise_tui.model.states import READY, act_progress, action_state, newest_task, task_state

@@ -10,8 +10,8 @@ from rise_engine.author.drawing.act_seconds import actions_in_order
 from rise_engine.kernel.task_view import ActionView, TaskView
 from rise_engine.kernel.wizard_marks import UNMARKABLE
 from rise_engine.scenario.model import Action, KeyBinding, Scenario
-from rise_engine.scenario.ssml import BEGINNING, begins_as_ssml, plain_words
-from rise_engine.scenario.template import MemorySlot, MissingValueError, Template
+from rise_engine.scenario.speech.ssml import BEGINNING, begins_as_ssml, plain_words
+from rise_engine.scenario.speech.template import MemorySlot, MissingValueError, Template
 from rise_tui.model.act_text import act_of_speech
 from rise_tui.model.control import KeyNames, blocked_text
 from rise_tui.model.notice import act_label, completion_message, short_name, task_label

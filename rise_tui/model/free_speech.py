@@ -7,8 +7,8 @@ from typing import Any, NamedTuple
 
 from rise_engine.kernel.view import SessionView
 from rise_engine.scenario.model import Scenario
-from rise_engine.scenario.ssml import plain_words
-from rise_engine.scenario.template import MissingValueError, TemplateError, parse_template
+from rise_engine.scenario.speech.ssml import plain_words
+from rise_engine.scenario.speech.template import MissingValueError, TemplateError, parse_template
 from rise_tui.model.notice import act_label
 
 KEPT = 200

@@ -7,8 +7,8 @@ import re
 
 from rise_engine.kernel.behaviors import describe_behavior
 from rise_engine.kernel.task_view import ActionView, TaskView
-from rise_engine.scenario.ssml import plain_words
-from rise_engine.scenario.template import spoken_text
+from rise_engine.scenario.speech.ssml import plain_words
+from rise_engine.scenario.speech.template import spoken_text
 from rise_tui.model.filtering import InvalidFilter
 from rise_tui.model.log_rows import NOTE, ROBOT
 from rise_tui.model.notice import FUNCTION_LABELS, short_name

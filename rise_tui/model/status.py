@@ -8,7 +8,7 @@ from __future__ import annotations
 from typing import NamedTuple
 
 from rise_engine.kernel.records import SessionRecord
-from rise_engine.scenario.conditions import condition_label
+from rise_engine.scenario.reading.conditions import condition_label
 from rise_tui.model.alarms import all_recorders_run, recorders_word
 from rise_tui.model.cue import cue_line
 from rise_tui.model.notice import act_label, short_name

@@ -48,8 +48,8 @@ from rise_engine.run.protocol.client import (
     JournalStatus,
     ShadowStatus,
 )
-from rise_engine.scenario.lexicon import RobotWording
 from rise_engine.scenario.model import CUE_TOPICS, KeyBinding, Scenario, normal_topic
+from rise_engine.scenario.reading.lexicon import RobotWording
 from rise_tui.model import control
 from rise_tui.model.control import CUE_EVENTS, STARTING_FUNCTIONS, BlockedReason, Deed, InputMode
 from rise_tui.model.cue import CueClock, cue_clock

@@ -15,8 +15,8 @@ from textual.widgets import Button, Input, Static
 
 from rise_engine.run.protocol.session_options import SessionOptions
 from rise_engine.run.protocol.session_start import start_problems
-from rise_engine.scenario.conditions import condition_label, condition_sentence
 from rise_engine.scenario.model import Condition, Scenario
+from rise_engine.scenario.reading.conditions import condition_label, condition_sentence
 from rise_tui.config.launch import Launcher, ScenarioProblems, ScenarioSummary, list_robots, read_summary
 from rise_tui.config.paths import expand_home
 from rise_tui.model.status import participant_text

@@ -14,8 +14,8 @@ from rise_engine.kernel.commands import StartAction
 from rise_engine.kernel.inputs import ActionReport, RobotChanged, StopReport
 from rise_engine.ports.robot import RobotReport
 from rise_engine.run.engine.clock import VirtualClock
-from rise_engine.scenario.action_declarations import core_actions
 from rise_engine.scenario.model import RobotProfile
+from rise_engine.scenario.reading.action_declarations import core_actions
 
 ALL = ("generic/arms", "generic/body", "generic/face", "generic/gaze", "generic/speech")
 

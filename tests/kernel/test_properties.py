@@ -52,7 +52,7 @@ from rise_engine.scenario.model import (
     Table,
     Transition,
 )
-from rise_engine.scenario.template import parse_template
+from rise_engine.scenario.speech.template import parse_template
 from tests.chance import examples
 
 ACTS = ("A0", "A1", "A2", "A3")

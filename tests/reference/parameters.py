@@ -7,7 +7,7 @@ from typing import Any
 from rise_engine.expression import Environment, EvaluationError, MissingPartError, lookup
 from rise_engine.scenario.model import ActionCall, ActionSpec
 from rise_engine.scenario.parameters import ParameterError, convert_parameter
-from rise_engine.scenario.template import MemorySlot, Template, spoken_text
+from rise_engine.scenario.speech.template import MemorySlot, Template, spoken_text
 
 
 class Unfit(Exception):

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from rise_engine.scenario.model import Act, Action, ActionCall
-from rise_engine.scenario.template import Template
+from rise_engine.scenario.speech.template import Template
 
 from .acts import Run
 from .rules import Run as RuleRun

@@ -29,7 +29,7 @@ from rise_engine.scenario.model import (
     Table,
     Transition,
 )
-from rise_engine.scenario.template import parse_template
+from rise_engine.scenario.speech.template import parse_template
 
 ACTS = ("A0", "A1", "A2", "A3", "A4")
 RULES = ("R0", "R1", "R2", "R3")

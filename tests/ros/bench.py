@@ -27,9 +27,9 @@ from rise_engine.kernel.records import (
 )
 from rise_engine.run.engine.clock import VirtualClock
 from rise_engine.run.engine.engine import Engine
-from rise_engine.scenario.action_declarations import core_actions
 from rise_engine.scenario.loader import load
 from rise_engine.scenario.model import RobotProfile, Scenario
+from rise_engine.scenario.reading.action_declarations import core_actions
 from tests.kernel.harness import write
 from tests.ros.badrobot import BadServer, Plan
 from tests.ros.memory import ClockLoop, MemoryTransport, MemoryWire

@@ -30,9 +30,9 @@ from rise_engine.ports.robot import RobotReport
 from rise_engine.run.engine.clock import RealClock, VirtualClock
 from rise_engine.run.engine.drivers import make_robot, open_bridge
 from rise_engine.run.engine.engine import Engine
-from rise_engine.scenario.action_declarations import core_actions
 from rise_engine.scenario.loader import load
 from rise_engine.scenario.model import RobotProfile, Scenario
+from rise_engine.scenario.reading.action_declarations import core_actions
 from tests.ros.badrobot import Plan
 from tests.ros.bench import GAZE, SPEECH, TYPES, Bench
 from tests.ros.memory import ClockLoop, MemoryTransport, MemoryWire

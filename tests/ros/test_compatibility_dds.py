@@ -21,8 +21,8 @@ from rise_engine.kernel.commands import StartAction
 from rise_engine.kernel.inputs import ActionReport, Note, RobotChanged
 from rise_engine.ports.robot import RobotReport
 from rise_engine.run.engine.clock import RealClock
-from rise_engine.scenario.action_declarations import core_actions
 from rise_engine.scenario.model import RobotProfile
+from rise_engine.scenario.reading.action_declarations import core_actions
 from tests.ros.contract.peers import environment
 from tests.ros.session_node_bench import until
 

@@ -20,8 +20,8 @@ from rise_adapters.ros2.transport.port import STATUS, PortError, QoS
 
 from rise_engine.base.errors import AdapterError
 from rise_engine.run.engine.clock import RealClock
-from rise_engine.scenario.action_declarations import core_actions
 from rise_engine.scenario.model import RobotProfile
+from rise_engine.scenario.reading.action_declarations import core_actions
 from tests.ros.memory import MemoryTransport, MemoryWire
 from tests.ros.test_lifecycle import LifecycleNode
 

@@ -25,11 +25,11 @@ from rise_adapters.ros2.mapping import (
 )
 from rise_adapters.ros2.transport.port import PortError
 
-from rise_engine.scenario.action_declarations import core_actions
 from rise_engine.scenario.diagnostics import Diagnostics
+from rise_engine.scenario.files.source_files import FileReader
 from rise_engine.scenario.model import RobotProfile, SourceLocation
-from rise_engine.scenario.robot_profiles import read_robot
-from rise_engine.scenario.source_files import FileReader
+from rise_engine.scenario.reading.action_declarations import core_actions
+from rise_engine.scenario.reading.robot_profiles import read_robot
 from tests.ros.layouts import LAYOUTS, looked_up
 
 ACTION = """

@@ -17,10 +17,10 @@ from rise_adapters.ros2.mapping.field_types import parse_field_type
 from rise_adapters.ros2.transport.interfaces import InterfaceCatalog
 
 from rise_engine.scenario.diagnostics import Diagnostics
+from rise_engine.scenario.files.source_files import FileReader
 from rise_engine.scenario.model import ActionSpec, Parameter, RobotProfile, SourceLocation
 from rise_engine.scenario.parameters import accepts_any_name, listed_names
-from rise_engine.scenario.robot_profiles import read_robot
-from rise_engine.scenario.source_files import FileReader
+from rise_engine.scenario.reading.robot_profiles import read_robot
 from tests.ros.layouts import LAYOUTS
 
 FOLDER = Path(robots.__file__).parent

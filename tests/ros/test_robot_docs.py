@@ -23,11 +23,11 @@ from rise_engine.kernel.inputs import ActionReport, RobotChanged, StopReport
 from rise_engine.ports.robot import Driver, RobotReport
 from rise_engine.run.engine.clock import VirtualClock
 from rise_engine.scenario.diagnostics import Diagnostics
+from rise_engine.scenario.files.source_files import FileReader
 from rise_engine.scenario.loader import LoadResult, load
 from rise_engine.scenario.model import RobotProfile
 from rise_engine.scenario.parameters import convert_parameter, fill_parameters
-from rise_engine.scenario.robot_profiles import read_profile
-from rise_engine.scenario.source_files import FileReader
+from rise_engine.scenario.reading.robot_profiles import read_profile
 from tests.patience import PATIENCE
 from tests.ros.layouts import LAYOUTS, looked_up
 from tests.ros.zora import FOLDER as ZORA

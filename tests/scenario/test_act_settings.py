@@ -9,8 +9,8 @@ import pytest
 from click.testing import CliRunner
 
 from rise_engine.cli import main
-from rise_engine.scenario.act_settings import MAX_PATTERNS
 from rise_engine.scenario.model import ActSettings
+from rise_engine.scenario.reading.act_settings import MAX_PATTERNS
 
 from .folders import SPEECH, act, loaded
 

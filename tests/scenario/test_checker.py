@@ -8,8 +8,8 @@ from random import Random
 
 import pytest
 
-from rise_engine.scenario import source_files
 from rise_engine.scenario.checker import ScenarioChecker
+from rise_engine.scenario.files import source_files
 from rise_engine.scenario.loader import load
 from tests.chance import examples
 from tests.scenario.folders import SPEECH, act, folder, found, in_state, rule

@@ -6,8 +6,8 @@ import pytest
 from msgspec import UNSET
 
 from rise_engine.scenario.diagnostics import Diagnostic
+from rise_engine.scenario.files.source_files import SourceFile
 from rise_engine.scenario.loader import load
-from rise_engine.scenario.source_files import SourceFile
 from tests.scenario.folders import SPEECH, act, in_state
 from tests.scenario.test_diagnostics import ACTS, FILES, RULES
 

@@ -10,12 +10,12 @@ from pathlib import Path
 import pytest
 from lxml import etree
 
-from rise_engine.scenario import element_templates
-from rise_engine.scenario.action_declarations import core_actions
 from rise_engine.scenario.editor_schemas import FOLDER, act_schema_text, rule_schema_text
 from rise_engine.scenario.grammar import COMMON, ELEMENTS
 from rise_engine.scenario.loader import load
 from rise_engine.scenario.model import ActionSpec
+from rise_engine.scenario.reading import element_templates
+from rise_engine.scenario.reading.action_declarations import core_actions
 from tests.scenario.folders import LISTINGS, SPEECH, act, in_state, loaded
 from tests.scenario.test_diagnostics import ACTS, RULES
 

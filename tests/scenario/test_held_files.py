@@ -8,9 +8,9 @@ from pathlib import Path
 
 import pytest
 
+from rise_engine.scenario.files.source_files import SourceFile
+from rise_engine.scenario.files.tree import FileTree, UnreadableError
 from rise_engine.scenario.loader import LoadResult, load
-from rise_engine.scenario.source_files import SourceFile
-from rise_engine.scenario.tree import FileTree, UnreadableError
 from tests.chance import SEARCH
 from tests.scenario.folders import SPEECH, act, folder, found
 

@@ -6,11 +6,11 @@ from pathlib import Path
 
 import pytest
 
-from rise_engine.scenario.languages import language_problem
-from rise_engine.scenario.lexicon import MAX_LENGTH, MAX_WORDS
 from rise_engine.scenario.loader import load
 from rise_engine.scenario.model import LexiconTable
+from rise_engine.scenario.reading.lexicon import MAX_LENGTH, MAX_WORDS
 from rise_engine.scenario.serialization import decode_scenario, encode_scenario
+from rise_engine.scenario.speech.languages import language_problem
 
 from .folders import SPEECH, act, folder, found, loaded
 

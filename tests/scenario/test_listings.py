@@ -79,7 +79,7 @@ def test_listing_3(tmp_path: Path) -> None:
 
 
 def test_on_every_installed_robot(tmp_path: Path) -> None:
-    from rise_engine.scenario.robot_profiles import robot_names
+    from rise_engine.scenario.reading.robot_profiles import robot_names
 
     for robot in robot_names(tmp_path):
         result = loaded(tmp_path, {**files(), "scenario.toml": f'robot = "{robot}"\non_failure = "ask"\n'})

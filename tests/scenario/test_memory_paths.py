@@ -8,7 +8,7 @@ import pytest
 
 from rise_engine.expression import assigned_entry, lookup
 from rise_engine.expression.errors import EvaluationError
-from rise_engine.scenario.memory_paths import MemoryPaths
+from rise_engine.scenario.checking.memory_paths import MemoryPaths
 from rise_engine.scenario.model import Json
 from tests.scenario.folders import act, found, in_state, loaded
 

@@ -12,9 +12,9 @@ import pytest
 
 from rise_engine.kernel.inputs import ActionReport
 from rise_engine.kernel.records import RuleRecord, TaskRecord
-from rise_engine.scenario.element_templates import LIBRARY
 from rise_engine.scenario.loader import load
 from rise_engine.scenario.model import Scenario, functions_in
+from rise_engine.scenario.reading.element_templates import LIBRARY
 from tests.kernel.harness import Session, dialog, speech
 from tests.scenario.folders import folder
 

@@ -6,9 +6,9 @@ from pathlib import Path
 
 import pytest
 
-from rise_engine.scenario.action_declarations import core_actions
 from rise_engine.scenario.loader import load
-from rise_engine.scenario.robot_profiles import package_folders, robot_names
+from rise_engine.scenario.reading.action_declarations import core_actions
+from rise_engine.scenario.reading.robot_profiles import package_folders, robot_names
 from tests.scenario.folders import act, folder, loaded
 
 ROBOT = """

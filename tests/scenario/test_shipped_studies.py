@@ -15,8 +15,8 @@ from rise_engine.author.edit.plan import EditRefused
 from rise_engine.cli import main
 from rise_engine.run.protocol.session_options import SessionOptions
 from rise_engine.scenario import shipped_studies
-from rise_engine.scenario.element_templates import LIBRARY
 from rise_engine.scenario.loader import load
+from rise_engine.scenario.reading.element_templates import LIBRARY
 from rise_tui.config.initial_memory import memory_file_path
 from rise_tui.config.launch import ScenarioProblems, load_scenario
 from rise_tui.config.settings import scenario_path

@@ -13,13 +13,14 @@ from hypothesis import strategies as st
 from lxml import etree
 
 from rise_engine.cli import main
-from rise_engine.scenario.action_declarations import core_actions
 from rise_engine.scenario.durations import expected_seconds
 from rise_engine.scenario.editor_schemas import act_schema_text
 from rise_engine.scenario.model import Scenario
 from rise_engine.scenario.parameters import fill_parameters
-from rise_engine.scenario.robot_profiles import builtin_robot
-from rise_engine.scenario.ssml import (
+from rise_engine.scenario.reading.action_declarations import core_actions
+from rise_engine.scenario.reading.robot_profiles import builtin_robot
+from rise_engine.scenario.reading.ssml_checks import find_ssml_problems
+from rise_engine.scenario.speech.ssml import (
     begins_as_ssml,
     change_words,
     escape_value,
@@ -28,8 +29,7 @@ from rise_engine.scenario.ssml import (
     pause_seconds,
     plain_words,
 )
-from rise_engine.scenario.ssml_checks import find_ssml_problems
-from rise_engine.scenario.template import TemplateError, parse_template
+from rise_engine.scenario.speech.template import TemplateError, parse_template
 
 from .folders import found, loaded
 

@@ -8,16 +8,16 @@ from pathlib import Path
 import pytest
 from msgspec.structs import replace
 
-from rise_engine.scenario.conditions import (
+from rise_engine.scenario.loader import load
+from rise_engine.scenario.model import Condition, Mode
+from rise_engine.scenario.reading.conditions import (
     condition_label,
     condition_memory,
     condition_problem,
     condition_sentence,
     study_conditions,
 )
-from rise_engine.scenario.loader import load
-from rise_engine.scenario.model import Condition, Mode
-from rise_engine.scenario.scenario_toml import TOP_KEYS
+from rise_engine.scenario.reading.scenario_toml import TOP_KEYS
 from tests.scenario.folders import SPEECH, act, found, loaded, rule
 
 GREETING = Path(__file__).parents[2] / "scenarios" / "greeting"

@@ -18,10 +18,10 @@ from rise_engine.author.edit.study_folder import read_study_files
 from rise_engine.author.edit.workspace import Workspace
 from rise_engine.base.errors import StudyError
 from rise_engine.cli import main
+from rise_engine.scenario.files.study_paths import why_not_read, why_not_written
+from rise_engine.scenario.files.tree import FRESH, NOTE, SavedFile, sum_of
 from rise_engine.scenario.loader import load
 from rise_engine.scenario.shipped_studies import write_new_folder
-from rise_engine.scenario.study_paths import why_not_read, why_not_written
-from rise_engine.scenario.tree import FRESH, NOTE, SavedFile, sum_of
 from rise_engine.study.study_toml import load_study
 from tests.study.studies import write_study
 

@@ -15,10 +15,10 @@ from hypothesis import strategies as st
 from rise_engine.cli import main
 from rise_engine.scenario.diagnostics import Diagnostics
 from rise_engine.scenario.draft import ScenarioDraft
+from rise_engine.scenario.files.source_files import FileReader
 from rise_engine.scenario.loader import LoadResult
+from rise_engine.scenario.reading.tables import MAX_ROWS, TABLES_FOLDER, read_tables
 from rise_engine.scenario.serialization import decode_scenario, encode_scenario
-from rise_engine.scenario.source_files import FileReader
-from rise_engine.scenario.tables import MAX_ROWS, TABLES_FOLDER, read_tables
 from tests.scenario.folders import act, folder, found, in_state, loaded
 
 USE = {"rules/r.xml": in_state('<function assignValue="n = length(items)"/>')}

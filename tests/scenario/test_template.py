@@ -9,7 +9,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from rise_engine.scenario.template import MemorySlot, MissingValueError, TemplateError, parse_template
+from rise_engine.scenario.speech.template import MemorySlot, MissingValueError, TemplateError, parse_template
 from rise_tui.model.free_speech import complete_speech, fill_speech
 from tests.scenario.folders import act, found, loaded
 

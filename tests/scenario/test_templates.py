@@ -12,11 +12,11 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from rise_engine.cli import main
-from rise_engine.scenario import expansion
+from rise_engine.scenario.files.xml import TextPiece, text_pieces
 from rise_engine.scenario.loader import LoadResult, load
+from rise_engine.scenario.reading import expansion
 from rise_engine.scenario.serialization import decode_scenario, encode_scenario
 from rise_engine.scenario.shipped_studies import shipped_studies
-from rise_engine.scenario.xml import TextPiece, text_pieces
 from tests.scenario.folders import SPEECH, act, found, in_state, loaded, rule
 
 SAY = """<Template name="Say"><parameter name="id"/><parameter name="text"/><parameter name="after" default=""/>
@@ -431,7 +431,8 @@ def test_expand_prints_and_says_what_is_beyond_rise(tmp_path: Path) -> None:
     assert '<!-- acts/a.xml -->\n<Dialogs>\n<Dialog name="A"><Speech>\n' in done.stdout
     assert "<!-- rules/r.xml -->" in done.stdout and "Template" not in done.stdout
     assert done.stderr.strip() == (
-        "beyond RISE itself, these acts and rules have: `after` of `<transition>` (1), `ended` of `<transition>` (1), transitions without `target` (1)"
+        "beyond RISE itself, these acts and rules have: `after` of `<transition>` (1), "
+        "`ended` of `<transition>` (1), transitions without `target` (1)"
     )
 
 

@@ -5,8 +5,8 @@ from __future__ import annotations
 import pytest
 
 from rise_engine.scenario.diagnostics import Diagnostics
-from rise_engine.scenario.source_files import SourceFile
-from rise_engine.scenario.toml_files import read_toml
+from rise_engine.scenario.files.source_files import SourceFile
+from rise_engine.scenario.files.toml_files import read_toml
 
 TEXT = """\
 a = 1

@@ -10,7 +10,7 @@ import pytest
 
 from rise_engine.scenario.loader import LoadResult, load
 from rise_engine.scenario.model import Scenario
-from rise_engine.scenario.spoken_texts import spoken_texts
+from rise_engine.scenario.speech.spoken_texts import spoken_texts
 from tests.scenario.folders import act, folder, found
 
 LABLINKING = Path(__file__).parents[2] / "scenarios" / "lablinking"

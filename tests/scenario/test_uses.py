@@ -9,9 +9,9 @@ from pathlib import Path
 import pytest
 
 from rise_engine.scenario.checker import ScenarioChecker
+from rise_engine.scenario.checking.uses import Use, UsedKind
+from rise_engine.scenario.files.source_files import SourceFile
 from rise_engine.scenario.loader import LoadResult, load
-from rise_engine.scenario.source_files import SourceFile
-from rise_engine.scenario.uses import Use, UsedKind
 from tests.scenario.test_held_files import SCENARIOS, STUDIES, content
 
 KINDS: tuple[UsedKind, ...] = ("act", "rule", "state", "event", "key", "action")

@@ -9,13 +9,13 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from rise_engine.base.json_codec import JsonError, read_json, to_plain
-from rise_engine.scenario.action_declarations import core_actions
 from rise_engine.scenario.durations import expected_seconds, limit_seconds
-from rise_engine.scenario.graph import component_numbers, reachable_from
 from rise_engine.scenario.keys import CONSOLE_KEYS, PUNCTUATION, KeyRefusedError, bindable_key_name
 from rise_engine.scenario.model import ActionCall, Parameter
 from rise_engine.scenario.parameters import convert_parameter, fill_parameters
-from rise_engine.scenario.template import MissingValueError, key_template, parse_template
+from rise_engine.scenario.reading.action_declarations import core_actions
+from rise_engine.scenario.reading.graph import component_numbers, reachable_from
+from rise_engine.scenario.speech.template import MissingValueError, key_template, parse_template
 
 
 def nested(levels: int) -> Any:

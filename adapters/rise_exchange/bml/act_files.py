@@ -6,7 +6,7 @@ from collections.abc import Iterator
 from xml.sax.saxutils import escape, quoteattr
 
 from rise_engine.scenario.model import Act, Action, ActionCall
-from rise_engine.scenario.ssml import begins_as_ssml
+from rise_engine.scenario.speech.ssml import begins_as_ssml
 from rise_engine.syntax.toml import toml_key
 
 

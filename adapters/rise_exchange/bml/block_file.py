@@ -6,9 +6,9 @@ from collections.abc import Iterator
 
 from rise_engine.base.nearest_name import did_you_mean
 from rise_engine.base.text import BLANKS
+from rise_engine.scenario.files.source_files import SourceFile
+from rise_engine.scenario.files.xml import XmlFile, read_xml
 from rise_engine.scenario.model import SourceLocation
-from rise_engine.scenario.source_files import SourceFile
-from rise_engine.scenario.xml import XmlFile, read_xml
 from rise_engine.syntax.xml import Element
 from rise_exchange.bml.findings import FORM, NO_ACTION, ConversionFindings
 from rise_exchange.bml.vocabulary import (

@@ -8,8 +8,8 @@ from decimal import Decimal
 from rise_engine.base.nearest_name import did_you_mean
 from rise_engine.scenario.model import ActionCall
 from rise_engine.scenario.parameters import is_bare_key
-from rise_engine.scenario.ssml import write_element
-from rise_engine.scenario.template import Template, TemplateError, key_template, parse_template
+from rise_engine.scenario.speech.ssml import write_element
+from rise_engine.scenario.speech.template import Template, TemplateError, key_template, parse_template
 from rise_exchange.bml.block_file import BmlElement
 from rise_exchange.bml.core_behavior import MODES, length_of
 from rise_exchange.bml.findings import FORM, NAME, NO_ACTION, TIME, ConversionFindings

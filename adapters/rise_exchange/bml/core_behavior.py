@@ -9,8 +9,8 @@ from typing import TypeAlias
 from msgspec import Struct
 
 from rise_engine.scenario.model import ActionCall
-from rise_engine.scenario.ssml import begins_as_ssml, plain_words
-from rise_engine.scenario.template import Template
+from rise_engine.scenario.speech.ssml import begins_as_ssml, plain_words
+from rise_engine.scenario.speech.template import Template
 from rise_exchange.bml.names import BmlNames, TargetPoint
 from rise_exchange.bml.sync import read_seconds, seconds_text
 

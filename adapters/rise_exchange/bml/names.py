@@ -11,10 +11,10 @@ from msgspec import Struct, field
 
 from rise_engine.base.nearest_name import did_you_mean, in_backquotes
 from rise_engine.scenario.diagnostics import Diagnostics
+from rise_engine.scenario.files.source_files import SourceFile
+from rise_engine.scenario.files.toml_files import TomlTable, read_toml
 from rise_engine.scenario.model import RobotProfile
 from rise_engine.scenario.parameters import accepts_any_name, listed_names
-from rise_engine.scenario.source_files import SourceFile
-from rise_engine.scenario.toml_files import TomlTable, read_toml
 
 LexemeKind: TypeAlias = Literal["head", "gesture", "posture", "face"]
 KINDS: tuple[LexemeKind, ...] = ("head", "gesture", "posture", "face")

@@ -7,9 +7,9 @@ from pathlib import PurePath
 
 from msgspec import Struct
 
+from rise_engine.scenario.files.source_files import SourceFile
 from rise_engine.scenario.model import Act, Action, ActionCall, CallingType, SourceLocation
-from rise_engine.scenario.source_files import SourceFile
-from rise_engine.scenario.template import Template, parse_template
+from rise_engine.scenario.speech.template import Template, parse_template
 from rise_exchange.bml.block_file import BmlElement, read_block
 from rise_exchange.bml.calls import CallReader
 from rise_exchange.bml.core_behavior import CoreBehavior, core_behavior

@@ -14,9 +14,9 @@ from xml.sax.saxutils import escape, quoteattr
 from msgspec.structs import replace
 
 from rise_engine.base.text import pluralize
+from rise_engine.scenario.files.source_files import SourceFile
 from rise_engine.scenario.model import Act, Action, ActionCall, CallingType, Json
-from rise_engine.scenario.source_files import SourceFile
-from rise_engine.scenario.template import MemorySlot, MissingValueError, Template
+from rise_engine.scenario.speech.template import MemorySlot, MissingValueError, Template
 from rise_exchange.bml.core_behavior import CoreBehavior, core_behavior, point_of, target_name
 from rise_exchange.bml.findings import ConversionFindings
 from rise_exchange.bml.names import BmlNames, TargetPoint

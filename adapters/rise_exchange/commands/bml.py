@@ -14,10 +14,10 @@ from rise_engine.cli.options import SCENARIO, STRICT, resolve_scenario, without_
 from rise_engine.cli.scenario.loading import load_scenario, sound_scenario
 from rise_engine.cli.terminal import Refused, exit_with_usage, not_written, print_lines, print_notes, write_xml
 from rise_engine.run.protocol.task_file import unknown_name_sentence
-from rise_engine.scenario.file_names import DEFAULT_PATHS, SCENARIO_FILE
+from rise_engine.scenario.files.file_names import DEFAULT_PATHS, SCENARIO_FILE
+from rise_engine.scenario.files.source_files import FileReader, SourceFile
 from rise_engine.scenario.loader import load
 from rise_engine.scenario.model import ActSettings, RobotProfile, Scenario
-from rise_engine.scenario.source_files import FileReader, SourceFile
 from rise_exchange.bml.act_files import act_file_text, calling_type_setting
 from rise_exchange.bml.findings import FORM, ConversionFindings
 from rise_exchange.bml.names import BmlNames, read_names

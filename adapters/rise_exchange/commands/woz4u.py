@@ -10,9 +10,9 @@ import click
 from rise_engine.base.errors import ExchangeError, StudyError
 from rise_engine.cli.terminal import Refused, exit_with_usage, not_written, print_lines, reason_of
 from rise_engine.scenario.diagnostics import Diagnostics
+from rise_engine.scenario.files.study_paths import why_not_read
 from rise_engine.scenario.loader import load
 from rise_engine.scenario.shipped_studies import write_new_folder
-from rise_engine.scenario.study_paths import why_not_read
 from rise_exchange.woz4u.woz4u_file import read_woz4u
 from rise_exchange.woz4u.woz4u_study import ImportedStudy, make_study
 

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from rise_engine.base.nearest_name import did_you_mean
 from rise_engine.scenario.diagnostics import Diagnostics
-from rise_engine.scenario.source_files import SourceFile
-from rise_engine.scenario.xml import XmlFile, read_xml
+from rise_engine.scenario.files.source_files import SourceFile
+from rise_engine.scenario.files.xml import XmlFile, read_xml
 from rise_engine.syntax.xml import Element
 from rise_exchange.scxml.chart import (
     AssignNode,

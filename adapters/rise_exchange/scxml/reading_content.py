@@ -7,7 +7,7 @@ import re
 from collections.abc import Collection
 
 from rise_engine.scenario.diagnostics import Diagnostics
-from rise_engine.scenario.xml import XmlFile
+from rise_engine.scenario.files.xml import XmlFile
 from rise_engine.syntax.xml import Element
 from rise_exchange.scxml.chart import (
     ERROR,

@@ -9,8 +9,8 @@ from typing import Any
 from msgspec import Struct
 
 from rise_engine.scenario.diagnostics import Diagnostics
+from rise_engine.scenario.files.source_files import SourceFile
 from rise_engine.scenario.model import SourceLocation
-from rise_engine.scenario.source_files import SourceFile
 from rise_exchange.scxml.chart import ERROR, AssignNode, Chart, SendPlace
 from rise_exchange.scxml.content_translation import (
     ContentTranslator,

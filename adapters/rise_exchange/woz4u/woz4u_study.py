@@ -12,7 +12,7 @@ from msgspec import Struct
 from rise_engine.base.text import pluralize
 from rise_engine.scenario.keys import KeyRefusedError, bindable_key_name
 from rise_engine.scenario.model import RobotProfile
-from rise_engine.scenario.scenario_toml import MAX_LABEL_LENGTH
+from rise_engine.scenario.reading.scenario_toml import MAX_LABEL_LENGTH
 from rise_engine.syntax.toml import toml_key
 from rise_exchange.woz4u.annotated_speech import MadeAction, SpeechReader
 from rise_exchange.woz4u.woz4u_file import WozFile, WozItem

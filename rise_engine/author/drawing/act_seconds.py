@@ -9,7 +9,7 @@ from typing import Any
 from rise_engine.scenario.durations import expected_seconds
 from rise_engine.scenario.model import Act, Action, ActionCall, Scenario
 from rise_engine.scenario.parameters import fill_parameters
-from rise_engine.scenario.template import MissingValueError
+from rise_engine.scenario.speech.template import MissingValueError
 
 # --- levels of actions ------------------------------------------------------------------------------------------------
 

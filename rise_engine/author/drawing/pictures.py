@@ -15,7 +15,7 @@ from rise_engine.author.drawing.state_graph import (
 )
 from rise_engine.base.text import clean, pluralize
 from rise_engine.scenario.model import Act, Action, ActionCall, Rule
-from rise_engine.scenario.ssml import plain_words
+from rise_engine.scenario.speech.ssml import plain_words
 
 PieceRole: TypeAlias = Literal["name", "label", "note"]
 FAR = 8

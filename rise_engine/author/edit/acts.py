@@ -28,7 +28,7 @@ from rise_engine.base.nearest_name import did_you_mean
 from rise_engine.base.text import pluralize
 from rise_engine.scenario.grammar import COMMON
 from rise_engine.scenario.model import ActionSpec
-from rise_engine.scenario.spoken_texts import SpokenText, text_key
+from rise_engine.scenario.speech.spoken_texts import SpokenText, text_key
 from rise_engine.syntax.xml import Element, XmlSyntaxError, XmlTree
 from rise_engine.syntax.xml_layout import (
     gap_before,

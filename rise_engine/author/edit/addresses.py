@@ -15,8 +15,8 @@ from rise_engine.author.edit.outline import (
 )
 from rise_engine.author.edit.plan import EditRefused, StudyState
 from rise_engine.base.nearest_name import did_you_mean
-from rise_engine.scenario.uses import UsedKind
-from rise_engine.scenario.xml import XmlFile, count_places
+from rise_engine.scenario.checking.uses import UsedKind
+from rise_engine.scenario.files.xml import XmlFile, count_places
 from rise_engine.syntax.xml import Element
 
 _SHOWN = 5

@@ -16,9 +16,9 @@ from rise_engine.author.edit.memory import memory_file
 from rise_engine.author.edit.plan import EditedText, EditRefused, Files
 from rise_engine.base.json_codec import JsonArray, JsonError, JsonObject, decode, read_json
 from rise_engine.base.text import BLANKS
-from rise_engine.scenario.element_templates import PATTERNS
-from rise_engine.scenario.file_names import DEFAULT_PATHS, SCENARIO_FILE
-from rise_engine.scenario.memory import LIST_KEY
+from rise_engine.scenario.files.file_names import DEFAULT_PATHS, SCENARIO_FILE
+from rise_engine.scenario.reading.element_templates import PATTERNS
+from rise_engine.scenario.reading.memory import LIST_KEY
 from rise_engine.syntax.changes import TextEdit, changed_text
 from rise_engine.syntax.toml import TomlSection
 from rise_engine.syntax.toml_edits import TomlText

@@ -13,8 +13,8 @@ from msgspec import Struct
 
 from rise_engine.author.edit.plan import EditedText, EditRefused, Files, Splice
 from rise_engine.expression.tokens import escape_text
-from rise_engine.scenario.source_files import SourceFile
-from rise_engine.scenario.uses import Use
+from rise_engine.scenario.checking.uses import Use
+from rise_engine.scenario.files.source_files import SourceFile
 from rise_engine.syntax.toml import TomlKeyPart, TomlValue, toml_key
 from rise_engine.syntax.toml_edits import TomlText
 from rise_engine.syntax.xml import CDATA, XmlSyntaxError, XmlTree

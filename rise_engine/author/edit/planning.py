@@ -19,8 +19,8 @@ from rise_engine.author.edit import (
 )
 from rise_engine.author.edit.edits import Edit, ReplaceFile
 from rise_engine.author.edit.plan import EditedText, EditRefused, Plan, StudyState
-from rise_engine.scenario.source_files import MAX_BYTES
-from rise_engine.scenario.study_paths import why_none_written
+from rise_engine.scenario.files.source_files import MAX_BYTES
+from rise_engine.scenario.files.study_paths import why_none_written
 
 _BOM = b"\xef\xbb\xbf"
 _SHOWN = 90

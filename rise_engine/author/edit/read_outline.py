@@ -24,9 +24,9 @@ from rise_engine.author.edit.outline import (
     WrittenUse,
     WrittenValue,
 )
+from rise_engine.scenario.files.xml import XmlFile, call_of, origin_of, text_pieces, written_here
 from rise_engine.scenario.grammar import COMMON, FUNCTIONS
 from rise_engine.scenario.loader import WrittenParts
-from rise_engine.scenario.xml import XmlFile, call_of, origin_of, text_pieces, written_here
 from rise_engine.syntax.xml import Element
 from rise_engine.syntax.xml_format import ACT_WRAPPERS, RULE_WRAPPERS
 

@@ -19,17 +19,17 @@ from rise_engine.author.edit.rename_data import Renaming, data_splices
 from rise_engine.author.edit.study_folder import sets_key
 from rise_engine.base.nearest_name import did_you_mean
 from rise_engine.base.text import BLANKS, find_unseen, pluralize
-from rise_engine.scenario.act_settings import ActTables, read_act_tables
-from rise_engine.scenario.cross_references import ACT_END_SUFFIXES, engine_topics
+from rise_engine.scenario.checking.cross_references import ACT_END_SUFFIXES, engine_topics
+from rise_engine.scenario.checking.uses import Use, UsedKind, Uses
 from rise_engine.scenario.diagnostics import Diagnostics
 from rise_engine.scenario.draft import ScenarioDraft
-from rise_engine.scenario.file_names import SCENARIO_FILE
-from rise_engine.scenario.memory import is_writable_key
+from rise_engine.scenario.files.file_names import SCENARIO_FILE
+from rise_engine.scenario.files.source_files import SourceFile
+from rise_engine.scenario.files.toml_files import TomlFile, TomlTable
+from rise_engine.scenario.files.xml import count_places
 from rise_engine.scenario.model import SESSION, TemplateLocation, normal_topic, result_topics
-from rise_engine.scenario.source_files import SourceFile
-from rise_engine.scenario.toml_files import TomlFile, TomlTable
-from rise_engine.scenario.uses import Use, UsedKind, Uses
-from rise_engine.scenario.xml import count_places
+from rise_engine.scenario.reading.act_settings import ActTables, read_act_tables
+from rise_engine.scenario.reading.memory import is_writable_key
 from rise_engine.syntax.toml import toml_key
 
 _MOST_SHOWN = 5

@@ -2,7 +2,7 @@
 
 First, new contents are written beside the files and made durable. Then a note lists the files that get them. Then they
 are renamed, and the note is deleted. A save that is killed before the note has not happened. After the note, it has:
-`finish_interrupted` completes it, and a reader who comes before that follows the note (`rise_engine.scenario.tree`).
+`finish_interrupted` completes it, and earlier readers follow the note (`rise_engine.scenario.files.tree`).
 """
 
 from __future__ import annotations
@@ -17,9 +17,8 @@ import msgspec
 
 from rise_engine.author.edit.plan import EditRefused, Files
 from rise_engine.base.files import durable_file, sync, write_whole
-from rise_engine.scenario.shipped_studies import shipped_name
-from rise_engine.scenario.study_paths import why_none_written, why_not_written
-from rise_engine.scenario.tree import (
+from rise_engine.scenario.files.study_paths import why_none_written, why_not_written
+from rise_engine.scenario.files.tree import (
     FRESH,
     NOTE,
     SavedFile,
@@ -29,6 +28,7 @@ from rise_engine.scenario.tree import (
     sum_of,
     sum_on_disk,
 )
+from rise_engine.scenario.shipped_studies import shipped_name
 
 Reached = Callable[[str], None]
 

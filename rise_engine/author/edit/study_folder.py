@@ -14,10 +14,10 @@ from typing import Any
 
 from rise_engine.author.edit.plan import EditRefused, Files
 from rise_engine.author.edit.rename_data import Renaming, data_splices
-from rise_engine.scenario.file_names import SCENARIO_FILE, STUDY_FILE
-from rise_engine.scenario.source_files import MAX_BYTES
-from rise_engine.scenario.study_paths import RECORDED, SUFFIXES, why_not_read
-from rise_engine.scenario.tree import contents_of_interrupted_save
+from rise_engine.scenario.files.file_names import SCENARIO_FILE, STUDY_FILE
+from rise_engine.scenario.files.source_files import MAX_BYTES
+from rise_engine.scenario.files.study_paths import RECORDED, SUFFIXES, why_not_read
+from rise_engine.scenario.files.tree import contents_of_interrupted_save
 
 _MOST_FILES = 5_000
 

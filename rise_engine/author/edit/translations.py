@@ -19,10 +19,10 @@ from rise_engine.author.edit.outline import Outline, WrittenValue
 from rise_engine.author.edit.plan import EditedText, EditRefused, Plan, Splice, StudyState, file_of
 from rise_engine.author.edit.settings import plan_set_setting
 from rise_engine.base.nearest_name import did_you_mean
-from rise_engine.scenario.file_names import SCENARIO_FILE, TEXTS_FOLDER
-from rise_engine.scenario.languages import language_problem
-from rise_engine.scenario.spoken_texts import SpokenText
-from rise_engine.scenario.translations import language_file
+from rise_engine.scenario.files.file_names import SCENARIO_FILE, TEXTS_FOLDER
+from rise_engine.scenario.reading.translations import language_file
+from rise_engine.scenario.speech.languages import language_problem
+from rise_engine.scenario.speech.spoken_texts import SpokenText
 from rise_engine.syntax.changes import TextEdit, changed_text, edits_between
 from rise_engine.syntax.toml import KeyPath, toml_key, toml_value
 from rise_engine.syntax.toml_edits import TomlText, remove_value, rename_keys, set_value

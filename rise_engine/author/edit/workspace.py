@@ -25,10 +25,10 @@ from rise_engine.author.edit.saving import finish_interrupted, refuse_shipped, w
 from rise_engine.author.edit.study_folder import read_study_above, read_study_files
 from rise_engine.base.text import pluralize
 from rise_engine.scenario.checker import ScenarioChecker
+from rise_engine.scenario.checking.uses import Uses
 from rise_engine.scenario.diagnostics import Diagnostic
+from rise_engine.scenario.files.tree import Held
 from rise_engine.scenario.loader import LoadResult
-from rise_engine.scenario.tree import Held
-from rise_engine.scenario.uses import Uses
 
 StudyCheck: TypeAlias = Callable[[Path, Held], list[Diagnostic]]
 """A check that takes a study's folder and its files in the editor, and returns their diagnostics."""

@@ -22,9 +22,9 @@ from rise_engine.author.edit.outline import (
     WrittenTransition,
 )
 from rise_engine.author.edit.plan import StudyState
+from rise_engine.scenario.checking.uses import Use, UsedKind
 from rise_engine.scenario.diagnostics import Diagnostic
-from rise_engine.scenario.source_files import SourceFile
-from rise_engine.scenario.uses import Use, UsedKind
+from rise_engine.scenario.files.source_files import SourceFile
 from rise_engine.syntax.changes import EditRefused, TextEdit, changed_text
 from rise_engine.syntax.xml_layout import gap_before, gap_in
 from rise_engine.syntax.xml_repair import RepairedText

@@ -12,7 +12,7 @@ from rise_engine.author.drawing.act_seconds import actions_in_order, estimate_ca
 from rise_engine.expression import lookup
 from rise_engine.kernel.act_runner import SPEECH_CHANNEL
 from rise_engine.scenario.model import Act, Action, ActionCall, Scenario
-from rise_engine.scenario.template import MemorySlot
+from rise_engine.scenario.speech.template import MemorySlot
 
 Beginning: TypeAlias = Literal["runs", "ends", "fails"]
 """What happens to an act as soon as it starts; `ends`: it contains nothing that takes time."""

@@ -13,8 +13,8 @@ from rise_engine.author.explore.situation_graph import Explored, ExploreFinding,
 from rise_engine.author.explore.space import Number
 from rise_engine.base.text import pluralize
 from rise_engine.expression import Assignment, ExpressionError
+from rise_engine.scenario.checking.part_checks import find_missing_parts as find_missing_parts_of_act
 from rise_engine.scenario.model import CUE_TOPICS, Rule, SourceLocation, Transition, normal_topic
-from rise_engine.scenario.part_checks import find_missing_parts as find_missing_parts_of_act
 
 NOT_RUNNING = "(not running)"
 """The state in `keys_by_state` of a rule that does not run."""

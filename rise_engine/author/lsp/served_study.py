@@ -15,12 +15,12 @@ from rise_engine.author.edit.remedies import Remedy, remedies
 from rise_engine.author.edit.study_folder import read_study_files
 from rise_engine.author.lsp.positions import PositionEncoding, TextPositions
 from rise_engine.scenario.checker import ScenarioChecker
+from rise_engine.scenario.checking.uses import Use
 from rise_engine.scenario.diagnostics import Diagnostic
-from rise_engine.scenario.file_names import SCENARIO_FILE
+from rise_engine.scenario.files.file_names import SCENARIO_FILE
+from rise_engine.scenario.files.source_files import SourceFile
 from rise_engine.scenario.loader import LoadResult
 from rise_engine.scenario.model import SourceLocation
-from rise_engine.scenario.source_files import SourceFile
-from rise_engine.scenario.uses import Use
 
 _FOLDERS = ("acts", "rules")
 _FOLDERS_OF_PARTS = (*_FOLDERS, "tables", "patterns", "robots", "texts")

@@ -17,7 +17,7 @@ from rise_engine.author.lsp.hover import hover_text
 from rise_engine.author.lsp.served_study import ServedStudy
 from rise_engine.author.lsp.study_server import StudyServer
 from rise_engine.author.lsp.symbols import file_symbols
-from rise_engine.scenario.source_files import SourceFile
+from rise_engine.scenario.files.source_files import SourceFile
 from rise_engine.syntax.changes import edits_between
 
 _QUICK_FIX = lsp.CodeActionKind.QuickFix.value

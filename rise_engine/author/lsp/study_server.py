@@ -19,10 +19,10 @@ from pygls.protocol import LanguageServerProtocol, lsp_method
 from rise_engine import __version__
 from rise_engine.author.lsp.positions import PositionEncoding, TextPositions
 from rise_engine.author.lsp.served_study import ServedStudy, study_folder
+from rise_engine.scenario.checking.uses import Use
 from rise_engine.scenario.diagnostics import Diagnostic
+from rise_engine.scenario.files.source_files import SourceFile
 from rise_engine.scenario.model import SourceLocation
-from rise_engine.scenario.source_files import SourceFile
-from rise_engine.scenario.uses import Use
 
 
 class OpenFilesProtocol(LanguageServerProtocol):

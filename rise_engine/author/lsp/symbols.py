@@ -10,8 +10,8 @@ from rise_engine.author.edit.outline import Written
 from rise_engine.author.edit.plan import EditRefused
 from rise_engine.author.lsp.served_study import ServedStudy
 from rise_engine.author.lsp.study_server import StudyServer
-from rise_engine.scenario.source_files import SourceFile
-from rise_engine.scenario.uses import UsedKind
+from rise_engine.scenario.checking.uses import UsedKind
+from rise_engine.scenario.files.source_files import SourceFile
 
 
 def file_symbols(server: StudyServer, study: ServedStudy, name: str, source: SourceFile) -> list[lsp.DocumentSymbol]:

@@ -19,10 +19,10 @@ from rise_engine.base.errors import ExchangeError
 from rise_engine.base.nearest_name import did_you_mean
 from rise_engine.base.text import pluralize
 from rise_engine.scenario.loader import LoadResult
-from rise_engine.scenario.spoken_texts import SpokenText, TableText
-from rise_engine.scenario.ssml_checks import find_ssml_problems
-from rise_engine.scenario.template import Template, TemplateError, parse_template
-from rise_engine.scenario.translations import LanguageTexts, slot_problem
+from rise_engine.scenario.reading.ssml_checks import find_ssml_problems
+from rise_engine.scenario.reading.translations import LanguageTexts, slot_problem
+from rise_engine.scenario.speech.spoken_texts import SpokenText, TableText
+from rise_engine.scenario.speech.template import Template, TemplateError, parse_template
 
 _SHOWN = 60
 

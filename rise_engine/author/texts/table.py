@@ -12,10 +12,10 @@ from rise_engine.scenario.durations import expected_seconds
 from rise_engine.scenario.loader import LoadResult
 from rise_engine.scenario.model import Act, Action, Scenario
 from rise_engine.scenario.parameters import fill_parameters
-from rise_engine.scenario.spoken import MESSAGE
-from rise_engine.scenario.spoken_texts import SpokenText, TableText
-from rise_engine.scenario.template import MissingValueError
-from rise_engine.scenario.translations import LanguageTexts
+from rise_engine.scenario.reading.translations import LanguageTexts
+from rise_engine.scenario.speech.spoken import MESSAGE
+from rise_engine.scenario.speech.spoken_texts import SpokenText, TableText
+from rise_engine.scenario.speech.template import MissingValueError
 
 FIXED_COLUMNS = ("id", "act", "no.", "when", "with", "text", "note", "seconds", "place", "of", "check")
 """All columns except those of the languages, which follow `text`."""

@@ -22,8 +22,8 @@ from rise_engine.base.nearest_name import did_you_mean
 from rise_engine.kernel.inputs import Submit
 from rise_engine.run.protocol.task_file import KEYS as TASK_KEYS
 from rise_engine.run.protocol.task_file import find_task_problems, task_of
-from rise_engine.scenario.conditions import condition_problem
 from rise_engine.scenario.model import KeyBinding, Scenario, normal_topic
+from rise_engine.scenario.reading.conditions import condition_problem
 
 FOLDER = "tests"
 ENDING = ".jsonl"

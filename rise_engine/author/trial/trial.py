@@ -22,8 +22,8 @@ from rise_engine.run.engine.drivers import make_robot
 from rise_engine.run.engine.engine import Engine
 from rise_engine.run.protocol.session_options import SessionOptions
 from rise_engine.run.protocol.session_start import first_input, start_remarks
-from rise_engine.scenario.conditions import condition_problem
 from rise_engine.scenario.model import KeyBinding, Scenario, normal_topic, rule_start_behavior
+from rise_engine.scenario.reading.conditions import condition_problem
 
 SOURCE = "wizard:trial"
 """The source of requests in a trial."""

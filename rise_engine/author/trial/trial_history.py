@@ -29,7 +29,7 @@ from rise_engine.kernel.records import (
     TaskRecord,
 )
 from rise_engine.kernel.task_view import ACT_FUNCTIONS
-from rise_engine.scenario.ssml import plain_words
+from rise_engine.scenario.speech.ssml import plain_words
 
 HappenedKind: TypeAlias = Literal["done", "state", "event", "memory", "condition", "act", "says", "note", "problem"]
 _WELL = ("succeeded", "accepted")

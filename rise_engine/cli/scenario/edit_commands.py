@@ -20,7 +20,7 @@ from rise_engine.base.text import pluralize
 from rise_engine.cli.options import DIFF, JSON, SCENARIO, without_file
 from rise_engine.cli.scenario.loading import sound_scenario
 from rise_engine.cli.terminal import Refused, print_lines, print_notes, show, write_json
-from rise_engine.scenario.file_names import SCENARIO_FILE
+from rise_engine.scenario.files.file_names import SCENARIO_FILE
 from rise_engine.scenario.loader import LoadResult, load
 from rise_engine.scenario.model import normal_topic
 

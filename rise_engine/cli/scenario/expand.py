@@ -11,11 +11,11 @@ from rise_engine.base.text import pluralize
 from rise_engine.cli.options import SCENARIO
 from rise_engine.cli.scenario.loading import sound_scenario
 from rise_engine.cli.terminal import Refused, print_lines, print_notes, reason_of, write_xml
-from rise_engine.scenario.element_templates import PATTERNS
-from rise_engine.scenario.expansion import additions, plain_text
+from rise_engine.scenario.files.study_paths import why_not_read
+from rise_engine.scenario.files.xml import XmlFile
 from rise_engine.scenario.loader import expanded_files, load
-from rise_engine.scenario.study_paths import why_not_read
-from rise_engine.scenario.xml import XmlFile
+from rise_engine.scenario.reading.element_templates import PATTERNS
+from rise_engine.scenario.reading.expansion import additions, plain_text
 
 
 @click.command()

@@ -10,10 +10,10 @@ from msgspec import UNSET, to_builtins
 from rise_engine.base.text import pluralize
 from rise_engine.cli.terminal import Refused, print_notes
 from rise_engine.scenario.diagnostics import Diagnostic, Diagnostics
+from rise_engine.scenario.files.source_files import FileReader
 from rise_engine.scenario.loader import LoadResult, load
 from rise_engine.scenario.model import RobotProfile, Scenario, SourceLocation
-from rise_engine.scenario.robot_profiles import read_robot
-from rise_engine.scenario.source_files import FileReader
+from rise_engine.scenario.reading.robot_profiles import read_robot
 
 
 def load_scenario(

@@ -15,7 +15,7 @@ from rise_engine.base.nearest_name import did_you_mean
 from rise_engine.cli.options import FOLDER_OR_NONE
 from rise_engine.cli.terminal import Refused, exit_with_usage, print_lines
 from rise_engine.scenario.loader import load
-from rise_engine.scenario.robot_profiles import robot_names
+from rise_engine.scenario.reading.robot_profiles import robot_names
 from rise_engine.scenario.shipped_studies import (
     copy_study,
     shipped_studies,

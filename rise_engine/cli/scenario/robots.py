@@ -18,7 +18,7 @@ from rise_engine.run.engine.drivers import DOCTORS, driver_names, load_ros_plugi
 from rise_engine.scenario.editor_schemas import act_schema_text, rule_schema_text
 from rise_engine.scenario.loader import load
 from rise_engine.scenario.model import ActionSpec, RobotProfile
-from rise_engine.scenario.robot_profiles import DEFAULT_ROBOT, find_profile, robot_names
+from rise_engine.scenario.reading.robot_profiles import DEFAULT_ROBOT, find_profile, robot_names
 
 SCHEMAS = "rise.schemas"
 """The entry-point group in which a package names its own schemas, each a function that returns the text."""

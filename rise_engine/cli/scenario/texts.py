@@ -28,9 +28,9 @@ from rise_engine.cli.terminal import (
     refusing,
     write_bytes,
 )
-from rise_engine.scenario.languages import language_problem
 from rise_engine.scenario.loader import LoadResult, load
-from rise_engine.scenario.translations import LanguageTexts
+from rise_engine.scenario.reading.translations import LanguageTexts
+from rise_engine.scenario.speech.languages import language_problem
 
 _KINDS = (".csv", ".xlsx", ".po")
 _LARGEST = 50_000_000

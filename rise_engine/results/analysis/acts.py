@@ -17,11 +17,11 @@ from rise_engine.kernel.speech import SAY, SPEECH
 from rise_engine.kernel.task_view import ActionView, TaskView, add_record
 from rise_engine.results.analysis.causes import CauseCollector, actor_of
 from rise_engine.results.analysis.model import ActPart, Cue, PlayedAct, WizardKey
-from rise_engine.scenario.action_declarations import core_actions
 from rise_engine.scenario.model import ActionSpec, Scenario
-from rise_engine.scenario.spoken import MESSAGE, SPEECH_CHANNEL
-from rise_engine.scenario.ssml import plain_words
-from rise_engine.scenario.template import spoken_text
+from rise_engine.scenario.reading.action_declarations import core_actions
+from rise_engine.scenario.speech.spoken import MESSAGE, SPEECH_CHANNEL
+from rise_engine.scenario.speech.ssml import plain_words
+from rise_engine.scenario.speech.template import spoken_text
 
 _TELLING = ("value", "duration")
 """Parameters that describe an action, the best first."""

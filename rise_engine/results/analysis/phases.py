@@ -33,7 +33,7 @@ from rise_engine.kernel.records import (
 )
 from rise_engine.results.analysis.causes import actor_of
 from rise_engine.results.analysis.model import Phase, PlayedAct, Point, PointKind, Repairs
-from rise_engine.scenario.template import spoken_text
+from rise_engine.scenario.speech.template import spoken_text
 
 STEPPED_BACK = "stepped back"
 _INTERRUPTED = "interrupted by "

@@ -19,7 +19,7 @@ from msgspec import Struct, field
 from rise_engine.base.files import file_hash
 from rise_engine.base.text import clean
 from rise_engine.results.export.format import ExportError
-from rise_engine.scenario.study_paths import why_no_name
+from rise_engine.scenario.files.study_paths import why_no_name
 from rise_engine.session.unfinished_files import erase_unfinished, private_folder
 from rise_engine.study.traces import MANIFEST_FILE
 

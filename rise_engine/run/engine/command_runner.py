@@ -26,8 +26,8 @@ from rise_engine.kernel.commands import (
 from rise_engine.kernel.inputs import ActionReport, AnyInput, Note, RobotChanged, StopReport, TimerElapsed
 from rise_engine.ports.robot import Robot, RobotWithOpenGoals, Timer
 from rise_engine.run.engine.clock import SessionClock
-from rise_engine.scenario.lexicon import RobotWording
 from rise_engine.scenario.model import Scenario
+from rise_engine.scenario.reading.lexicon import RobotWording
 
 _LOG = logging.getLogger(__name__)
 

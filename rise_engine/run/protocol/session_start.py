@@ -8,8 +8,8 @@ from rise_engine.base.nearest_name import did_you_mean
 from rise_engine.expression import Assignment, ExpressionError
 from rise_engine.kernel.inputs import SessionStarted, Submit
 from rise_engine.run.protocol.session_options import SessionOptions
-from rise_engine.scenario.conditions import condition_memory, condition_problem
 from rise_engine.scenario.model import Scenario
+from rise_engine.scenario.reading.conditions import condition_memory, condition_problem
 from rise_engine.session.labels import pseudonym_problem
 
 

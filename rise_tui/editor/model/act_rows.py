@@ -11,7 +11,7 @@ from rise_engine.scenario.durations import expected_seconds
 from rise_engine.scenario.loader import LoadResult
 from rise_engine.scenario.model import ActionCall, ActionSpec, Json
 from rise_engine.scenario.parameters import fill_parameters
-from rise_engine.scenario.template import MissingValueError
+from rise_engine.scenario.speech.template import MissingValueError
 from rise_tui.editor.model.draft import FilePlace, StudyDraft
 from rise_tui.rendering.text import ListRow, StyledLine, TextRole, clean, crop, fixed_span, line_width
 

@@ -13,7 +13,7 @@ from rise_engine.author.edit.outline import WrittenAct
 from rise_engine.author.edit.plan import EditRefused
 from rise_engine.base.text import pluralize
 from rise_engine.scenario.model import Json
-from rise_engine.scenario.robot_profiles import robot_names
+from rise_engine.scenario.reading.robot_profiles import robot_names
 from rise_tui.editor.model.act_rows import said_text
 from rise_tui.editor.model.draft import StudyDraft, is_study_alone, toml_values
 from rise_tui.editor.model.fields import TYPED, EditField, FieldChoice, no_edits

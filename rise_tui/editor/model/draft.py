@@ -12,10 +12,10 @@ from msgspec import Struct
 from rise_engine.author.edit.outline import Outline
 from rise_engine.author.edit.plan import Files
 from rise_engine.author.edit.workspace import Change, Workspace
+from rise_engine.scenario.checking.uses import Uses
 from rise_engine.scenario.diagnostics import Diagnostic
-from rise_engine.scenario.file_names import SCENARIO_FILE, STUDY_FILE
+from rise_engine.scenario.files.file_names import SCENARIO_FILE, STUDY_FILE
 from rise_engine.scenario.loader import LoadResult
-from rise_engine.scenario.uses import Uses
 
 
 @lru_cache(maxsize=8)

@@ -14,8 +14,8 @@ from rise_engine.expression import Expression
 from rise_engine.expression.nodes import Literal as LiteralNode
 from rise_engine.scenario.diagnostics import Diagnostic, Severity
 from rise_engine.scenario.durations import parse_time
+from rise_engine.scenario.files.source_files import SourceFile
 from rise_engine.scenario.model import Delay, Rule, State, Transition, normal_topic
-from rise_engine.scenario.source_files import SourceFile
 from rise_engine.syntax.xml_writing import one_line
 from rise_tui.model.state_drawing import GraphPosition, draw_state_graph
 from rise_tui.rendering.text import ListRow, StyledLine, StyledSpan, TextRole, crop

@@ -9,7 +9,7 @@ from rise_engine.author.edit.edits import CallForm
 from rise_engine.author.edit.outline import Outline, WrittenRule, WrittenStatement
 from rise_engine.author.edit.plan import Files
 from rise_engine.scenario.draft import ScenarioDraft
-from rise_engine.scenario.file_names import SCENARIO_FILE
+from rise_engine.scenario.files.file_names import SCENARIO_FILE
 from rise_engine.scenario.model import CUE_TOPICS, Json, normal_topic, result_topics
 from rise_tui.editor.model.draft import toml_values
 from rise_tui.editor.model.fields import FieldChoice

@@ -14,12 +14,12 @@ from rise_engine.author.edit.plan import EditRefused
 from rise_engine.author.edit.translations import edit_of_original, written_original
 from rise_engine.base.text import pluralize
 from rise_engine.scenario.durations import expected_seconds
-from rise_engine.scenario.file_names import SCENARIO_FILE
+from rise_engine.scenario.files.file_names import SCENARIO_FILE
 from rise_engine.scenario.loader import LoadResult
 from rise_engine.scenario.parameters import fill_parameters
-from rise_engine.scenario.spoken_texts import SpokenText
-from rise_engine.scenario.template import MissingValueError, Template
-from rise_engine.scenario.translations import Translation, slot_problem
+from rise_engine.scenario.reading.translations import Translation, slot_problem
+from rise_engine.scenario.speech.spoken_texts import SpokenText
+from rise_engine.scenario.speech.template import MissingValueError, Template
 from rise_tui.editor.model.act_rows import when_text
 from rise_tui.editor.model.draft import FilePlace, StudyDraft
 from rise_tui.rendering.text import (

@@ -19,7 +19,7 @@ from rise_engine.author.edit.translations import existing_language
 from rise_engine.expression import Assignment, Expression
 from rise_engine.expression.tokens import escape_text
 from rise_engine.scenario.model import normal_topic
-from rise_engine.scenario.translations import LanguageTexts
+from rise_engine.scenario.reading.translations import LanguageTexts
 
 Path: TypeAlias = tuple[str | int, ...]
 """Where in a model something stands: `("acts", "R_Yes", "actions", "2", "wait_for")`."""

@@ -31,7 +31,7 @@ from rise_engine.scenario.model import (
     Statement,
     Transition,
 )
-from rise_engine.scenario.template import parse_template
+from rise_engine.scenario.speech.template import parse_template
 
 OWN = ("e0", "e1", "e2")
 """Topics that rules and keys raise, and that nodes raise where these do not."""

@@ -8,9 +8,9 @@ from rise_exchange.bml.names import BmlNames, TargetPoint
 from rise_exchange.bml.reading import ReadAct, read_act
 from rise_exchange.bml.vocabulary import NAMESPACE
 
+from rise_engine.scenario.files.source_files import SourceFile
 from rise_engine.scenario.loader import load
 from rise_engine.scenario.model import Act, RobotProfile
-from rise_engine.scenario.source_files import SourceFile
 
 ROBOT: RobotProfile = load("scenarios/greeting").robot
 NAMES = BmlNames(

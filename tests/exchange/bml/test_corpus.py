@@ -15,7 +15,7 @@ from rise_exchange.bml.reading import read_act
 from rise_exchange.bml.writing import write_act
 
 from rise_engine.scenario.diagnostics import Diagnostics
-from rise_engine.scenario.source_files import SourceFile, decode_text
+from rise_engine.scenario.files.source_files import SourceFile, decode_text
 from tests.exchange.bml.samples import NAMES, parts, read_text
 
 CORPUS = os.environ.get("RISE_BML_CORPUS", "")

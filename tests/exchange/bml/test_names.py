@@ -9,7 +9,7 @@ import pytest
 from rise_exchange.bml.names import BmlNames, LexemeKind, TargetPoint, read_names
 
 from rise_engine.scenario.diagnostics import Diagnostics
-from rise_engine.scenario.source_files import SourceFile
+from rise_engine.scenario.files.source_files import SourceFile
 from tests.exchange.bml.samples import NAMES, ROBOT
 
 PAGE = Path("docs/reference/bml.md").read_text("utf-8")

@@ -17,7 +17,7 @@ from rise_exchange.bml.writing import write_act
 
 from rise_engine.scenario.loader import load
 from rise_engine.scenario.model import Act, Action, ActionCall, ActSettings, Scenario
-from rise_engine.scenario.template import key_template, parse_template
+from rise_engine.scenario.speech.template import key_template, parse_template
 from tests.exchange.bml.samples import NAMES, parts, read_text
 
 SCHEMA = etree.RelaxNG(etree.fromstring(block_schema_text().encode()))

@@ -9,8 +9,8 @@ from rise_exchange.scxml.rules_of_chart import MadeRules, rules_of_chart
 
 from rise_engine.kernel.records import AnyRecord, MemoryRecord, RuleRecord
 from rise_engine.scenario.diagnostics import Diagnostic, Diagnostics
+from rise_engine.scenario.files.source_files import SourceFile
 from rise_engine.scenario.loader import load
-from rise_engine.scenario.source_files import SourceFile
 from tests.kernel.harness import Session
 
 EXPECTED_WARNINGS = {"unraised-event", "unheard-event"}

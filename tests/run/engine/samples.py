@@ -8,9 +8,9 @@ from typing import Any
 
 from rise_engine.kernel.inputs import Submit
 from rise_engine.kernel.records import ENDINGS, ActionRecord, AnyRecord
-from rise_engine.scenario.action_declarations import core_actions
 from rise_engine.scenario.model import Act, Action, ActionCall, RobotProfile, Scenario
-from rise_engine.scenario.template import parse_template
+from rise_engine.scenario.reading.action_declarations import core_actions
+from rise_engine.scenario.speech.template import parse_template
 
 
 def profile(name: str = "generic", driver: str = "simulated", **options: Any) -> RobotProfile:

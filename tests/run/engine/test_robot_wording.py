@@ -17,9 +17,9 @@ from rise_engine.run.engine.clock import VirtualClock
 from rise_engine.run.engine.drivers import make_robot
 from rise_engine.run.engine.engine import Engine
 from rise_engine.scenario.durations import expected_seconds
-from rise_engine.scenario.lexicon import Pronunciation, RobotWording, words_for
 from rise_engine.scenario.model import Action, ActionSpec, LexiconTable, Parameter, Scenario
-from rise_engine.scenario.ssml import literal_ssml, plain_words
+from rise_engine.scenario.reading.lexicon import Pronunciation, RobotWording, words_for
+from rise_engine.scenario.speech.ssml import literal_ssml, plain_words
 from tests.run.engine.samples import act, call, profile, scenario, speech, start
 
 WORDS = {

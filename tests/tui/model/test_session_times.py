@@ -7,7 +7,7 @@ from msgspec.structs import replace
 
 from rise_engine.kernel.records import MemoryRecord
 from rise_engine.scenario.model import Act, Action, ActionCall
-from rise_engine.scenario.template import parse_template
+from rise_engine.scenario.speech.template import parse_template
 from rise_tui.model.filtering import InvalidFilter
 from rise_tui.model.log_text import parse_moment
 from rise_tui.model.store import Store

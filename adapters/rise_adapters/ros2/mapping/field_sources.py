@@ -21,7 +21,7 @@ from rise_adapters.ros2.mapping.field_types import (
 from rise_adapters.ros2.mapping.templates import seconds_per_unit
 from rise_adapters.ros2.transport.port import Message
 from rise_engine.scenario.model import Parameter
-from rise_engine.scenario.template import spoken_text
+from rise_engine.scenario.speech.template import spoken_text
 
 
 class FillContext(Struct, frozen=True):

@@ -31,10 +31,10 @@ from rise_adapters.simulated.faults import OF_CANCELS, ActionFault, LinkFault, p
 from rise_engine.ports.robot import Clock, Timer
 from rise_engine.run.engine.clock import RealClock
 from rise_engine.scenario.diagnostics import Diagnostics
+from rise_engine.scenario.files.source_files import FileReader
 from rise_engine.scenario.loader import load
 from rise_engine.scenario.model import RobotProfile, SourceLocation
-from rise_engine.scenario.robot_profiles import find_profile, read_profile, read_robot
-from rise_engine.scenario.source_files import FileReader
+from rise_engine.scenario.reading.robot_profiles import find_profile, read_profile, read_robot
 from rise_ros.examples.goal_reader import GoalReader
 from rise_ros.examples.robot_log import RobotLog
 from rise_ros.examples.run_node import NodeError, node_parser, run_node, wait_forever

@@ -1,0 +1,1 @@
+"""Checks across files, and who uses which name."""

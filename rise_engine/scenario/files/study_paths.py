@@ -1,0 +1,110 @@
+"""Checks names from outside: which files a study may write, and which may be read as part of it.
+
+Edits, imports, bundles and the note of a save name files; scenarios and studies name folders. Each name is checked here
+before anything is written or read. A valid name stays in the study's folder, also after following links, and is not one
+from which another program takes orders (`.git/config`, `.vscode/tasks.json`, `.envrc`).
+"""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Iterable, Iterator, Sequence
+from pathlib import Path, PurePosixPath
+
+from rise_engine.base.text import UNSEEN, clean
+from rise_engine.scenario.files.file_names import SCENARIO_FILE, STUDY_FILE
+
+SUFFIXES = (".xml", ".toml", ".json", ".jsonl", ".csv", ".md", ".txt")
+"""The endings of a study's files, which are all text."""
+RECORDED = ("sessions", "bundles", "exports")
+"""Folders of recorded data, which are not a study's own files."""
+_EXAMPLE = "name it from the study's folder on, as `acts/greeting.xml`"
+
+
+def why_no_name(name: str, suffixes: Sequence[str] | None = SUFFIXES) -> str:
+    """Why a file of a study or a bundle cannot have this name, as a sentence without its end; empty: it can.
+
+    :param name: relative to the folder, with slashes.
+    :param suffixes: the allowed endings in lower case; None: any, also of a folder.
+
+    >>> why_no_name("acts/greeting.xml"), why_no_name("../x.toml")
+    ('', "`../x.toml` leads out of the study's folder; name it from the study's folder on, as `acts/greeting.xml`")
+    """
+    path, shown = PurePosixPath(name), f"`{clean(name)}`"
+    if not path.parts:
+        return f"{shown} names no file; {_EXAMPLE}"
+    if path.is_absolute() or ".." in path.parts:
+        return f"{shown} leads out of the study's folder; {_EXAMPLE}"
+    if "\\" in name or UNSEEN.search(name):
+        return f"{shown} has a character that no name here has (`\\`, or one that is not seen); {_EXAMPLE}"
+    if hidden := next((part for part in path.parts if part.startswith(".")), ""):
+        return (
+            f"{shown} is hidden, because `{hidden}` begins with a dot: other programs have such files, and take orders "
+            "from them; choose a name without the dot"
+        )
+    if suffixes is None:
+        return ""
+    if recorded := next((part for part in path.parts if part in RECORDED), ""):
+        return f"{shown} lies in `{recorded}`, with what was recorded, which no edit changes; choose another folder"
+    if not path.name.lower().endswith(tuple(suffixes)):
+        ends = " or ".join((", ".join(suffixes[:-1]), suffixes[-1]) if len(suffixes) > 1 else suffixes)
+        return f"{shown} is not a name for this file: it has to end in {ends}"
+    return ""
+
+
+def why_not_written(folder: Path, name: str, suffixes: Sequence[str] = SUFFIXES, *, goes: bool = False) -> str:
+    """Why a file of a study cannot be written, as a sentence without its end; empty: it can.
+
+    Like `why_no_name`, and it also checks where links lead. Looks for links on the disk, but reads nothing.
+
+    :param folder: the study's.
+    :param goes: the file will be deleted. A link is then deleted itself.
+    """
+    if problem := why_no_name(name, suffixes):
+        return problem
+    path = folder / name
+    real = Path(os.path.realpath(path.parent)) / path.name if goes else Path(os.path.realpath(path))
+    home = os.path.realpath(folder)
+    if not real.is_relative_to(home):
+        return f"`{name}` leads out of the study's folder through a link, to {clean(str(real))}; {_COPY}"
+    problem = why_no_name(real.relative_to(home).as_posix(), suffixes)
+    return f"`{name}` is a link, and {problem}" if problem else ""
+
+
+def why_none_written(folder: Path, contents: Iterable[tuple[str, object]]) -> str:
+    """Why several files cannot be written, with all reasons; empty: they can.
+
+    :param contents: names and contents; None: the file will be deleted.
+    """
+    problems = (why_not_written(folder, name, goes=content is None) for name, content in contents)
+    return "; ".join(filter(None, problems))
+
+
+def why_not_read(folder: Path, path: str | os.PathLike[str]) -> str:
+    """Why a file or folder is not part of a study, as a sentence without its end; empty: it is.
+
+    A folder of links can be a study too, as `colcon build --symlink-install` makes it: if its main file is a link to a
+    file of the same name, other links may lead to that file's folder.
+
+    :param folder: the study's.
+    :param path: relative to that folder, as written in a file.
+    """
+    real = Path(os.path.realpath(folder / path))
+    if any(real.is_relative_to(home) for home in _homes(folder)):
+        return ""
+    here = os.path.normpath(folder)
+    is_link = os.path.normpath(folder / path).startswith(os.path.join(here, ""))  # noqa: PTH118  # texts
+    leads = f"`{clean(os.fspath(path))}` leads out of the study's folder{' through a link' * is_link}, to "
+    return f"{leads}{clean(str(real))}; {_COPY if is_link else _INSIDE}"
+
+
+_COPY = "put a copy there in the place of the link"
+_INSIDE = "a study has all that it reads in its own folder: copy it there, and name the copy"
+
+
+def _homes(folder: Path) -> Iterator[Path]:
+    yield Path(os.path.realpath(folder))
+    for name in (SCENARIO_FILE, STUDY_FILE):
+        real = Path(os.path.realpath(folder / name))
+        if real.name == name and real.is_file():
+            yield real.parent

@@ -1,0 +1,1 @@
+"""Readers of acts, rules, settings, tables, translations and robot profiles."""

@@ -1,0 +1,1 @@
+"""What a scenario says to people: templates of texts, languages and SSML."""
