@@ -181,7 +181,7 @@ class ActPage(FormPage):
     def set_form_focus(self, *, on_form: bool) -> None:
         """Move the focus to the form, or to the actions."""
         if on_form and self.action is not None:
-            if self.form.current is None or self.form.current.id == "type":  # authors change its parameters, not its type
+            if self.form.current is None or self.form.current.id == "type":  # the type rarely changes
                 self.form.rows.move_cursor(min(1, self.form.rows.count - 1), by_wizard=False)
             self.form.say()  # the note of this field is shown below the form
             self.screen.set_focus(self.form.rows)

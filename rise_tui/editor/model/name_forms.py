@@ -14,7 +14,7 @@ from rise_tui.editor.model.study_names import StudyNames
 
 @dataclass(frozen=True)
 class TemplateValueForm(RuleForm):
-    """A parameter of a `<use>`, by which the states of a template differ."""
+    """A parameter of a `<use>`, in which a template's states differ."""
 
     use: WrittenUse
     parameter: str
@@ -55,7 +55,7 @@ class NameForm(RuleForm):
     purpose: NamePurpose
     name: str
     state: str = ""
-    """The state to rename, or the one before the new one."""
+    """The state to rename, or the one before the new state."""
 
     @property
     def title(self) -> str:  # type: ignore[override]
@@ -121,7 +121,7 @@ class EventKeyForm(RuleForm):
         return f"the key {key} does something else already" if name in self._taken() else ""
 
     def _taken(self) -> set[str]:
-        """The keys of the keyboard that do something, by their names."""
+        """The names of keys of the keyboard that already do something."""
         found: set[str] = set()
         for key in self.names.keyboard:
             try:
