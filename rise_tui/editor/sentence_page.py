@@ -70,7 +70,7 @@ class SentenceField(TextArea, TakesText):
 
     @property
     def sentence(self) -> str:
-        """What is typed; on one line, where nothing else counts."""
+        """The typed text; on one line, unless blanks and line ends count."""
         return self.text if self._is_exact else " ".join(self.text.split())
 
     def action_cursor_text_start(self) -> None:

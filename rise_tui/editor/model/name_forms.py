@@ -49,7 +49,7 @@ NamePurpose: TypeAlias = Literal["new state", "rename state"]
 
 @dataclass(frozen=True)
 class NameForm(RuleForm):
-    """The name of a new state, or another name for a state."""
+    """The name of a new state, or a new name for a state."""
 
     rule: WrittenRule
     purpose: NamePurpose
@@ -110,7 +110,7 @@ class EventKeyForm(RuleForm):
         return (SetSetting(("keys", self.key.strip()), binding),)
 
     def missing(self) -> str:
-        """Also why the key cannot be this one: setting it would take it from what it does now."""
+        """What is missing, or why this key cannot be used: setting it would replace what it does now."""
         key = self.key.strip()
         if not key:
             return "which key?"

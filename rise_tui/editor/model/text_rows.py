@@ -36,8 +36,8 @@ from rise_tui.rendering.text import (
 )
 
 TextState: TypeAlias = Literal["there", "stale", "wrong", "missing", "not needed"]
-"""Of a translation: of the text as it is, of an earlier text, with other memory values than the text, not there, not
-there and not wanted."""
+"""Of a translation: of the present text; of an earlier text; with other memory values than the text; missing; missing
+and not needed."""
 LACKING: tuple[TextState, ...] = ("stale", "wrong", "missing")
 MARKS: dict[TextState, StyledSpan] = {
     "there": ("✓ ", "muted"),

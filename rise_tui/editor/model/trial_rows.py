@@ -31,7 +31,7 @@ from rise_tui.rendering.text import (
 )
 
 GO_ON = "go"
-"""The id of the row that lets time go on. Others: `way:RULE:NUMBER`, `key:NAME`, `event:TOPIC`, `set:KEY`."""
+"""The id of the row that lets time pass. Others: `way:RULE:NUMBER`, `key:NAME`, `event:TOPIC`, `set:KEY`."""
 KIND_ROLES: dict[HappenedKind, TextRole] = {
     "done": "strong", "state": "accent", "event": "plain", "memory": "plain", "condition": "muted", "act": "plain",
     "says": "plain", "note": "muted", "problem": "fault",
