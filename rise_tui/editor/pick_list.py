@@ -71,7 +71,8 @@ class PickList(SearchDialog[Picked]):
         enter: str = "takes it",
         tab: Mapping[str, str] | None = None,
     ) -> None:
-        """:param now: the value where the cursor begins. :param new: what a name becomes that is not in the list;
+        """
+        :param now: the value where the cursor begins. :param new: what a name becomes that is not in the list;
         empty: nothing. :param ticked: the values that are ticked first; None: a list to choose one value, without
         ticks. :param enter: what enter does. :param tab: what Tab does, for each value that has an entry."""
         super().__init__(title, "", "type to filter")

@@ -108,7 +108,8 @@ class PartList(RowList):
         self._parts: Sequence[PartRow] = ()
 
     def show_parts(self, parts: Sequence[PartRow], width: int, marks: Sequence[StyledSpan]) -> None:
-        """:param marks: each part's mark of a diagnostic."""
+        """
+        :param marks: each part's mark of a diagnostic."""
         self._parts = parts
         self.show([ListRow(part.id, part_line(part, mark, width)) for part, mark in zip(parts, marks, strict=True)])
 
