@@ -163,7 +163,7 @@ COLORBLIND = _colored_theme(
     scrollbar="#3a444e",
     selection="#6fbaf2 35%",
 )
-"""Blue, yellow and orange, which look different to everybody: no two of them differ only in red and green."""
+"""Blue, yellow and orange, which everybody can tell apart: no two of them differ only in red and green."""
 
 
 def _uncolored_theme(name: str, wait: str, fault: str, on_alarm: str, styles: Mapping[str, str]) -> Theme:
