@@ -1,4 +1,4 @@
-"""What a simulated robot really does, one JSON object a line: for tests that compare it with what a session believes.
+"""What a simulated robot really does, one JSON object per line, for tests that compare it with a session's record.
 
     {"t": 12.5, "wall": 1795460000.1, "event": "begun", "action": "Speech", "goal": "4f1c..."}
 
@@ -15,7 +15,7 @@ from typing import TextIO
 
 
 class RobotLog:
-    """Writes them, each at once. Without a file, nothing."""
+    """Writes the entries, each immediately. Without a file it writes nothing."""
 
     def __init__(self, file: TextIO | None = None) -> None:
         self._file = file
