@@ -19,7 +19,7 @@ JsonPath: TypeAlias = tuple[str | int, ...]
 
 
 class NoSuchPath(RiseError, LookupError):
-    """The value does not, or no longer, have such a part."""
+    """The value has no such part (any more)."""
 
 
 def path_text(path: JsonPath) -> str:
