@@ -127,7 +127,7 @@ def wizard_name(options: CommandLine, session: str) -> tuple[str, str]:
     return found.wizard, f"you are {clean(found.wizard)}, as before; if you are not: rise-tui --wizard NAME"
 
 
-# --- sessions whose engine is a process of its own --------------------------------------------------------------------
+# --- sessions with their own engine process ---------------------------------------------------------------------------
 
 _USUAL_ROS = RosConnection()
 ENGINE_EXIT_SECONDS = 10.0

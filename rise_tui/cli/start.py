@@ -227,7 +227,7 @@ def _open_shadow(options: CommandLine, keys: KeyFile | None) -> NoReturn:
     sys.exit(open_console.run_on_shadow(client, replace(options, wizard=wizard), keys))
 
 
-# --- which of the running sessions is meant ---------------------------------------------------------------------------
+# --- finding a running session ----------------------------------------------------------------------------------------
 
 STUDY_FILE, SESSIONS = "study.toml", "sessions"
 """As in `rise_engine.study`, which is imported only for a study."""

@@ -120,7 +120,7 @@ class StudyFolder:
         except (FileError, StudyLogError, OSError) as error:
             raise StudyError(_one_line(error)) from None
 
-    # --- what would run ---------------------------------------------------------------------------------------------
+    # --- previews ---------------------------------------------------------------------------------------------------
 
     def plan(self, request: SessionRequest, wizard: str) -> SessionPreview:
         """What would run if every check passes."""

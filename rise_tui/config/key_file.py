@@ -1,4 +1,4 @@
-"""Reading the user's key file: other keys for actions of the registry, checked as a whole before a console starts.
+"""Reads the user's key file: other keys for actions of the registry, checked as a whole before a console starts.
 
 # ~/.config/rise-tui/keys.toml
 [keys]

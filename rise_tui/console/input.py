@@ -76,10 +76,10 @@ class InputActions(Protocol):
 class InputController:
     """All keys of one console: which count, and what they request from the engine.
 
-    - Keys that arrive together are a paste, or a link that stalled: none of them counts. The terminal's reader knows
-      that (they came in one read); and no two fingers are so quick as the pieces of a paste that came in several.
+    - Keys that arrive together are a paste, or a link that stalled: none of them counts. The terminal's reader
+      recognises them, because they came in one read. The pieces of a paste in several reads are faster than fingers.
     - A press within the debounce time of the last one of the same kind counts once; a held key counts once.
-    - A `hold` act needs a second press, or Enter, and a key that repeats because it is held down is not a second press.
+    - A `hold` act needs a second press, or Enter. A held key that repeats is not a second press.
     """
 
     def __init__(
@@ -110,7 +110,7 @@ class InputController:
         """Whether the last key was part of a paste."""
         return self._last_at < self._paste_until
 
-    # --- what came from the terminal --------------------------------------------------------------------------------
+    # --- input from the terminal ------------------------------------------------------------------------------------
 
     def observe_key(self, key: str, at: float, *, typing: bool = False, together: bool = False) -> None:
         """Note every key, before anything acts on it.
@@ -170,7 +170,7 @@ class InputController:
             return False
         return True
 
-    # --- what is asked for ------------------------------------------------------------------------------------------
+    # --- requests ---------------------------------------------------------------------------------------------------
 
     def start(self, action: KeyAction, at: float | None = None) -> None:
         """Request something, with all protection against accidents. `at`: when its key was pressed."""
@@ -240,7 +240,7 @@ class InputController:
         self._actions.show_notice(mode_notice(mode, key_name))
         self._actions.show_mode()
 
-    # --- which presses count ----------------------------------------------------------------------------------------
+    # --- valid presses ----------------------------------------------------------------------------------------------
 
     def press(self, action: KeyAction, at: float) -> bool:
         """Request what a key or Enter means; `at`: when it was pressed. False when it is part of a paste."""

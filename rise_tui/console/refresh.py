@@ -83,7 +83,7 @@ class RefreshScheduler:
         self._bars.draw_open_lines()
         self._bars.draw_hints()
 
-    # --- what the clock changes -------------------------------------------------------------------------------------
+    # --- updates by the clock ---------------------------------------------------------------------------------------
 
     def draw_every_second(self) -> None:
         """Draw what changes with the clock, once a second."""

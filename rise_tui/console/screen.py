@@ -171,7 +171,7 @@ class ConsoleScreen(Screen[None]):
         pane = self.pane_layout.focused_pane()
         return pane.row_view.current_id if pane is not None and pane.SCOPE == "acts" else ""
 
-    # --- what keys make happen: InputActions ------------------------------------------------------------------------
+    # --- effects of keys: InputActions ------------------------------------------------------------------------------
 
     def submit(self, action: KeyAction, pressed: float | None) -> None:
         self._run_beside(self.session.submit(action.function, action.behavior, action.calling_type, pressed))
@@ -203,7 +203,7 @@ class ConsoleScreen(Screen[None]):
         if not (pane is not None and pane.leave_transient()):
             self.pane_layout.unzoom()
 
-    # --- what panes and hints ask -----------------------------------------------------------------------------------
+    # --- requests of panes and hints --------------------------------------------------------------------------------
 
     def _run_beside(self, work: Coroutine[Any, Any, object]) -> None:
         """Run something for the engine, while the console goes on."""
@@ -266,7 +266,7 @@ class ConsoleScreen(Screen[None]):
     def action_do(self, action: str) -> None:
         """Carry out an action of the registry, or say why not."""
         if action == "control" and self.store.attach_reply.shadow:
-            action = "pause"  # nobody else is there who could have control
+            action = "pause"  # nobody else could have control
         if reason := why_unavailable(BY_ID[action], self.store):
             self.show_notice(f"{BY_ID[action].title}: not now, {reason}")
             return

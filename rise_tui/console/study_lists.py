@@ -134,7 +134,7 @@ class StudyLists(Vertical):
         except InvalidFilter:
             return rows
 
-    # --- where the keys go ------------------------------------------------------------------------------------------
+    # --- focus ------------------------------------------------------------------------------------------------------
 
     def focus_people(self) -> None:
         """Give the participants the focus."""

@@ -170,7 +170,7 @@ class StudyScreen(Screen[None]):
         self.say(sentence)
         self.read()
 
-    # --- what is shown ----------------------------------------------------------------------------------------------
+    # --- drawing ----------------------------------------------------------------------------------------------------
 
     def on_resize(self) -> None:
         overlays.show_when_too_small(self.app, None)
@@ -315,7 +315,7 @@ class StudyScreen(Screen[None]):
 
         study_dialogs.ask_what_to_rehearse(self.app, each.participant, study, self.conditions, go_on)
 
-    # --- what happened in a session ---------------------------------------------------------------------------------
+    # --- reports ----------------------------------------------------------------------------------------------------
 
     def report_selected(self) -> None:
         """Show the report of this participant's last session; from there, the others can be opened."""
@@ -344,7 +344,7 @@ class StudyScreen(Screen[None]):
         """Show the report of a session that has just ended here, over this screen."""
         self.app.push_screen(ReportScreen([ReportOf(title, folder)], self._source.report))
 
-    # --- whose hands ------------------------------------------------------------------------------------------------
+    # --- the wizard's name ------------------------------------------------------------------------------------------
 
     def _named(self, go_on: Callable[[], None]) -> None:
         """Go on when the wizard's name is known."""
@@ -430,7 +430,7 @@ class StudyScreen(Screen[None]):
         self.say("")
         self.post_message(self.SessionReady(started, stop))
 
-    # --- sessions that did not end, or that nobody has judged -------------------------------------------------------
+    # --- unfinished sessions and missing outcomes -------------------------------------------------------------------
 
     def _ask_about_unfinished(self, each: ParticipantStanding, entry: SessionEntry) -> None:
         def carry_out(key: str | None) -> None:

@@ -89,7 +89,7 @@ class ActPage(FormPage):
         words = {"edit.open": "change", "edit.add": "add", "edit.remove": "remove"}
         return {**words, "edit.waits": "waits", "edit.wording": "wording"}
 
-    # --- what is shown ----------------------------------------------------------------------------------------------
+    # --- drawing ----------------------------------------------------------------------------------------------------
 
     def draw(self) -> None:
         act = self.act
@@ -144,7 +144,7 @@ class ActPage(FormPage):
         used = used_lines(self.draft, "act", act.name, width)[: USED_LINES + 1]
         self.file.show(head, *(crop(line, width) for line in lines), *(crop(line, width) for line in used))
 
-    # --- what keys do -----------------------------------------------------------------------------------------------
+    # --- keys -------------------------------------------------------------------------------------------------------
 
     @property
     def calls(self) -> Mapping[str, Callable[[], object]]:

@@ -124,9 +124,9 @@ class StudyFrame(Screen[None]):
         explorer: Explorer | None = None,
     ) -> None:
         """
-        :param sessions: finds a session that runs meanwhile; None: the console below has the stop key.
-        :param may_suspend: whether another program may have the terminal for a while: not where a session runs here.
-        :param explorer: explores the study when it was opened and after each save; None: nothing does.
+        :param sessions: finds a session that runs beside the editor; None: the console below has the stop key.
+        :param may_suspend: whether another program may use the terminal for a while; not if a session runs here.
+        :param explorer: explores the study when it is opened and after each save; None: nothing does.
         """
         super().__init__(classes=EDITOR)
         self.study, self._sessions = study, sessions or NoSessions()
@@ -219,7 +219,7 @@ class StudyFrame(Screen[None]):
         await self._exploring.explore(draft)
         self.draw()
 
-    # --- what somebody else has done, and what an earlier editor has left --------------------------------------------
+    # --- outside changes and earlier drafts --------------------------------------------------------------------------
 
     def _watch(self) -> None:
         """Look for outside changes to files and for a new session, while nothing is being typed."""

@@ -72,9 +72,11 @@ class PickList(SearchDialog[Picked]):
         tab: Mapping[str, str] | None = None,
     ) -> None:
         """
-        :param now: the value where the cursor begins. :param new: what a name becomes that is not in the list;
-        empty: nothing. :param ticked: the values that are ticked first; None: a list to choose one value, without
-        ticks. :param enter: what enter does. :param tab: what Tab does, for each value that has an entry."""
+        :param now: the value where the cursor begins.
+        :param new: what a name becomes that is not in the list; empty: nothing.
+        :param ticked: the values that are ticked first; None: a list to choose one value, without ticks.
+        :param enter: what Enter does. :param tab: what Tab does, for each value that has an entry.
+        """
         super().__init__(title, "", "type to filter")
         if ticked is not None:
             self.search = OneWordField(placeholder="type to filter", select_on_focus=False)

@@ -160,7 +160,7 @@ class RuleDisplay(Vertical):
         self.graph.focus()
         self.redraw()
 
-    # --- what is shown ---
+    # --- drawing ---
 
     @property
     def rule(self) -> WrittenRule | None:

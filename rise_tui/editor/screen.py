@@ -92,7 +92,7 @@ class EditScreen(StudyFrame):
             self.say(self._first_notice, "wait")
         self.begin()
 
-    # --- the frame, as pages know it --------------------------------------------------------------------------------
+    # --- the frame for pages ----------------------------------------------------------------------------------------
 
     @property
     def page(self) -> EditPage:

@@ -138,7 +138,7 @@ class TablesPage(SentencePage):
         line = table.lines[row.number]
         return FilePlace(table.file, line, line + "".join(table.rows[row.number]).count("\n"))
 
-    # --- what is shown ----------------------------------------------------------------------------------------------
+    # --- drawing ----------------------------------------------------------------------------------------------------
 
     def draw(self) -> None:
         self.grid.show(grid_of(self.draft, self.wanted))
@@ -181,7 +181,7 @@ class TablesPage(SentencePage):
         pieces = [] if self.is_typing else wrap(self.value or "–", width - 3)
         self.show_detail([((f"  {piece}", role),) for piece in pieces])
 
-    # --- what keys do -----------------------------------------------------------------------------------------------
+    # --- keys -------------------------------------------------------------------------------------------------------
 
     def turn(self, step: int) -> bool:
         self._go_to_column(self.column + step)

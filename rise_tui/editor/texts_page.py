@@ -94,7 +94,7 @@ class TextsPage(SentencePage):
     def own_hints(self) -> Sequence[tuple[str, str]]:
         return (*super().own_hints, *([("←→", "language")] if self.view.language else []))
 
-    # --- what is shown ----------------------------------------------------------------------------------------------
+    # --- drawing ----------------------------------------------------------------------------------------------------
 
     def draw(self) -> None:
         self.hide_list(True)  # two languages side by side need the whole width
@@ -152,7 +152,7 @@ class TextsPage(SentencePage):
     def on_unmount(self) -> None:
         self.hide_list(False)
 
-    # --- what keys do -----------------------------------------------------------------------------------------------
+    # --- keys -------------------------------------------------------------------------------------------------------
 
     def filter(self, text: str) -> None:
         self.view = self.view._replace(wanted=text)

@@ -92,7 +92,7 @@ class TrialView(Vertical):
         yield self.lines
         yield self.value_bar
 
-    # --- playing ---
+    # --- running ---
 
     def play(self, scenario: Scenario, rule: str, state: str = "") -> None:
         """Begin with a rule, in the named state or its first."""
@@ -134,7 +134,7 @@ class TrialView(Vertical):
         if trial is not None:
             self._work(lambda: work(trial))
 
-    # --- what is shown ---
+    # --- drawing ---
 
     def redraw(self) -> None:
         """Show the state of the trial run."""

@@ -1,8 +1,8 @@
 """The filter that is typed after `/`: which rows it shows, and where it matches in them. Pure.
 
-- Words, in any order: each must be somewhere in the row, as it is typed or with letters left out (`rin2` finds
-  `R_Instruction_2`). A word with a capital minds capitals. `!word`: rows with this word stay out.
-- `/...` or `re:...`: one regular expression; `!/...`: rows that it matches stay out.
+- Words, in any order: each must be somewhere in the row, as typed or with letters left out (`rin2` finds
+  `R_Instruction_2`). A word with a capital is case-sensitive. `!word`: rows with this word are hidden.
+- `/...` or `re:...`: one regular expression; `!/...`: rows that it matches are hidden.
 
 A regular expression may never end on one row, and until then the console would answer no key, not even stop. `regex`
 therefore runs it with a time limit, on at most MOST_CHARACTERS of a row. It must also be valid for Python's `re`, whose
@@ -178,7 +178,7 @@ def filter_rows(rows: Iterable[ListRow], wanted: Filter) -> list[ListRow]:
     ]
 
 
-# --- over a log ------------------------------------------------------------------------------------------------------
+# --- searching a log -------------------------------------------------------------------------------------------------
 
 ROWS_OF_STEP = 32
 

@@ -82,7 +82,7 @@ class LogPane(Pane):
             self.own_rows_shown = unfolded
             self.repaint()
 
-    # --- what it says -------------------------------------------------------------------------------------------------
+    # --- text ---------------------------------------------------------------------------------------------------------
 
     def make_line(self, row: int, width: int) -> StyledLine:
         """One row, with the filter's matches marked."""
@@ -121,7 +121,7 @@ class LogPane(Pane):
             return own
         return (*own, ("  ", "plain"), (state if log.count else "nothing yet", role))
 
-    # --- what is shown ------------------------------------------------------------------------------------------------
+    # --- drawing ------------------------------------------------------------------------------------------------------
 
     def repaint(self) -> None:
         restart, rows = self._rebuild_count != self.store.log.rebuild_count, self._unfiltered_rows

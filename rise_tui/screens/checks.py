@@ -94,7 +94,7 @@ class ChecksScreen(SingleDismissModal[tuple[CheckReport, ...] | None]):
             self._begin_checks()
         self.call_after_refresh(self._draw)
 
-    # --- what is shown ----------------------------------------------------------------------------------------------
+    # --- drawing ----------------------------------------------------------------------------------------------------
 
     @on(RowView.Resized)
     def _draw(self) -> None:

@@ -53,7 +53,7 @@ class ParameterOption(Struct, frozen=True):
     """Whether it can be given several times; the parameter is then a list."""
 
 
-# --- what is given --------------------------------------------------------------------------------------------------
+# --- given parameters -----------------------------------------------------------------------------------------------
 
 
 def split_parameters(arguments: Sequence[str], node: str) -> tuple[list[GivenParameter], tuple[str, ...]]:
@@ -221,7 +221,7 @@ def _read_yaml(text: str, where: str) -> Any:
         raise PortError(f"--ros-args: {where} is not YAML: {' '.join(str(error).split())}") from None
 
 
-# --- what others see ------------------------------------------------------------------------------------------------
+# --- readable parameters --------------------------------------------------------------------------------------------
 
 
 class ReadableParameter(Struct, frozen=True):

@@ -1,20 +1,26 @@
 """Faults on request: mistakes that a rehearsal or a test asks the simulated robot to make.
 
 ==========================  ========================================================================================
-`Speech=reject`             the robot refuses every Speech `Speech=fail`               every Speech fails half-way
-`Speech=abort`              the robot gives up every Speech half-way by itself, as after a protective stop
-`Speech=slow:3`             every Speech takes 3 times as long `Speech=hang`               Speech never ends and never
-confirms a cancel; its part is unconfirmed, then held `Speech=slow-accept:2`      the robot says only after 2 s that it
-takes a Speech, and begins then `Speech=slow-reject:2`      ... or that it refuses it `Speech=lost-accept`        it
-takes it and does it, and that answer is lost `Speech=late-begin:2`       it takes it at once, and begins 2 s later
-`Speech=refuse-cancel`      it does not let itself be stopped, and says so; its part is held until it has ended
-`Speech=ignore-cancel`      ... and says nothing `Speech=slow-cancel:2`      it says that it stops, and has stopped 2 s
-later `Speech=die-on-goal`        its program is gone as a Speech comes (`die-on-goal:5`: for 5 s)
-`Speech=die-on-cancel`      ... as one is to be stopped (`die-on-cancel:5`: for 5 s) `Speech=fail@2`             only
-the second Speech of the session (`@N` goes with every kind) `*=slow:2`                  every action `vanish@12.5`
-the link is lost at session time 12.5 s `vanish@12.5-20`            ... and comes back at 20 s `inactive@12.5-20`
-the robot is there, and takes nothing from 12.5 s to 20 s, as an inactive lifecycle node ==========================
-========================================================================================
+`Speech=reject`             the robot rejects every Speech
+`Speech=fail`               every Speech fails half-way
+`Speech=abort`              the robot itself gives up every Speech half-way, as after a protective stop
+`Speech=slow:3`             every Speech takes 3 times as long
+`Speech=hang`               Speech never ends and never confirms a cancel; its part is unconfirmed, then held
+`Speech=slow-accept:2`      the robot accepts a Speech only after 2 s, and begins then
+`Speech=slow-reject:2`      ... or rejects it after 2 s
+`Speech=lost-accept`        it accepts a Speech and carries it out, but that answer is lost
+`Speech=late-begin:2`       it accepts a Speech immediately, and begins 2 s later
+`Speech=refuse-cancel`      it refuses to stop, and reports this; its part is held until the Speech has ended
+`Speech=ignore-cancel`      ... and reports nothing
+`Speech=slow-cancel:2`      it confirms that it stops, and has stopped 2 s later
+`Speech=die-on-goal`        its program dies when a Speech arrives (`die-on-goal:5`: for 5 s)
+`Speech=die-on-cancel`      ... when a Speech should stop (`die-on-cancel:5`: for 5 s)
+`Speech=fail@2`             only the second Speech of the session (`@N` is possible with every kind)
+`*=slow:2`                  every action
+`vanish@12.5`               the link is lost at session time 12.5 s
+`vanish@12.5-20`            ... and returns at 20 s
+`inactive@12.5-20`          the robot is there, but accepts nothing from 12.5 s to 20 s, like an inactive lifecycle node
+==========================  ========================================================================================
 """
 
 from __future__ import annotations

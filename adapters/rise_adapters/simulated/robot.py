@@ -209,7 +209,7 @@ class SimulatedRobot:
             timer.cancel()
         self._timers.clear()
 
-    # --- what happens later -------------------------------------------------------------------------------------
+    # --- later events -------------------------------------------------------------------------------------------
 
     def _call_after(self, seconds: float, callback: Callable[..., None], *args: Any) -> Timer:
         return self._clock.call_at(self._clock.now() + seconds, partial(callback, *args))
@@ -258,7 +258,7 @@ class SimulatedRobot:
     def _carrier_without_stop(self, type: str) -> str:
         return _carrier_without_stop(self._profile.actions[type])
 
-    # --- what the robot may still be doing ----------------------------------------------------------------------
+    # --- open goals ---------------------------------------------------------------------------------------------
 
     def _give_up(self, action: str) -> None:
         """End the action of a goal that did not stop in time, and hold its part."""

@@ -89,7 +89,7 @@ class CallReader:
                 self._error(FORM, child, str(error))
         return (ActionCall(spec.name, parameters),)
 
-    # --- what is done -----------------------------------------------------------------------------------------------
+    # --- actions ----------------------------------------------------------------------------------------------------
 
     def _speech(self, behavior: PlannedBehavior) -> ActionCall | None:
         element = behavior.element
@@ -262,7 +262,7 @@ class CallReader:
                 message = f"`{point}` cannot be kept: an act's action has a start and an end, and no point between them"
                 self._findings.diagnostics.error(TIME, element.attribute_location(point), message)
 
-    # --- what gets lost ---------------------------------------------------------------------------------------------
+    # --- losses -----------------------------------------------------------------------------------------------------
 
     def _descriptions(self, element: BmlElement) -> Iterator[BmlElement]:
         return (child for child in element if child.is_bml and child.tag == "description")

@@ -94,7 +94,7 @@ class _BlockReader:
         act = Act(name, tuple(self.actions.values()), location=self.root.location)
         return ReadAct(act, "None" if composition == "MERGE" else "Blocking")
 
-    # --- what there is ----------------------------------------------------------------------------------------------
+    # --- the block --------------------------------------------------------------------------------------------------
 
     def plan(self, element: BmlElement, *, required: bool) -> None:
         """Note a behaviour or a constraint."""
@@ -173,7 +173,7 @@ class _BlockReader:
             )
             self.findings.diagnostics.error(FORM, behavior.element.location, message)
 
-    # --- what waits for what ----------------------------------------------------------------------------------------
+    # --- waits ------------------------------------------------------------------------------------------------------
 
     def wait_for(self, beginnings: tuple[Beginning, ...], location: SourceLocation) -> tuple[str, ...]:
         """The actionIDs that an action waits for. A wait for a number of seconds is a separate action."""

@@ -127,7 +127,7 @@ def seconds(duration: Any) -> float:
     return duration.sec + duration.nanosec / 1e9
 
 
-# --- from here on nothing needs to be changed -----------------------------------------------------------------------
+# --- nothing below needs to be changed ------------------------------------------------------------------------------
 
 
 class Stopped(Exception):

@@ -1,18 +1,18 @@
 """A leaf for behaviour trees of py_trees: one tick starts a task in a RISE session (an act, a rule, an event, a value),
 and the leaf runs until the task has ended.
 
-Copy this file into a package of your own, or import it from here. What you get:
+Copy this file into your own package, or import it from here. What you get:
 
 - SUCCESS when the task SUCCEEDED, FAILURE in every other case, with the reason in `feedback_message`;
-- halting the leaf (a branch of higher priority, `tree.root.stop(Status.INVALID)`) cancels the task, also one that was
+- halting the leaf (a branch of higher priority, `tree.root.stop(Status.INVALID)`) cancels the task, even one that was
   only just sent;
-- no call that waits: the tree ticks on, whatever the session does;
-- FAILURE, and not silence, when there is no session, when it does not answer, and when it goes.
+- no call that waits: the tree continues to tick, whatever the session does;
+- FAILURE instead of silence when there is no session, when it does not answer, and when it disappears.
 
     root = py_trees.composites.Sequence("Greet", memory=True)
     root.add_children([start_act("R_Greeting"), raise_event("/W_greeted"), start_rule("Gaze")])
     tree = py_trees.trees.BehaviourTree(root)
-    tree.setup(node=node)      # an rclpy node that somebody spins; py_trees_ros does all this by itself
+    tree.setup(node=node)      # an rclpy node that is being spun; py_trees_ros does all this itself
 
 Try it beside a session (docs/how-to/behaviour-trees.md):
 
@@ -172,7 +172,7 @@ class Goal:
         self.result = response.result if response is not None else DomainTask.Result(status="ABORTED")
 
 
-# --- to try it ------------------------------------------------------------------------------------------------------
+# --- a program to try it --------------------------------------------------------------------------------------------
 
 KINDS = {"act": start_act, "rule": start_rule, "event": raise_event}
 PERIOD = 0.1

@@ -66,8 +66,8 @@ def lay_out_rule(rule: WrittenRule, width: int) -> GraphLayout | None:
 def draw_rule(layout: GraphLayout, spot: GraphSpot | None, marks: Mapping[GraphSpot, Severity]) -> list[ListRow]:
     """The rows, each with its place as id. A row with two places has the id of the selected one.
 
-    :param spot: the cursor's place; the rail of its transition is highlighted up to the arrow. :param marks: places
-    with diagnostics.
+    :param spot: the cursor's place; the rail of its transition is highlighted up to the arrow.
+    :param marks: places with diagnostics.
     """
     chosen = layout.edges.get((spot.state, spot.transition)) if spot is not None else None
     path = set(edge_path(layout, chosen)) if chosen is not None else set[tuple[int, int]]()

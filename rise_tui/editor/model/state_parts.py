@@ -104,7 +104,8 @@ def use_of(outline: Outline, state: WrittenState) -> WrittenUse | None:
 def add_statement(row: PartRow, statement: StatementForm, *, behind: bool = False) -> AddStatement | None:
     """A new statement at the cursor: after a function, last in a block, first in an arm.
 
-    :param behind: put it after the whole block of the cursor instead. :returns: None where no function is possible.
+    :param behind: put it after the whole block of the cursor instead.
+    :returns: None where no function is possible.
     """
     at = row.at
     if at is None or row.reason or row.kind == "other":

@@ -122,7 +122,7 @@ def is_selectable(grid: Grid, row: GridRow) -> bool:
     return row.number >= 0 or (row.number == -1 and table is not None and not table.cells.rows)
 
 
-# --- what has room --------------------------------------------------------------------------------------------------
+# --- widths ---------------------------------------------------------------------------------------------------------
 
 
 def _natural_widths(table: WrittenCells) -> tuple[int, ...]:
@@ -193,7 +193,7 @@ def hidden_columns(table: GridTable, column: int, width: int) -> tuple[int, int]
     return shown[0].at, len(table.widths) - 1 - shown[-1].at
 
 
-# --- what changes them ----------------------------------------------------------------------------------------------
+# --- edits ----------------------------------------------------------------------------------------------------------
 
 
 def cell_problem(value: str) -> str:
@@ -215,8 +215,8 @@ def copied_row(name: str, table: WrittenCells, after: int) -> AddRow:
 def new_table(names: Sequence[str], name: str, columns: str) -> ReplaceFile:
     """A table with columns and without rows.
 
-    :param names: the existing tables. :param columns: the typed names, separated by commas. :raises EditRefused: the
-    name is not possible or taken, or there are no columns, or one occurs twice.
+    :param names: the existing tables. :param columns: the typed names, separated by commas.
+    :raises EditRefused: the name is not possible or taken, or there are no columns, or one occurs twice.
     """
     if not is_writable_key(name) or "." in name:
         raise EditRefused(f"a table's name has letters, digits and _, and begins with a letter; not “{name}”")

@@ -251,7 +251,7 @@ def said_with(checked: LoadResult, text: SpokenText) -> str:
     return ", ".join(found)
 
 
-# --- one text, whole ------------------------------------------------------------------------------------------------
+# --- one text in full -----------------------------------------------------------------------------------------------
 
 
 def entry_head(draft: StudyDraft, entry: TextEntry, width: int) -> StyledLine:
@@ -372,7 +372,7 @@ def folder_from(here: Path, folder: str) -> str:
     return path.relative_to(here).as_posix() if path.is_relative_to(here) else str(path)
 
 
-# --- what changes them ----------------------------------------------------------------------------------------------
+# --- edits ----------------------------------------------------------------------------------------------------------
 
 
 def original_edits(draft: StudyDraft, entry: TextEntry, said: str) -> tuple[AnyEdit, ...]:

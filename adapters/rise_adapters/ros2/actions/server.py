@@ -269,7 +269,7 @@ class ActionServer:
         for handle in (*self._services, self._feedback):
             handle.close()
 
-    # --- what goals need (`GoalServer`) ---------------------------------------------------------------------------
+    # --- for goals (`GoalServer`) ---------------------------------------------------------------------------------
 
     def send_reply(self, reply: SendReply, message: Message) -> bool:
         try:

@@ -82,7 +82,7 @@ class ServerGoal:
         """Whether the goal is over, including a rejected one."""
         return self.status >= SUCCEEDED or (self.status == UNKNOWN and self.is_decided)
 
-    # --- what the caller does; each gives whether it counted ----------------------------------------------------
+    # --- calls of the caller; each returns whether it counted ---------------------------------------------------
 
     def accept(self) -> bool:
         """Tell the client that the goal will be carried out."""
@@ -150,7 +150,7 @@ class ServerGoal:
             self.send_result(reply)
         self.answer_cancels(code)
 
-    # --- what the server does -----------------------------------------------------------------------------------
+    # --- calls of the server ------------------------------------------------------------------------------------
 
     def send_result(self, reply: SendReply) -> None:
         """Send the result of an ended goal to a client that asks for it."""

@@ -87,7 +87,7 @@ class LiveNames:
         for subscription in self._subscriptions:
             subscription.close()
 
-    # --- what the profile names -----------------------------------------------------------------------------------
+    # --- the profile's names --------------------------------------------------------------------------------------
 
     def _collect(self, source: FieldSource, action: str, frame: str, field: str = "") -> None:
         """Note the joints and frames that a source adds to a message itself."""
@@ -116,7 +116,7 @@ class LiveNames:
         elif field in _FRAME_FIELDS:
             self._wanted["frame"].setdefault(name.removeprefix("/"), action)
 
-    # --- what the robot says --------------------------------------------------------------------------------------
+    # --- the robot's names ----------------------------------------------------------------------------------------
 
     def _listen(self, transport: Transport, topic: str, type: str, take: Callable[[Message], None], qos: QoS) -> None:
         try:

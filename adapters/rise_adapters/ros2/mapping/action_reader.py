@@ -71,7 +71,7 @@ def _parse_choice(word: Any, words: Mapping[str, bool], before: bool, where: str
     return before
 
 
-# --- what a result means ----------------------------------------------------------------------------------------------
+# --- the meaning of a result ------------------------------------------------------------------------------------------
 
 _RESULT_KEYS = ("code", "ok", "minimum", "maximum", "text", "codes")
 _LIMITS = ("minimum", "maximum")

@@ -24,7 +24,7 @@ from rise_adapters.ros2.transport.port import (
 )
 from rise_engine.ports.robot import Clock
 
-# --- what comes and goes ----------------------------------------------------------------------------------------------
+# --- presence ---------------------------------------------------------------------------------------------------------
 
 SETTLING_SECONDS = 0.5
 """Seconds that an endpoint must stay after a loss before it gets anything, doubled with each further loss ..."""

@@ -1,7 +1,7 @@
 """Listens to the laboratory's emergency stop: on somebody else's topic, or through a service that this side offers.
 
-It hears every publisher, whatever its quality of service, because its subscription requests what is offered (like `ros2
-topic echo`). If it cannot hear one, that is a fault of the robot, so that nobody relies on it.
+It hears every publisher, whatever its quality of service, because its subscription requests what is offered, like
+`ros2 topic echo`. If it cannot hear one, that is a fault of the robot, so that nobody relies on it.
 """
 
 from __future__ import annotations

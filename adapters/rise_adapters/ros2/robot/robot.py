@@ -266,7 +266,7 @@ class Ros2Robot:
         self._open_estop()
         self._poll()
 
-    # --- what goals need (`GoalHost`) ---------------------------------------------------------------------------
+    # --- for goals (`GoalHost`) ---------------------------------------------------------------------------------
 
     def report_accepted(self, action: str) -> None:
         self._report(ActionReport(action=action, status="accepted"))
@@ -387,7 +387,7 @@ class Ros2Robot:
                     self._other_clients.add(node)
                     self.report_note(endpoint, describe_other_client(node, endpoint.name))
 
-    # --- how the robot stands -----------------------------------------------------------------------------------
+    # --- the robot's state --------------------------------------------------------------------------------------
 
     def _assess_health(self) -> RobotHealth:
         busy = [goal.endpoint for goal in self._live.values() if goal.phase == "running"]

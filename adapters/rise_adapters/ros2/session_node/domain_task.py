@@ -258,7 +258,7 @@ class DomainTaskServer:
             self._refused_releases.add(text)
             self._hub.submit(self._client, Note(text=text), _ignore)
 
-    # --- what becomes of them -----------------------------------------------------------------------------------
+    # --- results ------------------------------------------------------------------------------------------------
 
     def take_record(self, record: TaskRecord) -> None:
         """Take in the record of a task, in the engine's step."""

@@ -256,7 +256,7 @@ class RosSessionInterface:
             reason = GONE_REASON
         self._tasks.end_all(reason)
 
-    # --- how it is ----------------------------------------------------------------------------------------------
+    # --- status -------------------------------------------------------------------------------------------------
 
     def _diagnose(self) -> None:
         self._timer = self._loop.call_later(DIAGNOSTICS_SECONDS, self._diagnose)

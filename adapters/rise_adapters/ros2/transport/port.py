@@ -43,13 +43,13 @@ class QoS(Struct, frozen=True):
 
 
 class RemoteEndpoint(Struct, frozen=True):
-    """Another node's end of a topic or a service, as it is announced to everybody."""
+    """Another node's endpoint on a topic or a service, as it is announced to everybody."""
 
     node: str = ""
     """The full name of the node; empty when it is not known (yet)."""
     type: str = ""
-    """ROS's name of the type; empty when it is not a ROS type. For a service, `PKG/srv/NAME_Request` for the end that
-    receives requests and `PKG/srv/NAME_Response` for the end that answers."""
+    """ROS's name of the type; empty when it is not a ROS type. For a service, `PKG/srv/NAME_Request` for the endpoint
+    that receives requests and `PKG/srv/NAME_Response` for the one that answers."""
     hash: str = ""
     """The hash of that type, `RIHS01_...`; empty when it is not announced."""
     vendor: str = ""
@@ -150,7 +150,7 @@ class Transport(Protocol):
     vendor: str
     """The vendor of its software, as in `RemoteEndpoint`; empty when the vendor does not decide who can be reached."""
 
-    # --- what this node has -------------------------------------------------------------------------------------
+    # --- this node's endpoints ----------------------------------------------------------------------------------
 
     def resolve(self, name: str) -> str:
         """Apply the node's namespace and remappings to a name.
@@ -183,11 +183,11 @@ class Transport(Protocol):
 
         :param topic: its name, which is resolved.
         :param type: the type of the messages, `PKG/msg/NAME`.
-        :param on_message: called with each message. One that cannot be read is reported to the loop's exception handler
-            and left out.
+        :param on_message: called with each message. A message that cannot be read is reported to the loop's exception
+            handler and left out.
         :param qos: what the subscription asks for; publishers that guarantee less are not heard.
-        :param pause: seconds for which nothing is read after something was. Then the newest messages are read, as many
-            as the depth. What is published a thousand times a second costs no more than that.
+        :param pause: seconds after reading in which nothing more is read. Then the newest messages are read, as many as
+            the depth. A topic with a thousand messages a second costs no more than that.
         :raises PortError: as `publisher`.
         """
         ...
@@ -197,8 +197,8 @@ class Transport(Protocol):
 
         :param name: the service's name, which is resolved.
         :param type: the service's type, `PKG/srv/NAME`.
-        :param on_request: called with each request and with what sends the answer to it, at once or later. One that
-            cannot be read is reported as in `subscribe`, and has no answer.
+        :param on_request: called with each request and a function that sends its answer, now or later. A request
+            that cannot be read is reported as in `subscribe`, and has no answer.
         :raises PortError: as `publisher`.
         """
         ...
@@ -233,7 +233,7 @@ class Transport(Protocol):
         """
         ...
 
-    # --- what others have ---------------------------------------------------------------------------------------
+    # --- other nodes' endpoints ---------------------------------------------------------------------------------
 
     def graph_version(self) -> int | None:
         """Tell whether the answers of the following calls may have changed.
@@ -243,7 +243,7 @@ class Transport(Protocol):
         ...
 
     def publisher_endpoints(self, topic: str) -> list[RemoteEndpoint]:
-        """List the ends of other nodes that publish on a topic.
+        """List the endpoints of other nodes that publish on a topic.
 
         :param topic: its name, which is resolved.
         :raises PortError: it is not a valid ROS name.
@@ -251,7 +251,7 @@ class Transport(Protocol):
         ...
 
     def subscriber_endpoints(self, topic: str) -> list[RemoteEndpoint]:
-        """List the ends of other nodes that subscribe to a topic.
+        """List the endpoints of other nodes that subscribe to a topic.
 
         :param topic: its name, which is resolved.
         :raises PortError: it is not a valid ROS name.
@@ -259,7 +259,7 @@ class Transport(Protocol):
         ...
 
     def server_endpoints(self, service: str) -> list[RemoteEndpoint]:
-        """List the ends of other nodes that receive a service's requests, and those that answer.
+        """List the endpoints of other nodes that receive a service's requests, and those that answer.
 
         :param service: its name, which is resolved.
         :returns: two for each server. If the middleware does not list these, one that has only its type.
@@ -297,7 +297,7 @@ class Transport(Protocol):
         """
         ...
 
-    # --- its life -----------------------------------------------------------------------------------------------
+    # --- lifetime -----------------------------------------------------------------------------------------------
 
     def failure(self) -> str:
         """Say why the transport no longer works (the middleware was shut down, or it was closed).

@@ -195,7 +195,7 @@ class DdsNode:
         data = {**(ids or {}), "typehash": self.types.type_hash(type)}
         return self._idl.find_or_make(type, headed=bool(ids)), dds_qos(qos, data, reader=reader, pauses=pauses)
 
-    # --- who is there ---------------------------------------------------------------------------------------------
+    # --- the graph ------------------------------------------------------------------------------------------------
 
     def _watch_builtin_topics(self) -> None:
         for topic, update, take in (

@@ -190,7 +190,7 @@ class DdsTransport:
     def client(self, name: str, type: str) -> DdsClient:
         return DdsClient(self._dds, self.resolve(name), type)
 
-    # --- what is known ------------------------------------------------------------------------------------------
+    # --- the graph ----------------------------------------------------------------------------------------------
 
     def resolve(self, name: str) -> str:
         return self._names.resolve(name)

@@ -106,7 +106,7 @@ class SpinningNode:
             durability=policies.DurabilityPolicy.TRANSIENT_LOCAL if qos.latched else policies.DurabilityPolicy.VOLATILE,
         )
 
-    # --- its end --------------------------------------------------------------------------------------------------
+    # --- the end --------------------------------------------------------------------------------------------------
 
     def failure(self) -> str:
         """Why the node no longer works; empty while it does."""

@@ -181,7 +181,7 @@ class RclpyTransport:
     def client(self, name: str, type: str) -> RclpyClient:
         return RclpyClient(self._node, name, type, *self._types.find_service(type))
 
-    # --- what is known --------------------------------------------------------------------------------------------
+    # --- the graph ------------------------------------------------------------------------------------------------
 
     def resolve(self, name: str) -> str:
         # A rule for topics only (`rostopic://a:=b`) or services only does not affect the other kind, so the first one

@@ -128,7 +128,7 @@ class InstalledTypes:
         )
 
 
-# --- what is not there ------------------------------------------------------------------------------------------------
+# --- missing types ----------------------------------------------------------------------------------------------------
 
 
 def _describe_missing(type: str, package: str, kind: str, error: ImportError) -> str:
