@@ -439,6 +439,5 @@ def bindings_of(*ids: str) -> list[Binding | tuple[str, str] | tuple[str, str, s
 
 
 def textual_keys(id: str, keys: Iterable[str]) -> str:
-    """The keys of an action, for Textual. It remaps only what is bound, so an action without keys gets a
-    placeholder."""
+    """The keys of an action, for Textual. It remaps only what is bound, so no key is a placeholder."""
     return ",".join(keys) or f"no-key-of-{id}"

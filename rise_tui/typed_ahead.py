@@ -27,8 +27,7 @@ def waits(app: App[object], event: events.Key) -> bool:
 
 
 def admits(app: App[object], event: events.Event) -> bool:
-    """Whether an event may go on. A paste must not act as commands: of letters in one piece, outside a field, only the
-    first counts."""
+    """Whether an event may go on. Outside a field, only the first letter of a paste counts as a command."""
     if not isinstance(event, events.Key) or takes_text(app.focused):
         return True
     return read_first(event) or not event.is_printable

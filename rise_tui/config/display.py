@@ -64,8 +64,7 @@ def detect_colors(display: DisplayOptions, environment: Mapping[str, str]) -> De
 
 
 def with_detected_colors(display: DisplayOptions, environment: Mapping[str, str]) -> DisplayOptions:
-    """Replace `auto` by the detected colours. Do this once: `prepare_textual` removes some of what the detection
-    reads."""
+    """Replace `auto` by the detected colours. Once only: `prepare_textual` removes part of what detection reads."""
     return replace(display, colors=detect_colors(display, environment).system)
 
 

@@ -1,4 +1,4 @@
-"""Saves the present memory as the scenario's start values, in `memory.json`. No widgets; it blocks: keep it off the
+"""Saves the present memory as the scenario's start values in `memory.json`. No widgets. It blocks: keep it off the
 loop."""
 
 from __future__ import annotations

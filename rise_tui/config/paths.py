@@ -18,8 +18,7 @@ def config_folder() -> Path:
 
 
 def state_folder() -> Path:
-    """The folder for files that consoles write: $XDG_STATE_HOME/rise-tui, or ~/.local/state/rise-tui. Creates
-    nothing."""
+    """The folder that consoles write to: $XDG_STATE_HOME/rise-tui, or ~/.local/state/rise-tui. Creates nothing."""
     return _xdg_folder("XDG_STATE_HOME", "~/.local/state")
 
 
@@ -40,8 +39,7 @@ def abbreviate_home(folder: str) -> str:
 
 
 def expand_home(path: str) -> Path:
-    """Replace `~` by the home folder. Never raises, unlike `Path.expanduser`, because people are still typing the
-    path."""
+    """Replace `~` by the home folder. Unlike `Path.expanduser` it never raises, because people are still typing."""
     return Path(os.path.expanduser(path))  # noqa: PTH111
 
 

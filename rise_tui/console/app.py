@@ -297,8 +297,8 @@ class ConsoleApp(TerminalApp):
         return not reason
 
     async def _leave_session(self, session: ConsoleSession, *, end: bool) -> Literal["done", "late", "refused"]:
-        """Detach from the session, or end it. `late`: the engine did not confirm in time. `refused`: this console may
-        not end it."""
+        """Detach, or end the session. `late`: the engine did not confirm in time. `refused`: this console may not end
+        it."""
         try:
             await asyncio.wait_for(session.close(end_session=end), END_PATIENCE if end else DETACH_PATIENCE)
         except EngineGone:
@@ -400,8 +400,7 @@ class ConsoleApp(TerminalApp):
         self.push_screen(question, end_if_confirmed)
 
     async def _back_to_study(self, session: ConsoleSession) -> None:
-        """Leave a session that is over, or whose engine has gone. The cursor goes to the participant who needs
-        attention."""
+        """Leave a session that is over, or whose engine has gone. The cursor goes to whoever needs attention."""
         await self._leave_session(session, end=False)
         await self._show_study(self._day.over_text(session.store), self._day.unjudged(session.store))
 

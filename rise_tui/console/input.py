@@ -222,7 +222,7 @@ class InputController:
         self._actions.ask_what_was_wrong(task.id)
 
     def send(self, function: str, behavior: str = "") -> None:
-        """Send a task to the engine immediately, whatever was pressed before: stopping, marks, changes of the
+        """Send a task to the engine immediately, whatever was pressed before: a stop, a mark, a change of the
         memory."""
         self._actions.submit(KeyAction(function, behavior), self._session_time(self._key_at))
 

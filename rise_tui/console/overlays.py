@@ -100,8 +100,7 @@ def _title_labels(panes: Layout) -> Iterator[TitleLabels]:
 def open_tour(
     console: ConsoleHost, panes: Layout, part_of: Callable[[str], Region], on_end: Callable[[], None] | None
 ) -> None:
-    """Open the tour. `part_of`: the place of something that the tour points at. `on_end` is called when it has
-    ended."""
+    """Open the tour. `part_of`: the place of a part that the tour points at. `on_end`: called at its end."""
     panes.unzoom()
     tour = TourScreen(part_of, lambda: panes.region)
     console.app.push_screen(tour, lambda _: on_end() if on_end is not None else None)

@@ -122,8 +122,7 @@ class ConsoleScreen(Screen[None]):
         return takes_text(self.app.focused) or is_editing(self.app)
 
     def observe_key(self, event: events.Key, together: bool) -> None:
-        """Note every key, whatever has the focus, before anything acts on it. `together`: whether it came with
-        others."""
+        """Note every key before anything acts on it, whatever has the focus. `together`: it came with others."""
         self.refresh_scheduler.dismiss_read_notices()
         self.input.observe_key(event.key, event.time, typing=self._is_typing, together=together)
 

@@ -160,8 +160,7 @@ class ConsoleSession:
         return not reason
 
     async def report(self, reports: Sequence[CheckReport | OutcomeReport]) -> bool:
-        """Record the results of checks, and how the session counts. False when it was not accepted; the reason is
-        shown."""
+        """Record the results of checks, and how the session counts. False when not accepted; the reason is shown."""
         for each in reports:
             if reason := await self._put_on_record(each, "change"):
                 self.show_notice(Notice(f"the session goes on, because this was not recorded: {reason}", "fault"))

@@ -90,8 +90,7 @@ class StudyDay:
         return of.participant if of is not None and of.purpose == "counted" and store.view.outcome is None else ""
 
     async def ask_how_it_ends(self, app: App[Any], session: ConsoleSession) -> Ending | None:
-        """Ask the checks after a session, then its outcome and the word. None when somebody leaves. Runs in a
-        worker."""
+        """Ask the checks after a session, its outcome and the word, in a worker. None when somebody leaves."""
         store = session.store
         of = store.view.session
         if of is None or of.purpose != "counted":

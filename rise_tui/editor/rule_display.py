@@ -90,8 +90,7 @@ class RuleGraphList(RowList):
     """The drawing, with a cursor over states and transitions."""
 
     def move_cursor(self, index: int, *, by_wizard: bool = True) -> None:
-        """Move the cursor. At the edge the view scrolls by a third: the next rows show, and fewer moves repaint all
-        rows."""
+        """Move the cursor. At the edge the view scrolls by a third, which shows the next rows and saves repaints."""
         top, height = self.scroll_offset.y, self.size.height
         super().move_cursor(index, by_wizard=by_wizard)
         if height and self.cursor >= top + height:

@@ -36,8 +36,7 @@ STEPS = {"enter": 0, "tab": 1, "shift+tab": -1}
 
 
 class SentenceField(TextArea, TakesText):
-    """A field for a sentence. Enter, Tab and shift+Tab accept it, Esc restores it. A pasted line end becomes a
-    blank."""
+    """A field for a sentence. Enter and Tab accept it, Esc restores it. A pasted line end becomes a blank."""
 
     DEFAULT_CSS = """
     SentenceField, SentenceField:focus {

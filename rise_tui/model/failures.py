@@ -1,5 +1,4 @@
-"""What went wrong: acts that failed, texts that were not said, and mistakes that a wizard marks. Pure; knows no
-screen."""
+"""What went wrong: failed acts, texts that were not said, and mistakes that a wizard marks. Pure; knows no screen."""
 
 from __future__ import annotations
 
@@ -38,8 +37,7 @@ class UnsaidText(NamedTuple):
 
 
 def unanswered_failures(store: Store) -> list[TaskView]:
-    """Failed acts that were neither repeated nor answered, the oldest first. Those that the study waits for come before
-    the others."""
+    """Failed acts, neither repeated nor answered, the oldest first; before them, those that the study waits for."""
     view = store.view
     return [view.tasks[id] for id in (*view.questions, *view.failed) if id in view.tasks]
 
@@ -233,8 +231,7 @@ def newest_markable(tasks: dict[int, TaskView], me: str | None) -> TaskView | No
 
 
 def markable_name(task: TaskView, key: KeyBinding | None) -> str:
-    """A task's name: an act's name, the words of speech, or else the key with the author's label for it or its
-    function."""
+    """A task's name: the act, the words of speech, or else the key with the author's label or its function."""
     if task.function in ACTS:
         return act_label(task.function, task.behavior)
     words = completion_message(task.function, task.behavior) or task_label(task.function, task.behavior)

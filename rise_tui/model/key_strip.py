@@ -23,8 +23,7 @@ MOST = 2
 
 
 class KeyStripPiece(NamedTuple):
-    """A key in the strip, and its place: line, first cell, cell after the last. Without a key: the number of hidden
-    keys."""
+    """A key in the strip, and its place: line, first cell, cell after the last. Without a key: how many are hidden."""
 
     key: KeyBinding | None
     line: int

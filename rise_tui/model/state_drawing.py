@@ -65,8 +65,7 @@ def _rail_spans(rails: str, row: int, roles: dict[tuple[int, int], TextRole]) ->
 
 
 def _state_spans(layout: GraphLayout, row: GraphRow, marks: list[str]) -> list[StyledSpan]:
-    """The state's glyph, name and marks. The name is cut first. If a way follows and room is short, permanent notes
-    go."""
+    """The state's glyph, name and marks. The name is cut first; before a way, permanent notes may be left out."""
     glyph: StyledSpan = (
         ("● ", "accent") if "here" in marks else ("◎ ", "plain") if "maybe next" in marks else ("○ ", "muted")
     )

@@ -289,8 +289,7 @@ class Store:
 
     @property
     def cue_clock(self) -> CueClock | None:
-        """The time since the participant's cue, until the answering voice is heard or, if the answer has none, the act
-        starts."""
+        """The time since the participant's cue, until the answering voice is heard or, without one, the act starts."""
         return cue_clock(self.scenario, self.view)
 
     def expected_keys(self) -> frozenset[str]:

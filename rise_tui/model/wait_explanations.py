@@ -139,8 +139,7 @@ class WaitExplanations:
         return ((f"  held up: {clean(values)}" if values else "  held up", "wait"),)
 
     def _key_labels(self, transition: Transition) -> list[str]:
-        """The keys with which the wizard can raise the event. A running act needs none. Nobody else can start the
-        rule's own act."""
+        """The keys with which the wizard can raise the event; none for a running act, or the rule's own act."""
         keys = list(dict.fromkeys(key.label for key in self._store.study_keys.keys_raising(transition.event)))
         name = find_awaited_act(self._store.scenario, transition) if transition.ended is None else None
         if name is not None and not self._store.act(name).running and not self._store.act(name).waiting:

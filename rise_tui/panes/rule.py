@@ -37,8 +37,7 @@ GAP_HEIGHT = 12
 
 
 class StateList(RowList):
-    """The rule's states below the reasons. The cursor comes here after the last reason, and goes back before the first
-    state."""
+    """The rule's states below the reasons. The cursor moves between the last reason and the first state."""
 
     def __init__(self, above: RowList) -> None:
         super().__init__(id="rule-graph")
@@ -98,8 +97,7 @@ class RulePane(ListPane):
 
     @property
     def _shown_rule(self) -> Rule | None:
-        """The shown rule. Before any has run, and with none selected: the one that the study's first key for a rule
-        starts."""
+        """The shown rule. With none run or selected: the one that the study's first key for a rule starts."""
         rules = self.store.scenario.rules
         name = self.store.shown_rule or next(iter(self.store.view.running_rules()), "")
         first = next((key.behavior for key in self.store.scenario.keys.values() if key.function == RULE), "")

@@ -45,8 +45,7 @@ def _runs_of_lines(update: LayoutUpdate, cells: CellBuffer) -> Iterator[CellRun]
 
 
 def _runs_of_chops(update: ChopsUpdate, cells: CellBuffer) -> Iterator[CellRun]:
-    """The runs of a partial update. A chop is a piece of a line between two widget borders; a span is the part to
-    paint."""
+    """The runs of a partial update. A chop is a piece of a line between two borders; a span is the part to paint."""
     for y, start, end in update.spans:
         for (x, strip), chop_end in zip(update.chops[y].items(), update.chop_ends[y], strict=False):
             left, right = max(x, start), min(chop_end, end)

@@ -21,8 +21,7 @@ MOST_LOOKS = 500
 """The most checks whether a key's effect is complete. The limit counts checks, not seconds: on a busy machine
 everything takes longer, and a key that did not wait would go to the wrong field."""
 ROUNDS = 3
-"""How often the queue walks from the focus up to the app: for a key's message, that message's answer, and what it
-opens."""
+"""Walks from the focus up to the app: for a key's message, that message's answer, and what it opens."""
 
 
 @runtime_checkable

@@ -81,8 +81,7 @@ class TerminalApp(App[Any]):
         """
 
     def admits(self, event: events.Event) -> bool:
-        """Whether an event of the keyboard or the mouse may go on. Called once for each, for keys after
-        `observe_key`."""
+        """Whether a keyboard or mouse event may go on. Called once for each; for keys after `observe_key`."""
         return True
 
     def handle_key_first(self, event: events.Key) -> bool:
@@ -94,7 +93,7 @@ class TerminalApp(App[Any]):
         return False
 
     async def on_event(self, event: events.Event) -> None:
-        """Handle an event. An input event comes here once from the driver, and again when it bubbles up; only the first
+        """Handle an event. Input events come once from the driver, and again as they bubble up; only the first
         counts."""
         if isinstance(event, events.InputEvent | events.Paste) and not event.is_forwarded:
             if isinstance(event, events.Key):

@@ -190,8 +190,7 @@ class ChecksScreen(SingleDismissModal[tuple[CheckReport, ...] | None]):
     # --- the checks -------------------------------------------------------------------------------------------------
 
     def _begin_checks(self) -> None:
-        """Begin the checks. Questions appear immediately; automatic checks run one after the other, in the order of the
-        file."""
+        """Begin the checks. Questions appear immediately; automatic checks run one by one, in the order of the file."""
         for item in self.checks.items:
             if not item.is_kept:
                 self._begin(item)

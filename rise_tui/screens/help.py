@@ -33,8 +33,7 @@ class HelpEntry(NamedTuple):
 
 
 def help_entries(store: Store, scope: KeyScope | None = None) -> Iterator[HelpEntry]:
-    """All entries: the focused pane's first, then what works everywhere, the concepts, the scenario's keys, the
-    rest."""
+    """All entries: the focused pane's first, then global actions, the concepts, the scenario's keys, the rest."""
     titles = dict(KEY_SCOPES)
     if scope is not None:
         yield from (_action_entry(action, f"Here: {titles[scope]}", store) for action in actions_in(scope))

@@ -1,5 +1,4 @@
-"""Settings: the scenario's place, the robot and mode, and the participant. Only applying has an effect: a new
-session."""
+"""Settings: scenario, robot, mode and participant. Only applying has an effect: a new session."""
 
 from __future__ import annotations
 
@@ -134,8 +133,7 @@ class SettingsScreen(FormDialog[tuple[Scenario, SessionOptions] | None]):
         return bool(folder) and expand_home(folder) == expand_home(self._settings.folder)
 
     def chosen_options(self) -> SessionOptions:
-        """The options from the fields: exactly what is shown runs. Paths that equal the scenario's stay the
-        scenario's."""
+        """The options from the fields: exactly what is shown runs. The scenario's own paths stay the scenario's."""
         folder = self._folder
         paths = {kind: self.query_one(f"#{kind}", TextField).value.strip() for kind in PATH_KINDS}
         before = self._settings.paths if self._is_running_folder(folder) else {}

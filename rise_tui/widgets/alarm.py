@@ -58,8 +58,7 @@ class AlarmBar(StoreLines):
 
 
 class AttentionBar(StoreLines):
-    """Lines of one row each: somebody asks for control or has taken it, a robot works only partly, a camera does not
-    record."""
+    """One-row lines: somebody asks for or has taken control, a robot works only partly, a camera does not record."""
 
     DEFAULT_CSS = """
     AttentionBar { height: 1; background: $warning 18%; display: none; }

@@ -1,5 +1,4 @@
-"""A line in which the wizard says what was wrong about their last action. It has the focus and takes its own
-letters."""
+"""A line in which the wizard says what was wrong about their last action. It has the focus for its own letters."""
 
 from __future__ import annotations
 

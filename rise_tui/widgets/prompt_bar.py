@@ -31,8 +31,8 @@ class TextField(Input):
 
 
 class PromptBar(Horizontal):
-    """A bar that is hidden and empty until it is opened. Every pane has one. Its opener closes it; messages report Esc
-    and Enter."""
+    """A bar, hidden and empty until it is opened. Every pane has one. Its opener closes it on Esc and Enter
+    messages."""
 
     DEFAULT_CSS = """
     PromptBar {

@@ -100,8 +100,7 @@ def library_settings(scope: str) -> str:
 
 
 def clock_offset(local_clock: Any) -> float:
-    """Seconds from this computer's monotonic clock to the library's. On Linux both are the same clock, and this is
-    0."""
+    """Seconds from this computer's monotonic clock to the library's. On Linux they are the same clock: 0."""
     looks = []
     for _ in range(CLOCK_LOOKS):
         before = time.monotonic()

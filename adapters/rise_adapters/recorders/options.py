@@ -1,4 +1,4 @@
-"""Options of a recorder in study.toml. All mistakes are reported together, one line each, which begins with the
+"""Options of a recorder in study.toml. All mistakes are reported together, each in a line that begins with the
 option."""
 
 from __future__ import annotations

@@ -58,8 +58,8 @@ class Ros2Bridge:
         *,
         rosout: bool = True,
     ) -> None:
-        """`reconnect` opens another transport like the first after that was lost; it may raise AdapterError. `rosout`:
-        whether events also go to /rosout."""
+        """`reconnect` opens a transport like the lost one, or raises AdapterError. `rosout`: whether events go to
+        /rosout, too."""
         self.about = f"ROS 2 by {transport.about}"
         self._transport = transport
         self._profile = profile

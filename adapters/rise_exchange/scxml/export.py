@@ -34,8 +34,7 @@ from rise_exchange.scxml.rule_analysis import RuleAnalysis
 
 NAMESPACE = "http://www.w3.org/2005/07/scxml"
 RISE_NAMESPACE = "urn:x-rise"
-"""The namespace of what a document also contains for people and for the way back: `rise:name`, `rise:priority`,
-`rise:cond`."""
+"""The namespace of additions for people and for the way back: `rise:name`, `rise:priority`, `rise:cond`."""
 PROCESSOR = "x-rise"
 """The type of the event I/O processor that carries out functions."""
 

@@ -34,8 +34,7 @@ class Microstep(Struct, frozen=True):
     configuration: Configuration
     history: History
     leaving: tuple[Content, ...]
-    """The content for leaving states and of the transitions, in order. An error in one block does not affect the
-    others."""
+    """The content for leaving states and of the transitions, in order. An error in a block affects no others."""
     entering: tuple[Content, ...]
     """The content for entering states, which follows."""
     last: ChartState | None

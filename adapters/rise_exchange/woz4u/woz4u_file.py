@@ -87,8 +87,7 @@ def _read_yaml(text: str, name: str) -> Any:
         raise ExchangeError(f"{name} is longer than {MAX_CHARACTERS:,} characters; make two files of it")
 
     class ShallowParser(RoundTripParser):
-        """Stops at values nested deeper than in any configuration, because the time to read them grows with the square
-        of the depth."""
+        """Stops at values nested deeper than in any configuration: reading time grows with the square of the depth."""
 
         depth = 0
 

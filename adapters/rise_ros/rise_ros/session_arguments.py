@@ -58,8 +58,7 @@ ARGUMENTS = {
 _OF_LAUNCH = ("launch-prefix", "launch-prefix-filter")
 """Arguments of ros2 launch itself."""
 _IN_ORDER = range(6)
-"""Exit statuses after which a restart is useless: the session has ended, or was refused (as in the unit for
-systemd)."""
+"""Exit statuses after which a restart is useless: the session ended, or was refused (as in the systemd unit)."""
 
 
 def typed_arguments(command: Sequence[str], file: str) -> list[str]:

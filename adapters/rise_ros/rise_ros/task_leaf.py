@@ -132,8 +132,8 @@ class TaskLeaf(py_trees.behaviour.Behaviour):
 
 
 class Goal:
-    """One goal, from its sending to its end. A leaf that starts again has a new one; late messages about the old one
-    are ignored."""
+    """One goal, from its sending to its end. A restarted leaf has a new one, and ignores late messages about the
+    old."""
 
     def __init__(self, client: Any, task: DomainTask.Goal) -> None:
         self.handle: Any = None

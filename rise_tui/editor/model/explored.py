@@ -115,8 +115,7 @@ def read_explored(document: bytes, at: str) -> ExploredStudy | None:
 
 
 def explored_line(explored: ExploredStudy, draft: StudyDraft, findings: Sequence[ExploredPlace]) -> StyledLine:
-    """The first of these findings; without one, the result of the whole exploration, in a quiet colour if that is
-    empty."""
+    """The first of these findings; without one, the result of the whole exploration (quiet if that is empty)."""
     if findings:
         first = findings[0]
         return ((f" {first.mark} {explored.word(draft)}: ", first.role), (clean(first.text), first.role))

@@ -49,8 +49,7 @@ class PartRow(NamedTuple):
     text: str
     depth: int = 0
     at: StatementAddress | None = None
-    """The address of a statement or a branch. For a heading, a transition or an empty place: where a new statement
-    goes."""
+    """The address of a statement or a branch. For a heading, transition or empty place: of a new statement in it."""
     transition: int = -1
     """The number of the transition that this row is, or belongs to."""
     siblings: int = 0

@@ -84,8 +84,8 @@ class TransitionDraft(NamedTuple):
 
 
 def likely_transition(state: WrittenState) -> TransitionDraft:
-    """The first values of a new transition: it waits for the end of the act that the state starts, unless another one
-    does."""
+    """The first values of a new transition: the end of the act that the state starts, unless another one waits for
+    it."""
     ends = {
         transition.form.ended
         for transition in state.transitions
@@ -230,7 +230,6 @@ class TransitionRuleForm(RuleForm):
 
     @property
     def event_without_key(self) -> str:
-        """The event that the transition waits for and that nothing raises, so that a key could; empty: there is
-        none."""
+        """The event that the transition waits for and nothing raises, so that a key could; empty: there is none."""
         topic = normal_topic(self.draft.event) if self.draft.trigger == "event" else ""
         return topic if topic and not self.names.event_note(topic) else ""

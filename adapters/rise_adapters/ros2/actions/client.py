@@ -31,8 +31,7 @@ from rise_adapters.ros2.transport.port import (
 )
 
 UNKNOWN, ACCEPTED, EXECUTING, CANCELING, SUCCEEDED, CANCELED, ABORTED = range(7)
-"""The states of a goal (action_msgs/msg/GoalStatus). UNKNOWN is also the answer about a goal that the server never
-had."""
+"""The states of a goal (action_msgs/msg/GoalStatus). UNKNOWN also answers about a goal that the server never had."""
 STATUS_NAMES = ("unknown", "accepted", "executing", "canceling", "succeeded", "canceled", "aborted")
 """The same for a person."""
 FINAL_STATUSES = frozenset((SUCCEEDED, CANCELED, ABORTED))
@@ -58,8 +57,7 @@ class CancelResponse(Struct, frozen=True):
 
 
 class ActionClient:
-    """One action on the wire. It owns its services and subscriptions. Every answer is passed on, including a second
-    one."""
+    """One action on the wire. It owns its services and subscriptions, and passes on every answer, even a second one."""
 
     def __init__(
         self,
@@ -101,7 +99,7 @@ class ActionClient:
             )
 
     def count_servers(self) -> int:
-        """The number of servers of the action; 0 while any of its three services is missing, because a request would be
+        """The number of servers; 0 while any of the action's three services is missing, because a request would be
         lost."""
         counts = (self._send.count_servers(), self._cancel.count_servers(), self._result.count_servers())
         return max(counts) if all(counts) else 0

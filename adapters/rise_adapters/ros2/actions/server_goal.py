@@ -51,8 +51,7 @@ class ServerGoal:
         self.data: object = None
         """For the caller's use."""
         self.is_result_fetched = False
-        """Whether a client has received its result. Clients ask for it only when they know that the goal was
-        accepted."""
+        """Whether a client has received its result. Clients ask only when they know that the goal was accepted."""
         self.received_at_ns = time.time_ns()
         """Its arrival, since 1970. Requests to cancel goals older than some time use it."""
         self._server = server
@@ -121,8 +120,7 @@ class ServerGoal:
         return True
 
     def succeed(self, result: Message | None = None) -> bool:
-        """End it with `result`, the fields of the action's result; missing fields are zero. This also accepts an
-        undecided goal."""
+        """End it with `result`, the action's result; missing fields are zero. This also accepts an undecided goal."""
         return self._end(SUCCEEDED, result)
 
     def abort(self, result: Message | None = None) -> bool:

@@ -138,14 +138,13 @@ class ActionMapping(Struct, frozen=True):
 
     @property
     def feedback_wanted(self) -> QoS | None:
-        """The quality of service for its feedback; None: nobody needs feedback, so it is not worth its processor
-        time."""
+        """The quality of service for feedback; None: nobody needs feedback, so it would only cost processor time."""
         return self.feedback_qos if self.deadlines.feedback else None
 
     @property
     def stoppable(self) -> bool:
-        """Whether any message can stop the robot. (Nothing can take back a call of a service, or a message without a
-        `reset`.)"""
+        """Whether any message can stop the robot. (No call of a service, and no message without `reset`, can be taken
+        back.)"""
         return self.kind == "action" or self.reset is not None
 
     @property

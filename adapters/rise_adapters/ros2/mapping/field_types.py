@@ -1,5 +1,4 @@
-"""What a field of a ROS message can hold: its type in ROS's form, and the values that fit
-(docs/reference/robots.md)."""
+"""What a field of a ROS message can hold: its type in ROS's form, and the valid values (docs/reference/robots.md)."""
 
 from __future__ import annotations
 
@@ -26,8 +25,7 @@ _FLOATS = {"float32": 3.4028234663852886e38, "float64": math.inf}
 """The largest number of each type."""
 _TEXTS = ("string", "wstring")
 _NEARLY = 1e-9
-"""The relative distance from a whole number that still counts as whole: 0.3 s in ms is 300, in spite of binary
-rounding."""
+"""The relative error with which a number counts as whole: 0.3 s in ms is 300, in spite of binary rounding."""
 
 
 class MessageFieldType(InterfaceFieldType, frozen=True):

@@ -481,8 +481,7 @@ class ActionGoal:
     # --- the end ------------------------------------------------------------------------------------------------
 
     def _end(self, status: Ending, reason: str, *, is_over: bool = False) -> None:
-        """End the goal. This is the one place where that happens. `is_over`: certainly nothing of it still runs on the
-        robot."""
+        """End the goal. Only this method does so. `is_over`: certainly nothing of it still runs on the robot."""
         assert self.phase != "ended"
         self.may_be_running = self.may_be_running and not is_over
         self.phase = "ended"

@@ -160,8 +160,7 @@ Outcome: TypeAlias = tuple[Ending, str]
 
 
 def of_result(status: int, result: Message, mapping: ActionMapping, name: str, *, cancel_wanted: bool) -> Outcome:
-    """The ending from a server's result. `status` is SUCCEEDED, CANCELED or ABORTED; `name` is the action's name on
-    ROS."""
+    """The ending from a server's result. `status`: SUCCEEDED, CANCELED or ABORTED; `name`: the action's name on ROS."""
     if status == CANCELED:
         return "canceled", "" if cancel_wanted else f"canceled: somebody else stopped it at {name}"
     if status == ABORTED:
@@ -192,8 +191,7 @@ def is_overdue(now: float, limit_at: float) -> bool:
 
 
 def of_missing_answer(name: str, seconds: float | None) -> Outcome:
-    """The ending when the server did not accept or reject the goal within `seconds`; None: it should have stopped
-    before that."""
+    """The ending when the server did not answer the goal within `seconds`; None: it should have stopped before that."""
     what = f"it was asked to stop, and {name} had not accepted it yet"
     if seconds is not None:
         what = f"{name} did not say within {seconds:g} s whether it accepts it"

@@ -30,8 +30,7 @@ SETTLING_SECONDS = 0.5
 """Seconds that an endpoint must stay after a loss before it gets anything, doubled with each further loss ..."""
 MAX_SETTLING_SECONDS = 8.0
 UNSTEADY_SECONDS = 30.0
-"""... within this many seconds. A server that restarts twenty times in ten seconds is reported once, not twenty
-times."""
+"""... within this many seconds. A server that restarts twenty times in ten seconds is reported once."""
 
 
 class ServerPresence:
@@ -101,8 +100,7 @@ ASKING_SECONDS = 0.5
 PROBE_SECONDS = 2.0
 """Seconds between two questions to a server that owes an answer. If it works again, it answers by itself."""
 NO_GOAL = b"\xff" * 16
-"""A goal that no server has: the answer that it is unknown is a sign of life. (In a cancel, zeros would mean all
-goals.)"""
+"""A goal that no server has: its rejection is a sign of life. (In a cancel, zeros would mean all goals.)"""
 
 
 class OpenOne(Protocol):
@@ -214,8 +212,8 @@ class ActionEndpoint(_ComparedEndpoint):
         self._probed_at = 0.0
 
     def poll(self, count: int | None = None) -> bool:
-        """Check whether it is there, or use the given count. True when it has just gone; its earlier statuses then no
-        longer count."""
+        """Check whether it is there, or use the given count. True when it has just gone; its statuses then no longer
+        count."""
         gone = self.presence.update(self.client.count_servers() if count is None else count)
         if gone:
             self.client.statuses.clear()
@@ -238,8 +236,7 @@ class ActionEndpoint(_ComparedEndpoint):
         self._unanswered_at = self._probed_at = self._clock.now()
 
     def _probe(self) -> None:
-        """Ask it again. Requests while it stood still may be lost, because its side took ours for dead in the
-        meantime."""
+        """Ask it again. Requests while it stood still may be lost, because its side took ours for dead."""
         self._probed_at = self._clock.now()
         with suppress(PortError):
             self.client.get_result(NO_GOAL, lambda status, result: None)
@@ -363,8 +360,7 @@ def close_all(endpoints: tuple[Endpoint, ...]) -> None:
 
 
 def short_labels(robot: str, names: list[str]) -> dict[str, str]:
-    """Short names for a person, by full name: `/pepper/rise/speech` is `pepper/speech`, unless that would be
-    ambiguous."""
+    """Short names for a person, by full name: `/pepper/rise/speech` is `pepper/speech`, unless ambiguous."""
     split = [name.strip("/").split("/") for name in names]
     short: dict[str, str] = {}
     for name, words in zip(names, split, strict=True):

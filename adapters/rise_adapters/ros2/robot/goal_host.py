@@ -40,8 +40,7 @@ class Goal(Protocol):
         ...
 
     def cancel(self) -> None:
-        """Stop the goal. If it was not sent yet, that ends it. A goal that has ended and may still be running is asked
-        to stop again."""
+        """Stop the goal. If it was not sent, that ends it. An ended goal that may still run is asked to stop again."""
         ...
 
     @property

@@ -26,8 +26,7 @@ class RobotHealth(Struct, frozen=True):
     """What it may still be doing for actions that have ended."""
 
     def is_news_after(self, before: RobotHealth) -> bool:
-        """Whether people must be told. (For a robot that stays lost, only new misfits and further open goals are
-        news.)"""
+        """Whether people must be told. (For a robot that stays lost: only new misfits and further open goals.)"""
         if self.status == "lost" == before.status:
             return self._misfits() != before._misfits() or not self._open() <= before._open()
         return (self.status, self.faults, self._open()) != (before.status, before.faults, before._open())

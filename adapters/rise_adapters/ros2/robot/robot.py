@@ -50,8 +50,7 @@ FAREWELL_SECONDS = 0.5
 
 
 class Ros2Robot:
-    """Implements `rise_engine.ports.robot.Robot` over a transport that belongs to its caller, who opens and closes
-    it."""
+    """Implements `rise_engine.ports.robot.Robot` over a transport that its caller opens and closes."""
 
     def __init__(
         self, profile: RobotProfile, clock: Clock, transport: Transport, mappings: Mapping[str, ActionMapping]
@@ -116,8 +115,7 @@ class Ros2Robot:
     # --- the port -----------------------------------------------------------------------------------------------
 
     def connect(self, report: ReportCallback) -> None:
-        """Begin. Discovery takes time: nothing is reported until every server is there, or the longest deadline is
-        over."""
+        """Begin. Discovery takes time: reports start when every server is there, or the longest deadline is over."""
         self._report = report
         deadlines = [mapping.deadlines.server for mapping in self._mappings.values()]
         self._grace_until = self.clock.now() + max(deadlines, default=0.0)
@@ -184,8 +182,8 @@ class Ros2Robot:
         self.on_goal_changed(made)
 
     def _make_goal(self, goal: StartAction, mapping: ActionMapping, message: Message) -> Goal:
-        """Make a goal. Raises ValueError if it cannot be sent. `message` has the present values; later messages are
-        made later."""
+        """Make a goal. Raises ValueError if it cannot be sent. `message` has present values; later messages are made
+        later."""
         node, frame = self._transport.node, self._frame
         make_message = partial(mapping.make_message, goal.parameters, node=node, goal=goal.action, frame=frame)
         endpoint = self._endpoint_of[goal.type]
@@ -222,8 +220,7 @@ class Ros2Robot:
         self._stop.begin()
 
     def last_seen(self) -> float | None:
-        """The middleware renews within each server's lease that the server is there. ROS offers no other sign of
-        life."""
+        """The middleware renews a server's presence within the server's lease. ROS offers no other sign of life."""
         if any(endpoint.presence.count for endpoint in self._endpoints):
             self._seen_at = self.clock.now()
         return self._seen_at
@@ -293,8 +290,8 @@ class Ros2Robot:
             self._stop.poll()
 
     def _note_open(self, goal: Goal) -> None:
-        """Note a goal that ends here and may still be running, so that it holds its part. People hear of this before
-        its end."""
+        """Note a goal that ends here and may still run, so that it holds its part. People hear of this before its
+        end."""
         was_open = goal.action in goal.endpoint.open
         is_open = (goal.phase == "ended" or was_open) and goal.may_be_running and goal.holds_its_part
         if is_open:
@@ -414,8 +411,7 @@ class Ros2Robot:
         return is_early and any(each.fault == "missing" for each in (*self._endpoints, self._estop) if each is not None)
 
     def _report_lost(self, detail: str) -> None:
-        """Report that nothing of the robot is there. Goals that were not sent have failed; the state of the others is
-        unknown."""
+        """Report that the whole robot is lost. Unsent goals have failed; the state of the others is unknown."""
         goals = [goal for goal in self._goals.values() if goal.phase != "ended"]
         for goal in goals:
             if goal.may_be_running:

@@ -163,8 +163,7 @@ class CancelAll:
 
 
 class StopAll:
-    """One stop, from the request until it is abandoned, because something was started or everything is stopped
-    again."""
+    """One stop, from the request until something is started or everything is stopped again."""
 
     def __init__(
         self,

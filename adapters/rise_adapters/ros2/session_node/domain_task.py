@@ -142,8 +142,7 @@ class DomainTaskServer:
                 goal.abort({"status": "ABORTED", "reason": reason, "task": _task_of(goal).id})
 
     async def close(self, reason: str) -> None:
-        """Accept no more goals, wait briefly until clients have fetched the last results, and stop offering the
-        action."""
+        """Accept no more goals, wait briefly until clients have the last results, and stop offering the action."""
         self._gone = reason
         await self._wait_for_fetches()
         self._server.close({"status": "ABORTED", "reason": reason})

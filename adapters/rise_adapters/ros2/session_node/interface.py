@@ -48,8 +48,8 @@ class MemoryService:
     """Answers from the view of the session, so that it never waits for the engine."""
 
     def __init__(self, transport: Transport, hub: SessionHub, private: PrivateValues) -> None:
-        """`private`: for its values, every client gets only `{key}`. Raises PortError when the transport does not have
-        the type."""
+        """`private`: for its values, every client gets only `{key}`. Raises PortError when the transport lacks the
+        type."""
         self._private = private
         self._hub = hub
         self._service = transport.serve(GET_MEMORY, GET_MEMORY_TYPE, self._take_request)
@@ -172,8 +172,7 @@ def _lag_status(hub: SessionHub, recent: float, most: float) -> Message:
 
 
 SOURCE = "ros:domain_task"
-"""The source of tasks that arrive as goals. ROS does not say which node sent a goal; a node that releases a stop says
-it itself."""
+"""The source of tasks that arrive as goals. ROS does not name the sender; a node that releases a stop names itself."""
 
 SLICE_SECONDS = 0.0005
 """Seconds of work in one turn of the loop. A console's key waits for some turns, and may wait for 10 ms."""

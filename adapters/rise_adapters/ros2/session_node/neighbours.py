@@ -80,8 +80,8 @@ class NeighbourSessions:
     def __init__(
         self, transport: Transport, me: SessionAnnouncement | None = None, carriers: Iterable[str] = ()
     ) -> None:
-        """`me`: the announcement on an earlier connection. `carriers`: the robot's names, which are resolved here.
-        Raises PortError."""
+        """`me`: the announcement on an earlier connection. `carriers`: the robot's names, unresolved. Raises
+        PortError."""
         self.on_other_session: Callable[[SessionAnnouncement], object] = _ignore
         """Called with a session that appears while this one is serving."""
         self.announcement = me or SessionAnnouncement(
@@ -124,8 +124,7 @@ class NeighbourSessions:
         return None if first is self.announcement else first
 
     def shared_with(self, other: SessionAnnouncement) -> list[str]:
-        """The carriers with which another session moves the same robot under other names; empty if its names are the
-        same."""
+        """The carriers with which another session moves the same robot under other names; empty for the same names."""
         if other.id in self._heard[self._transport.resolve(TOPIC)]:
             return []
         return [name for name in self.announcement.carriers if name in other.carriers]

@@ -197,8 +197,7 @@ class RecordTopics:
         self._publish_rule_message(record.name, message, {**message, "status": REPEATED_STATUS} if is_running else None)
 
     def _publish_rule_message(self, name: str, message: Message, again: Message | None) -> None:
-        """Publish a rule's message. `again`: the form of the message for later subscribers; None when the rule has
-        ended."""
+        """Publish a rule's message. `again`: its form for later subscribers; None when the rule has ended."""
         running = self._running
         self._publish(self._rules, message)
         self._rule_messages += 1

@@ -2,8 +2,8 @@
 
     {"t": 12.5, "wall": 1795460000.1, "event": "begun", "action": "Speech", "goal": "4f1c..."}
 
-`t` is in seconds of `time.monotonic`, which no change of the date affects; `wall` is in seconds since 1970. Events of an
-action: arrived, accepted, rejected, begun, cancel-asked, ended (`how`: succeeded, failed, canceled, vanished). Of a
+`t` is in seconds of `time.monotonic`, which no change of the date affects; `wall` is in seconds since 1970. Events of
+an action: arrived, accepted, rejected, begun, cancel-asked, ended (`how`: succeeded, failed, canceled, vanished). Of a
 topic: begun (repetitions are left out), ended with its `reset`. Of the robot: appeared, vanished, inactive, active.
 """
 

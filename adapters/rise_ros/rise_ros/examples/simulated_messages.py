@@ -14,8 +14,7 @@ CANCELED, FAILED = 125, 255
 
 
 class ResultMaker:
-    """Makes the results of an action, or the responses of a service, with any fields: a reason, an error code and its
-    text."""
+    """Makes results of an action, or responses of a service, with any fields: a reason, an error code and its text."""
 
     def __init__(self, transport: Transport, mapping: ActionMapping) -> None:
         self._rule = rule = mapping.result_rule
@@ -47,8 +46,7 @@ class ResultMaker:
 
 
 def make_feedback(transport: Transport, type: str) -> Callable[[float], Message]:
-    """A function that makes this action's feedback for the finished part, from 0 to 1. Without a field for it, feedback
-    is empty."""
+    """A function that makes feedback for the finished part, from 0 to 1; empty if the action has no field for it."""
     fields = transport.fields(f"{type}_Feedback")
     if fields.get("progress") in ("float32", "float64"):
         return lambda done: {"progress": done}

@@ -48,8 +48,7 @@ class TopicListener:
         """The publishers of another version of the type."""
         self._reported = ""
         self._unmatched = False
-        """Whether the last check found a publisher that it does not receive from. (That one may only just be
-        appearing.)"""
+        """Whether the last check found a publisher that it does not hear. (That one may only just be appearing.)"""
         self._loop = asyncio.get_running_loop()
         self._begun = self._loop.time()
         self._best_effort = False

@@ -78,8 +78,7 @@ _lock = Lock()
 
 
 def acquire_domain(number: int, environment: Mapping[str, str]) -> None:
-    """Configure the domain; call `release_domain` for each call of this. Raises PortError: the configuration is
-    wrong."""
+    """Configure the domain; pair each call with `release_domain`. Raises PortError for a wrong configuration."""
     with _lock:
         if number not in _domains:
             _domains[number] = _create_domain(number, make_configuration(environment))

@@ -61,7 +61,7 @@ class IdlTypes:
         self._made: dict[tuple[str, bool], type[IdlStruct]] = {}
 
     def find_or_make(self, type: str, headed: bool = False) -> type[IdlStruct]:
-        """The description of a message. `headed`: of a request or reply, which begins with its client's id and a
+        """The description of a message. `headed`: of a request or reply, which begins with its client's id and
         number."""
         found = self._made.get((type, headed))
         if found is None:
@@ -155,8 +155,7 @@ class DdsNode:
         ids: Mapping[str, str] | None = None,
         pause: float = 0.0,
     ) -> DdsReader:
-        """Like `open_writer`. `on_sample` receives pairs of bytes and `SampleInfo`; `pause` is that of
-        `port.Transport`."""
+        """Like `open_writer`. `on_sample` receives pairs of bytes and `SampleInfo`; `pause`: see `port.Transport`."""
         settings = self._make_settings(type, qos, ids, reader=True, pauses=bool(pause))
         reader = make_reader(self._participant, topic, *settings)
         watched = self.reader_thread.add(reader, on_sample, pause=pause)
@@ -165,8 +164,7 @@ class DdsNode:
         return watched
 
     def release(self, *entities: DdsReader | DdsWriter) -> None:
-        """Close readers and writers of `open_reader` and `open_writer`, and announce this. (The rest is closed with the
-        node.)"""
+        """Close readers and writers that this node has opened, and announce it. (The node closes the rest.)"""
         for entity in entities:
             entity.close()
             self._gids.pop(entity, None)

@@ -75,8 +75,7 @@ class DdsClient:
 
 
 def _list_service_ids(ends: list[graph.DdsEndpoint | None], type: str) -> list[str]:
-    """The service ids of the ends with this type. Types with the same structure match each other, whatever their
-    names."""
+    """The service ids of the ends with this type. Types with one structure match each other, whatever their names."""
     return [end.user_data.get("serviceid", "") for end in ends if end and end.is_cyclone and end.type == type]
 
 

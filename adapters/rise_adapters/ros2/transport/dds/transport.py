@@ -4,8 +4,8 @@ Nodes on the other side must use `RMW_IMPLEMENTATION=rmw_cyclonedds_cpp`. With a
 and with them actions, do not (`DdsTransport.programs_of_other_vendors` lists such programs).
 
 Each program announces how fast its death is noticed. This transport has a lease of one second (`domain`). Others need
-`<Discovery><LeaseDuration>1s</LeaseDuration></Discovery>` in their own CYCLONEDDS_URI, or it takes 10 seconds. A program
-that ends in order announces that immediately.
+`<Discovery><LeaseDuration>1s</LeaseDuration></Discovery>` in their own CYCLONEDDS_URI, or it takes 10 seconds. A
+program that ends in order announces that immediately.
 
 It also reads the arguments after `--ros-args`: remappings, as in every ROS 2 program
 (https://design.ros2.org/articles/ros_command_line_arguments.html). The rclpy transport leaves this to rclpy.

@@ -64,7 +64,7 @@ class InterfaceCatalog:
         self._codecs: dict[str, MessageCodec] = {}
 
     def definition(self, type: str) -> InterfaceDefinition:
-        """The definition of a type. Raises PortError: it is unknown (with the nearest known name), or its file is not
+        """The definition of a type. Raises PortError: unknown (with the nearest known name), or its file is not
         valid."""
         known = self._definitions.get(type)
         if known is None:
@@ -95,8 +95,7 @@ class InterfaceCatalog:
         return self._hashes[type]
 
     def codec(self, type: str) -> MessageCodec:
-        """The codec between a message and its bytes. Raises PortError like `fields`, and for types that it cannot
-        handle."""
+        """The codec between a message and its bytes. Raises PortError like `fields`, and for unsupported types."""
         if type not in self._codecs:
             self.fields(type)
             self._codecs[type] = MessageCodec(type, self.message_definition)

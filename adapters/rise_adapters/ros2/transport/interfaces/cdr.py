@@ -39,8 +39,7 @@ _COUNT = struct.Struct("<I")
 Write: TypeAlias = Callable[[bytearray, Any], None]
 """Append a value to the bytes. Raises `_FieldMisfit`."""
 Read: TypeAlias = Callable[[bytes, int], tuple[Any, int]]
-"""The value at a position, and the position after it. Raises struct.error or ValueError when the bytes end too
-early."""
+"""The value at a position, and the next position. Raises struct.error or ValueError when the bytes end too early."""
 
 
 class _FieldMisfit(PortError):

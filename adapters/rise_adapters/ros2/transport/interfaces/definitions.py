@@ -91,8 +91,7 @@ def split_name(name: str) -> tuple[str, str, str]:
 
 
 def read_definitions(package: str, kind: str, name: str, text: str, origin: str) -> dict[str, InterfaceDefinition]:
-    """Everything that one file defines and implies, by full name. Raises PortError that names the place
-    (`origin:line`)."""
+    """Everything that one file defines and implies, by full name. Raises PortError with the place (`origin:line`)."""
     parts: list[list[tuple[int, str]]] = [[]]
     for number, line in enumerate(text.splitlines(), 1):
         if line.strip() == "---" and kind != "msg":
@@ -202,8 +201,7 @@ def _read_line(package: str, place: str, line: str, fields: list[InterfaceField]
 
 
 def read_field_type(text: str, place: str, package: str = "") -> InterfaceFieldType:
-    """A type in ROS's spelling. `package`: of a message that is named without one. Raises PortError that names the
-    place."""
+    """A type in ROS's spelling. `package`: for a message that is named without one. Raises PortError with the place."""
     match = _TYPE.fullmatch(text)
     if match is None:
         raise PortError(f"{place}: {text!r} is not a type")
@@ -233,8 +231,7 @@ def _qualify_base(package: str, place: str, base: str) -> str:
 
 
 def _check_constant(place: str, type: InterfaceFieldType, text: str) -> None:
-    """Check a constant. Constants are on no wire and in no hash, but a file that ROS would refuse is refused here,
-    too."""
+    """Check a constant. Constants are on no wire and in no hash, but ROS would refuse a file with a wrong one."""
     try:
         if (
             type.container
@@ -294,8 +291,7 @@ def type_hash(name: str, definition: Callable[[str], InterfaceDefinition]) -> st
 
 
 def read_built_hashes(file: Path) -> dict[str, str]:
-    """The hashes, by type, that rosidl wrote beside a definition when its package was built; none if they cannot be
-    read."""
+    """The hashes, by type, that rosidl wrote beside a definition at build time; none if they cannot be read."""
     try:
         return {each["type_name"]: each["hash_string"] for each in json.loads(file.read_text("utf-8"))["type_hashes"]}
     except (OSError, ValueError, LookupError, TypeError):

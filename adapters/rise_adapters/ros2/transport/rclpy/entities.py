@@ -29,8 +29,7 @@ class RclpyEntity:
         qos: QoS,
         **more: Any,
     ) -> None:
-        """`of_rclpy`: rclpy's class of the type. Raises PortError, with one sentence for rclpy's many kinds of
-        errors."""
+        """`of_rclpy`: rclpy's class of the type. Raises PortError, with one sentence for rclpy's many errors."""
         node.check_works()
         self._node = node
         self._kind = kind
@@ -100,8 +99,7 @@ class RclpyServer(RclpyEntity):
             self._entity.send_response = self._take_request
 
     def _pass_on(self, request: Any, response: Any) -> Any:
-        """rclpy's callback, in the spinning thread. Its result goes to `send_response` with the request's header, and
-        so to `_take_request`."""
+        """rclpy's callback, in the spinning thread. Its result goes with the request's header to `_take_request`."""
         with self._ready:
             return request
 

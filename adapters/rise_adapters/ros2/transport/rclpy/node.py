@@ -35,8 +35,7 @@ class SpinningNode:
         node: str,
         arguments: Sequence[str],
     ) -> None:
-        """Create the node and begin to spin. Arguments as for `RclpyTransport`. Raises PortError when rclpy cannot be
-        used or refuses them."""
+        """Create the node and begin to spin, with `RclpyTransport`'s arguments. Raises PortError if rclpy refuses."""
         self.rclpy = load_rclpy()
         self._context: Any = self.rclpy.Context()
         try:
