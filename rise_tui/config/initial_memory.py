@@ -1,5 +1,4 @@
-"""Saves the present memory as the scenario's start values in `memory.json`. No widgets. It blocks: keep it off the
-loop."""
+"""Saves the present memory as the scenario's start values in `memory.json`. No widgets. It blocks: not for a loop."""
 
 from __future__ import annotations
 

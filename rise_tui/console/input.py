@@ -222,8 +222,7 @@ class InputController:
         self._actions.ask_what_was_wrong(task.id)
 
     def send(self, function: str, behavior: str = "") -> None:
-        """Send a task to the engine immediately, whatever was pressed before: a stop, a mark, a change of the
-        memory."""
+        """Send a task to the engine immediately, whatever was pressed before: a stop, a mark, a memory change."""
         self._actions.submit(KeyAction(function, behavior), self._session_time(self._key_at))
 
     def switch_safe(self) -> None:

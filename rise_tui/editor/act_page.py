@@ -1,5 +1,4 @@
-"""An act: its actions in order of start, and the form of the selected one; from 120 columns, also its lines in the
-file."""
+"""An act: its actions in order of start, and the form of the selected one; from 120 columns, also its file's lines."""
 
 from __future__ import annotations
 

@@ -62,8 +62,7 @@ class MemoryColumns(NamedTuple):
 
     @classmethod
     def from_width(cls, width: int, longest: int) -> MemoryColumns:
-        """The columns for a width. `longest`: cells of the longest key. Keys get what they need while values keep
-        some."""
+        """The columns for a width. `longest`: cells of the longest key. Keys get their room while values keep some."""
         kind, when = 8, 6
         source = 0 if width < 56 else min(20, width // 5)
         rest = width - kind - when - source - 4

@@ -93,8 +93,7 @@ class TerminalApp(App[Any]):
         return False
 
     async def on_event(self, event: events.Event) -> None:
-        """Handle an event. Input events come once from the driver, and again as they bubble up; only the first
-        counts."""
+        """Handle an event. Input comes once from the driver, and again as it bubbles up; only the first counts."""
         if isinstance(event, events.InputEvent | events.Paste) and not event.is_forwarded:
             if isinstance(event, events.Key):
                 self.observe_key(event, read_together(event))

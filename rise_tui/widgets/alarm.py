@@ -18,7 +18,7 @@ from rise_tui.widgets.static_lines import StoreLines
 LEAST_ROWS = 5
 """Lines for a failed act on the smallest terminal: which act, why, two for what was not said, the keys."""
 ROW_SHARE = 4
-"""A failed act takes at most one of this many rows: the band above has the first sentence too, and the panes must stay
+"""A failed act takes at most one row of this many: the band above also has its first sentence, and panes stay
 visible."""
 
 

@@ -31,8 +31,7 @@ class TextField(Input):
 
 
 class PromptBar(Horizontal):
-    """A bar, hidden and empty until it is opened. Every pane has one. Its opener closes it on Esc and Enter
-    messages."""
+    """A bar, hidden and empty until it is opened. Every pane has one. Messages tell its opener of Esc and Enter."""
 
     DEFAULT_CSS = """
     PromptBar {

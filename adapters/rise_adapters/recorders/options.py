@@ -1,5 +1,4 @@
-"""Options of a recorder in study.toml. All mistakes are reported together, each in a line that begins with the
-option."""
+"""Options of a recorder in study.toml. All mistakes come together, each in a line that begins with the option."""
 
 from __future__ import annotations
 

@@ -58,8 +58,8 @@ class Ros2Bridge:
         *,
         rosout: bool = True,
     ) -> None:
-        """`reconnect` opens a transport like the lost one, or raises AdapterError. `rosout`: whether events go to
-        /rosout, too."""
+        """`reconnect` opens a transport like the lost one, or raises AdapterError. `rosout`: also report events on
+        /rosout."""
         self.about = f"ROS 2 by {transport.about}"
         self._transport = transport
         self._profile = profile

@@ -262,8 +262,7 @@ _VOLATILE = QosConflict("as volatile", _LATCHED, 'durability = "volatile"', 'dur
 
 
 def qos_conflict(offered: QoS | None, wanted: QoS | None) -> QosConflict | None:
-    """Why a reader that wants `wanted` receives nothing from a writer that offers `offered`; None: it does, or
-    unknown."""
+    """Why a reader that wants `wanted` hears nothing from a writer that offers `offered`; None: it does, or unknown."""
     if offered is None or wanted is None:
         return None
     if wanted.reliable and not offered.reliable:

@@ -284,8 +284,7 @@ class _RuleMaker:
         return found
 
     def check_conditions(self) -> None:
-        """Report conditions that are not expressions. Such a condition is false, and raises an event that rules cannot
-        see."""
+        """Report conditions that are not expressions. They are false, and raise an event that rules cannot see."""
         for way in self.ways:
             if way.condition is not None and way.condition.root is None and self.awaits_errors:
                 message = f"`{way.condition.text.strip()}` is no expression: it is false, and raises `{ERROR}`"

@@ -132,8 +132,7 @@ class TaskLeaf(py_trees.behaviour.Behaviour):
 
 
 class Goal:
-    """One goal, from its sending to its end. A restarted leaf has a new one, and ignores late messages about the
-    old."""
+    """One goal, from its sending to its end. A restarted leaf has a new one, and ignores the old one's messages."""
 
     def __init__(self, client: Any, task: DomainTask.Goal) -> None:
         self.handle: Any = None

@@ -84,8 +84,7 @@ class TransitionDraft(NamedTuple):
 
 
 def likely_transition(state: WrittenState) -> TransitionDraft:
-    """The first values of a new transition: the end of the act that the state starts, unless another one waits for
-    it."""
+    """The first values of a new transition: the end of the act that the state starts, unless another waits for it."""
     ends = {
         transition.form.ended
         for transition in state.transitions

@@ -99,8 +99,7 @@ class ActionClient:
             )
 
     def count_servers(self) -> int:
-        """The number of servers; 0 while any of the action's three services is missing, because a request would be
-        lost."""
+        """The number of servers; 0 while any of the three services is missing, because a request would be lost."""
         counts = (self._send.count_servers(), self._cancel.count_servers(), self._result.count_servers())
         return max(counts) if all(counts) else 0
 

@@ -143,7 +143,7 @@ class ActionMapping(Struct, frozen=True):
 
     @property
     def stoppable(self) -> bool:
-        """Whether any message can stop the robot. (No call of a service, and no message without `reset`, can be taken
+        """Whether any message can stop the robot. (Calls of services and messages without `reset` cannot be taken
         back.)"""
         return self.kind == "action" or self.reset is not None
 

@@ -117,8 +117,7 @@ def special_fallback(slot: Placeholder) -> str | None:
 
 
 def unit_factors(parameter: Parameter, unit: str) -> tuple[float, float]:
-    """A factor and a divisor, one of which is 1, from the parameter's unit to `unit`. Raises ValueError with a
-    sentence."""
+    """A factor and a divisor, one of which is 1, from the parameter's unit to `unit`. Raises ValueError."""
     if parameter.type not in ("number", "integer"):
         raise ValueError(f"wants `{parameter.name}` in `{unit}`, and it is no number")
     for sizes in _SIZES.values():

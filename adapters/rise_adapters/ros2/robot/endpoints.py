@@ -212,8 +212,7 @@ class ActionEndpoint(_ComparedEndpoint):
         self._probed_at = 0.0
 
     def poll(self, count: int | None = None) -> bool:
-        """Check whether it is there, or use the given count. True when it has just gone; its statuses then no longer
-        count."""
+        """Check whether it is there, or use the given count. True when it has just gone; its statuses are then void."""
         gone = self.presence.update(self.client.count_servers() if count is None else count)
         if gone:
             self.client.statuses.clear()

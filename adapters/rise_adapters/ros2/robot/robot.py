@@ -182,7 +182,7 @@ class Ros2Robot:
         self.on_goal_changed(made)
 
     def _make_goal(self, goal: StartAction, mapping: ActionMapping, message: Message) -> Goal:
-        """Make a goal. Raises ValueError if it cannot be sent. `message` has present values; later messages are made
+        """Make a goal. Raises ValueError if it cannot be sent. `message` has present values; later ones are made
         later."""
         node, frame = self._transport.node, self._frame
         make_message = partial(mapping.make_message, goal.parameters, node=node, goal=goal.action, frame=frame)
@@ -290,8 +290,7 @@ class Ros2Robot:
             self._stop.poll()
 
     def _note_open(self, goal: Goal) -> None:
-        """Note a goal that ends here and may still run, so that it holds its part. People hear of this before its
-        end."""
+        """Note a goal that ends here and may still run, so that it holds its part. People hear this before its end."""
         was_open = goal.action in goal.endpoint.open
         is_open = (goal.phase == "ended" or was_open) and goal.may_be_running and goal.holds_its_part
         if is_open:

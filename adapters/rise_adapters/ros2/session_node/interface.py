@@ -48,8 +48,7 @@ class MemoryService:
     """Answers from the view of the session, so that it never waits for the engine."""
 
     def __init__(self, transport: Transport, hub: SessionHub, private: PrivateValues) -> None:
-        """`private`: for its values, every client gets only `{key}`. Raises PortError when the transport lacks the
-        type."""
+        """`private`: for its values, clients get only `{key}`. Raises PortError when the transport lacks the type."""
         self._private = private
         self._hub = hub
         self._service = transport.serve(GET_MEMORY, GET_MEMORY_TYPE, self._take_request)

@@ -80,7 +80,7 @@ class NeighbourSessions:
     def __init__(
         self, transport: Transport, me: SessionAnnouncement | None = None, carriers: Iterable[str] = ()
     ) -> None:
-        """`me`: the announcement on an earlier connection. `carriers`: the robot's names, unresolved. Raises
+        """`me`: the announcement on an earlier connection. `carriers`: unresolved names of the robot. Raises
         PortError."""
         self.on_other_session: Callable[[SessionAnnouncement], object] = _ignore
         """Called with a session that appears while this one is serving."""

@@ -29,8 +29,8 @@ class Inbox:
         self._closed = False
 
     def put(self, *calls: Callable[[], object], wait: bool = True) -> None:
-        """Make the loop call these functions, in order. May be called on any thread. `wait`: until there is room; only
-        for a thread that the loop never waits for."""
+        """Make the loop call these functions, in order. May be called on any thread. `wait`: wait for room; only for a
+        thread that the loop never waits for."""
         with self._room:
             if wait and len(self._waiting) >= LIMIT:
                 self._room.wait_for(lambda: self._closed or len(self._waiting) <= LIMIT // 2)

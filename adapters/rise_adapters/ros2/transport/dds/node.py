@@ -61,8 +61,7 @@ class IdlTypes:
         self._made: dict[tuple[str, bool], type[IdlStruct]] = {}
 
     def find_or_make(self, type: str, headed: bool = False) -> type[IdlStruct]:
-        """The description of a message. `headed`: of a request or reply, which begins with its client's id and
-        number."""
+        """The description of a message. `headed`: of a request or reply, which begins with a client's id and number."""
         found = self._made.get((type, headed))
         if found is None:
             definition = self._types.message_definition(type)

@@ -64,8 +64,7 @@ class InterfaceCatalog:
         self._codecs: dict[str, MessageCodec] = {}
 
     def definition(self, type: str) -> InterfaceDefinition:
-        """The definition of a type. Raises PortError: unknown (with the nearest known name), or its file is not
-        valid."""
+        """The definition of a type. Raises PortError: unknown (with the nearest known name), or an invalid file."""
         known = self._definitions.get(type)
         if known is None:
             self._load(type)

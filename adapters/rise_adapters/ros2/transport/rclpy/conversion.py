@@ -42,8 +42,7 @@ class MessageConverter:
     def __init__(
         self, type: str, maker: Callable[[], Any], converters: Mapping[str, FieldConverter], defaults: Sequence[str]
     ) -> None:
-        """`maker`: rclpy's class of the type. `converters`: by field. `defaults`: fields that are not zero in a new
-        message."""
+        """`maker`: rclpy's class of the type. `converters`: by field. `defaults`: fields that are not zero at first."""
         self.type = type
         self._maker = maker
         self.fields = {name: converter.type for name, converter in converters.items()}
