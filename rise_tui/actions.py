@@ -439,5 +439,5 @@ def bindings_of(*ids: str) -> list[Binding | tuple[str, str] | tuple[str, str, s
 
 
 def textual_keys(id: str, keys: Iterable[str]) -> str:
-    """The keys of an action, for Textual. It remaps only what is bound, so no key is a placeholder."""
+    """The keys of an action, for Textual; without keys a placeholder, because Textual remaps only what is bound."""
     return ",".join(keys) or f"no-key-of-{id}"
