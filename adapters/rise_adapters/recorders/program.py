@@ -168,6 +168,7 @@ async def _read_lines(stream: asyncio.StreamReader, on_line: Callable[[str], obj
 
 def _end_with_parent() -> None:
     """Runs in the new process before it becomes the program. On Linux, the kernel then sends it SIGINT when its starter
-    dies, even by SIGKILL, so that it no longer records anybody. Elsewhere the engine's process does this while it lives."""
+    dies, even by SIGKILL, so that it no longer records anybody. Elsewhere the engine's process does this while it
+    lives."""
     if _C_LIBRARY is not None:
         _C_LIBRARY.prctl(_PARENT_DEATH_SIGNAL, signal.SIGINT, 0, 0, 0)

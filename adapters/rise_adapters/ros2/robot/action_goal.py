@@ -239,7 +239,7 @@ class ActionGoal:
             self._end("lost", f"server-gone: what offered {name} went away during the action")
 
     def on_server_changed(self) -> None:
-        """Check after more or fewer servers appear: whether it was restarted, and which of them has the goal."""
+        """Check, after the number of servers has changed, whether it was restarted, and which server has the goal."""
         if self.phase == "running" or (self.phase == "ended" and self.may_be_running and not self._may_cancel):
             self._ask_result()
         elif self.phase == "ended" and self.may_be_running:
