@@ -33,7 +33,7 @@ class UnsaidText(NamedTuple):
     begun: bool
     """It was sent to the robot, which may have said part of it."""
     ways: int = 1
-    """The number of wordings of which one would have been picked; this is the first."""
+    """The number of possible wordings, one of which would have been picked; this is the first."""
 
 
 def unanswered_failures(store: Store) -> list[TaskView]:

@@ -35,7 +35,7 @@ def message_of(scenario: Scenario, call: ActionCall) -> Template | None:
 
 
 def words_of(scenario: Scenario, action: ActionView) -> str | None:
-    """What is heard of an action: its text as sent, or as written if the action was left out. None: nothing."""
+    """The text that an action says: as sent, or as written if the action was left out. None if it says nothing."""
     name = message_name(scenario, action.type)
     return plain_words(spoken_text(action.parameters[name]).strip()) if name and name in action.parameters else None
 

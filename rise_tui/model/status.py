@@ -187,7 +187,7 @@ def _mode_cell(store: Store) -> StatusCell:
 def _robot_cells(store: Store) -> list[StatusCell]:
     """The robot's name, its link in a word, and the time since its last sign of life."""
     attach_reply, robot = store.attach_reply, store.view.robot
-    if attach_reply.replay or attach_reply.shadow:  # there is none
+    if attach_reply.replay or attach_reply.shadow:  # there is no robot
         return []
     status = robot.status if robot is not None else "no link"
     role: TextRole = "plain" if status == "connected" else "wait" if status in ("degraded", "no link") else "fault"

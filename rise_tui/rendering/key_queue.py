@@ -71,7 +71,7 @@ class KeyQueue:
         """Return when the last key, and the work that it began, is done."""
         for _ in range(ROUNDS):
             await self._go_round()
-            while not self._is_ready:  # noqa: ASYNC110 - what is awaited here is no event
+            while not self._is_ready:  # noqa: ASYNC110 - no event announces this
                 await asyncio.sleep(LOOK_SECONDS)
 
     async def _go_round(self) -> None:

@@ -114,7 +114,7 @@ def clock_offset(local_clock: Any) -> float:
 def bind_to_loopback() -> bool:
     """Restrict this process's open ports to the loopback. False if the system cannot.
 
-    The library's scope `machine` decides who is told of a stream, but its ports are open to every network.
+    The library's scope `machine` decides who hears of a stream, but its ports are open to every network.
     """
     if not sys.platform.startswith("linux"):
         return False

@@ -62,9 +62,9 @@ class EndpointComparison(Struct):
     """What was found on the other side for one action of a profile."""
 
     unusable: list[Misfit] = []
-    """Misfits because of which nothing may be sent, or nothing sent would arrive."""
+    """Misfits that forbid sending anything, or would keep everything sent from arriving."""
     unheard: list[Misfit] = []
-    """Misfits because of which some of its messages would not arrive here; sent messages do arrive."""
+    """Misfits that would keep some of its messages from arriving here; sent messages do arrive."""
     seen: list[str] = []
     """The programs that have any part of it, for a person; empty when nobody has."""
     programs: frozenset[bytes] = frozenset()

@@ -47,7 +47,7 @@ MARKS: dict[TextState, StyledSpan] = {
     "not needed": ("· ", "muted"),
 }
 WIDE = 100
-"""Cells from which rows also show when a text is said, and with what."""
+"""The width in cells from which rows also show when a text is said, and with what."""
 LABEL = 8
 """Cells before a text that is shown in full."""
 _MEASURE = 16

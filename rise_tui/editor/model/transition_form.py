@@ -229,6 +229,6 @@ class TransitionRuleForm(RuleForm):
 
     @property
     def event_without_key(self) -> str:
-        """The event that the transition waits for and nothing raises, so that a key could; empty: there is none."""
+        """The event that the transition waits for, if nothing raises it yet, so a key could; otherwise empty."""
         topic = normal_topic(self.draft.event) if self.draft.trigger == "event" else ""
         return topic if topic and not self.names.event_note(topic) else ""

@@ -52,7 +52,7 @@ class LookTimer:
         self.target, self.since = NOTHING, 0.0
         """The present target, and since when."""
         self._instead: tuple[str, float] | None = None
-        """What is seen instead, and since when, while it may be a blink ..."""
+        """The other target seen, and since when, while it may be a blink ..."""
         self._interrupted_at = 0.0
         """... and since when the look is interrupted."""
         self._seen_at = 0.0
