@@ -54,7 +54,7 @@ class AnswerNode:
         self.session, self.options, self.system, self.key = session, options, system, key
         self.url = options.base_url.rstrip("/")
         self.thinking: asyncio.Task[None] | None = None
-        """The running request, which ends early if the rule moves on. Once the answer has arrived, it is used in any case."""
+        """The running request, cancelled when the rule moves on. An answer that has arrived is always used."""
 
     def take_rule_state(self, message: Message) -> None:
         if message["rule"] != self.options.rule or message["status"] not in ("entered", "ended", "stopped", "faulted"):
