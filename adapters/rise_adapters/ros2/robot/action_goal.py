@@ -415,7 +415,7 @@ class ActionGoal:
             self._end_discarded()
         elif presence.count > 1:
             self._result.taken = True
-            self._end(*endings.of_restart(self.endpoint.name))  # another server may have it: it is asked to stop it
+            self._end(*endings.of_restart(self.endpoint.name))  # another server may have it, and is asked to cancel it
         elif self._result.discarded_at == inf:
             self._result.disown(self._now())
             self._host.on_goal_changed(self)
