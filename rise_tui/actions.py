@@ -1,6 +1,6 @@
-"""The one home of every action (console.md 6.1): bindings, hints, help and palette are all made from this table.
+"""The table of all console actions (console.md 6.1). Bindings, hints, help and palette are all made from it.
 
-How its keys and reasons read is in `key_labels`.
+`key_labels` puts keys and reasons into words.
 """
 
 from __future__ import annotations
@@ -20,8 +20,8 @@ from rise_tui.model.store import Store
 KeyScope: TypeAlias = Literal[
     "everywhere", "console", "acts", "rules", "memory", "act", "rule", "scheduler", "log", "study", "edit"
 ]
-"""Where an action's keys work: on every screen, on the console, while that pane has the focus, on the screen of a
-study, where no session runs, or in the editor, where no key starts anything."""
+"""Where an action's keys work: on every screen, on the console, in one pane or list while it has the focus, on the
+screen of a study (no session runs), or in the editor (no key starts anything)."""
 
 KEY_SCOPES: tuple[tuple[KeyScope, str], ...] = (
     ("everywhere", "Always"),
@@ -39,7 +39,7 @@ KEY_SCOPES: tuple[tuple[KeyScope, str], ...] = (
 
 IN_SHADOW = "this is the shadow of a finished session"
 Obstacle: TypeAlias = BlockedReason | str | None
-"""What stands in the way of an action: a reason of the model, a sentence, or (None, empty) nothing."""
+"""What blocks an action: a reason of the model, a sentence, or nothing (None or empty)."""
 
 
 def never_blocked(store: Store) -> Obstacle:
@@ -52,30 +52,30 @@ class ConsoleAction(Struct, frozen=True):
     id: str
     title: str
     keys: tuple[str, ...]
-    """In Textual's spelling; the first is the one that is shown."""
+    """In Textual's spelling. Screens show the first."""
     scope: KeyScope
     help: str
     hint: str = ""
-    """One or two words for the hint line; empty: not shown there."""
+    """One or two words for the hint line. Empty: the line does not show it."""
     obstacle: Callable[[Store], Obstacle] = never_blocked
-    """Why it cannot be used now; `key_labels.why_unavailable` makes the sentence."""
+    """Why the action cannot be used now. `key_labels.why_unavailable` makes the sentence."""
 
 
 # Obstacles, named by what an action needs.
 
 
 def _stoppable(store: Store) -> Obstacle:
-    """Stopping needs no control, and is tried even when the connection is cut."""
+    """Stopping needs no control. The console tries it even when the connection is cut."""
     return store.blocked_reason("reach") if store.gone_reason else None
 
 
 def _cancellable(store: Store) -> Obstacle:
-    """Asking the robot once more to stop needs no control either."""
+    """Asking the robot again to stop needs no control either."""
     return store.blocked_reason("reach") or (None if store.open_goals else "the robot has finished everything")
 
 
 def _own_console(store: Store) -> Obstacle:
-    """What concerns this console alone, and would mean nothing where no key ever starts anything."""
+    """Blocks what concerns only this console and means nothing in a replay."""
     return _stoppable(store) or ("this is a replay" if store.attach_reply.replay else None)
 
 
@@ -86,7 +86,7 @@ def _logged(store: Store) -> Obstacle:
 def _blocks(
     deed: Deed, find: Callable[[Store], object] = lambda store: True, missing: str = ""
 ) -> Callable[[Store], Obstacle]:
-    """An obstacle: whatever blocks such a deed, or else the sentence `missing` while `find` finds nothing."""
+    """An obstacle: what blocks this deed, or the sentence `missing` when `find` finds nothing."""
     return lambda store: store.blocked_reason(deed) or (None if find(store) else missing)
 
 
@@ -111,7 +111,7 @@ _rules = _blocks("change", lambda store: store.view.running_rules(), "no rule is
 
 
 def _releasable(store: Store) -> Obstacle:
-    """An emergency stop is let go where it was pressed."""
+    """An emergency stop is released where it was pressed."""
     if blocked := store.blocked_reason("change"):
         return blocked
     if store.key_state != "STOPPED":
@@ -140,17 +140,17 @@ def _start_values(store: Store) -> Obstacle:
 
 
 def _between_sessions(store: Store) -> Obstacle:
-    """What belongs to the screen of a study has no meaning in a session."""
+    """Actions of a study's screen mean nothing in a session."""
     return "this works on the screen of a study, between two sessions"
 
 
 def _in_editor(store: Store) -> Obstacle:
-    """What changes a study's files has no meaning where a session is run."""
+    """Actions that change a study's files mean nothing while a session runs."""
     return "this works in the editor (command `Edit this study`)"
 
 
 def _editable(store: Store) -> Obstacle:
-    """Whoever looks at what is over changes no files."""
+    """Blocks editing in a shadow, in a replay and in a scenario without a folder."""
     if store.attach_reply.shadow:
         return IN_SHADOW
     return _own_console(store) or (None if store.scenario.folder else "the scenario has no folder")
@@ -169,7 +169,7 @@ def _steppable(store: Store) -> Obstacle:
 
 
 def _passable(store: Store) -> Obstacle:
-    """Going on makes something happen where rules wait for it."""
+    """Going on needs the right to start, because it makes something happen where rules wait."""
     return _failed(store) or (_start(store) if store.view.questions else None)
 
 
@@ -410,9 +410,9 @@ ACTIONS: tuple[ConsoleAction, ...] = (
 
 BY_ID = {action.id: action for action in ACTIONS}
 IN_EDITOR = ("palette", "help", "filter", "theme", "redraw")
-"""Actions of the console that the editor has too."""
+"""Actions of the console that also work in the editor."""
 ON_STUDY_SCREEN = (*IN_EDITOR, "edit-study")
-"""Actions of the console that the screen of a study has too."""
+"""Actions of the console that also work on the screen of a study."""
 
 
 def actions_in(scope: KeyScope) -> Iterator[ConsoleAction]:
@@ -420,7 +420,7 @@ def actions_in(scope: KeyScope) -> Iterator[ConsoleAction]:
 
 
 def bindings_in(scope: KeyScope) -> list[Binding | tuple[str, str] | tuple[str, str, str]]:
-    """The key bindings of one scope, as Textual takes them; each has its action's id, so that it can be remapped."""
+    """The key bindings of one scope, for Textual. Each has its action's id, so that a key file can remap it."""
     return [
         Binding(
             textual_keys(action.id, action.keys),
@@ -439,5 +439,5 @@ def bindings_of(*ids: str) -> list[Binding | tuple[str, str] | tuple[str, str, s
 
 
 def textual_keys(id: str, keys: Iterable[str]) -> str:
-    """The keys of an action as Textual takes them. It remaps only what is bound: no key has a name too."""
+    """The keys of an action, for Textual; without keys a placeholder, because Textual remaps only what is bound."""
     return ",".join(keys) or f"no-key-of-{id}"

@@ -1,4 +1,4 @@
-"""How keys read to this user, who may have given actions other keys, and reasons that name a key (console.md 6.3)."""
+"""How keys and reasons read for this user, who may have changed an action's keys (console.md 6.3)."""
 
 from __future__ import annotations
 
@@ -22,20 +22,20 @@ KEY_LABELS = {
     "right": "→",
     "space": "space",
 }
-"""Keys that are not printed as Textual spells them."""
+"""Keys that are not printed in Textual's spelling."""
 
 _own_keys: dict[str, tuple[str, ...]] = {}
-"""By the id of an action: the keys that this user has given it."""
+"""The keys that this user has given to an action, by the action's id."""
 
 
 def use_own_keys(own: Mapping[str, tuple[str, ...]]) -> None:
-    """From now on the user's own keys are shown for these actions; the app binds them (`App.set_keymap`)."""
+    """Show the user's own keys for these actions from now on. The app binds them (`App.set_keymap`)."""
     _own_keys.clear()
     _own_keys.update(own)
 
 
 def keys_of(action: ConsoleAction) -> tuple[str, ...]:
-    """The keys that an action has for this user; whatever shows a key asks here."""
+    """The keys of an action for this user. Everything that shows a key asks here."""
     return _own_keys.get(action.id, action.keys)
 
 
@@ -49,18 +49,18 @@ def key_label(key: str) -> str:
 
 
 def first_key_label(action: ConsoleAction) -> str:
-    """The key to show where there is room for one; empty for an action without a key."""
+    """The key to show if there is room for one; empty for an action without a key."""
     keys = keys_of(action)
     return key_label(keys[0]) if keys else ""
 
 
 def key_text(id: str) -> str:
-    """The key of an action as it is printed, for sentences: `F9`; `:` and its title when it has none."""
+    """The printed key of an action, for sentences: `F9`; `:` and the action's title if it has none."""
     return first_key_label(BY_ID[id]) or f": {BY_ID[id].title}"
 
 
 def key_name(id: str) -> str:
-    """The same for a sentence that tells what to press: `ctrl+x`, `F9`."""
+    """The same for an instruction to press it: `ctrl+x`, `F9`."""
     keys = keys_of(BY_ID[id])
     return keys[0] if keys and keys[0].startswith("ctrl+") else key_text(id)
 
@@ -69,7 +69,7 @@ def key_name(id: str) -> str:
 
 
 def why_blocked(store: Store, deed: Deed) -> str:
-    """What stands in the way of such a deed, as a sentence with the user's own keys; empty when nothing does."""
+    """What blocks this deed, as a sentence with the user's own keys; empty if nothing does."""
     return blocked_text(store.blocked_reason(deed), key_name)
 
 

@@ -1,4 +1,4 @@
-"""What panes ask of the screen that holds them."""
+"""Requests of panes to the screen that contains them."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from rise_tui.model.key_action import KeyAction
 
 @dataclass
 class SubmitTask(Message):
-    """Give a task to the engine, at once."""
+    """Send a task to the engine immediately."""
 
     function: str
     behavior: str
@@ -19,35 +19,35 @@ class SubmitTask(Message):
 
 @dataclass
 class RequestStart(Message):
-    """Start something, by Enter on a row or a click: with the same care as by a key of the scenario."""
+    """Start something by Enter on a row or by a click, as carefully as by a key of the scenario."""
 
     action: KeyAction
 
 
 @dataclass
 class RunAction(Message):
-    """Carry out an action of the registry: a hint was clicked."""
+    """Carry out an action of the registry, because a hint was clicked."""
 
     action: str
 
 
 @dataclass
 class FocusPane(Message):
-    """Bring a pane to the front: its tab was clicked."""
+    """Bring a pane to the front, because its tab was clicked."""
 
     pane: str
 
 
 @dataclass
 class ShowNotice(Message):
-    """Tell the wizard something."""
+    """Show the wizard a notice."""
 
     text: str
 
 
 @dataclass
 class ShowSelection(Message):
-    """Show another act or rule in its pane: the wizard has selected it."""
+    """Show another act or rule in its pane, because the wizard has selected it."""
 
     pane: str
     name: str
@@ -55,7 +55,7 @@ class ShowSelection(Message):
 
 @dataclass
 class AskToStart(Message):
-    """Ask whether a rule is to start in one of its states, and with what that would do."""
+    """Ask whether to start a rule in one of its states, and show what that would do."""
 
     rule: str
     state: str
@@ -63,6 +63,6 @@ class AskToStart(Message):
 
 @dataclass
 class AskToStepBack(Message):
-    """Ask whether a rule is to go a step back."""
+    """Ask whether a rule should go back one step."""
 
     rule: str

@@ -1,1 +1,1 @@
-"""`rise-tui`: the command line. `main` reads it, `start` does what is asked for."""
+"""`rise-tui`: the command line. `main` reads it; `start` carries it out."""

@@ -1,6 +1,6 @@
-"""What to attach to, and what becomes of an unfinished session: asked on the plain terminal, before any screen.
+"""Asks on the plain terminal which session to attach to, and what to do about an unfinished one.
 
-Pure but for the `Prompter` that is passed in; knows neither sockets nor Textual.
+Pure except for the `Prompter` that is passed in. Knows neither sockets nor Textual.
 """
 
 from __future__ import annotations
@@ -19,11 +19,11 @@ from rise_tui.rendering.text import clean, format_age, wrap
 NOT_OFFERED_AGAIN = "The earlier record stays as it is, and is not offered again."
 OFFERED_AGAIN = "What did not end stays as it is, and can be recovered later."
 NARROWEST_WIDTH = 79
-"""Cells that a line may take on every terminal that consoles are made for."""
+"""Cells of a line that fits every terminal that consoles are made for."""
 
 
 class Prompter(Protocol):
-    """Somebody to ask."""
+    """A terminal on which questions can be asked."""
 
     @property
     def interactive(self) -> bool: ...
@@ -31,16 +31,16 @@ class Prompter(Protocol):
     def print_line(self, line: str) -> None: ...
 
     def read_answer(self, question: str) -> str | None:
-        """None when nobody answers any more."""
+        """The answer, or None when nobody answers any more."""
         ...
 
 
 def choose_session(
     found: Mapping[str, SessionSummary | None], terminal: Prompter, list_unfinished: Callable[[], Sequence[str]] = tuple
 ) -> str:
-    """The name of the running session that is meant: the only one, or the one that is chosen by its number.
+    """The name of the running session to attach to: the only one, or the one that is chosen by its number.
 
-    A session whose description is None does not answer; it is shown, because it may be that which somebody looks for.
+    A session whose description is None does not answer. The list still shows it, because it may be the one wanted.
     `list_unfinished`: lines about sessions that did not end. Raises Refused.
     """
     if not found:
@@ -85,7 +85,7 @@ def _session_rows(found: Mapping[str, SessionSummary | None]) -> list[str]:
 
 
 def check_matches(name: str, about: SessionSummary | None, options: CommandLine) -> None:
-    """Whether a session that runs is the one that was asked for. Raises Refused when it is not."""
+    """Check that a running session is the one that was asked for. Raises Refused when it is not."""
     title = clean(about.title) if about is not None else name
     end = "attach with `rise-tui` and end it first (ctrl+c)"
     if options.new:
@@ -108,8 +108,8 @@ def choose_recovery(
 ) -> str:
     """What to do about sessions that did not end: `new`, or the folder of the one to recover.
 
-    `unfinished`: folder and a sentence, the latest first. `others`: those that did not end either and are not of
-    `participant`, for whom a session was asked: they are shown and cannot be chosen. Raises Refused.
+    `unfinished`: folder and a sentence, the latest first. `others`: unfinished sessions of other participants than the
+    requested `participant`. They are shown, but cannot be chosen. Raises Refused.
     """
     if not terminal.interactive:
         raise not_started(WITHOUT_TERMINAL)
@@ -173,7 +173,7 @@ def _print_sessions(sessions: Sequence[tuple[str, str]], terminal: Prompter, *, 
 
 
 def _print_wrapped(terminal: Prompter, lead: str, sentence: str) -> None:
-    """A sentence over as many lines as it needs on the narrowest terminal."""
+    """Print a sentence on as many lines as it needs on the narrowest terminal."""
     for at, line in enumerate(wrap(sentence, NARROWEST_WIDTH - len(lead))):
         terminal.print_line(f"{lead if at == 0 else ' ' * len(lead)}{line}")
 

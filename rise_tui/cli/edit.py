@@ -51,7 +51,7 @@ def edit(folder: str, robot: str | None, theme: str | None, mouse: str, keys: st
 
 
 def _participant(socket: str) -> str:
-    """Who takes part; empty while the session does not say it."""
+    """The participant's name. Empty while the session does not give one."""
     try:
         summary = ask_summary(socket)
     except RegistryError:
@@ -60,10 +60,10 @@ def _participant(socket: str) -> str:
 
 
 class SessionsHere:
-    """Implements `rise_tui.editor.study.SessionWatch` over the sessions of this computer."""
+    """Implements `rise_tui.editor.study.SessionWatch` for the sessions of this computer."""
 
     def find(self, folder: Path) -> RunningHere | None:
-        """The latest session that runs on this scenario."""
+        """The latest running session of this scenario."""
         try:
             found = running_sessions(str(folder))
         except OSError:
@@ -74,7 +74,7 @@ class SessionsHere:
         return None
 
     def stop(self, session: RunningHere) -> str:
-        """Stop everything there, as somebody who only watches."""
+        """Stop everything in that session, attached as an observer."""
 
         async def stop() -> None:
             async with connect(session.socket, "editor", role="observer") as attached:
@@ -88,7 +88,7 @@ class SessionsHere:
 
 
 def _edit(folder: str, *, robot: str | None, keys: str | None, display: DisplayOptions) -> int:
-    """Show the editor until it is left; returns the exit status."""
+    """Show the editor until the user leaves it; returns the exit status."""
     if not PlainTerminal().interactive:
         click.echo("the editor needs a terminal; `rise-engine edit` needs none", err=True)
         return USAGE
@@ -113,7 +113,7 @@ def _edit(folder: str, *, robot: str | None, keys: str | None, display: DisplayO
 
 
 def _run_editor(workspace: Workspace, sessions: SessionWatch, key_file: Path | None, display: DisplayOptions) -> int:
-    """Until it is left; returns the exit status."""
+    """Run the editor until the user leaves it; returns the exit status."""
     from rise_tui.config.key_file import read_keys  # all of these bring Textual
     from rise_tui.config.keymap import how_to_fix
     from rise_tui.editor.app import EditApp

@@ -1,4 +1,4 @@
-"""What a report of a fault needs, `rise-tui info`: versions, terminal, paths, sessions. No environment, no names."""
+"""`rise-tui info`, for a bug report: versions, terminal, paths, sessions. It shows no environment and no names."""
 
 from __future__ import annotations
 

@@ -1,5 +1,7 @@
-"""The key card, `rise-tui keys DIR`: what every key does, on paper beside the keyboard. Made from the scenario and the
-registry of actions, with the keys that this user has."""
+"""The key card, `rise-tui keys DIR`: what every key does, on paper to lay beside the keyboard.
+
+It is made from the scenario and the registry of actions, with this user's own keys.
+"""
 
 from __future__ import annotations
 
@@ -25,7 +27,7 @@ from rise_tui.key_labels import key_label, keys_of, use_own_keys
 from rise_tui.rendering.text import clean, fit, fixed_span, wrap
 
 WIDTH = 80
-"""Columns that a plain terminal has."""
+"""Columns of a plain terminal."""
 KINDS = {
     "startCommunicationRobotAct": "Start an act",
     "stopCommunicationRobotAct": "Stop an act",
@@ -55,10 +57,10 @@ def keys(folder: str | None, html: str | None, keys: str | None) -> None:
 
 
 class KeyCardEntry(NamedTuple):
-    """One thing that can be done."""
+    """One thing that a key does."""
 
     keys: tuple[str, ...]
-    """As a person says them; the first is the usual one."""
+    """In a person's words; the first is the usual one."""
     title: str
     help: str = ""
     marks: tuple[str, ...] = ()
@@ -70,7 +72,7 @@ class KeyCardSection(NamedTuple):
 
 
 def print_card(folder: str | None, html: str | None, keys: str | None) -> int:
-    """Print the card, or write it; returns the exit status."""
+    """Print the card, or write it to a file; returns the exit status."""
     path = key_file_path(keys)
     key_file = read_keys(path) if path is not None else KeyFile()
     scenario: Scenario | None = None
@@ -102,7 +104,7 @@ def print_card(folder: str | None, html: str | None, keys: str | None) -> int:
 
 
 def sections(scenario: Scenario | None) -> Iterator[KeyCardSection]:
-    """What the scenario's keys do, kind by kind, and then the console's."""
+    """What the scenario's keys do, kind by kind, then the console's keys."""
     for function, title in KINDS.items() if scenario is not None else ():
         assert scenario is not None
         bindings = [binding for binding in scenario.keys.values() if binding.function == function]
@@ -142,7 +144,7 @@ def _act_marks(scenario: Scenario, act: str) -> tuple[str, ...]:
 
 
 def printed_key(key: str) -> str:
-    """A key as it stands on the keyboard: `F9`, `ctrl+g`, `?`, `shift+up`."""
+    """A key as it is printed on the keyboard: `F9`, `ctrl+g`, `?`, `shift+up`."""
     return key if key.startswith(("ctrl+", "shift+")) or (key.isalpha() and key not in _MARKS) else key_label(key)
 
 
@@ -189,7 +191,7 @@ em { font-size: 8pt; font-style: normal; border: 1px dashed #000; padding: 0 1mm
 
 
 def html_page(title: str, card: tuple[KeyCardSection, ...]) -> str:
-    """An HTML page that needs nothing else, for A4 paper, in black and white."""
+    """A self-contained HTML page for A4 paper, in black and white."""
     parts = [
         f'<!DOCTYPE html>\n<html lang="en">\n<head>\n<meta charset="utf-8">\n<title>{escape(title)}: keys</title>',
         f'<style>{_STYLE}</style>\n</head>\n<body>\n<h1>{escape(title)}: keys</h1>\n<main class="card">',

@@ -25,13 +25,13 @@ _COMMANDS = {
     "info": ("rise_tui.cli.info:info", "Print what a bug report needs."),
     "keys": ("rise_tui.cli.key_card:keys", "Print a card with all keys."),
 }
-"""Where each subcommand lies, and what help says of it. Most of them bring Textual."""
+"""Where each subcommand is, and its line in the help. Most of them import Textual."""
 _NAMES = ("participant", "condition", "language", "wizard")
-"""Options that say nothing when they are empty."""
+"""Options that mean nothing when they are empty."""
 
 
 class _Program(LazyGroup):
-    """What stands after `--ros-args` is not for us but for the session's connection to ROS."""
+    """The command group. It leaves the arguments after `--ros-args` to the session's connection to ROS."""
 
     def main(self, args: Sequence[str] | None = None, *rest: Any, **more: Any) -> Any:
         ours, theirs = split_ros_args(sys.argv[1:] if args is None else args)
@@ -123,7 +123,7 @@ def main(context: click.Context, /, theme: str | None, colors: str, mouse: str, 
 
 
 def _check_alone(context: click.Context) -> None:
-    """An option before a subcommand would be lost without a word."""
+    """Refuse an option before a subcommand, which would otherwise be lost silently."""
     given = [
         option.opts[0]
         for option in context.command.params

@@ -1,4 +1,4 @@
-"""Opens a console on a session and shows it until somebody leaves. Textual is prepared before this is imported."""
+"""Opens a console on a session and shows it until somebody leaves. Prepare Textual before you import this module."""
 
 from __future__ import annotations
 
@@ -43,7 +43,7 @@ from rise_tui.rendering.text import clean, format_clock
 def run_on_session(
     name: str, settings: SessionOptions | None, options: CommandLine, keys: KeyFile | None, *, notice: str = ""
 ) -> int:
-    """A console on a running session; returns the exit status. `notice`: what there is to say about the session."""
+    """Show a console on a running session; returns the exit status. `notice`: remarks about the session."""
     wizard, remark = wizard_name(options, name)
     client = SocketClient(name, wizard, options.role)
     if notice and remark:
@@ -53,18 +53,18 @@ def run_on_session(
 
 
 def run_on_study(options: CommandLine, keys: KeyFile | None) -> int:
-    """The screen of a study of which no session runs; returns the exit status."""
+    """Show the screen of a study that has no running session; returns the exit status."""
     study = open_study(options.folder or "", options.settings.ros)
     return _run_console(None, None, options.wizard or "", options, keys, study=study)
 
 
 def run_on_replay(path: Path, options: CommandLine, keys: KeyFile | None) -> int:
-    """A console on the record of a session; returns the exit status."""
+    """Show a console on the record of a session; returns the exit status."""
     return _run_console(ReplayClient(path, options.speed), None, "replay", options, keys)
 
 
 def run_on_shadow(client: ShadowClient, options: CommandLine, keys: KeyFile | None) -> int:
-    """A console in which a second wizard answers the cues of a recorded session; returns the exit status."""
+    """Show a console on which a second wizard answers the cues of a recorded session; returns the exit status."""
     return _run_console(client, None, options.wizard or "", options, keys)
 
 
@@ -77,7 +77,7 @@ def _run_console(
     notice: str = "",
     study: StudySource | None = None,
 ) -> int:
-    """A console on what a client shows, or on a study; returns the exit status."""
+    """Show a console on a client's session, or on a study; returns the exit status."""
     kept, unused = (Preferences(), "") if options.fresh else load_saved(state_folder() / PREFERENCES_NAME, Preferences)
     recorded = options.replay is not None or options.shadow is not None
     ui_state = UiState(kept, fresh=options.fresh, remark=unused, keeps_changes=not options.observe and not recorded)
@@ -98,23 +98,23 @@ def _run_console(
     )
     app.run(mouse=options.display.mouse)
     if app.exit_message and not app.is_terminal_gone:
-        with suppress(OSError):  # it may have gone just now
+        with suppress(OSError):  # the terminal may have gone just now
             click.echo(app.exit_message, err=True)
     return app.return_code or 0
 
 
 def wizard_name(options: CommandLine, session: str) -> tuple[str, str]:
-    """The name of whoever sits here, and what there is to say about it.
+    """The name of the person at this console, and a remark about it.
 
-    A wizard who comes back to a session and says no name is who this user's console was before: sessions belong to one
-    user of the machine, and whoever held control last is who has lost a console. Otherwise it is the login, and in a
-    real session, whose record is about a participant, no name at all.
+    A wizard who returns to a session without a name gets the name that held control last. Sessions belong to one user
+    of the machine, so that wizard is the one who lost a console. Otherwise the name is the login. A real session, whose
+    record is about a participant, gets no name at all.
     """
     if options.wizard is not None:
         return options.wizard, ""
     try:
         found = ask_summary(session)
-    except RegistryError:  # attaching says it
+    except RegistryError:  # attaching reports it
         found = None
     if found is not None and found.mode == "real" and (options.observe or found.wizard in ("", UNNAMED["wizard"])):
         nobody = UNNAMED[options.role]
@@ -127,18 +127,18 @@ def wizard_name(options: CommandLine, session: str) -> tuple[str, str]:
     return found.wizard, f"you are {clean(found.wizard)}, as before; if you are not: rise-tui --wizard NAME"
 
 
-# --- sessions whose engine is a process of its own --------------------------------------------------------------------
+# --- sessions with their own engine process ---------------------------------------------------------------------------
 
 _USUAL_ROS = RosConnection()
 ENGINE_EXIT_SECONDS = 10.0
-"""Seconds that an engine which has just ended may take to put its record away and let go of its name."""
+"""Seconds that an engine that has just ended may take to close its record and release its name."""
 
 
 def process_launcher(who: str, role: Role, ros: RosConnection = _USUAL_ROS, *, is_named: bool = True) -> Launcher:
-    """For the next session, after the running one has ended; for this one, after its engine has gone; and for the study
-    that it is of, in whose sessions ROS 2 is spoken as `ros` says.
+    """A launcher for the next session, for the recovery of this one, and for the study that this session belongs to.
 
-    `is_named`: whether somebody has said that name; a login is not written into the record of a real session.
+    `ros`: how that study's sessions reach ROS 2. `is_named`: whether somebody gave that name. A login is not written
+    into the record of a real session.
     """
 
     def start(scenario: Scenario, settings: SessionOptions) -> Client:
@@ -172,7 +172,7 @@ def process_launcher(who: str, role: Role, ros: RosConnection = _USUAL_ROS, *, i
             return RecoveredClient(SocketClient(found.socket, who, role))
         if name not in running_names():
             raise EngineGone("nobody has recovered it yet")
-        return RecoveredClient(SocketClient(name, who, role))  # somebody else has
+        return RecoveredClient(SocketClient(name, who, role))  # somebody else has recovered it
 
     return Launcher(start=start, recover=recover, find_study=lambda attach_reply: find_study(attach_reply, ros))
 
@@ -183,9 +183,10 @@ QUESTION = "Your name, as the comparison of wizards is to have it?"
 
 
 def make_shadow(options: CommandLine, terminal: Prompter) -> tuple[ShadowClient, str]:
-    """The client that plays the session's cues, and the name of whoever sits here. Nothing is written yet.
+    """Make the client that plays the session's cues, and find the name of the person at this console. Writes nothing
+    yet.
 
-    :raises Refused: there is no such session, nobody says who judges, or what was left must be decided about.
+    :raises Refused: there is no such session, nobody says who judges, or somebody must decide about an earlier shadow.
     """
     try:
         folder = find_session(str(expand_home(options.shadow or "")))
@@ -209,7 +210,7 @@ def make_shadow(options: CommandLine, terminal: Prompter) -> tuple[ShadowClient,
 
 
 def _name_judge(options: CommandLine, terminal: Prompter) -> str:
-    """Never taken from the last session: whoever sat here then may be the one who is compared."""
+    """Ask for the name. Never take the last session's: its wizard may be the person that the judge is compared with."""
     name = options.wizard
     if name is None and terminal.interactive:
         name = (terminal.read_answer(QUESTION) or "").strip()

@@ -1,4 +1,4 @@
-"""The options that commands of `rise-tui` share, and what its command line says."""
+"""The options that commands of `rise-tui` share, and the command line as data."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from rise_engine.run.protocol.session_options import SessionOptions
 from rise_tui.config.display import DisplayOptions
 
 THEMES = ("dark", "light", "contrast", "colorblind", "mono", "terminal")
-"""Those of `rise_tui.rendering.themes`, which is not imported before a session is on its way."""
+"""The themes of `rise_tui.rendering.themes`. That module is imported only when a session is starting."""
 THEME = click.option(
     "--theme", type=click.Choice(THEMES), help="Choose the theme. Default: the one that you used last; at first, dark."
 )
@@ -27,7 +27,7 @@ KEYS = click.option("--keys", metavar="FILE", help="Use this key file instead of
 
 
 class CommandLine(Struct, frozen=True, kw_only=True):
-    """What was given, by the names of the options; None: it was not."""
+    """The given options, by name. None: not given."""
 
     folder: str | None = None
     robot: str | None = None
@@ -40,9 +40,9 @@ class CommandLine(Struct, frozen=True, kw_only=True):
     language: str | None = None
     allow_untranslated: bool = False
     sets: tuple[str, ...] = ()
-    """Memory values to begin with, as they were written: `KEY=JSON`."""
+    """Start values of the memory, as written: `KEY=JSON`."""
     places: tuple[str, ...] = ()
-    """Where acts, rules and memory are read, as it was written: `KIND=PATH`."""
+    """Where acts, rules and memory are read, as written: `KIND=PATH`."""
     new: bool = False
     recover: bool = False
     here: bool = False
@@ -53,7 +53,7 @@ class CommandLine(Struct, frozen=True, kw_only=True):
     replay: str | None = None
     shadow: str | None = None
     at: str | None = None
-    """Where a shadow begins, as it was written."""
+    """Where a shadow begins, as written."""
     speed: float = 1.0
     display: DisplayOptions = DisplayOptions()
     keys: str | None = None
@@ -61,7 +61,7 @@ class CommandLine(Struct, frozen=True, kw_only=True):
 
     @property
     def role(self) -> Role:
-        """As what the console attaches."""
+        """The role in which the console attaches."""
         return "observer" if self.observe else "wizard"
 
     @property
@@ -71,12 +71,12 @@ class CommandLine(Struct, frozen=True, kw_only=True):
 
     @property
     def only_for_new(self) -> list[str]:
-        """The options that were given and mean nothing to a session that runs."""
+        """The given options that mean nothing to a running session."""
         return ["--set"] * bool(self.sets) + ["--place"] * bool(self.places)
 
     @property
     def only_for_scenarios(self) -> list[str]:
-        """The options that were given and that a study answers itself."""
+        """The given options that a study sets itself."""
         given = {
             "--robot": self.robot,
             "--mode": self.mode,

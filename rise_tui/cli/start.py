@@ -1,7 +1,7 @@
 """Finds or starts the session that the command line asks for, and opens a console on it.
 
-What opens a console is imported after the engine's process is on its way, for the two come up side by side (150 ms),
-and after the terminal's colours are settled, which Textual reads when it is imported.
+The modules for the console are imported after the engine's process has started, because the two start side by side (150
+ms). The import must also come after the terminal's colours are settled, because Textual reads them then.
 """
 
 from __future__ import annotations
@@ -41,7 +41,7 @@ if TYPE_CHECKING:
 
 
 def start(options: CommandLine) -> NoReturn:
-    """Do what is asked; ends the process with its exit status."""
+    """Do what the command line asks for; ends the process with its exit status."""
     options = replace(options, display=with_detected_colors(options.display, os.environ))
     prepare_textual(options.display)  # before anything imports Textual
     keys = _read_keys(options)
@@ -62,7 +62,7 @@ def _refuse_start(reason: str) -> NoReturn:
 
 
 def _read_keys(options: CommandLine) -> KeyFile | None:
-    """The user's key file; None when there is none."""
+    """The user's key file; None without one."""
     path = key_file_path(options.keys)
     if path is None:
         return None
@@ -85,12 +85,12 @@ def _need_terminal(*also: str) -> None:
 
 
 def _attach(options: CommandLine, keys: KeyFile | None) -> NoReturn:
-    """To a session that runs already."""
+    """Attach to a running session."""
     _open_console(find_running_session(options), options, keys)
 
 
 def _join(name: str, options: CommandLine, keys: KeyFile | None) -> NoReturn:
-    """The session of the scenario that runs already, if it is what was asked for."""
+    """Attach to the scenario's running session, if it is the one that was asked for."""
     choose_session.check_matches(name, ask_summary(name), options)
     _open_console(name, options, keys)
 
@@ -99,7 +99,7 @@ def _join(name: str, options: CommandLine, keys: KeyFile | None) -> NoReturn:
 
 
 def _run(options: CommandLine, settings: SessionOptions, keys: KeyFile | None) -> NoReturn:
-    """A session of a scenario: the one that runs, an earlier one recovered, or a new one."""
+    """Open a session of a scenario: the running one, an earlier one recovered, or a new one."""
     if problem := why_no_scenario(settings):
         _print_refusal([problem], settings.folder)
     name = session_name(scenario_path(settings))
@@ -108,7 +108,7 @@ def _run(options: CommandLine, settings: SessionOptions, keys: KeyFile | None) -
             _join(name, options, keys)
     except RegistryError as error:
         _refuse_start(str(error))
-    if options.observe:  # none is started, but perhaps one runs with another runtime folder
+    if options.observe:  # starts none, but one may run with another runtime folder
         if elsewhere := find_elsewhere(settings):
             _join(elsewhere, options, keys)
         _refuse_start(f"no session of {settings.folder} is running, and --observe starts none")
@@ -125,7 +125,7 @@ def _run(options: CommandLine, settings: SessionOptions, keys: KeyFile | None) -
         first_tasks=_first_inputs(options),
     )
     engine = EngineProcess(wanted)
-    # Its process takes as long to come up as the console takes to be imported: both at once.
+    # The engine's process takes as long to start as the import of the console: do both at once.
     from rise_tui.cli import open_console
 
     progress = ProgressLine()
@@ -137,20 +137,20 @@ def _run(options: CommandLine, settings: SessionOptions, keys: KeyFile | None) -
         found = start_engine(replace(wanted, unfinished=chosen), progress.overwrite)
         progress.clear()
     if isinstance(found, EngineRefused) and found.code == ALREADY_RUNNING and (found.socket or name in running_names()):
-        _join(found.socket or name, options, keys)  # somebody else has just started it, or elsewhere
+        _join(found.socket or name, options, keys)  # somebody has just started it, here or elsewhere
     if isinstance(found, EngineRefused):
         _print_refusal(found.lines, settings.folder, found.code)
     unused = options.only_for_new if found.recovered else []
     notice = launch.startup_notice(found) + (
         f"; {' and '.join(unused)}: not used, it goes on as it was" if unused else ""
     )
-    if not found.recovered:  # in one that goes on, somebody has a name already
+    if not found.recovered:  # in a recovered session, somebody already has a name
         options, notice = with_name, "; ".join(filter(None, (notice, remark)))
     sys.exit(open_console.run_on_session(found.name, settings, options, keys, notice=notice))
 
 
 def _need_terminal_to_choose(options: CommandLine, settings: SessionOptions) -> None:
-    """Also where somebody has to be asked about a session that did not end."""
+    """Refuse to go on without a terminal. Asking about a session that did not end needs one, too."""
     if PlainTerminal().interactive:
         return
     asks = options.unfinished == "ask" and find_unfinished(str(Path(scenario_path(settings)).absolute()))
@@ -158,12 +158,12 @@ def _need_terminal_to_choose(options: CommandLine, settings: SessionOptions) -> 
 
 
 def _first_inputs(options: CommandLine) -> tuple[Submit, ...]:
-    """What a new session begins with. Ends the command if it cannot be used."""
+    """The inputs that a new session begins with. Ends the command if they cannot be used."""
     return tuple(parse_assignments(options.sets))
 
 
 def _check_clashes(settings: SessionOptions, keys: KeyFile) -> None:
-    """Before an engine is started for a console that would then refuse to open."""
+    """Check the keys before an engine starts for a console that would then refuse to open."""
     from rise_tui.config.keymap import how_to_fix
 
     prepared = launch.load_scenario(settings)
@@ -182,7 +182,7 @@ def _print_refusal(lines: list[str], folder: str, code: int = REFUSED) -> NoRetu
 
 
 def _open_study(options: CommandLine, keys: KeyFile | None) -> NoReturn:
-    """The session of the study that runs, or else its screen."""
+    """Open the study's running session, or else the screen of the study."""
     if given := options.only_for_scenarios:
         _refuse_start(f"{', '.join(given)}: a study says this itself, in its study.toml and plan.csv")
     if socket := find_study_session(options.folder or ""):
@@ -199,7 +199,7 @@ def _open_study(options: CommandLine, keys: KeyFile | None) -> NoReturn:
 
 
 def _open_console(name: str, options: CommandLine, keys: KeyFile | None) -> NoReturn:
-    """A console on a session that runs already."""
+    """Open a console on a running session."""
     _need_terminal()
     from rise_tui.cli import open_console  # see above
 
@@ -207,7 +207,7 @@ def _open_console(name: str, options: CommandLine, keys: KeyFile | None) -> NoRe
 
 
 def _open_replay(options: CommandLine, keys: KeyFile | None) -> NoReturn:
-    """The record of a session."""
+    """Open the record of a session."""
     try:
         path = find_session(str(expand_home(options.replay or "")))
     except SessionError as error:
@@ -219,7 +219,7 @@ def _open_replay(options: CommandLine, keys: KeyFile | None) -> NoReturn:
 
 
 def _open_shadow(options: CommandLine, keys: KeyFile | None) -> NoReturn:
-    """The cues of a recorded session, for a second wizard."""
+    """Open the cues of a recorded session for a second wizard."""
     from rise_tui.cli import open_console  # see above
 
     client, wizard = open_console.make_shadow(options, PlainTerminal())
@@ -227,14 +227,14 @@ def _open_shadow(options: CommandLine, keys: KeyFile | None) -> NoReturn:
     sys.exit(open_console.run_on_shadow(client, replace(options, wizard=wizard), keys))
 
 
-# --- which of the running sessions is meant ---------------------------------------------------------------------------
+# --- finding a running session ----------------------------------------------------------------------------------------
 
 STUDY_FILE, SESSIONS = "study.toml", "sessions"
-"""As `rise_engine.study` has them, which is read only when there is a study."""
+"""As in `rise_engine.study`, which is imported only for a study."""
 
 
 def find_running_session(options: CommandLine) -> str:
-    """The name, or the socket, of the running session that is meant. Raises Refused."""
+    """The name, or the socket, of the requested running session. Raises Refused."""
     try:
         if options.session is not None:
             return find_running(options.session)
@@ -257,19 +257,19 @@ def find_running_session(options: CommandLine) -> str:
 
 
 def find_elsewhere(settings: SessionOptions) -> str:
-    """The socket of the scenario's session when it runs with another runtime folder; empty when none does."""
+    """The socket of the scenario's session that runs with another runtime folder; empty without one."""
     holders = running_sessions(str(Path(scenario_path(settings)).absolute())).values()
     return next((holder.socket for holder in holders if holder is not None and holder.is_this_computer), "")
 
 
 def is_study(named: str) -> bool:
-    """Whether a folder, or a file, that somebody names is a study. Light: nothing of a study is read."""
+    """Whether the named folder or file is a study. Light: this reads nothing of the study."""
     path = expand_home(named)
     return bool(named.strip()) and (path if path.name == STUDY_FILE else path / STUDY_FILE).is_file()
 
 
 def find_study_session(named: str) -> str:
-    """The name, or the socket, of the study's session that runs on this computer; empty: none does."""
+    """The name, or the socket, of the study's session that runs on this computer; empty without one."""
     path = expand_home(named)
     folder = (path.parent if path.name == STUDY_FILE else path).absolute()
     name = session_name(folder)
@@ -288,15 +288,15 @@ QUESTION = "Your name, as the record is to have it (a short one; enter: none)?"
 
 
 def last_wizard(options: CommandLine) -> str:
-    """Who sat here last; empty: nobody has said it, or nothing is to be found again."""
+    """The last wizard's name. Empty: nobody gave one, or `--fresh` forgets it."""
     return "" if options.fresh else load_saved(state_folder() / PREFERENCES_NAME, Preferences)[0].wizard
 
 
 def name_wizard(options: CommandLine, is_real: Callable[[], bool], terminal: Prompter) -> tuple[CommandLine, str]:
-    """The command line with the name of whoever begins a session, and what there is to say about it.
+    """The command line with the wizard's name for a new session, and a remark about it.
 
-    Without `--wizard` it is who sat here last. Nobody did: before a real session it is asked, and one in debug mode
-    begins with the login, which is nobody's name.
+    Without `--wizard` it is the last wizard's name. If there is none, a real session asks for it. A session in debug
+    mode begins with the login, which is nobody's name.
     """
     if options.wizard is not None:
         return options, ""

@@ -1,4 +1,4 @@
-"""A study in its folder, for a console: reads its files, starts the engines of its sessions, writes what people say."""
+"""A study in its folder, for a console: reads its files, starts its sessions' engines, writes what people decide."""
 
 from __future__ import annotations
 
@@ -49,19 +49,19 @@ from rise_tui.config.study_source import (
 from rise_tui.model.study_rows import NO_CONDITIONS, conditions_of
 
 TAIL_BYTES = 262_144
-"""Of a journal: more than its last lines take."""
+"""Bytes at the end of a journal, more than its last lines take."""
 WATCHED = (STUDY_FILE, "participants.csv", "plan.csv", LOG_FILE)
-"""Files of a study whose change is seen."""
+"""Files of a study that are watched for changes."""
 
 
 def open_study(named: str, ros: RosConnection) -> StudyFolder:
-    """The study that somebody means by its folder or its study.toml."""
+    """The study that is named by its folder or its study.toml."""
     path = expand_home(named)
     return StudyFolder(str((path.parent if path.name == STUDY_FILE else path).absolute()), ros)
 
 
 def find_study(attach_reply: AttachReply, ros: RosConnection) -> StudyFolder | None:
-    """The study whose session a console is attached to; None: it is of none, or not on this computer."""
+    """The study of a console's session. None: the session has no study, or the study is not on this computer."""
     folder = study_of_session(Path(attach_reply.folder)) if attach_reply.folder else None
     return StudyFolder(str(folder), ros) if folder is not None else None
 
@@ -70,11 +70,11 @@ class StudyFolder:
     """Implements `rise_tui.config.study_source.StudySource`."""
 
     def __init__(self, folder: str, ros: RosConnection) -> None:
-        """`ros`: how ROS 2 is spoken in sessions that begin here."""
+        """`ros`: how sessions that begin here reach ROS 2."""
         self.folder, self._ros = folder, ros
         self._root = Path(folder, SESSIONS)
         self._running: tuple[Path, ...] = ()
-        """Sessions that ran when the study was read last."""
+        """Sessions that ran when the study was last read."""
 
     # --- reading ----------------------------------------------------------------------------------------------------
 
@@ -98,7 +98,7 @@ class StudyFolder:
         return StudyNow(state.study, self._with_lengths(state.standing), after=after)
 
     def _with_lengths(self, standing: StudyStanding) -> StudyStanding:
-        """With how far each session came that nobody has judged: the study's log knows that only of the others."""
+        """Add the length of each session that nobody has judged. The study's log knows only the others."""
 
         def measured(entry: SessionEntry) -> SessionEntry:
             if entry.outcome is not None or entry.status == "running":
@@ -109,21 +109,21 @@ class StudyFolder:
         return replace(standing, participants=tuple(people))
 
     def fingerprint(self) -> object:
-        """Another one as soon as a file has changed, a session has begun, or an engine has gone."""
+        """A value that changes when a file changes, a session begins or an engine goes."""
         stamps = [_stamp(Path(self.folder, name)) for name in WATCHED]
         return stamps, _stamp(self._root), [is_locked(folder / JOURNAL) for folder in self._running]
 
     def _state(self) -> StudyStatus:
-        """Raises StudyError."""
+        """Read the study's state. Raises StudyError."""
         try:
             return read_state(Path(self.folder))
         except (FileError, StudyLogError, OSError) as error:
             raise StudyError(_one_line(error)) from None
 
-    # --- what would run ---------------------------------------------------------------------------------------------
+    # --- previews ---------------------------------------------------------------------------------------------------
 
     def plan(self, request: SessionRequest, wizard: str) -> SessionPreview:
-        """What would run, supposing that every check passes."""
+        """What would run if every check passes."""
         state = self._state()
         study = state.study
         mode = "debug" if request.purpose == "debug" else study.mode
@@ -177,11 +177,11 @@ class StudyFolder:
     # --- checks -----------------------------------------------------------------------------------------------------
 
     async def check(self, check: StudyCheck, context: CheckContext) -> CheckOutcome:
-        """Look at something, or run a program."""
+        """Examine something, or run a program."""
         return await run_check(check, context)
 
     def note_check(self, check: StudyCheck, context: CheckContext, report: CheckReport) -> None:
-        """Write down what came of a check."""
+        """Write down the result of a check."""
         try:
             append_checked(check, context, report)
         except (StudyLogError, OSError) as error:
@@ -192,7 +192,7 @@ class StudyFolder:
     def start(
         self, plan: SessionPreview, checks: Sequence[CheckReport], wizard: str, report: ReportProgress
     ) -> StartedSession:
-        """Begin a session: its engine decides under the study's lock whether it can."""
+        """Begin a session. Its engine decides under the study's lock whether it can."""
         request = plan.request
         options = SessionOptions(
             "",
@@ -209,7 +209,7 @@ class StudyFolder:
         return self._start_engine(options, wizard, report)
 
     def recover(self, entry: SessionEntry, wizard: str, report: ReportProgress) -> StartedSession:
-        """Go on with a session that did not end, which is named, with whose it is."""
+        """Continue a session that did not end. The options name its folder and its participant."""
         options = SessionOptions(
             "",
             participant=entry.participant,
@@ -224,14 +224,14 @@ class StudyFolder:
     def _start_engine(self, options: SessionOptions, wizard: str, report: ReportProgress) -> StartedSession:
         found = start_engine(options, report)
         if isinstance(found, EngineRefused):
-            if found.socket:  # somebody else has begun it, or gone on with it, just now
+            if found.socket:  # somebody else has just started or continued it
                 return self._reach(found.socket, wizard)
             raise StudyError("; ".join(found.lines))
         who = wizard or _last_wizard(found.name)
         return StartedSession(SocketClient(found.name, who, "wizard"), startup_notice(found), who)
 
     def attach(self, entry: SessionEntry, wizard: str) -> StartedSession:
-        """To a session that runs."""
+        """Attach to a running session."""
         holder = read_holder(self._root / entry.folder)
         if holder is None or not holder.socket:
             raise StudyError(f"the session of {entry.participant} is just beginning or ending: try again")
@@ -246,8 +246,8 @@ class StudyFolder:
         return StartedSession(SocketClient(socket, who, "wizard"), wizard=who)
 
     def report(self, folder: str) -> Document:
-        """What happened in a session; a blinded study calls its condition by the label."""
-        from rise_engine.results.report.making import make_session_report  # what nobody needs who only begins a session
+        """The report of a session. A blinded study shows the label of its condition."""
+        from rise_engine.results.report.making import make_session_report  # not needed to begin a session
 
         study = load_study(self.folder, check_scenarios=False).study
         conditions = conditions_of(study) if study is not None else NO_CONDITIONS
@@ -257,7 +257,7 @@ class StudyFolder:
             raise StudyError(_one_line(error)) from None
 
     def judge(self, entry: SessionEntry, status: OutcomeStatus, reason: str, wizard: str) -> None:
-        """Write down how a session counts that is over, or that nobody goes on with."""
+        """Write down how a session counts that has ended, or that nobody continues."""
         try:
             with OpenStudy(Path(self.folder)) as study:
                 source = f"wizard:{wizard}"
@@ -267,7 +267,7 @@ class StudyFolder:
 
 
 def _last_time(journal: Path) -> float:
-    """Session time of the last thing that is whole in a journal; 0 when there is none, or it cannot be read."""
+    """The session time of the last whole entry in a journal; 0 without one, or if it cannot be read."""
     try:
         with journal.open("rb") as file:
             file.seek(max(0, file.seek(0, os.SEEK_END) - TAIL_BYTES))
@@ -283,7 +283,7 @@ def _last_time(journal: Path) -> float:
 
 
 def _stamp(path: Path) -> tuple[int, int]:
-    """When a file was changed and how long it is; zeros when there is none."""
+    """When a file was changed, and its length; zeros if it does not exist."""
     try:
         found = os.stat(path)  # noqa: PTH116
     except OSError:
@@ -292,12 +292,12 @@ def _stamp(path: Path) -> tuple[int, int]:
 
 
 def _all_passed(study: Study) -> tuple[CheckReport, ...]:
-    """What the checks before a session come to when nothing is in the way."""
+    """Reports of all checks before a session, as passed."""
     return tuple(CheckReport(id=check.id, result="passed") for check in study.checks if check.when == "before")
 
 
 def _last_wizard(name: str) -> str:
-    """Who held control of a session last; empty: it does not say."""
+    """The wizard who held control of a session last. Empty: the session does not say."""
     try:
         found = ask_summary(name)
     except RegistryError:

@@ -1,4 +1,4 @@
-"""The plain terminal, before any screen: questions, progress, and whose it is."""
+"""The plain terminal, before any screen: questions, progress, and the login."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ class PlainTerminal:
 
     @property
     def interactive(self) -> bool:
-        """Whether somebody can be asked."""
+        """Whether the program can ask somebody."""
         return sys.stdin.isatty() and sys.stdout.isatty()
 
     def print_line(self, line: str) -> None:
@@ -26,7 +26,7 @@ class PlainTerminal:
         click.echo(line)
 
     def read_answer(self, question: str) -> str | None:
-        """The answer; None when nobody answers any more."""
+        """The answer, or None when nobody answers any more."""
         try:
             return str(click.prompt(question, default="", show_default=False, prompt_suffix=" "))
         except click.Abort:
@@ -35,28 +35,28 @@ class PlainTerminal:
 
 
 class ProgressLine:
-    """How far an engine is that is still coming up: one line of the terminal, which is written over."""
+    """The progress of an engine that is still starting, on one line of the terminal that is overwritten."""
 
     def __init__(self) -> None:
         self._is_shown = False
 
     def overwrite(self, sentence: str) -> None:
-        """Write it over what the line said."""
+        """Overwrite the line with this sentence."""
         self._is_shown = True
         click.echo(f"\r\x1b[2K{clean(sentence)}", nl=False)
 
     def clear(self) -> None:
-        """Take the line away."""
+        """Remove the line."""
         if self._is_shown:
             click.echo("\r\x1b[2K", nl=False)
 
 
 UNNAMED: Final = {"wizard": "wizard", "observer": "observer"}
-"""Who sits at the console of a real session, when nobody has said it: a login is a person's name, often enough."""
+"""The name in a real session's record when nobody gave one. A login is often a person's name."""
 
 
 def login_name() -> str:
-    """The user's, or `wizard` where the system knows none."""
+    """The user's login, or `wizard` if the system knows none."""
     try:
         return getuser()
     except (KeyError, OSError):
@@ -64,5 +64,5 @@ def login_name() -> str:
 
 
 def not_started(*lines: str, status: int = USAGE) -> Refused:
-    """Ends the program: nothing is started and nothing attached to; the lines say why."""
+    """The error that ends the program before it starts or attaches to anything; the lines say why."""
     return Refused(status=status, findings=lines)

@@ -1,1 +1,1 @@
-"""What the user's own files and the command line settle: keys, preferences, display, which scenario is started."""
+"""The settings from the user's own files and the command line: keys, preferences, display, the scenario to start."""

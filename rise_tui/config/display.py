@@ -1,6 +1,6 @@
-"""How the console is shown on this terminal: colours, mouse, frames. Pure but for `prepare_textual`; knows no Textual.
+"""How this terminal shows the console: colours, mouse, frames. Pure except for `prepare_textual`; knows no Textual.
 
-Textual reads what is decided here from the environment, when it is imported.
+Textual reads these decisions from the environment when it is imported.
 """
 
 from __future__ import annotations
@@ -16,14 +16,14 @@ ColorSystem: TypeAlias = Literal["truecolor", "256", "16", "mono"]
 
 MOST_FRAMES = 60
 USUAL_FRAMES = 15
-"""Frames a second: as many as a screen needs that nobody films, and a key is shown at once all the same."""
+"""Frames a second. That is enough for a screen that nobody films, and a key still shows immediately."""
 
 _RICH_NAMES: dict[ColorSystem, str] = {"truecolor": "truecolor", "256": "256", "16": "standard", "mono": "standard"}
 _COLORLESS_TERMINALS = ("dumb", "vt52", "vt100", "vt102", "vt220", "vt320", "unknown")
 
 
 class DisplayOptions(Struct, frozen=True):
-    """What the command line says about it."""
+    """What the command line says about the display."""
 
     theme: str = ""
     """Empty: the one that was used last."""
@@ -33,16 +33,16 @@ class DisplayOptions(Struct, frozen=True):
 
 
 class DetectedColors(NamedTuple):
-    """What colours are used, and why."""
+    """The colours in use, and the reason."""
 
     system: ColorSystem
     why: str
 
 
 def detect_colors(display: DisplayOptions, environment: Mapping[str, str]) -> DetectedColors:
-    """What this terminal can show; what the command line says comes first, then NO_COLOR, then what it says of itself.
+    """What this terminal can show. The command line decides first, then NO_COLOR, then what the terminal reports.
 
-    A terminal that says nothing gets sixteen colours: those work on every one that has any.
+    A terminal that reports nothing gets sixteen colours, because they work on every colour terminal.
     """
     if display.colors in _RICH_NAMES:
         return DetectedColors(display.colors, f"--colors {display.colors}")
@@ -64,26 +64,26 @@ def detect_colors(display: DisplayOptions, environment: Mapping[str, str]) -> De
 
 
 def with_detected_colors(display: DisplayOptions, environment: Mapping[str, str]) -> DisplayOptions:
-    """With `auto` found out, once and for all: `prepare_textual` takes away some of what it follows from."""
+    """Replace `auto` by the detected colours. Once only: `prepare_textual` removes part of what detection reads."""
     return replace(display, colors=detect_colors(display, environment).system)
 
 
 def choose_theme(display: DisplayOptions, detected: DetectedColors, remembered: str) -> str:
-    """The theme's name: what the command line says, or what the colours leave, or the one that was used last."""
+    """The theme's name: from the command line, or what the colours allow, or the one that was used last."""
     if detected.system == "mono":
         return "mono"
     if display.theme:
         return display.theme
     if detected.system == "16" and remembered not in ("terminal", "mono"):
-        return "terminal"  # any other needs more colours to look like anything
+        return "terminal"  # all others need more colours
     return remembered or "dark"
 
 
 def prepare_textual(display: DisplayOptions, environment: MutableMapping[str, str] = os.environ) -> DetectedColors:
-    """Settle in the environment what Textual reads there when it is imported. Animations cost the link too much."""
+    """Set in the environment what Textual reads there on import. Animations are off: they cost the link too much."""
     detected = detect_colors(display, environment)
     environment.setdefault("TEXTUAL_ANIMATIONS", "none")
     environment["TEXTUAL_FPS"] = str(display.fps)
     environment["TEXTUAL_COLOR_SYSTEM"] = _RICH_NAMES[detected.system]
-    environment.pop("NO_COLOR", None)  # the theme follows it; Textual would turn the terminal's own colours to greys
+    environment.pop("NO_COLOR", None)  # the theme handles it; Textual would turn the terminal's colours grey
     return detected

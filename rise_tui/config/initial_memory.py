@@ -1,4 +1,4 @@
-"""The present memory as the scenario's start values: the file `memory.json`. No widget here; blocks, not for a loop."""
+"""Saves the present memory as the scenario's start values in `memory.json`. No widgets. It blocks: not for a loop."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ from rise_tui.rendering.text import format_value
 
 
 def memory_file_path(scenario: Scenario) -> Path:
-    """Where the start values stand. Raises EditRefused."""
+    """The file of the start values. Raises EditRefused."""
     folder = Path(scenario.folder)
     if not scenario.folder or not folder.is_dir():
         raise EditRefused(f"the scenario's folder is not on this computer: {scenario.folder or 'none'}")
@@ -40,7 +40,7 @@ def memory_file_path(scenario: Scenario) -> Path:
 
 
 def describe_changes(before: Mapping[str, Any], now: Mapping[str, Any]) -> list[str]:
-    """What later sessions will begin with that this one did not, a key in each line."""
+    """What changes for later sessions, one key a line."""
     changes = []
     for key in {**before, **now}:
         if key not in now:
@@ -53,9 +53,9 @@ def describe_changes(before: Mapping[str, Any], now: Mapping[str, Any]) -> list[
 
 
 def save_memory(path: Path, before: Mapping[str, Any], now: Mapping[str, Any]) -> None:
-    """Write what has changed from `before` to `now` into the file, and leave the rest of it as it is.
+    """Write the changes from `before` to `now` into the file, and leave the rest of it unchanged.
 
-    As a whole or not at all. A link stays a link: the file beside it that it leads to is written. Raises
+    The file is replaced as a whole or not at all. A link stays a link, and the file that it leads to is written. Raises
     EditRefused.
     """
     try:
@@ -69,7 +69,7 @@ def save_memory(path: Path, before: Mapping[str, Any], now: Mapping[str, Any]) -
 
 
 def _changed_text(path: Path, before: Mapping[str, Any], now: Mapping[str, Any]) -> str:
-    """What the file is to hold. Raises OSError, UnicodeError and EditRefused."""
+    """The new contents of the file. Raises OSError, UnicodeError and EditRefused."""
     if not path.exists():
         return memory_file_text(now)
     text = path.read_bytes().decode("utf-8")

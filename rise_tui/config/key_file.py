@@ -1,4 +1,4 @@
-"""Reading the user's key file: other keys for actions of the registry, checked as a whole before a console starts.
+"""Reads the user's key file: other keys for actions of the registry, checked as a whole before a console starts.
 
 # ~/.config/rise-tui/keys.toml
 [keys]
@@ -29,22 +29,22 @@ FIXED = {
     "escape": "it leaves whatever is open",
     **dict.fromkeys(("up", "down", "left", "right", "pageup", "pagedown", "home", "end"), "it moves in lists"),
 }
-"""Keys that no action can be given, unless it has them anyway."""
+"""Keys that no action can be given, unless it already has them."""
 
 
 def read_keys(path: Path) -> KeyFile:
-    """Read and check a key file. Never raises; what is wrong is in its findings."""
+    """Read and check a key file. Never raises; its diagnostics say what is wrong."""
     diagnostics = Diagnostics()
     source = FileReader(path.parent, diagnostics).read(path)
     file = read_toml(source, diagnostics) if source is not None else None
     own, locations = _KeyFileReader(file, diagnostics).read() if file is not None else ({}, {})
-    # With the file's whole path, because nobody knows which folder is meant.
+    # With the file's whole path, because its name alone does not tell the folder.
     problems = tuple(replace(each, location=replace(each.location, file=str(path))) for each in diagnostics.sorted())
     return KeyFile(path, own, problems, locations)
 
 
 class _KeyFileReader:
-    """Checks a file table by table; nothing stops at the first mistake."""
+    """Checks a file table by table. It does not stop at the first mistake."""
 
     def __init__(self, file: TomlFile, diagnostics: Diagnostics) -> None:
         self.file, self.error = file, diagnostics.error
@@ -52,7 +52,7 @@ class _KeyFileReader:
         self.locations: dict[tuple[str, str], SourceLocation] = {}
 
     def read(self) -> tuple[dict[str, tuple[str, ...]], dict[tuple[str, str], SourceLocation]]:
-        """The keys of each action, and where each is given."""
+        """The keys of each action, and the place of each key."""
         for table in self.file.values:
             if table != "keys":
                 known = did_you_mean(table, ("keys",))
@@ -87,7 +87,7 @@ class _KeyFileReader:
             self.locations.update({(name, key): at for key in keys})
 
     def read_key(self, action: ConsoleAction, written: str, at: SourceLocation) -> str:
-        """Textual's name of a key, or empty after a finding."""
+        """Textual's name of a key; empty after a diagnostic."""
         if written in action.keys:
             return written
         try:
@@ -107,7 +107,7 @@ class _KeyFileReader:
         return key
 
     def report_conflicts(self) -> None:
-        """Keys that mean two things at one time, with whatever has its usual keys."""
+        """Report keys with two meanings at the same time, usual keys included."""
         for action in ACTIONS:
             if action.id not in self.own:
                 continue
@@ -122,11 +122,11 @@ class _KeyFileReader:
         if key not in self.own.get(other.id, other.keys) or not _overlaps(action, other):
             return False
         first = next(each.id for each in ACTIONS if each.id in (action.id, other.id))
-        return other.id not in self.own or first == action.id  # of two in the file, it is told once
+        return other.id not in self.own or first == action.id  # two actions in the file get one diagnostic
 
 
 def _flatten(keys: Mapping[str, Any], parts: tuple[str, ...] = ()) -> Iterator[tuple[tuple[str, ...], Any]]:
-    """`acts.start = "x"` is a table in TOML, and an action here."""
+    """Join nested tables: `acts.start = "x"` is a table in TOML, and an action here."""
     for name, value in keys.items():
         if isinstance(value, dict):
             yield from _flatten(value, (*parts, name))
@@ -135,7 +135,7 @@ def _flatten(keys: Mapping[str, Any], parts: tuple[str, ...] = ()) -> Iterator[t
 
 
 def _overlaps(one: ConsoleAction, other: ConsoleAction) -> bool:
-    """Whether the keys of both work at one time."""
+    """Whether the keys of both actions work at the same time."""
     if {"study", "edit"} & {one.scope, other.scope}:  # on these screens few of the console's actions work
         return one.scope == other.scope or any(
             each.scope == "everywhere" or each.id in ON_STUDY_SCREEN for each in (one, other)

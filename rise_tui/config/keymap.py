@@ -1,4 +1,4 @@
-"""What a user's key file gave to actions of the registry, as a console takes it (`keyfile` reads it)."""
+"""The keys that a user's key file gives to actions, as a console takes them (`key_file` reads it)."""
 
 from __future__ import annotations
 
@@ -15,19 +15,19 @@ from rise_tui.key_labels import key_label
 
 
 class KeyFile(Struct, frozen=True):
-    """What a user's key file says."""
+    """The contents of a user's key file."""
 
     path: Path | None = None
     """None: there is no such file."""
     keys: dict[str, tuple[str, ...]] = {}
-    """The keys of each action that has others than usual, in Textual's spelling."""
+    """The keys of each action that differ from the usual ones, in Textual's spelling."""
     problems: tuple[Diagnostic, ...] = ()
-    """All that is wrong with it. With any, no console starts."""
+    """Everything that is wrong with the file. With any problem, no console starts."""
     locations: dict[tuple[str, str], SourceLocation] = {}
-    """Where a key of an action is given."""
+    """The place in the file of each action's key."""
 
     def clashes(self, keys: Mapping[str, KeyBinding]) -> list[Diagnostic]:
-        """Keys that the scenario has too; what such a key does would depend on luck."""
+        """Keys that the scenario also binds. It would be a matter of luck what such a key does."""
         return [
             Diagnostic(
                 "error",
@@ -42,10 +42,10 @@ class KeyFile(Struct, frozen=True):
 
 
 def textual_keymap(keys: KeyFile) -> dict[str, str]:
-    """As `App.set_keymap` takes them."""
+    """The keys in the form that `App.set_keymap` takes."""
     return {action: textual_keys(action, own) for action, own in keys.keys.items()}
 
 
 def how_to_fix(path: Path | None) -> str:
-    """What to do when a console does not start because of a key file."""
+    """What to do when a key file prevents the console from starting."""
     return f"no console was started: fix {path}, or start with the usual keys: rise-tui --keys {USUAL_KEYS} ..."

@@ -1,4 +1,4 @@
-"""Starting a session: read the scenario, start an engine for it. The only place that knows how an engine is started."""
+"""Starting a session: read the scenario and start an engine for it. Only this module knows how an engine is started."""
 
 from __future__ import annotations
 
@@ -28,7 +28,7 @@ class ScenarioProblems(Struct, frozen=True):
 
     diagnostics: list[Diagnostic]
     sentence: str = ""
-    """Instead of findings, when there is nothing to read."""
+    """Replaces the diagnostics when there is nothing to read."""
 
     @property
     def lines(self) -> list[str]:
@@ -57,33 +57,33 @@ SESSION_GOES_ON = "the session goes on; what the robot was doing counts as lost"
 
 
 class RecoveredClient(NamedTuple):
-    """A session that goes on."""
+    """A session that continues."""
 
     client: Client
     notice: str = SESSION_GOES_ON
-    """What there is to say about it."""
+    """The notice about it."""
 
 
 def startup_notice(found: EngineStarted) -> str:
-    """What there is to say about a session whose engine has just been started."""
+    """The notice about a session whose engine has just started."""
     return "; ".join((SESSION_GOES_ON, *found.lines) if found.recovered else found.lines)
 
 
 @dataclass(frozen=True)
 class Launcher:
-    """How sessions are started; tests give others."""
+    """How sessions are started. Tests pass in others."""
 
     start: Callable[[Scenario, SessionOptions], Client]
     """May block. Raises EngineGone with the reason."""
     load_scenario: Callable[[SessionOptions], LoadedScenario] = load_scenario
     recover: Callable[[AttachReply, ReportProgress], RecoveredClient] | None = None
-    """Goes on with a session whose engine has gone; tells how far it has come. May block. Raises EngineGone."""
+    """Continue a session whose engine has gone, and report the progress. May block. Raises EngineGone."""
     find_study: Callable[[AttachReply], StudySource | None] = lambda attach_reply: None
-    """The study that a session is of, if its folder lies in one."""
+    """The study that a session belongs to, if its folder is in one."""
 
 
 def settings_of_session(attach_reply: AttachReply) -> SessionOptions:
-    """What a session that runs already was started with."""
+    """What a running session was started with."""
     session = attach_reply.view.session
     return SessionOptions(
         attach_reply.scenario.folder,
@@ -98,23 +98,23 @@ def settings_of_session(attach_reply: AttachReply) -> SessionOptions:
 
 
 def list_robots(folder: str) -> list[str]:
-    """The robots that can be chosen for a scenario's folder."""
+    """The robots to choose from for a scenario's folder."""
     return robot_names(scenario_folder(folder))
 
 
 class ScenarioSummary(Struct, frozen=True):
-    """What the scenario in a folder says about robot, mode, paths and conditions, without reading the rest of it."""
+    """What a folder's scenario says about robot, mode, paths and conditions. The rest of it is not read."""
 
     robots: list[str]
     robot: str
     mode: str
     paths: Mapping[str, str]
     conditions: Mapping[str, Condition] = {}
-    """By name. Of names alone, as scenarios of earlier versions have them, none: no session can begin in one."""
+    """By name. Empty for a scenario of an earlier version, which lists only names: no session can begin in one."""
 
 
 def read_summary(folder: str) -> ScenarioSummary | None:
-    """None where there is nothing to read. Blocking."""
+    """The summary, or None if there is nothing to read. Blocking."""
     path = find_scenario(folder)
     try:
         if not folder.strip() or not scenario_folder(folder).is_dir():
@@ -122,7 +122,7 @@ def read_summary(folder: str) -> ScenarioSummary | None:
         file = path if path.suffix == ".toml" else path / SCENARIO_FILE
         values = tomllib.loads(file.read_text(encoding="utf-8-sig")) if file.exists() else {}
         names = list_robots(folder)
-    except (OSError, ValueError):  # loading it says what is wrong
+    except (OSError, ValueError):  # loading it reports what is wrong
         return None
 
     def text(key: str, otherwise: str) -> str:
@@ -141,6 +141,6 @@ def read_summary(folder: str) -> ScenarioSummary | None:
 
 
 def is_real(settings: SessionOptions) -> bool:
-    """Whether a session with these settings would move a robot, as far as that can be seen before it loads."""
+    """Whether a session with these settings would move a robot, as far as this is known before it loads."""
     found = read_summary(settings.folder) if settings.mode is None else None
     return (settings.mode or (found.mode if found is not None else "")) == "real"

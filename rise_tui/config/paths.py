@@ -1,4 +1,4 @@
-"""Where a user's own files of the console lie. Light: read before anything else is imported."""
+"""Where the user's own console files are. Light: this is read before anything else is imported."""
 
 from __future__ import annotations
 
@@ -7,23 +7,23 @@ from pathlib import Path
 
 KEY_FILE_NAME = "keys.toml"
 PREFERENCES_NAME = "console.json"
-"""In the state folder: what all consoles of a user have in common."""
+"""The file in the state folder with the preferences of all of a user's consoles."""
 USUAL_KEYS = "none"
-"""In the place of a key file's name: the usual keys."""
+"""In place of a key file's name: the usual keys."""
 
 
 def config_folder() -> Path:
-    """What people write: $XDG_CONFIG_HOME/rise-tui, or ~/.config/rise-tui. Nothing is made."""
+    """The folder for files that people write: $XDG_CONFIG_HOME/rise-tui, or ~/.config/rise-tui. Creates nothing."""
     return _xdg_folder("XDG_CONFIG_HOME", "~/.config")
 
 
 def state_folder() -> Path:
-    """What consoles write: $XDG_STATE_HOME/rise-tui, or ~/.local/state/rise-tui. Nothing is made."""
+    """The folder that consoles write to: $XDG_STATE_HOME/rise-tui, or ~/.local/state/rise-tui. Creates nothing."""
     return _xdg_folder("XDG_STATE_HOME", "~/.local/state")
 
 
 def key_file_path(named: str | None) -> Path | None:
-    """The key file to read: the one that is named, or the usual one if it is there; None for the usual keys."""
+    """The key file to read: the named one, or the usual one if it exists; None for the usual keys."""
     if named == USUAL_KEYS:
         return None
     if named is not None:
@@ -33,13 +33,13 @@ def key_file_path(named: str | None) -> Path | None:
 
 
 def abbreviate_home(folder: str) -> str:
-    """A path as people write it, from the home folder on."""
+    """A path with `~` for the home folder."""
     home = f"{Path.home()}/"
     return f"~/{folder.removeprefix(home)}" if folder.startswith(home) else folder
 
 
 def expand_home(path: str) -> Path:
-    """With the home folder for `~`; never raises, unlike `Path.expanduser`, because people are still typing it."""
+    """Replace `~` by the home folder. Unlike `Path.expanduser` it never raises, because people are still typing."""
     return Path(os.path.expanduser(path))  # noqa: PTH111
 
 

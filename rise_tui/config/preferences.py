@@ -1,11 +1,11 @@
-"""What a console finds again the next time: layout and filters of a session, the theme, and what the log shows.
+"""What a console restores the next time: layout and filters of a session, the theme, and what the log shows.
 
     $XDG_STATE_HOME/rise-tui, or ~/.local/state/rise-tui     0700
         console.json                                         0600
         lablinking-3f09ac.json      one for each scenario's folder
 
-Nothing here is worth an error: a file that cannot be read is left out with one sentence, and one that cannot be written
-costs no more than what it would have kept.
+Nothing here is worth an error. A file that cannot be read is skipped with one sentence. A file that cannot be written
+loses only these settings.
 """
 
 from __future__ import annotations
@@ -24,34 +24,34 @@ MOST_BYTES = 100_000
 
 
 class Preferences(Struct, frozen=True, forbid_unknown_fields=True, tag_field="kind", tag="rise-tui console"):
-    """What all consoles of this user have in common."""
+    """The preferences of all consoles of this user."""
 
     theme: str = ""
     tour: bool = False
-    """Whether the tour of the first run has been seen."""
+    """Whether the user has seen the tour of the first run."""
     rules_own: bool = False
-    """Whether the log shows what rules did for themselves."""
+    """Whether the log shows what rules did on their own."""
     wizard: str = ""
-    """Who sat here last, as they called themselves."""
+    """The last wizard's name."""
 
 
 class SavedLayout(Struct, frozen=True, forbid_unknown_fields=True, tag_field="kind", tag="rise-tui scenario"):
-    """How the console of one scenario was left."""
+    """The last state of one scenario's console."""
 
     layout: dict[str, str] = {}
-    """What `Layout.layout_state` gave."""
+    """The result of `Layout.layout_state`."""
     filters: dict[str, str] = {}
     """By pane; empty ones are left out."""
     session: str = ""
-    """The folder of the session that it showed: the same session finds all of it again, a new one only the pane below,
-    so that the next participant begins with the rule in front and without filters."""
+    """The folder of the session that it showed. The same session restores everything. A new session restores only the
+    lower pane, so that the next participant begins with the rule in front and without filters."""
 
 
 Saved = TypeVar("Saved", Preferences, SavedLayout)
 
 
 def load_saved(path: Path, kind: type[Saved]) -> tuple[Saved, str]:
-    """What a file keeps, and a sentence when it was not used; never raises."""
+    """The contents of a file, and a sentence if it was not used. Never raises."""
     try:
         descriptor = os.open(path, os.O_RDONLY | os.O_NOFOLLOW | os.O_NONBLOCK | os.O_CLOEXEC)
     except FileNotFoundError:
@@ -69,7 +69,7 @@ def load_saved(path: Path, kind: type[Saved]) -> tuple[Saved, str]:
 
 
 def write_saved(path: Path, kept: Preferences | SavedLayout) -> str:
-    """Write it as a whole or not at all; says why it could not. May block."""
+    """Write the file as a whole or not at all; returns why it failed, if it did. May block."""
     try:
         path.parent.mkdir(0o700, parents=True, exist_ok=True)
         beside = path.with_name(f".{path.name}-{os.getpid()}-{threading.get_ident()}")

@@ -1,4 +1,4 @@
-"""What a session is started with. Light: the engine's process is on its way before anything else is imported."""
+"""What a session is started with. Light: the engine's process starts before anything else is imported."""
 
 from __future__ import annotations
 
@@ -18,18 +18,18 @@ def engine_options(settings: SessionOptions, seed: int | None, recover: str) -> 
 
 
 def scenario_path(settings: SessionOptions) -> str:
-    """The scenario as the engine is told it; a folder and its scenario.toml are one session."""
+    """The scenario's path for the engine. A folder and its scenario.toml name the same session."""
     path = find_scenario(settings.folder)
     return str(path.parent if path.name == SCENARIO_FILE else path)
 
 
 def why_no_scenario(settings: SessionOptions) -> str:
-    """Why there is nothing to read, in a sentence; empty when there is something."""
+    """Why there is nothing to read, in a sentence; empty if there is something."""
     if not settings.folder.strip():
         return "name a folder"
     folder = scenario_folder(settings.folder)
     usual = [folder / name for name in (SCENARIO_FILE, *DEFAULT_PATHS.values())]
-    if folder != find_scenario(settings.folder):  # a file was named
+    if folder != find_scenario(settings.folder):  # the user named a file
         usual.append(find_scenario(settings.folder))
     if folder.is_dir() and not any(settings.paths.values()) and not any(path.exists() for path in usual):
         return f"there is no scenario in {folder}: no scenario.toml, no acts, no rules"
@@ -37,11 +37,11 @@ def why_no_scenario(settings: SessionOptions) -> str:
 
 
 def find_scenario(folder: str) -> Path:
-    """What is meant by a scenario's name: the folder or file, or a shipped study where there is none."""
+    """The path that a scenario's name means: a folder, a file, or a shipped study if neither exists."""
     return Path(resolve_study(str(expand_home(folder)))) if folder.strip() else expand_home(folder)
 
 
 def scenario_folder(folder: str) -> Path:
-    """The folder itself, also where its `scenario.toml` was named."""
+    """The scenario's folder, also if its `scenario.toml` was named."""
     path = find_scenario(folder)
     return path.parent if path.suffix == ".toml" else path

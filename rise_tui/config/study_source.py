@@ -1,6 +1,7 @@
-"""A study as the console sees it: what stands in its folder, what would run, and what makes it run.
+"""A study as the console sees it: the contents of its folder, what would run, and how to run it.
 
-The console knows no file of a study and no engine's process; `rise_tui.cli.study_folder` does, and tests give others.
+The console knows no file of a study and no engine's process. `rise_tui.cli.study_folder` knows them; tests pass in
+others.
 """
 
 from __future__ import annotations
@@ -18,7 +19,7 @@ from rise_engine.scenario.model import KeyBinding
 from rise_engine.study.model import OutcomeStatus, PlannedRun, Purpose, SessionEntry, Study, StudyCheck, StudyStanding
 
 ReportProgress: TypeAlias = Callable[[str], object]
-"""Gets a sentence, on any thread."""
+"""Receives a sentence, on any thread."""
 
 
 class StudyNow(Struct, frozen=True):
@@ -26,9 +27,9 @@ class StudyNow(Struct, frozen=True):
 
     study: Study | None = None
     standing: StudyStanding | None = None
-    """None when it does not load: nothing can be started."""
+    """None when the study does not load: nothing can start."""
     problems: tuple[str, ...] = ()
-    """What is wrong with it, a finding each."""
+    """What is wrong with it, one diagnostic each."""
     after: tuple[PendingCheck, ...] = ()
     """The checks after a session."""
 
@@ -39,7 +40,7 @@ class SessionRequest(Struct, frozen=True):
     participant: str
     purpose: Purpose = "counted"
     condition: str = ""
-    """For a rehearsal of another condition than the participant's; empty: theirs."""
+    """Another condition than the participant's, for a rehearsal; empty: theirs."""
     run: int = 0
     """Which run; 0: the next."""
 
@@ -57,70 +58,70 @@ class SessionPreview(Struct, frozen=True):
     """The scenario's."""
     mode: str
     robot: str
-    """As it reads to a person."""
+    """In words for a person."""
     recorded: str
-    """The folder in which the session's own folder is made."""
+    """The folder in which the session's own folder is created."""
     context: CheckContext
     """What the checks are made for."""
     checks: tuple[PendingCheck, ...] = ()
-    """Those before it; in debug mode none is made."""
+    """The checks before the session; none in debug mode."""
     keys: dict[str, KeyBinding] = {}
     """Of the scenario."""
     recorders: str = ""
-    """What records it besides: `camera (obs), bag (rosbag2)`; empty: nothing does."""
+    """What else records the session: `camera (obs), bag (rosbag2)`; empty: nothing."""
     language: str = ""
-    """The participant's, as the study says it; empty: it does not."""
+    """The participant's language in the study; empty: the study does not say."""
     warning: str = ""
-    """That somebody else is next, as a sentence; empty: it is their turn."""
+    """A sentence that somebody else is next; empty: it is this participant's turn."""
     unrecorded: str = ""
-    """Why what the study has does not record it, or not all of it, as a sentence; empty: it does, or there is none."""
+    """Why the study's recorders do not record all of it, as a sentence; empty: they do, or there are none."""
 
 
 class StartedSession(Struct, frozen=True):
-    """A session that runs now."""
+    """A running session."""
 
     client: Client
     notice: str = ""
-    """What there is to say about it."""
+    """The notice about it."""
     wizard: str = ""
-    """Who sits here, where that was found out by going back to a session; empty: as before."""
+    """The wizard's name, if returning to a session revealed it; empty: unchanged."""
 
 
 class StudySource(Protocol):
-    """One study. Every method but `check` may block, and is called beside the console's loop."""
+    """One study. Every method except `check` may block, and runs off the console's loop."""
 
     folder: str
     """Absolute."""
 
     def load(self) -> StudyNow:
-        """The study as it is now. Never raises: what is wrong is in it."""
+        """The study now. Never raises: the result contains what is wrong."""
 
     def fingerprint(self) -> object:
-        """Something that is another as soon as what `load` reads has changed."""
+        """A value that changes when anything that `load` reads changes."""
 
     def plan(self, request: SessionRequest, wizard: str) -> SessionPreview:
-        """What would run. Raises StudyError with what is in the way."""
+        """What would run. Raises StudyError with the reason when nothing can."""
 
     async def check(self, check: StudyCheck, context: CheckContext) -> CheckOutcome:
-        """Look at something, or run a program; what asks somebody comes back as a question. Never raises."""
+        """Examine something, or run a program. A check that needs an answer returns a question. Never raises."""
 
     def note_check(self, check: StudyCheck, context: CheckContext, report: CheckReport) -> None:
-        """Write down what came of a check, also when no session begins after it. Raises StudyError."""
+        """Write down the result of a check, even if no session begins after it. Raises StudyError."""
 
     def start(
         self, plan: SessionPreview, checks: Sequence[CheckReport], wizard: str, report: ReportProgress
     ) -> StartedSession:
-        """Begin it. Raises StudyError, and then nothing has been started."""
+        """Begin the session. Raises StudyError; then nothing has started."""
 
     def attach(self, entry: SessionEntry, wizard: str) -> StartedSession:
-        """To a session that runs. Raises StudyError."""
+        """Attach to a running session. Raises StudyError."""
 
     def recover(self, entry: SessionEntry, wizard: str, report: ReportProgress) -> StartedSession:
-        """Go on with a session that did not end. Raises StudyError."""
+        """Continue a session that did not end. Raises StudyError."""
 
     def report(self, folder: str) -> Document:
-        """What happened in a session, by the name of its folder, as the wizard may read it: a blinded study's
-        conditions by their labels. It may take a second. Raises StudyError."""
+        """The report of a session, by the name of its folder, for the wizard. A blinded study shows its conditions'
+        labels. This may take a second. Raises StudyError."""
 
     def judge(self, entry: SessionEntry, status: OutcomeStatus, reason: str, wizard: str) -> None:
-        """Write down how a session that has ended, or that nobody goes on with, is to count. Raises StudyError."""
+        """Write down how a session counts that has ended, or that nobody continues. Raises StudyError."""

@@ -1,1 +1,1 @@
-"""One session on one terminal: the way of keys in, the rhythm of frames out, and what opens over both."""
+"""One session on one terminal: the path of keys in, the rhythm of frames out, and the dialogs above both."""

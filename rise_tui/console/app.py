@@ -1,4 +1,4 @@
-"""The app: starts and ends sessions, and knows the two keys that work everywhere. All else is in the screens."""
+"""The app: starts and ends sessions, and handles the two keys that work everywhere. The screens do the rest."""
 
 from __future__ import annotations
 
@@ -39,11 +39,11 @@ from rise_tui.screens.report import ReportScreen
 from rise_tui.screens.settings import SettingsScreen
 
 END_PATIENCE = 13.0
-"""How long the engine may take before the console leaves without it: 6 s for the robot to stop, 5 s for the disk."""
+"""Seconds that the engine may take before the console leaves without it: 6 s for the robot, 5 s for the disk."""
 ALWAYS_ADMITTED = frozenset({"f9", "ctrl+g", "ctrl+c"})
-"""Keys that count also among others that came in one piece."""
+"""Keys that count even among others that came in one piece."""
 DETACH_PATIENCE = 2.0
-"""How long saying goodbye to a session that goes on may take."""
+"""Seconds that detaching from a session that goes on may take."""
 
 
 class ConsoleApp(TerminalApp):
@@ -70,13 +70,13 @@ class ConsoleApp(TerminalApp):
         keys: KeyFile | None = None,
         ui_state: UiState | None = None,
     ) -> None:
-        """`client`: of a session that runs; None: the screen of `study` opens. `launcher`: starts another one, or the
-        engine of this one again.
+        """`client`: a running session; None: the screen of `study` opens. `launcher`: starts another session, or this
+        one's engine again.
 
-        `wizard`: who sits here; with a study it may be empty, and is asked, in debug mode beginning with `login`.
-        `participant`: on whom the cursor of the study's screen is to stand. `settings`: with which the session was
-        started; None: those that it tells itself. `notice`: what there is to say about the session to begin with.
-        Without `ui_state` nothing is restored or kept.
+        `wizard`: who sits here. With a study it may be empty; then the console asks for it and suggests `login` in
+        debug mode. `participant`: where the cursor of the study's screen begins. `settings`: what the session was
+        started with; None: what the session reports itself. `notice`: the first remark about the session. Without
+        `ui_state` nothing is restored or saved.
         """
         super().__init__()
         self.animation_level = "none"
@@ -98,7 +98,7 @@ class ConsoleApp(TerminalApp):
         self._signal: signal.Signals | None = None
         self._handlers: dict[signal.Signals, Any] = {}
         self.exit_message = ""
-        """What the terminal should show after the console has gone."""
+        """What the terminal shows after the console has gone."""
 
     def get_theme_variable_defaults(self) -> dict[str, str]:
         return themes.DARK.variables
@@ -121,29 +121,29 @@ class ConsoleApp(TerminalApp):
             await self._show_study(self._notice)
 
     def on_unmount(self) -> None:
-        if self._signal is None:  # else they stay: a second signal must not cut the end short
+        if self._signal is None:  # else they stay: a second signal must not interrupt the end
             for number, before in self._handlers.items():
                 signal.signal(number, before)
 
     @property
     def is_terminal_gone(self) -> bool:
-        """Whether nothing more can be said there."""
+        """Whether the terminal can show nothing more."""
         return self.terminal_writer is not None and self.terminal_writer.is_gone
 
     @property
     def console_screen(self) -> ConsoleScreen | None:
-        """The console's screen, also when a dialog is open above it."""
+        """The console's screen, even under an open dialog."""
         return next((screen for screen in self.screen_stack if isinstance(screen, ConsoleScreen)), None)
 
     @property
     def study_screen(self) -> StudyScreen | None:
-        """The screen of the study, also when something lies above it."""
+        """The study's screen, even under another screen."""
         return next((screen for screen in self.screen_stack if isinstance(screen, StudyScreen)), None)
 
     # --- the study between two sessions -----------------------------------------------------------------------------
 
     async def _show_study(self, sentence: str = "", participant: str = "") -> None:
-        """Close the session's screen, and go to the next participant, or to the one that is named."""
+        """Close the session's screen, and go to the next participant or the named one."""
         source = self._day.source
         if source is None:
             return
@@ -197,7 +197,7 @@ class ConsoleApp(TerminalApp):
             await self._exit_without_session("\n".join((*map(str, clashes), how_to_fix(self._keys.path))), code=2)
             return
         self._session = session
-        # Also while nobody knows whether it is of a study: of a session that has just begun there is no record yet.
+        # Also while we cannot tell whether it has a study: a session that has just begun has no record yet.
         self.run_worker(self._day.read(session, self._launcher.find_study), group="study")
         if self._settings is None:
             self._settings = settings_of_session(session.store.attach_reply)
@@ -213,7 +213,7 @@ class ConsoleApp(TerminalApp):
         self.run_worker(asyncio.to_thread(save_all, self._ui_state.mark_tour_seen()), group="keep")
 
     def _save_ui_state(self, *, at_once: bool = False) -> None:
-        """What has changed on the screen is written, beside the loop: a disk may be slow."""
+        """Write what has changed on the screen, off the loop: a disk may be slow."""
         console = self.console_screen
         if console is None:
             return
@@ -224,7 +224,7 @@ class ConsoleApp(TerminalApp):
                 self.run_worker(asyncio.to_thread(save_all, changed), group="keep")
 
     async def _exit_without_session(self, message: str, code: int = 1) -> None:
-        """Without a session there is nothing to show, but for the screen of a study."""
+        """Without a session there is nothing to show, except the screen of a study."""
         if self.study_screen is not None:
             await self._show_study(message)
             return
@@ -242,7 +242,7 @@ class ConsoleApp(TerminalApp):
             self.run_worker(self._restart(*chosen), exclusive=True, group="restart")
 
     async def _restart(self, scenario: Scenario, settings: SessionOptions) -> None:
-        """End the running session, and only when that is certain start another one."""
+        """End the running session, and start another one only when it has certainly ended."""
         if self._session is None or not self._check_may_end(self._session):
             return
         if clashes := self._keys.clashes(scenario.keys):
@@ -260,7 +260,7 @@ class ConsoleApp(TerminalApp):
         await self._start_session(scenario, settings)
 
     async def _close_console_screen(self) -> None:
-        """The screen of the session that was, and whatever has been opened above it meanwhile."""
+        """Close the screen of the last session, and everything that was opened above it."""
         while self.console_screen is not None:
             await self.pop_screen()
 
@@ -278,7 +278,7 @@ class ConsoleApp(TerminalApp):
         loop = asyncio.get_running_loop()
 
         def report(sentence: str) -> None:
-            with suppress(RuntimeError):  # the console has left meanwhile
+            with suppress(RuntimeError):  # the console has left in the meantime
                 loop.call_soon_threadsafe(session.show_notice, Notice(sentence, "wait"))
 
         try:
@@ -297,14 +297,15 @@ class ConsoleApp(TerminalApp):
         return not reason
 
     async def _leave_session(self, session: ConsoleSession, *, end: bool) -> Literal["done", "late", "refused"]:
-        """`late`: the engine did not confirm it in time. `refused`: this console may not end the session."""
+        """Detach, or end the session. `late`: the engine did not confirm in time. `refused`: this console may not end
+        it."""
         try:
             await asyncio.wait_for(session.close(end_session=end), END_PATIENCE if end else DETACH_PATIENCE)
         except EngineGone:
             return "done"
         except TimeoutError:
             return "late"
-        except Rejected as refused:  # control has gone in this very moment
+        except Rejected as refused:  # control has gone at this moment
             session.show_notice(Notice(f"the session goes on: {refused}", "wait"))
             return "refused"
         return "done"
@@ -321,7 +322,7 @@ class ConsoleApp(TerminalApp):
             return console.admits(event) and (not typed_ahead.is_editing(self) or typed_ahead.admits(self, event))
         if typed_ahead.is_editing(self):
             return typed_ahead.admits(self, event)
-        # On the screen of a study a paste is no row of commands either (console.md 2.3).
+        # On the screen of a study, a paste must not act as commands either (console.md 2.3).
         if not isinstance(event, events.Key) or takes_text(self.focused):
             return True
         return not self._keys_together or event.key in ALWAYS_ADMITTED
@@ -399,12 +400,12 @@ class ConsoleApp(TerminalApp):
         self.push_screen(question, end_if_confirmed)
 
     async def _back_to_study(self, session: ConsoleSession) -> None:
-        """From a session that is over, or whose engine has gone; who has to be looked after is under the cursor."""
+        """Leave a session that is over, or whose engine has gone. The cursor goes to whoever needs attention."""
         await self._leave_session(session, end=False)
         await self._show_study(self._day.over_text(session.store), self._day.unjudged(session.store))
 
     async def _end_session_of_study(self, session: ConsoleSession) -> None:
-        """Ask what is asked after a session, end it, and go on to the next participant."""
+        """Ask the questions after a session, end it, and go on to the next participant."""
         ending = await self._day.ask_how_it_ends(self, session)
         if ending is None or not self._check_may_end(session):
             return
@@ -421,7 +422,7 @@ class ConsoleApp(TerminalApp):
     # --- the end ------------------------------------------------------------------------------------------------------
 
     def _on_signal(self, loop: asyncio.AbstractEventLoop, number: signal.Signals) -> None:
-        """In the signal handler itself, or on the writer's thread."""
+        """Runs in the signal handler itself, or on the writer's thread."""
         if self.terminal_writer is not None:
             self.terminal_writer.hurry()
         self._signal = self._signal or number
@@ -429,7 +430,7 @@ class ConsoleApp(TerminalApp):
             loop.call_soon_threadsafe(self._leave_by_signal, number)
 
     def _leave_by_signal(self, number: signal.Signals) -> None:
-        """The terminal has gone, or somebody ends the program: the session is not theirs to end."""
+        """The terminal has gone, or somebody ends the program. Neither may end the session."""
         if not self._is_leaving:
             self.run_worker(self._leave_and_exit(128 + number, signal_name=number.name))
 

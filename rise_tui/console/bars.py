@@ -1,4 +1,4 @@
-"""The bars above and below the panes: which there are, and what of the store each of them shows."""
+"""The bars above and below the panes, and the part of the store that each of them shows."""
 
 from __future__ import annotations
 
@@ -23,14 +23,14 @@ COMMON_ACTIONS = (
     *("stop", "say", "cue", "filler", "mistake", "palette", "help", "safe"),
     *("filter", "note", "lists", "next-pane", "zoom", "jump", "lock", "control"),
 )
-"""Actions that the hint line names for every pane."""
+"""Actions that the hint line shows for every pane."""
 
 
 class ConsoleBars:
-    """Made and composed by the console; `RefreshScheduler` says when each is drawn."""
+    """Created and composed by the console. `RefreshScheduler` decides when each is drawn."""
 
     def __init__(self, store: Store, panes: Layout) -> None:
-        """`panes`: what stands between the bars; the hints are those of the pane that has the focus."""
+        """`panes`: the area between the bars. The hints belong to the pane with the focus."""
         self._store, self._panes = store, panes
         self.status_line, self.speech_band, self.shadow_bar = StatusLine(store), SpeechBand(store), ShadowBar(store)
         self.alarm_bar, self.attention_bar, self.failure_bar = AlarmBar(store), AttentionBar(store), FailureBar(store)
@@ -38,43 +38,43 @@ class ConsoleBars:
         self.speech_input, self.key_strip, self.key_hints = SpeechInput(store), KeyStrip(store), KeyHints()
 
     def widgets_above(self) -> Iterator[Widget]:
-        """Those above the panes, from the top."""
+        """The bars above the panes, from the top."""
         yield from (self.status_line, self.shadow_bar, self.speech_band)
         yield from (self.alarm_bar, self.attention_bar, self.failure_bar)
 
     def widgets_below(self) -> Iterator[Widget]:
-        """Those below them."""
+        """The bars below the panes."""
         yield from (self.notice_line, self.mistake_line, self.note_line)
         yield from (self.speech_input, self.key_strip, self.key_hints)
 
     def fit_terminal(self, size: Size) -> None:
-        """Take the rows that a terminal of this size has for the bars whose height depends on it."""
+        """Give the bars of variable height the rows that a terminal of this size has for them."""
         self.speech_band.fit_terminal(size)
         self.key_strip.fit_terminal(size)
 
     @property
     def is_typing(self) -> bool:
-        """Whether a line is open that shows what becomes of tasks and values."""
+        """Whether a line is open that shows the state of tasks and values."""
         return self.speech_input.is_open or self.mistake_line.is_open
 
     def open_mistake(self, task: int) -> None:
-        """Ask what was wrong about a task, where the notice stands."""
+        """Ask what was wrong about a task, in the place of the notice."""
         self.notice_line.display = False
         self.mistake_line.open(task)
         self.mistake_line.draw()
 
     def open_note(self, text: str) -> None:
-        """Ask for a note, beginning with `text`, where the notice stands."""
+        """Ask for a note, beginning with `text`, in the place of the notice."""
         self.notice_line.display = False
         self.note_line.open(text)
 
     def draw_open_lines(self) -> None:
-        """The lines in which something is typed or chosen; the say line is one while it is closed, too."""
+        """Draw the lines for typing and choosing, including the say line when it is closed."""
         self.speech_input.draw()
         self.mistake_line.draw()
 
     def draw_hints(self) -> None:
-        """What keys do now, by what has the focus."""
+        """Draw what keys do now, for the pane with the focus."""
         focused, store = self._panes.screen.focused, self._store
         if store.input_mode == "LOCKED":
             self.key_hints.draw((), [BY_ID[id] for id in LOCKED_ACTIONS], store)
@@ -88,7 +88,7 @@ class ConsoleBars:
             self.key_hints.draw([*self._urgent_actions(), *own], [BY_ID[id] for id in COMMON_ACTIONS], store)
 
     def _urgent_actions(self) -> Iterator[ConsoleAction]:
-        """What a wizard who cannot act, or is asked, wants first."""
+        """What a wizard who cannot act, or is asked a question, needs first."""
         store = self._store
         if store.key_state == "STOPPED":
             yield BY_ID["release"]

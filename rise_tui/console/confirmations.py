@@ -1,4 +1,4 @@
-"""The questions that the console asks above itself, and their end when what they are about has changed."""
+"""The console's questions, and their withdrawal when their subject has changed."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ from rise_tui.screens.dialog import Dialog, DialogChoice
 
 
 class ConsoleHost(Protocol):
-    """For what opens over the console: questions, help, palette, tour."""
+    """The console, for what opens above it: questions, help, palette, tour."""
 
     @property
     def app(self) -> App[Any]: ...
@@ -31,35 +31,35 @@ class ConsoleHost(Protocol):
     def store(self) -> Store: ...
 
     def show_notice(self, text: str, level: Level = "info") -> None:
-        """Tell the wizard something."""
+        """Show the wizard a notice."""
 
     def action_do(self, action: str) -> None:
         """Carry out an action of the registry, or say why not."""
 
     def start(self, action: KeyAction) -> None:
-        """Ask for a start, with all care against accidents."""
+        """Request a start, with all protection against accidents."""
 
     def send(self, function: str, behavior: str = "") -> None:
-        """Give a task to the engine, without waiting."""
+        """Send a task to the engine, without waiting."""
 
     def request_control(self, verb: ControlVerb) -> None:
         """Take, ask for, give or release control, without waiting."""
 
 
 DIALOG_WIDTH = 58
-"""Characters of a line that a question has room for."""
+"""Characters in a line of a question."""
 
 
 class Confirmations:
-    """Belongs to one console."""
+    """The questions of one console."""
 
     def __init__(self, console: ConsoleHost) -> None:
         self._console = console
         self._control_shown: tuple[str | None, str | None] = (None, None)
-        """Who had control and who asked for it when the question about it was opened."""
+        """Who had control, and who asked for it, when the question about control opened."""
 
     def ask_to_release(self) -> None:
-        """Whether the stop is to be released; or, when nothing is stopped, the parts that are held."""
+        """Ask whether to release the stop or, if nothing is stopped, the held parts."""
         console = self._console
         stop = console.store.view.stop
         if not stop.latched and console.store.open_goals:
@@ -92,14 +92,14 @@ class Confirmations:
         console.app.push_screen(dialog, lambda yes: console.send("releaseOpenGoals") if yes else None)
 
     def _ask_about_rules(self, lines: list[str], rules: list[InterruptedRule], keys: Sequence[str]) -> None:
-        """The same question, and what becomes of the rules that the stop has ended."""
+        """Ask the same, and what should become of the rules that the stop ended."""
         console = self._console
         dialog = ReleaseDialog(lines, rules, keys)
         dialog.add_class("-release")
         console.app.push_screen(dialog, lambda yes: console.send("releaseStop", dialog.behavior) if yes else None)
 
     def ask_to_start(self, name: str, state: str) -> None:
-        """Whether a rule is to start in a state, and with the functions of its `onEntry` or without."""
+        """Ask whether to start a rule in a state, with or without the functions of its `onEntry`."""
         console = self._console
         store = console.store
         entered = store.scenario.rules[name].states[state]
@@ -120,7 +120,7 @@ class Confirmations:
         console.app.push_screen(Dialog("Start here?", lines, start, wait), begin)
 
     def ask_to_step_back(self, name: str) -> None:
-        """Whether a rule is to go a step back, and what goes back with it."""
+        """Ask whether a rule should go back one step, and show what goes back with it."""
         console = self._console
         step = find_back_step(console.store, name)
         if step is None:
@@ -135,7 +135,7 @@ class Confirmations:
         console.app.push_screen(dialog, go_back)
 
     def ask_about_control(self) -> None:
-        """What is to become of control, by who has it and who asks for it."""
+        """Ask what should happen to control, depending on who has it and who asks for it."""
         console = self._console
         store = console.store
         lines, choices = control_question(store.view.control, store.view.asked, store.own_name, key_name)
@@ -148,11 +148,11 @@ class Confirmations:
         console.app.push_screen(dialog, lambda key: console.request_control(verbs[key]) if key else None)
 
     def close_release_question(self) -> None:
-        """The stop that a question is about is not the last one any more."""
+        """Close a question about a stop that is no longer the last one."""
         self._withdraw("-release", "stopped again: the question about releasing the stop was closed")
 
     def close_outdated_control_question(self) -> None:
-        """Close the question about control when somebody else has it by now, or asks for it."""
+        """Close the question about control when somebody else now has it or asks for it."""
         if self._holder_and_asker() != self._control_shown:
             self._withdraw("-control", "control has just changed: the question about it was closed")
 

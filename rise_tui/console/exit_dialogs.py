@@ -1,4 +1,4 @@
-"""What is asked when somebody leaves, and what the terminal shows afterwards."""
+"""The questions on leaving, and what the terminal shows afterwards."""
 
 from __future__ import annotations
 
@@ -19,11 +19,11 @@ RECOVERY_LINES = (
 
 
 END_KEY = "ctrl+x"
-"""Asks to end the session. No study can bind it, and it only leads to a question that wants a word."""
+"""Asks to end the session. No study can bind it, and it opens only a question that needs a typed word."""
 
 
 def leave_dialog(store: Store) -> Dialog:
-    """What can be done when leaving: a session can be ended only by who has control."""
+    """The choices on leaving. Only the console with control can end the session."""
     lines = [session_title(store), *running_lines(store), ""]
     lines += ["Detach  the session goes on without this console;", "        reopen it with rise-tui."]
     if why_not := why_blocked(store, "change"):
@@ -36,7 +36,7 @@ def leave_dialog(store: Store) -> Dialog:
 
 
 def engine_gone_dialog(store: Store, *, in_study: bool = False) -> Dialog:
-    """What can be done when the engine has gone in the midst of a session."""
+    """The choices when the engine has gone during a session."""
     lines = [f"Recover  {line}" if line is RECOVERY_LINES[0] else f"         {line}" for line in RECOVERY_LINES]
     if store.attach_reply.role == "observer":
         lines = ["Watch    goes on, once somebody has recovered the session."]
@@ -49,7 +49,7 @@ def engine_gone_dialog(store: Store, *, in_study: bool = False) -> Dialog:
 
 
 def leave_shadow_dialog(store: Store) -> Dialog:
-    """While the cues of a session are played: what was pressed so far is kept."""
+    """The choices on leaving a shadow. The keys that were pressed so far are saved."""
     lines = [session_title(store), f"It is at {format_clock(store.now())}. The keys that you pressed are kept.", ""]
     lines += ["Continue with: rise-tui --shadow SESSION --recover"]
     return Dialog("Leave the shadow?", lines, DialogChoice("l", "Leave"), no="Stay", default="l")
@@ -58,7 +58,7 @@ def leave_shadow_dialog(store: Store) -> Dialog:
 def exit_message(store: Store, *, end: bool, in_time: bool, patience: float, signal_name: str = "") -> str:
     """What became of the session, in one line, and how to read what happened in it.
 
-    `patience`: seconds that it had to end. `signal_name`: of the signal that ended the console, if one did.
+    `patience`: seconds that it had to end. `signal_name`: the signal that ended the console, if one did.
     """
     if store.attach_reply.replay:
         return ""
@@ -81,19 +81,19 @@ def exit_message(store: Store, *, end: bool, in_time: bool, patience: float, sig
             return f"{lead}ended: {title}"
         where = abbreviate_home(kept)
         plain = where.removeprefix("~/")
-        typed = where if shlex.quote(plain) == plain else shlex.quote(kept)  # in quotes, `~` is no home
+        typed = where if shlex.quote(plain) == plain else shlex.quote(kept)  # in quotes, `~` is not the home folder
         return f"{lead}ended: the record is in {where}\nwhat happened: rise-engine report {typed}"
     return f"{lead}detached: {title} goes on; come back with: rise-tui"
 
 
 def leave_study_dialog() -> Dialog:
-    """While something is being prepared or asked over the screen of a study."""
+    """The question on leaving while something is being prepared or asked on the screen of a study."""
     lines = ["No session is running or starting.", "The results of the checks so far are saved."]
     return Dialog("Leave the study?", lines, DialogChoice("l", "Leave"), no="Stay")
 
 
 def study_exit_message(folder: str, busy: str, signal_name: str) -> str:
-    """What the terminal shows when somebody leaves the screen of a study. `busy`: what was just being done."""
+    """What the terminal shows after the screen of a study. `busy`: what was in progress."""
     lead = f"{signal_name}: " if signal_name else ""
     state = f"{busy}, and goes on without this console" if busy else "no session is running"
     return f"{lead}{state}; to come back to the study: rise-tui --config {abbreviate_home(folder)}"

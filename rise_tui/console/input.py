@@ -1,7 +1,7 @@
-"""The way of a key: past all care against accidents (console.md 2.1 to 2.4) to a task for the engine.
+"""The path of a key: through all protection against accidents (console.md 2.1 to 2.4) to a task for the engine.
 
-Pure: times, focus and timers come in, what counts goes out through `InputActions`; no screen is known here. Times are
-those of the monotonic clock.
+Pure: times, focus and timers come in, and valid keys go out through `InputActions`. This module knows no screen. Times
+are of the monotonic clock.
 """
 
 from __future__ import annotations
@@ -29,11 +29,11 @@ from rise_tui.model.notice import Level, task_label
 from rise_tui.model.store import Store
 
 TOGETHER_SECONDS = 0.012
-"""Two different keys nearer than this cannot come from two fingers' intent."""
+"""Two different keys closer than this cannot be two intended key presses."""
 PASTE_QUIET_SECONDS = 0.3
-"""After a paste, keys count again once nothing has come for this long."""
+"""After a paste, keys count again after this long without input."""
 ARMED_SECONDS = 2.0
-"""How long the first press of a `hold` act stays armed."""
+"""How long a `hold` act stays armed after its first press."""
 
 LINE_OPENERS = ("say", "note", "mistake")
 """Actions that open a line in which letters are not the scenario's keys."""
@@ -42,44 +42,44 @@ PASTED_ENTER = "the keys came too fast to be typed: nothing was said; press ente
 
 
 class RunningTimer(Protocol):
-    """A call that is due later."""
+    """A scheduled call."""
 
     def stop(self) -> None:
-        """It is not to come."""
+        """Cancel the call."""
 
 
 class InputActions(Protocol):
-    """What keys make happen. Nothing here waits for the engine."""
+    """What keys trigger. No method waits for the engine."""
 
     def submit(self, action: KeyAction, pressed: float | None) -> None:
-        """Give a task to the engine. `pressed`: session time of its key; None: it was the mouse."""
+        """Send a task to the engine. `pressed`: session time of its key; None: it was the mouse."""
 
     def submit_speech(self, action: KeyAction, typed: str, pressed: float | None) -> None:
-        """The same for free speech, which stood as `typed` in its field."""
+        """The same for free speech, whose field contained `typed`."""
 
     def show_notice(self, text: str, level: Level = "info") -> None:
-        """Tell the wizard something, and how much it matters."""
+        """Show the wizard a notice of this level."""
 
     def show_armed(self, act: str) -> None:
-        """Show that the first of two presses of an act was seen; empty: no longer."""
+        """Show that the first of an act's two presses was seen; empty: no longer."""
 
     def show_mode(self) -> None:
-        """Show that keys start things, or that they no longer do."""
+        """Show whether keys start things."""
 
     def ask_what_was_wrong(self, task: int) -> None:
-        """Open the line in which a mark is bettered."""
+        """Open the line that corrects a mark."""
 
     def leave_transient(self) -> None:
-        """Esc, when no act is armed."""
+        """Handle Esc when no act is armed."""
 
 
 class InputController:
-    """All keys of one console: which count, and what they ask of the engine.
+    """All keys of one console: which count, and what they request from the engine.
 
-    - Keys that arrive together are a paste, or a link that stalled: none of them counts. The terminal's reader knows
-      that (they came in one read); and no two fingers are so quick as the pieces of a paste that came in several.
+    - Keys that arrive together are a paste, or a link that stalled: none of them counts. The terminal's reader
+      recognises them, because they came in one read. The pieces of a paste in several reads are faster than fingers.
     - A press within the debounce time of the last one of the same kind counts once; a held key counts once.
-    - A `hold` act needs a second press, or Enter, and a key that repeats because it is held down is not a second press.
+    - A `hold` act needs a second press, or Enter. A held key that repeats is not a second press.
     """
 
     def __init__(
@@ -96,30 +96,30 @@ class InputController:
         self._last_at = float("-inf")
         self._paste_until = float("-inf")
         self._pressed: dict[tuple[str, str], float] = {}
-        """By function and behavior: the last press, whether it counted or not."""
+        """The last press by function and behavior, whether it counted or not."""
         self._pending: tuple[KeyAction, float, RunningTimer] | None = None
-        """The second press of an act that needs two: it counts unless it turns out to be a held key."""
+        """The second press of an act that needs two. It counts unless it turns out to be a held key."""
         self._armed: KeyAction | None = None
         """The `hold` act whose first press was seen."""
         self._disarm_timer: RunningTimer | None = None
         self._typed = ""
-        """The speech that is being pressed, as it stands in its field."""
+        """The speech that is being pressed, as it is in its field."""
 
     @property
     def is_pasting(self) -> bool:
         """Whether the last key was part of a paste."""
         return self._last_at < self._paste_until
 
-    # --- what came from the terminal --------------------------------------------------------------------------------
+    # --- input from the terminal ------------------------------------------------------------------------------------
 
     def observe_key(self, key: str, at: float, *, typing: bool = False, together: bool = False) -> None:
-        """Every key, before anything acts on it.
+        """Note every key, before anything acts on it.
 
-        `typing`: it goes into a text field. `together`: whether it came in one piece with others.
+        `typing`: it goes into a text field. `together`: it came in one piece with others.
         """
         self._key_at = at
         near = at - self._last_at < TOGETHER_SECONDS and key != self._last_key
-        if together or (near and not typing) or at < self._paste_until:  # in a field, a typist's keys may come near
+        if together or (near and not typing) or at < self._paste_until:  # in a field, a typist's keys may be close
             if at >= self._paste_until and not typing:
                 self._actions.show_notice(PASTED_KEYS)
             self._paste_until = at + PASTE_QUIET_SECONDS
@@ -127,14 +127,14 @@ class InputController:
         self._last_key, self._last_at = key, at
 
     def observe_mouse(self) -> None:
-        """A press of the mouse: what happens now has no key."""
+        """Note a press of the mouse: what happens now has no key."""
         self._key_at = None
 
     def admits_key(self, key: str, *, printable: bool, typing: bool, leaving: bool) -> bool:
-        """Whether a key may go on to whatever has the focus; dialogs or not, all of them come by here.
+        """Whether a key may go on to the widget with the focus. All keys pass here, with or without a dialog.
 
-        Text that is pasted where nobody types is no row of commands and answers. While it is LOCKED only stopping,
-        leaving and unlocking go on, and the answer to the question about leaving (`leaving`: it is open).
+        Text that is pasted outside a field does not act as commands or answers. While LOCKED, only stopping, leaving
+        and unlocking go on, and answers to the question about leaving (`leaving`: it is open).
         """
         if self.is_pasting and not typing and (printable or key == "enter"):
             return False
@@ -143,7 +143,7 @@ class InputController:
         return self.admits_other(leaving=leaving, says_why=True)
 
     def admits_other(self, *, leaving: bool, says_why: bool) -> bool:
-        """Whether anything else of the mouse and the clipboard may go on."""
+        """Whether other input from the mouse or the clipboard may go on."""
         if self._store.input_mode != "LOCKED" or leaving:
             return True
         if says_why:
@@ -151,7 +151,8 @@ class InputController:
         return False
 
     def handle_key(self, key: str, at: float, *, selected_act: str) -> bool:
-        """A key that no field has taken: one of the scenario, Enter for an armed act, Esc. False: none of these.
+        """Handle a key that no field has taken: one of the scenario, Enter for an armed act, or Esc. False: none of
+        these.
 
         `selected_act`: the act under the cursor, while the list of acts has the focus.
         """
@@ -169,17 +170,17 @@ class InputController:
             return False
         return True
 
-    # --- what is asked for ------------------------------------------------------------------------------------------
+    # --- requests ---------------------------------------------------------------------------------------------------
 
     def start(self, action: KeyAction, at: float | None = None) -> None:
-        """Ask for something, with all care against accidents. `at`: when its key was pressed."""
+        """Request something, with all protection against accidents. `at`: when its key was pressed."""
         if reason := why_task_blocked(self._store, action.function):
             self._refuse(action, reason)
         else:
             self.press(action, self._now_or_key if at is None else at)
 
     def speak(self, typed: str, text: str, *, at_once: bool) -> None:
-        """Free speech: `typed` as it stands in its field, `text` with the memory's values."""
+        """Request free speech: `typed` is the text in its field, `text` has the memory's values filled in."""
         if reason := why_blocked(self._store, "start"):
             self._actions.show_notice(f"not said: {reason}", "wait")
             return
@@ -189,7 +190,7 @@ class InputController:
             self._actions.show_notice(PASTED_ENTER, "wait")
 
     def repeat_failed_act(self) -> None:
-        """Start the act again whose failure is shown, as it was asked for, with the care that every start takes."""
+        """Start the failed act that is shown again, as it was requested, with the usual protection of a start."""
         if (failed := next(iter(unanswered_failures(self._store)), None)) is not None:
             self._typed = ""
             if is_question(self._store, failed):
@@ -198,7 +199,7 @@ class InputController:
             self.start(start_action(self._store.scenario, failed.function, failed.behavior, failed.calling_type))
 
     def go_on_without_failed_act(self) -> None:
-        """Put the failure away that is shown."""
+        """Dismiss the failure that is shown."""
         if (failed := next(iter(unanswered_failures(self._store)), None)) is not None and not self.is_pasting:
             self.send("goOn", str(failed.id))
 
@@ -208,7 +209,7 @@ class InputController:
             self.send("stopRuleOfAct", str(failed.id))
 
     def mark_mistake(self) -> None:
-        """Mark what the wizard did last as wrong at once, and ask for the better word."""
+        """Mark what the wizard did last as wrong immediately, and ask for the correct word."""
         if self.is_pasting:
             return
         shadows = self._store.attach_reply.shadow
@@ -221,15 +222,15 @@ class InputController:
         self._actions.ask_what_was_wrong(task.id)
 
     def send(self, function: str, behavior: str = "") -> None:
-        """Give a task to the engine at once, whatever was pressed before: stopping, marks, changes of the memory."""
+        """Send a task to the engine immediately, whatever was pressed before: a stop, a mark, a memory change."""
         self._actions.submit(KeyAction(function, behavior), self._session_time(self._key_at))
 
     def switch_safe(self) -> None:
-        """LIVE or SAFE."""
+        """Switch between LIVE and SAFE."""
         self._switch(toggle_safe(self._store.input_mode))
 
     def switch_lock(self) -> None:
-        """LOCKED, or SAFE."""
+        """Switch to LOCKED, or from LOCKED to SAFE."""
         self._switch(toggle_lock(self._store.input_mode))
 
     def _switch(self, mode: InputMode) -> None:
@@ -238,17 +239,17 @@ class InputController:
         self._actions.show_notice(mode_notice(mode, key_name))
         self._actions.show_mode()
 
-    # --- which presses count ----------------------------------------------------------------------------------------
+    # --- valid presses ----------------------------------------------------------------------------------------------
 
     def press(self, action: KeyAction, at: float) -> bool:
-        """A key or Enter asks for something; `at` is when it was pressed. False when it is part of a paste."""
+        """Request what a key or Enter means; `at`: when it was pressed. False when it is part of a paste."""
         same = (action.function, action.behavior)
         last = self._pressed.get(same, float("-inf"))
         self._pressed[same] = at
         if at < self._paste_until:
             return False
         if self._armed is not None and (self._armed.function, self._armed.behavior) == same:
-            # A held key repeats: wait long enough to see whether another of its kind follows.
+            # A held key repeats: wait long enough to see whether another press of it follows.
             self._drop_pending()
             if at - last >= HELD_KEY_SECONDS:
                 self._pending = action, at, self._set_timer(HELD_KEY_SECONDS, self._accept_pending)
@@ -261,7 +262,7 @@ class InputController:
         return True
 
     def confirm_armed(self) -> None:
-        """Enter, while an act is armed: starts it."""
+        """Start the armed act on Enter."""
         if self._armed is not None and not self.is_pasting:
             self._accept_at_once(self._armed, self._last_at)
 
@@ -279,7 +280,7 @@ class InputController:
     def _accept_at_once(self, action: KeyAction, at: float) -> None:
         if self._pending is not None and self._pending[0] != action:
             self._pending[2].stop()
-            self._accept_pending()  # another key, not near enough to be a paste: the one before it counts
+            self._accept_pending()  # another key, too late to be a paste: the earlier one counts
         self._drop_pending()
         self._accept_press(action, at)
 
@@ -295,7 +296,7 @@ class InputController:
             self._pending = None
 
     def _accept_press(self, action: KeyAction, at: float) -> None:
-        """A press counts: it arms an act that needs two, or else is carried out."""
+        """Accept a press: arm an act that needs two, or carry it out."""
         armed = self._armed is not None and self._armed.behavior == action.behavior
         self.disarm()
         if action.hold and not armed:
@@ -306,11 +307,11 @@ class InputController:
             self._carry_out(action, at)
 
     def _disarm_later(self) -> None:
-        if self._pending is None:  # else the second press is being looked at
+        if self._pending is None:  # else the second press is being examined
             self.disarm()
 
     def _carry_out(self, action: KeyAction, at: float) -> None:
-        """What was possible when the key was pressed may not be now."""
+        """Check again: what was possible when the key was pressed may no longer be."""
         if reason := why_task_blocked(self._store, action.function):
             self._refuse(action, reason)
         elif (kept := self._kept_task(action)) is not None:
@@ -321,7 +322,7 @@ class InputController:
             self._actions.submit(action, self._session_time(at))
 
     def _kept_task(self, action: KeyAction) -> int | None:
-        """The task whose event is still kept, when a key asks for it once more: that takes it back."""
+        """The task whose event is still kept, if a key requests it again: that takes the event back."""
         kept = self._store.view.kept
         if not kept or action.function != EVENT or not is_object(action.behavior):
             return None
@@ -340,10 +341,10 @@ class InputController:
         return self._clock() if self._key_at is None else self._key_at
 
     def _session_time(self, at: float | None) -> float | None:
-        """Session time of something that happened at `at`."""
+        """The session time of something that happened at `at`."""
         return None if at is None else max(0.0, self._store.now() - max(0.0, self._clock() - at))
 
 
 def line_opener(key: str) -> str:
-    """The action of this key that opens a line for letters; empty when there is none."""
+    """The action of this key that opens a line for letters; empty if there is none."""
     return next((id for id in LINE_OPENERS if key in keys_of(BY_ID[id])), "")

@@ -1,4 +1,4 @@
-"""Where the lists and panes stand: two or all of them beside the control area, by the size of the terminal."""
+"""The places of lists and panes: two or all panes beside the control area, depending on the size of the terminal."""
 
 from __future__ import annotations
 
@@ -26,23 +26,23 @@ LOWER = ("log", "scheduler")
 MONITORING = (*UPPER, *LOWER)
 
 ONE_PANE_BELOW = (80, 24)
-"""Below this there is room for one monitoring pane only."""
+"""A smaller terminal has room for one monitoring pane only."""
 
 
 def layout_for(width: int, height: int) -> LayoutKind:
-    """Two monitoring panes from 80x24 on, all from 180 columns; in a smaller terminal there is room for one."""
+    """Two monitoring panes from 80x24 on, all from 180 columns and 30 rows; one in a smaller terminal."""
     if width < ONE_PANE_BELOW[0] or height < ONE_PANE_BELOW[1]:
         return "one"
     return "all" if width >= 180 and height >= 30 else "two"
 
 
 def is_narrow(width: int) -> bool:
-    """Whether lists give way to monitoring panes."""
+    """Whether monitoring panes take the place of the lists."""
     return width < 100
 
 
 class Layout(Container):
-    """The control area at the left, monitoring at the right."""
+    """The control area on the left, monitoring on the right."""
 
     DEFAULT_CSS = """
     Layout {
@@ -93,7 +93,7 @@ class Layout(Container):
         self.panes["rules"].styles.height = max(4, len(store.scenario.rules) + 1)
 
     def compose(self) -> ComposeResult:
-        self._arrange()  # now: a class that came later would have everything styled and laid out twice
+        self._arrange()  # now: a class added later would style and lay out everything twice
         with self._groups["control"]:
             yield from (self.panes[name] for name in START_LISTS)
         with self._groups["monitoring"]:
@@ -106,7 +106,7 @@ class Layout(Container):
         self.call_after_refresh(self._mount_hidden)
 
     def _mount_hidden(self) -> None:
-        """What nobody sees yet is made when the first frame is on the terminal."""
+        """Create what is still hidden once the first frame is on the terminal."""
         for pane in self.panes.values():
             pane.mount_contents()
 
@@ -114,11 +114,11 @@ class Layout(Container):
         self._arrange_and_repaint()
 
     def focused_pane(self) -> Pane | None:
-        """The list or pane that has the focus."""
+        """The list or pane with the focus."""
         return next((pane for pane in self.panes.values() if pane.has_focus_within), None)
 
     def visible_panes(self) -> Iterator[Pane]:
-        """Those that can be seen now."""
+        """The panes that are visible now."""
         return (pane for name, pane in self.panes.items() if self._is_shown(name))
 
     def focus_pane(self, name: str) -> None:
@@ -130,13 +130,13 @@ class Layout(Container):
         if self._zoomed:
             self._zoomed = name
         self._arrange_and_repaint()
-        self.screen.set_focus(self.panes[name].row_view)  # `Widget.focus` would repaint the whole list
+        self.screen.set_focus(self.panes[name].row_view)  # `Widget.focus` repaints the whole list
 
     def focus_next_list(self) -> None:
         self.focus_pane("rules" if self.panes["acts"].has_focus_within else "acts")
 
     def focus_next_pane(self, step: int = 1) -> None:
-        """To the next monitoring pane, or with -1 to the one before; from the control area to the one in front."""
+        """Go to the next monitoring pane, with -1 to the previous one; from the control area to the one in front."""
         here = self.focused_pane()
         if here is None or here.SCOPE in START_LISTS:
             self.focus_pane(self._front)
@@ -144,7 +144,7 @@ class Layout(Container):
             self.focus_pane(MONITORING[(MONITORING.index(here.SCOPE) + step) % len(MONITORING)])
 
     def toggle_zoom(self) -> None:
-        """Give the focused pane all the room, or give it back."""
+        """Give the focused pane all the room, or restore the layout."""
         here = self.focused_pane()
         self._zoomed = "" if self._zoomed or here is None else here.SCOPE
         self._arrange_and_repaint()
@@ -154,12 +154,12 @@ class Layout(Container):
         return bool(self._zoomed)
 
     def layout_state(self) -> dict[str, str]:
-        """Which panes are in front and which has the focus: what another start restores. A zoom is not kept."""
+        """The panes in front and the pane with the focus, for the next start. A zoom is not saved."""
         here = self.focused_pane()
         return {**self._active, "front": self._front, "focus": here.SCOPE if here is not None else "acts"}
 
     def restore_state(self, state: Mapping[str, str]) -> None:
-        """Take over what `layout_state` gave; names of panes that are unknown change nothing."""
+        """Restore what `layout_state` returned. Unknown panes change nothing."""
         for group, names in (("upper", UPPER), ("lower", LOWER)):
             if state.get(group) in names:
                 self._active[group] = state[group]
@@ -198,7 +198,7 @@ class Layout(Container):
         self.call_after_refresh(self._repaint_visible)
 
     def _arrange(self) -> None:
-        """Show and hide by the size of the terminal, tabs and zoom."""
+        """Show and hide panes by the size of the terminal, the tabs and the zoom."""
         self._layout_kind = layout_for(*self.app.size)
         self.set_class(self._layout_kind == "two", "-two")
         self.set_class(self._layout_kind == "all", "-all")

@@ -1,4 +1,4 @@
-"""Opens what lies over the console: help, palette, themes, jump mode, the tour, and the editor of a study's files."""
+"""Opens what covers the console: help, palette, themes, jump mode, the tour, and the editor of a study's files."""
 
 from __future__ import annotations
 
@@ -28,17 +28,17 @@ RUNS = "the running session keeps its own copy of the files; what you save appli
 
 
 def open_help(console: ConsoleHost, scope: KeyScope | None) -> None:
-    """Every key and word; those of the focused pane (`scope`) first."""
+    """Open the help with every key and word, the focused pane's (`scope`) first."""
     console.app.push_screen(HelpScreen(list(help_entries(console.store, scope))))
 
 
 def open_study_help(app: App[object]) -> None:
-    """Every key and word of a study's screen."""
+    """Open the help with every key and word of a study's screen."""
     app.push_screen(HelpScreen(list(study_help_entries())))
 
 
 def open_study_palette(app: App[object], run: Callable[[str], None] | None) -> None:
-    """What can be done on a study's screen, and the themes; without `run` the themes alone."""
+    """Open the palette with a study screen's commands and the themes; without `run` only the themes."""
 
     def use_theme(name: str) -> None:
         app.theme = name
@@ -52,13 +52,13 @@ def open_study_palette(app: App[object], run: Callable[[str], None] | None) -> N
 
 
 def open_palette(console: ConsoleHost, scope: KeyScope | None) -> None:
-    """Everything that can be done, with the focused pane's actions first."""
+    """Open the palette with all commands, the focused pane's actions first."""
     commands = [*palette_commands(console.store, scope, console.action_do, console.start), *_theme_commands(console)]
     _open_palette(console, commands, "command, act, rule, event or theme")
 
 
 def open_theme_palette(console: ConsoleHost) -> None:
-    """The palette with the themes alone."""
+    """Open the palette with the themes only."""
     _open_palette(console, _theme_commands(console), "theme")
 
 
@@ -80,7 +80,7 @@ def _open_palette(console: ConsoleHost, commands: Sequence[PaletteCommand], plac
 
 
 def open_jump_mode(console: ConsoleHost, panes: Layout, hints: Region) -> None:
-    """Letters over the title bars; what the letters are is said where the key hints stand."""
+    """Show letters over the title bars. The key hints explain them."""
 
     def focus_pane(name: str | None) -> None:
         if name:
@@ -90,7 +90,7 @@ def open_jump_mode(console: ConsoleHost, panes: Layout, hints: Region) -> None:
 
 
 def _title_labels(panes: Layout) -> Iterator[TitleLabels]:
-    """Over each title bar that can be seen; over that of a zoomed pane, all there are."""
+    """Labels over each visible title bar; over a zoomed pane's title, labels for all panes."""
     for pane in panes.visible_panes():
         names = tuple(panes.panes) if panes.is_zoomed else tuple(name for name, _ in pane.title.tabs)
         titles = [(LETTERS[name], panes.panes[name].TITLE, name == pane.SCOPE) for name in names]
@@ -100,18 +100,19 @@ def _title_labels(panes: Layout) -> Iterator[TitleLabels]:
 def open_tour(
     console: ConsoleHost, panes: Layout, part_of: Callable[[str], Region], on_end: Callable[[], None] | None
 ) -> None:
-    """`part_of`: where something stands that the tour points at. `on_end` is called when it has ended."""
+    """Open the tour. `part_of`: the place of a part that the tour points at. `on_end`: called at its end."""
     panes.unzoom()
     tour = TourScreen(part_of, lambda: panes.region)
     console.app.push_screen(tour, lambda _: on_end() if on_end is not None else None)
 
 
 async def open_editor(app: App[object], folder: str, refuse: Callable[[str], None], *, runs: bool) -> None:
-    """The editor of a study's files, over whatever is shown.
+    """Open the editor of a study's files over the current screen.
 
-    `refuse` is told why it does not open. `runs`: whether a session runs here, so that the stop key must work.
+    `refuse` receives the reason if it does not open. `runs`: whether a session runs here, so that the stop key must
+    work.
     """
-    # Most sessions never open it. It takes half a second to load: beside the loop, since the stop key does not wait.
+    # Most sessions never open it. Loading takes half a second: off the loop, because the stop key must not wait.
     await asyncio.to_thread(import_module, "rise_tui.editor.screen")
     from rise_engine.author.edit.plan import EditRefused
     from rise_engine.author.edit.workspace import Workspace
@@ -134,10 +135,10 @@ async def open_editor(app: App[object], folder: str, refuse: Callable[[str], Non
 
 
 def show_stop_in_editor(app: App[object]) -> None:
-    """The stop key was pressed: the editor that lies over the console says so, for it hides what came of it."""
+    """Report the stop in an editor that covers the console, because the editor hides its effect."""
     if not is_editing(app):
         return
-    from rise_tui.editor.screen import EditScreen  # it is loaded already
+    from rise_tui.editor.screen import EditScreen  # it is already loaded
 
     for screen in app.screen_stack:
         if isinstance(screen, EditScreen):
@@ -145,22 +146,22 @@ def show_stop_in_editor(app: App[object]) -> None:
 
 
 def show_flash(app: App[object], number: int) -> None:
-    """A mark for cameras, over whatever is shown, for a moment. No key goes to it, and none is kept from anything."""
+    """Show a mark for cameras over the current screen for a moment. It takes no keys and blocks nothing."""
     for earlier in app.screen.query(Flash):
         earlier.remove()
     app.screen.mount(Flash(number, on_dark=app.current_theme.dark))
 
 
 def show_when_too_small(app: App[object], store: Store | None) -> None:
-    """Say what is needed when the window has become too small for a console. `store`: None while no session runs."""
+    """Say what is needed when the window is too small for a console. `store`: None while no session runs."""
     if is_too_small(*app.size) and not any(isinstance(screen, TooSmallScreen) for screen in app.screen_stack):
         app.push_screen(TooSmallScreen(store))
 
 
 def close_all_above(console: Screen[None]) -> None:
-    """Questions and lists above the console close unanswered: one that was forgotten should not be there later.
+    """Close questions and lists above the console unanswered: a forgotten one should not be there later.
 
-    What is being typed stays in its field.
+    Text that is being typed stays in its field.
     """
     while console.app.screen is not console:
         console.app.screen.dismiss()

@@ -1,4 +1,4 @@
-"""When what is repainted: soon, never faster than a terminal can take, and only what differs (console.md 8.2)."""
+"""When to repaint what: soon, never faster than a terminal can take, and only what differs (console.md 8.2)."""
 
 from __future__ import annotations
 
@@ -17,18 +17,18 @@ from rise_tui.model.store import Store, StorePart
 FRAME_SECONDS = 1 / 15
 """Seconds between two repaints while records pour in."""
 PAINTING_SHARE = 1 / 8
-"""Of the time, at most so much goes into painting while records pour in, however dear that is."""
+"""The largest share of time for painting while records pour in, however slow painting is."""
 LONGEST_PAUSE_SECONDS = 0.5
-"""Whatever the last frame took: on a busy machine it may have been others that took it."""
+"""The longest pause, whatever the last frame took: on a busy machine, other programs may have taken the time."""
 NOTICE_SECONDS = 12.0
 NOTICE_LEAST_SECONDS = 1.0
-"""A notice stays this long, whatever is pressed."""
+"""A notice stays at least this long, whatever the wizard presses."""
 TENTH_SECONDS = 0.1
-"""Seconds between two looks at the time since the cue, while it is counted."""
+"""Seconds between two updates of the time since the cue, while it is counted."""
 
 
 class RefreshScheduler:
-    """The rhythm in which the bars and the panes follow the store."""
+    """The rhythm in which bars and panes follow the store."""
 
     def __init__(
         self,
@@ -42,16 +42,16 @@ class RefreshScheduler:
         self._frame: Timer | None = None
         self._cue_timer: Timer | None = None
         self._spent = 0.0
-        """Seconds that it took to draw the latest frame."""
+        """Seconds that drawing the latest frame took."""
         self._painted = 0.0
-        """When that was; monotonic."""
+        """When that was, on the monotonic clock."""
         self._notice: Notice | None = None
-        """The notice that is shown, and since when; monotonic."""
+        """The notice that is shown, and since when, on the monotonic clock."""
         self._notice_at = 0.0
         self._control_lost_at = 0.0
-        """Since when the line about lost control is shown; monotonic, 0 while it is not."""
+        """Since when the line about lost control is shown, on the monotonic clock; 0 while it is not."""
         self._has_rows = False, False
-        """Whether there was anything in the log and in the memory when the hints were drawn."""
+        """Whether the log and the memory had rows when the hints were last drawn."""
         self._draw_by_parts: tuple[tuple[frozenset[StorePart], Callable[[], None]], ...] = (
             (frozenset({"status", "stop", "cue"}), self._draw_status),
             (frozenset({"acts", "rules", "memory", "status", "stop", "cue"}), bars.speech_band.draw),
@@ -61,32 +61,32 @@ class RefreshScheduler:
             (frozenset({"acts", "tasks", "status", "stop", "memory"}), bars.failure_bar.draw),
             (frozenset({"notice", "cue", "acts"}), self._draw_notice),
         )
-        """What of the store each bar shows."""
+        """The parts of the store that each bar shows."""
 
     def schedule(self, parts: frozenset[StorePart] | set[StorePart]) -> None:
-        """The store changed; paint soon."""
+        """Paint changed parts of the store soon."""
         self._dirty |= parts
         if self._frame is None and self._panes.is_mounted:
             pause = max(FRAME_SECONDS, min(self._spent / PAINTING_SHARE, LONGEST_PAUSE_SECONDS))
             self._frame = self._set_timer(max(0.001, self._painted + pause - monotonic()), self._paint)
 
     def repaint_panes(self, *names: str) -> None:
-        """Paint these panes, those that can be seen, at once."""
+        """Paint those of these panes that are visible immediately."""
         for pane in self._panes.visible_panes():
             if pane.SCOPE in names:
                 pane.repaint()
 
     def draw_all(self) -> None:
-        """Draw every bar, whatever has changed."""
+        """Draw every bar, changed or not."""
         for _, draw in self._draw_by_parts:
             draw()
         self._bars.draw_open_lines()
         self._bars.draw_hints()
 
-    # --- what the clock changes -------------------------------------------------------------------------------------
+    # --- updates by the clock ---------------------------------------------------------------------------------------
 
     def draw_every_second(self) -> None:
-        """Once a second."""
+        """Draw what changes with the clock, once a second."""
         bars, store = self._bars, self._store
         bars.status_line.draw()
         bars.speech_band.draw()
@@ -100,7 +100,7 @@ class RefreshScheduler:
             self.clear_notice()
 
     def draw_every_half_second(self) -> None:
-        """Twice a second; does something only while something runs or waits."""
+        """Draw running times twice a second, while something runs or waits."""
         view, bars = self._store.view, self._bars
         if (view.running or view.waiting) and not self._store.gone_reason:
             self.repaint_panes("acts", "act", "scheduler")
@@ -109,13 +109,13 @@ class RefreshScheduler:
             bars.speech_band.draw()
 
     def _draw_every_tenth(self) -> None:
-        """Ten times a second, and only while somebody waits for an answer."""
+        """Draw ten times a second, while somebody waits for an answer."""
         self._cue_timer = None
         self._draw_status()
         self._draw_notice()
 
     def _draw_in_a_tenth(self) -> None:
-        """Come back in a tenth of a second if a cue is counted."""
+        """Draw again in a tenth of a second if a cue is counted."""
         store = self._store
         counts = counts_tenths(store.cue_clock, store.now()) and not store.gone_reason and store.cut_since is None
         if counts and self._cue_timer is None:
@@ -124,9 +124,10 @@ class RefreshScheduler:
     # --- notices ------------------------------------------------------------------------------------------------------
 
     def dismiss_read_notices(self) -> None:
-        """A notice has been read when the next key is pressed; so has the line that control was taken.
+        """Dismiss the notices that the wizard has read: the next key counts as reading, also for the line about lost
+        control.
 
-        They go with the next frame: what the key asks for comes first.
+        They go with the next frame, because the key's own effect comes first.
         """
         store = self._store
         lost = store.control_lost is not None and self._control_lost_at
@@ -156,7 +157,7 @@ class RefreshScheduler:
                 draw()
         if dirty & {"acts", "status", "stop"} or (self._bars.is_typing and dirty & {"tasks", "memory"}):
             self._bars.draw_open_lines()
-        has_rows = bool(self._store.log.all), bool(self._store.view.memory)  # some actions are only for what there is
+        has_rows = bool(self._store.log.all), bool(self._store.view.memory)  # some actions need rows
         if dirty & {"acts", "status", "stop"} or has_rows != self._has_rows:
             self._has_rows = has_rows
             self._bars.draw_hints()

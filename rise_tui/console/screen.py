@@ -1,4 +1,4 @@
-"""The console: wires keys, lists, panes and bars to the session. Nothing here waits for the engine (console.md 5.1)."""
+"""The console: connects keys, lists, panes and bars to the session. It never waits for the engine (console.md 5.1)."""
 
 from __future__ import annotations
 
@@ -46,7 +46,7 @@ from rise_tui.widgets.speech_input import SpeechInput
 from rise_tui.widgets.static_lines import StaticLines
 
 CLOCK_SECONDS, RUNNING_SECONDS = 1.0, 0.5
-"""How often the clock moves, and running times, only while something runs."""
+"""Seconds between updates of the clock, and of running times while something runs."""
 
 
 class ConsoleScreen(Screen[None]):
@@ -59,7 +59,7 @@ class ConsoleScreen(Screen[None]):
     """
 
     class OpenSettings(Message):
-        """The wizard wants other settings; the app knows how to start sessions."""
+        """The wizard wants other settings. The app knows how to start sessions."""
 
     def __init__(self, session: ConsoleSession) -> None:
         super().__init__()
@@ -68,7 +68,7 @@ class ConsoleScreen(Screen[None]):
         self.bars = ConsoleBars(session.store, self.pane_layout)
         self.refresh_scheduler = RefreshScheduler(session.store, self.pane_layout, self.bars, self.set_timer)
         self._kept_note = ""
-        """A note that was typed and not taken."""
+        """A note that was typed and not accepted."""
         self.confirmations = Confirmations(self)
         self.input = InputController(session.store, self, self.set_timer)
 
@@ -90,7 +90,7 @@ class ConsoleScreen(Screen[None]):
         self.pane_layout.focus_pane("acts")
 
     def _store_changed(self, parts: frozenset[StorePart] | set[StorePart]) -> None:
-        if "flash" in parts and self.store.flash is not None:  # at once: a camera sees when it is there
+        if "flash" in parts and self.store.flash is not None:  # immediately: a camera records the moment
             overlays.show_flash(self.app, self.store.flash.number)
         self.refresh_scheduler.schedule(parts)
         if "status" in parts:
@@ -101,7 +101,7 @@ class ConsoleScreen(Screen[None]):
         overlays.show_when_too_small(self.app, self.store)
 
     def on_screen_resume(self, event: events.ScreenResume) -> None:
-        if self.stack_updates == 0:  # for the first time: everything has just been styled as it was mounted
+        if self.stack_updates == 0:  # the first time: mounting has just styled everything
             event.refresh_styles = False
         overlays.show_when_too_small(self.app, self.store)
 
@@ -122,12 +122,12 @@ class ConsoleScreen(Screen[None]):
         return takes_text(self.app.focused) or is_editing(self.app)
 
     def observe_key(self, event: events.Key, together: bool) -> None:
-        """Every key, whatever has the focus, before anything acts on it. `together`: whether it came with others."""
+        """Note every key before anything acts on it, whatever has the focus. `together`: it came with others."""
         self.refresh_scheduler.dismiss_read_notices()
         self.input.observe_key(event.key, event.time, typing=self._is_typing, together=together)
 
     def admits(self, event: events.Event) -> bool:
-        """Whether an event of the keyboard or the mouse may go on; all of them come by here, dialogs or not."""
+        """Whether an event of the keyboard or the mouse may go on. All of them pass here, with or without a dialog."""
         leaving = self.app.screen.has_class("-quit")
         if isinstance(event, events.Key):
             return self.input.admits_key(
@@ -138,10 +138,10 @@ class ConsoleScreen(Screen[None]):
         return self.input.admits_other(leaving=leaving, says_why=isinstance(event, events.MouseDown | events.Paste))
 
     def handle_key_first(self, event: events.Key) -> bool:
-        """Open a line in which letters mean something else: the next key is the line's, however soon it comes.
+        """Open a line in which letters mean something else, so that even a very quick next key goes to that line.
 
-        The scenario's keys are carried out here too, so that none overtakes another. Only when no dialog and no field
-        is there that the key could be meant for.
+        It also carries out the scenario's keys, so that none overtakes another. It acts only without a dialog or field
+        that the key could be for.
         """
         if self.app.screen is not self or isinstance(self.focused, Input):
             return False
@@ -156,7 +156,7 @@ class ConsoleScreen(Screen[None]):
         return True
 
     def on_key(self, event: events.Key) -> None:
-        """Keys that nothing else has taken."""
+        """Handle keys that nothing else has taken."""
         if isinstance(self.focused, Input):
             return
         self.bars.mistake_line.close()
@@ -170,7 +170,7 @@ class ConsoleScreen(Screen[None]):
         pane = self.pane_layout.focused_pane()
         return pane.row_view.current_id if pane is not None and pane.SCOPE == "acts" else ""
 
-    # --- what keys make happen: InputActions ------------------------------------------------------------------------
+    # --- effects of keys: InputActions ------------------------------------------------------------------------------
 
     def submit(self, action: KeyAction, pressed: float | None) -> None:
         self._run_beside(self.session.submit(action.function, action.behavior, action.calling_type, pressed))
@@ -202,18 +202,18 @@ class ConsoleScreen(Screen[None]):
         if not (pane is not None and pane.leave_transient()):
             self.pane_layout.unzoom()
 
-    # --- what panes and hints ask -----------------------------------------------------------------------------------
+    # --- requests of panes and hints --------------------------------------------------------------------------------
 
     def _run_beside(self, work: Coroutine[Any, Any, object]) -> None:
-        """Something for the engine: it is sent, and answered, while the console goes on."""
+        """Run something for the engine, while the console goes on."""
         self.run_worker(work, group="send")
 
     def start(self, action: KeyAction) -> None:
-        """Ask for a start, with all care against accidents."""
+        """Request a start, with all protection against accidents."""
         self.input.start(action)
 
     def send(self, function: str, behavior: str = "") -> None:
-        """Give a task to the engine, without waiting."""
+        """Send a task to the engine, without waiting."""
         self.input.send(function, behavior)
 
     def request_control(self, verb: ControlVerb) -> None:
@@ -221,7 +221,7 @@ class ConsoleScreen(Screen[None]):
         self._run_beside(self.session.change_control(verb))
 
     def show_notice(self, text: str, level: Level = "info") -> None:
-        """Tell the wizard something."""
+        """Show the wizard a notice."""
         self.session.show_notice(Notice(text, level))
 
     @on(SubmitTask)
@@ -265,7 +265,7 @@ class ConsoleScreen(Screen[None]):
     def action_do(self, action: str) -> None:
         """Carry out an action of the registry, or say why not."""
         if action == "control" and self.store.attach_reply.shadow:
-            action = "pause"  # nobody else is there who could have control
+            action = "pause"  # nobody else could have control
         if reason := why_unavailable(BY_ID[action], self.store):
             self.show_notice(f"{BY_ID[action].title}: not now, {reason}")
             return
@@ -275,7 +275,7 @@ class ConsoleScreen(Screen[None]):
         self.action_calls()[action]()
 
     def action_calls(self) -> dict[str, Callable[[], object]]:
-        """What carries out each action that belongs to no pane."""
+        """The methods that carry out the actions of no pane."""
         return {
             "stop": self.stop_all,
             "quit": lambda: self.app.run_worker(self.app.run_action("quit")),
@@ -311,7 +311,7 @@ class ConsoleScreen(Screen[None]):
         }
 
     def stop_all(self) -> None:
-        """The stop key: no question, no condition, from any screen."""
+        """Handle the stop key: no question, no condition, from any screen."""
         self.input.disarm()
         self.send("stopAll")
         self.confirmations.close_release_question()
@@ -339,16 +339,16 @@ class ConsoleScreen(Screen[None]):
     # --- the tour -----------------------------------------------------------------------------------------------------
 
     def open_tour(self, seen: Callable[[], None] | None = None) -> None:
-        """`seen` is called when it has ended, however it ends."""
+        """Open the tour. `seen` is called when it has ended, in whatever way."""
         overlays.open_tour(self, self.pane_layout, self._region_of, seen)
 
     def offer_tour(self, seen: Callable[[], None]) -> None:
-        """On a first run: only where it disturbs nobody."""
+        """Offer the tour on a first run, if it disturbs nobody."""
         if is_tour_due(self.store):
             self.open_tour(seen)
 
     def _region_of(self, name: str) -> Region:
-        """Where something stands that the tour points at."""
+        """The place of something that the tour points at."""
         panes, hints = self.pane_layout, self.bars.key_hints.region
         match name:
             case "status":
@@ -380,7 +380,7 @@ class ConsoleScreen(Screen[None]):
 
     @on(MistakeLine.ChooseMark)
     def _choose_mark(self, event: MistakeLine.ChooseMark) -> None:
-        if event.mark != "wrong":  # it is marked so already
+        if event.mark != "wrong":  # it is already marked
             self.send("markMistake", f"{event.task} {event.mark}")
 
     @on(MistakeLine.EndMarking)
@@ -390,7 +390,7 @@ class ConsoleScreen(Screen[None]):
             self._focus_back(event.back)
 
     def _focus_back(self, widget: Widget | None) -> None:
-        """To what had the focus before a line was opened, if it can still be seen."""
+        """Return the focus to what had it before a line was opened, if that is still visible."""
         is_visible = widget is not None and widget.is_attached and widget.display and widget.visible
         self.set_focus(widget if is_visible else self.pane_layout.panes["acts"].row_view)
 

@@ -1,4 +1,4 @@
-"""The console's side of the link: takes batches of records in, sends what the wizard asks for (console.md 3.1, 5.1)."""
+"""The console's side of the link: receives batches of records, sends what the wizard requests (console.md 3.1, 5.1)."""
 
 from __future__ import annotations
 
@@ -18,12 +18,12 @@ from rise_tui.model.store import ALL_PARTS, SentTask, Store, StorePart
 ChangeCallback = Callable[[frozenset[StorePart] | set[StorePart]], None]
 
 RECORDS_PER_TURN = 64
-"""Records that are taken in before the loop does what else has come."""
+"""Records that are processed before the loop handles other events."""
 REATTACH_SECONDS = 0.5
-"""Between two attempts to attach again after the connection was cut."""
+"""Seconds between two attempts to attach again after the connection was cut."""
 
 RECLAIM_SECONDS, MOST_RECLAIMS = 0.1, 30
-"""How often, and how many times, it is looked whether the engine has let go of the connection that was cut."""
+"""Seconds between attempts to reclaim control from the cut connection, and their number."""
 
 BACK = "the connection is back; keys pressed in between may or may not have arrived: look at the log"
 BACK_STOPPING = "the connection is back; STOP may not have arrived"
@@ -37,20 +37,20 @@ class ConsoleSession:
         self.client = client
         self.store = store
         self.on_change: ChangeCallback = lambda parts: None
-        """Called after every change of the store; the screen repaints from it, at its own pace."""
+        """Called after every change of the store. The screen repaints at its own pace."""
         self._task_numbers = count(1)
         self._is_closed = False
         self._reclaiming: asyncio.Task[None] | None = None
-        """Kept here, because the loop holds a task only weakly."""
+        """Kept here because the loop holds only a weak reference to a task."""
 
     @classmethod
     async def attach(cls, client: Client, wizard: str) -> ConsoleSession:
-        """Raises EngineGone."""
+        """Attach to a session. Raises EngineGone."""
         attach_reply = await client.attach()
         return cls(client, Store(attach_reply, wizard, client.now))
 
     async def receive_records(self) -> None:
-        """Take records in until the session ends or its engine has gone; attach again when only the link was cut."""
+        """Receive records until the session ends or its engine has gone. Attach again when only the link was cut."""
         while True:
             try:
                 async for batch in self.client.records():
@@ -68,14 +68,14 @@ class ConsoleSession:
         self._note_engine_gone(ended or "it has ended", over=True)
 
     async def _apply_batch(self, batch: Sequence[ClientUpdate]) -> None:
-        """In pieces: a key must not wait until a console that lay behind has caught up."""
+        """Apply records in pieces, so that a key need not wait until a slow console has caught up."""
         for start in range(0, len(batch), RECORDS_PER_TURN):
             if start:
                 await asyncio.sleep(0)
             self.on_change(self.store.apply(batch[start : start + RECORDS_PER_TURN]))
 
     async def _reattach(self) -> bool:
-        """False when the engine has gone meanwhile."""
+        """Attach again. False when the engine has gone in the meantime."""
         self.store.cut_since = monotonic()
         self.on_change(ALL_PARTS)
         while True:
@@ -91,14 +91,14 @@ class ConsoleSession:
                 return True
 
     def _adopt_snapshot(self, attach_reply: AttachReply) -> None:
-        """The truth is in the new snapshot; what was sent meanwhile is not known."""
+        """Take over the new snapshot, which has the truth. What was sent in the meantime is unknown."""
         stopping = self.store.stopping
         self.store.reattach(attach_reply)
         again = f"{BACK_STOPPING}: press {key_name('stop')} again unless it says STOPPED"
         self.store.notice = Notice(again, "fault") if stopping else Notice(BACK, "wait")
 
     async def _reclaim_control(self) -> None:
-        """Take back the control that was lost with the connection, once the engine has noticed that it is cut."""
+        """Take back the control that was lost with the connection, once the engine has noticed the cut."""
         for _ in range(MOST_RECLAIMS):
             if not self.store.reclaims_control or self.store.cut_since is not None or self.store.has_control:
                 break
@@ -111,9 +111,9 @@ class ConsoleSession:
     async def submit(
         self, function: str, behavior: str = "", calling_type: str = "", pressed: float | None = None
     ) -> bool:
-        """Ask for a task; what comes of it arrives as records. Never raises: what goes wrong is shown.
+        """Request a task; its results arrive as records. Never raises: problems are shown.
 
-        `pressed`: session time of the key that asks for it. False when it was not taken, or nobody knows.
+        `pressed`: session time of the key. False when the task was not accepted, or that is unknown.
         """
         store = self.store
         if reason := why_blocked(store, "reach"):
@@ -138,7 +138,7 @@ class ConsoleSession:
         try:
             reply = await self.client.send(message)
         except LinkLost:
-            return False  # it stays `sent` until the pump has attached again and says what is known
+            return False  # it stays `sent` until the next snapshot
         except EngineGone as gone:
             store.sent.pop(ref, None)
             self._note_engine_gone(str(gone), over=False)
@@ -153,15 +153,14 @@ class ConsoleSession:
         return reply.accepted
 
     async def add_note(self, text: str) -> bool:
-        """Add a remark to the record. False when it was not taken; the reason is shown."""
+        """Add a remark to the record. False when it was not accepted; the reason is shown."""
         reason = await self._put_on_record(Note(text=text, source=self.store.own_name), "remark")
         if reason:
             self.show_notice(Notice(f"the note was not recorded: {reason}", "wait"))
         return not reason
 
     async def report(self, reports: Sequence[CheckReport | OutcomeReport]) -> bool:
-        """Put on record what came of checks, and how the session is to count. False when that was not taken; the
-        reason is shown."""
+        """Record the results of checks, and how the session counts. False when not accepted; the reason is shown."""
         for each in reports:
             if reason := await self._put_on_record(each, "change"):
                 self.show_notice(Notice(f"the session goes on, because this was not recorded: {reason}", "fault"))
@@ -169,7 +168,8 @@ class ConsoleSession:
         return True
 
     async def _put_on_record(self, message: Note | CheckReport | OutcomeReport, deed: Deed) -> str:
-        """Send what is no task. Returns why it was not taken, or empty; `deed`: what one must be able to do for it."""
+        """Send a message that is not a task. Returns why it was not accepted, or empty. `deed`: what the console must
+        be allowed to do for it."""
         if reason := why_blocked(self.store, deed):
             return reason
         try:
@@ -182,14 +182,14 @@ class ConsoleSession:
         return "" if reply.accepted else reply.reason
 
     async def change_control(self, verb: ControlVerb) -> None:
-        """Take, ask for, give or release control; what comes of it arrives as a record."""
+        """Take, ask for, give or release control. The result arrives as a record."""
         reason = why_blocked(self.store, "remark")
         if not reason:
             try:
                 reply = await self.client.change_control(verb)
                 reason = "" if reply.accepted else reply.reason
             except LinkLost:
-                return  # the next snapshot says who has it
+                return  # the next snapshot tells who has it
             except EngineGone as gone:
                 self._note_engine_gone(str(gone), over=False)
                 return
@@ -197,11 +197,11 @@ class ConsoleSession:
             self.show_notice(Notice(f"control has not changed: {reason}", "wait"))
 
     async def take_over_files(self) -> None:
-        """Let the session go on with its study's files as they are now. The connection is cut and made anew then."""
+        """Make the session continue with its study's present files. The connection is then cut and made again."""
         try:
             reply = await self.client.take_over()
         except LinkLost:
-            return  # what is recorded says whether it was done
+            return  # the record tells whether it was done
         except EngineGone as gone:
             self._note_engine_gone(str(gone), over=False)
             return
@@ -211,18 +211,18 @@ class ConsoleSession:
             self.show_notice(Notice(f"the session keeps its files: {reply.reason}", "wait"))
 
     async def toggle_pause(self) -> None:
-        """Halt the session that is played to a second wizard, or let it go on."""
+        """Pause or resume a session that is played to a second wizard."""
         if isinstance(self.client, ShadowClient) and (reason := await self.client.toggle_pause()):
             self.show_notice(Notice(f"it cannot resume: {reason}", "fault"))
 
     def show_notice(self, notice: Notice) -> None:
-        """Show a sentence."""
+        """Show a notice."""
         self.store.notice = notice
         self.on_change({"notice"})
 
     async def close(self, *, end_session: bool) -> None:
-        """Leave; with `end_session` the engine stops the robot and ends."""
-        self._is_closed = not end_session  # the end of the records then says nothing about the session
+        """Leave. With `end_session` the engine stops the robot and ends."""
+        self._is_closed = not end_session  # the end of the records then means nothing
         await self.client.close(end_session=end_session)
 
     def _note_engine_gone(self, reason: str, *, over: bool) -> None:

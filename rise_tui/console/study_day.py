@@ -1,4 +1,4 @@
-"""A session of a study from its console's side: how its condition is called, and what is asked when it ends."""
+"""A study's session on the console's side: the label of its condition, and the questions at its end."""
 
 from __future__ import annotations
 
@@ -31,12 +31,12 @@ from rise_tui.screens.outcome import OutcomeDialog, end_session_dialog
 
 
 class Ending(NamedTuple):
-    """How a session is to end."""
+    """How a session should end."""
 
     reports: tuple[CheckReport | OutcomeReport, ...]
-    """What is put on record before."""
+    """What to record before it ends."""
     sentence: str
-    """What the screen of the study says afterwards."""
+    """The sentence for the study's screen afterwards."""
 
 
 def run_text(of: SessionRecord) -> str:
@@ -49,18 +49,18 @@ class StudyDay:
 
     def __init__(self, source: StudySource | None) -> None:
         self.source = source
-        """None: the session is of no study, or nothing is to be known of it."""
+        """None: the session has no study, or the study cannot be reached."""
 
     def has(self, session: ConsoleSession) -> bool:
-        """Whether a session is one of this study, and this console may act in it."""
+        """Whether a session belongs to this study, and this console may act in it."""
         store = session.store
         acts = store.attach_reply.role == "wizard" and not store.attach_reply.shadow
         return self.source is not None and store.is_of_study and acts
 
     async def read(self, session: ConsoleSession, find: Callable[[AttachReply], StudySource | None]) -> None:
-        """Read how the study of a session calls its conditions.
+        """Read the study's labels of its conditions.
 
-        `find`: finds a study that nobody has named by the session's folder.
+        `find`: finds the study by the session's folder if nobody named it.
         """
         if self.source is None:
             self.source = await asyncio.to_thread(find, session.store.attach_reply)
@@ -69,7 +69,7 @@ class StudyDay:
         session.on_change({"status"})
 
     def recover(self, attach_reply: AttachReply, report: ReportProgress) -> RecoveredClient:
-        """As `Launcher.recover`, for a session of this study: it goes on as its participant's. Raises StudyError."""
+        """Recover a session of this study as its participant's, like `Launcher.recover`. Raises StudyError."""
         of, source = attach_reply.view.session, self.source
         if of is None or source is None:
             raise StudyError("it is of no study")
@@ -79,18 +79,18 @@ class StudyDay:
         return RecoveredClient(started.client, started.notice)
 
     def over_text(self, store: Store) -> str:
-        """What is said when a session was over before anybody ended it here."""
+        """The sentence for a session that was over before anybody ended it here."""
         of = store.view.session
         asks = "; press enter to record its outcome" if self.unjudged(store) and store.ended_in_order else ""
         return f"{run_text(of) if of is not None else ''}: {clean(store.gone_reason)}{asks}"
 
     def unjudged(self, store: Store) -> str:
-        """Whose session has no outcome and needs one; empty: nobody's."""
+        """The participant whose session still needs an outcome; empty: none does."""
         of = store.view.session
         return of.participant if of is not None and of.purpose == "counted" and store.view.outcome is None else ""
 
     async def ask_how_it_ends(self, app: App[Any], session: ConsoleSession) -> Ending | None:
-        """The checks after a session, then its outcome and the word; None when somebody leaves. In a worker."""
+        """Ask the checks after a session, its outcome and the word, in a worker. None when somebody leaves."""
         store = session.store
         of = store.view.session
         if of is None or of.purpose != "counted":
@@ -118,11 +118,11 @@ class StudyDay:
     async def _make_checks(
         self, app: App[Any], session: ConsoleSession, of: SessionRecord
     ) -> tuple[CheckReport, ...] | None:
-        """What is looked at after the session; None when somebody leaves."""
+        """Make the checks after the session; None when somebody leaves."""
         store = session.store
         if (source := self.source) is None:
             return ()
-        now = await asyncio.to_thread(source.load)  # what is looked at after a session may have been written meanwhile
+        now = await asyncio.to_thread(source.load)  # its checks may have changed in the meantime
         if not now.after or (study := now.study) is None:
             return ()
         attached = store.attach_reply

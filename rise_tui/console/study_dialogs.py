@@ -1,4 +1,4 @@
-"""What the screen of a study asks: what would run, the checks, the outcome, what becomes of what did not end."""
+"""The questions of a study's screen: what would run, the checks, the outcome, what becomes of an unfinished session."""
 
 from __future__ import annotations
 
@@ -25,17 +25,17 @@ from rise_tui.screens.report import ReportOf
 from rise_tui.screens.study_questions import RehearsalDialog, WizardNameDialog
 
 LABEL = 13
-"""Cells for what a line of the plan is about."""
+"""Cells for the label of a line in the preview."""
 TEXT = 60
-"""Cells for what it says."""
+"""Cells for the text of such a line."""
 REAL_REHEARSALS: tuple[Purpose, ...] = ("debug", "training", "pilot")
 
 
 class StudyChecker:
-    """Makes the checks of one session of a study, and has what came of them written down beside the loop."""
+    """Makes the checks of one session of a study, and writes down their results off the loop."""
 
     def __init__(self, app: App[Any], source: StudySource, context: CheckContext, warn: Callable[[str], None]) -> None:
-        """`warn` is told what could not be written down."""
+        """`warn` receives what could not be written down."""
         self._app, self._source, self._context, self._warn = app, source, context, warn
 
     async def make(self, check: StudyCheck) -> CheckOutcome:
@@ -88,7 +88,7 @@ def plan_lines(
 
 
 def _recorder_lines(plan: SessionPreview) -> list[StyledLine]:
-    """What records it besides, and why what the study has does not; nothing for a study without recorders."""
+    """The recorders of the session, and why the study's own do not record it; nothing for a study without recorders."""
     told: list[StyledSpan] = [(text, "plain") for text in wrap(plan.recorders, TEXT) if text]
     told += [(text, "wait") for text in wrap(plan.unrecorded, TEXT) if text]
     return [_line("recorded by" if at == 0 else "", span) for at, span in enumerate(told)]
@@ -107,7 +107,7 @@ def show_plan(
     maker: CheckMaker,
     begin: Callable[[tuple[CheckReport, ...] | None], None],
 ) -> None:
-    """What would run; then the checks; `begin` gets what came of them, or None when it was left."""
+    """Show what would run, then make the checks. `begin` gets their results, or None when the wizard left."""
     counted = plan.request.purpose == "counted"
     kind = "session" if counted else f"{plan.request.purpose} session"
     screen = ChecksScreen(
@@ -122,7 +122,7 @@ def show_plan(
 
 
 def ended_sessions(each: ParticipantStanding, standing: StudyStanding | None) -> list[ReportOf]:
-    """Every session of a participant that has ended, rehearsals, too, in the order in which they began."""
+    """Every ended session of a participant, including rehearsals, in the order of their starts."""
     rehearsals = standing.rehearsals if standing is not None else ()
     theirs = [*each.sessions, *(entry for entry in rehearsals if entry.participant == each.participant)]
     return [
@@ -139,7 +139,7 @@ def _report_title(entry: SessionEntry) -> str:
 
 
 def context_afterwards(study: Study, entry: SessionEntry, wizard: str) -> CheckContext:
-    """For what is looked at after a session that is over."""
+    """The context of the checks after a session that is over."""
     scenario = str(Path(study.folder, study.scenario))
     return CheckContext(
         study, entry.participant, scenario, study.mode, entry.purpose, entry.run, wizard=wizard, session=entry.folder
@@ -154,7 +154,7 @@ def show_checks_after(
     wizard: str,
     take: Callable[[tuple[CheckReport, ...] | None], None],
 ) -> None:
-    """What is looked at after a session that is over already."""
+    """Make the checks after a session that is already over."""
     screen = ChecksScreen(
         f"After the session of {clean(entry.participant)}, run {entry.run}",
         CheckList(after, entry.purpose, binding=False),
@@ -172,7 +172,7 @@ def entry_title(entry: SessionEntry, conditions: Conditions) -> str:
 
 
 def entry_lines(entry: SessionEntry) -> list[str]:
-    """When a session was and how far it came."""
+    """When a session was, and how far it got."""
     return [
         f"Started {begun_text(entry.started)}; its record ends at {format_clock(entry.seconds)}.",
         clean(entry.folder),
@@ -187,7 +187,7 @@ def ask_outcome(
     *,
     gives_up: bool = False,
 ) -> None:
-    """How a session that is over is to count. `gives_up`: it did not end, and nobody will go on with it."""
+    """Ask how a session that is over counts. `gives_up`: it did not end, and nobody will continue it."""
     because = f": {clean(entry.reason)}" if entry.reason else ""
     if entry.outcome is not None:
         sentences = wrap(f"It counts as {entry.outcome}{because}. The study log keeps this entry.", TEXT)
@@ -202,7 +202,7 @@ def ask_outcome(
 def ask_about_unfinished(
     app: App[object], entry: SessionEntry, conditions: Conditions, take: Callable[[str | None], None]
 ) -> None:
-    """Whether a session that did not end is recovered or given up."""
+    """Ask whether to recover an unfinished session or give it up."""
     lines = [
         *entry_lines(entry),
         "",
@@ -223,7 +223,7 @@ def ask_what_to_rehearse(
     conditions: Conditions,
     take: Callable[[SessionRequest | None], None],
 ) -> None:
-    """What for, and in which condition."""
+    """Ask for the purpose of a rehearsal and its condition."""
     purposes: Sequence[Purpose] = REAL_REHEARSALS if study.mode == "real" else ("debug",)
     app.push_screen(RehearsalDialog(participant, purposes, condition_names(study), conditions), take)
 
@@ -231,7 +231,7 @@ def ask_what_to_rehearse(
 def ask_name(
     app: App[object], study: Study | None, suggested: str, login: str, take: Callable[[str | None], None]
 ) -> None:
-    """Who sits here. In debug mode the login name is offered; in a real session it is nobody's business."""
+    """Ask for the wizard's name. Debug mode suggests the login; a real session does not, because a login is private."""
     real = study is not None and study.mode == "real"
     offered = tuple(study.wizards) if study is not None and real else ()
     if offered and suggested not in offered:

@@ -27,11 +27,11 @@ from rise_tui.widgets.static_lines import StaticLines
 from rise_tui.widgets.study_bars import SubHead
 
 WIDE = 110
-"""From this width on the plan stands beside the participants and not below them."""
+"""From this width on the plan is beside the participants, not below them."""
 
 
 class StudyLists(Vertical):
-    """Shows a study as it stands; a search lets some of the participants through."""
+    """Shows the current state of a study. A search shows only some participants."""
 
     DEFAULT_CSS = """
     StudyLists {
@@ -73,7 +73,7 @@ class StudyLists(Vertical):
         self.call_after_refresh(self.draw)
 
     def show(self, now: StudyNow, conditions: Conditions) -> None:
-        """Show a study as it stands now."""
+        """Show a study in its current state."""
         self._now, self._conditions = now, conditions
         self.draw()
 
@@ -84,7 +84,7 @@ class StudyLists(Vertical):
         return find_participant(standing, self.people.current_id) if standing is not None else None
 
     def select(self, participant: str) -> None:
-        """Put the cursor on somebody."""
+        """Put the cursor on a participant."""
         self.people.select(participant)
         self.draw()
 
@@ -92,7 +92,7 @@ class StudyLists(Vertical):
     @on(StaticLines.DrawAgain)
     @on(RowView.CursorMoved)
     def draw(self) -> None:
-        """Make every line anew; only what differs reaches the terminal."""
+        """Make every line again. Only what differs reaches the terminal."""
         width, standing, wide = self.people.row_width, self._now.standing, self.has_class("-wide")
         if width <= 0:
             return
@@ -104,7 +104,7 @@ class StudyLists(Vertical):
         self._draw_people(standing, width)
         if not self.query_one("#beside").display:
             self.query_one("#beside").display = True
-            self.call_after_refresh(self.draw)  # how wide it is, it knows only then
+            self.call_after_refresh(self.draw)  # only then does it know its width
             return
         beside, selected = self.beside.row_width, self.selected
         rows = [*plan_rows(standing, self._conditions, beside), *due_rows(standing, beside)]
@@ -134,18 +134,18 @@ class StudyLists(Vertical):
         except InvalidFilter:
             return rows
 
-    # --- where the keys go ------------------------------------------------------------------------------------------
+    # --- focus ------------------------------------------------------------------------------------------------------
 
     def focus_people(self) -> None:
-        """To the participants."""
+        """Give the participants the focus."""
         self.screen.set_focus(self.people)
 
     def focus_other(self) -> None:
-        """To the plan, and back."""
+        """Switch the focus between the participants and the plan."""
         self.screen.set_focus(self.beside if self.people.has_focus else self.people)
 
     def open_find(self) -> None:
-        """Search, beginning with what was searched for last."""
+        """Open the search with the last search text."""
         self.find_bar.open(self._filter.text if self._filter is not None else "")
 
     @on(PromptBar.Edited)
@@ -158,12 +158,12 @@ class StudyLists(Vertical):
 
     @on(PromptBar.Accepted)
     def _keep_find(self) -> None:
-        self.people.displaced_at = float("-inf")  # who was typed has been looked for
+        self.people.displaced_at = float("-inf")  # the wizard asked for this cursor position
         self._close_find()
 
     @on(PromptBar.Cancelled)
     def clear_find(self) -> None:
-        """Every participant is shown again."""
+        """Show every participant again."""
         self._filter = None
         self._close_find()
 

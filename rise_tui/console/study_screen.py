@@ -1,6 +1,7 @@
-"""The screen of a study, between two sessions: who is next, how everybody stands, the plan against what happened.
+"""The screen of a study between two sessions: the next participant, everybody's progress, the plan against what
+happened.
 
-No session runs here. Everything that takes time is done beside the loop; what comes of it is shown when it is there.
+No session runs here. Slow work runs off the loop; its result is shown when it arrives.
 """
 
 from __future__ import annotations
@@ -54,7 +55,7 @@ from rise_tui.widgets.static_lines import StaticLines
 from rise_tui.widgets.study_bars import StudyHead, StudyHints, StudyNotice
 
 WATCH_SECONDS = 2.0
-"""How soon it is seen that a file of the study has changed, or that a session has ended elsewhere."""
+"""Seconds until the screen notices a changed study file, or a session that ended elsewhere."""
 
 
 class StudyScreen(Screen[None]):
@@ -73,14 +74,14 @@ class StudyScreen(Screen[None]):
 
     @dataclass
     class SessionReady(Message):
-        """A session runs, and a console is to be opened on it. `stops`: the stop key was pressed meanwhile."""
+        """A session runs: open a console on it. `stops`: the stop key was pressed in the meantime."""
 
         started: StartedSession
         stops: bool
 
     @dataclass
     class WizardNamed(Message):
-        """Somebody has said who sits here."""
+        """Somebody has given the wizard's name."""
 
         name: str
 
@@ -94,22 +95,22 @@ class StudyScreen(Screen[None]):
         selected: str = "",
         keys: KeyFile | None = None,
     ) -> None:
-        """`wizard`: who sits here; empty: it is asked before the first session, beginning with `suggested`, in debug
-        mode else with `login`. `selected`: a participant on whom the cursor is to stand. `keys`: the user's own."""
+        """`wizard`: who sits here. If it is empty, the screen asks before the first session. It suggests `suggested`,
+        or `login` in debug mode. `selected`: the participant where the cursor begins. `keys`: the user's own."""
         super().__init__()
         self._source, self.wizard, self._suggested, self._login = source, wizard, suggested, login
         self._keys = keys or KeyFile()
         self._select = selected
-        """On whom the cursor is to be put when the study has been read; empty: on who is next."""
+        """The participant for the cursor when the study has been read; empty: the next one."""
         self._goes_to_next = True
-        """Whether the cursor goes to who is next, as soon as somebody is."""
+        """Whether the cursor moves to the next participant as soon as there is one."""
         self.loaded = StudyNow()
         self.is_read = False
-        """Whether the study has been read once."""
+        """Whether the study has been read."""
         self.conditions: Conditions = NO_CONDITIONS
         self._fingerprint: object = None
         self.busy = ""
-        """What is being done that has to end first, as a sentence; empty: nothing."""
+        """The work that must end first, as a sentence; empty: none."""
         self._stop_pressed = False
         self.head, self.notice, self.hints = StudyHead(), StudyNotice(), StudyHints()
         self.lists = StudyLists()
@@ -150,10 +151,10 @@ class StudyScreen(Screen[None]):
             self.say(f"there is no participant {self._select!r} in participants.csv{near}", "wait")
             self.lists.select(standing.next)
         self._select = ""
-        self._goes_to_next = not standing.next and any(running_people(standing))  # one is just ending: it comes then
+        self._goes_to_next = not standing.next and any(running_people(standing))  # one is just ending: move then
 
     def _watch(self) -> None:
-        """See whether something has changed, while nothing lies over this screen."""
+        """Look for changes, while nothing covers this screen."""
         if self.app.screen is self and not self.busy:
             self.run_worker(Later(self._read_if_changed), group="watch", exclusive=True)
 
@@ -162,14 +163,14 @@ class StudyScreen(Screen[None]):
             await self._read()
 
     def come_back(self, sentence: str = "", participant: str = "") -> None:
-        """A session has ended: read what came of it, and go on to the next participant, or to the one that is named."""
+        """Show the result of a session that has ended, and go on to the next participant or the named one."""
         self.busy, self._stop_pressed = "", False
         self._goes_to_next, self._select = True, participant or self._select
-        self.lists.clear_find()  # else who is next may not be among those who were searched for
+        self.lists.clear_find()  # else the search might hide the next participant
         self.say(sentence)
         self.read()
 
-    # --- what is shown ----------------------------------------------------------------------------------------------
+    # --- drawing ----------------------------------------------------------------------------------------------------
 
     def on_resize(self) -> None:
         overlays.show_when_too_small(self.app, None)
@@ -186,15 +187,15 @@ class StudyScreen(Screen[None]):
         self._goes_to_next = False
 
     def say(self, sentence: str, level: Level = "info") -> None:
-        """Tell the wizard something, above the key hints."""
+        """Show the wizard a sentence, above the key hints."""
         self.notice.draw(sentence, level)
 
     def action_clear_find(self) -> None:
-        """Esc: every participant is shown again."""
+        """Handle Esc: show every participant again."""
         self.lists.clear_find()
 
     def action_other_list(self) -> None:
-        """To the plan, and back."""
+        """Switch the focus between the participants and the plan."""
         self.lists.focus_other()
 
     # --- actions of the registry ------------------------------------------------------------------------------------
@@ -243,7 +244,7 @@ class StudyScreen(Screen[None]):
             self.app.repaint_everything()
 
     def stop_pressed(self) -> None:
-        """The stop key: a session that is just starting, or that runs with no console here, is stopped at once."""
+        """Handle the stop key: stop a session that is starting, or that runs without a console here, immediately."""
         entry = self._running_entry()
         if self.busy:
             self._stop_pressed = True
@@ -256,7 +257,7 @@ class StudyScreen(Screen[None]):
             self._tell("nothing to stop: no session of this study is running here")
 
     def _running_entry(self) -> SessionEntry | None:
-        """The session of the study that runs now, as far as it was seen."""
+        """The study's running session, as far as it was seen."""
         standing = self.loaded.standing
         if standing is None:
             return None
@@ -275,7 +276,7 @@ class StudyScreen(Screen[None]):
     # --- one participant --------------------------------------------------------------------------------------------
 
     def open_selected(self) -> None:
-        """Whatever there is to do with the participant under the cursor."""
+        """Do what the participant under the cursor needs next."""
         each = self.lists.selected
         if each is None:
             self.say("nothing can be started: " + (self._why_none() or "no participant is selected"), "wait")
@@ -302,7 +303,7 @@ class StudyScreen(Screen[None]):
         return "the study does not load" if self.loaded.standing is None else ""
 
     def rehearse_selected(self) -> None:
-        """A session with the participant under the cursor that does not count."""
+        """Begin a session that does not count with the participant under the cursor."""
         each, study = self.lists.selected, self.loaded.study
         if each is None or study is None:
             self.say("nothing can be started: " + (self._why_none() or "no participant is selected"), "wait")
@@ -314,10 +315,10 @@ class StudyScreen(Screen[None]):
 
         study_dialogs.ask_what_to_rehearse(self.app, each.participant, study, self.conditions, go_on)
 
-    # --- what happened in a session ---------------------------------------------------------------------------------
+    # --- reports ----------------------------------------------------------------------------------------------------
 
     def report_selected(self) -> None:
-        """The report of the last session of the participant under the cursor, and from there of the others."""
+        """Show the report of this participant's last session; from there, the others can be opened."""
         each = self.lists.selected
         ended = study_dialogs.ended_sessions(each, self.loaded.standing) if each is not None else []
         if ended:
@@ -327,26 +328,26 @@ class StudyScreen(Screen[None]):
             self.say(f"{who}: no session has ended, so there is no report yet" if each is not None else who, "wait")
 
     def judge_selected(self) -> None:
-        """Say anew how the last session of the participant under the cursor counts."""
+        """Correct how the last session of the participant under the cursor counts."""
         each = self.lists.selected
         entry = each.sessions[-1] if each is not None and each.sessions else None
         if entry is None:
             who = each.participant if each is not None else "the study"
             self.say(f"{who} has no session yet, so there is no outcome to correct", "wait")
         elif entry.status != "ended" or entry.outcome is None:
-            self.open_selected()  # it asks for the first one
+            self.open_selected()  # it asks for the first outcome
         else:
             last = entry
             self._named(lambda: study_dialogs.ask_outcome(self.app, last, self.conditions, partial(self._judge, last)))
 
     def show_report(self, title: str, folder: str) -> None:
-        """The report of a session that has just ended here, over this screen."""
+        """Show the report of a session that has just ended here, over this screen."""
         self.app.push_screen(ReportScreen([ReportOf(title, folder)], self._source.report))
 
-    # --- whose hands ------------------------------------------------------------------------------------------------
+    # --- the wizard's name ------------------------------------------------------------------------------------------
 
     def _named(self, go_on: Callable[[], None]) -> None:
-        """Go on when it is known who sits here."""
+        """Go on when the wizard's name is known."""
         if self.wizard:
             go_on()
         else:
@@ -414,7 +415,7 @@ class StudyScreen(Screen[None]):
         )
 
     async def _started(self, start: Callable[[Callable[[str], None]], StartedSession]) -> None:
-        """Start or reach a session beside the loop, and open a console on it."""
+        """Start or reach a session off the loop, and open a console on it."""
         loop = asyncio.get_running_loop()
 
         def report(sentence: str) -> None:
@@ -429,7 +430,7 @@ class StudyScreen(Screen[None]):
         self.say("")
         self.post_message(self.SessionReady(started, stop))
 
-    # --- sessions that did not end, or that nobody has judged -------------------------------------------------------
+    # --- unfinished sessions and missing outcomes -------------------------------------------------------------------
 
     def _ask_about_unfinished(self, each: ParticipantStanding, entry: SessionEntry) -> None:
         def carry_out(key: str | None) -> None:
@@ -446,7 +447,7 @@ class StudyScreen(Screen[None]):
         study_dialogs.ask_about_unfinished(self.app, entry, self.conditions, carry_out)
 
     def _ask_afterwards(self, entry: SessionEntry) -> None:
-        """What is looked at after a session, and how it counts, when nobody could be asked at its end."""
+        """Make the checks after a session and ask for its outcome, if nobody could be asked at its end."""
 
         def ask(checks: object) -> None:
             if checks is not None:

@@ -1,4 +1,4 @@
-"""Sees what of the console is to be found again, and when it has changed; `preferences` reads and writes it."""
+"""Decides what of the console is saved, and notices changes; `preferences` reads and writes it."""
 
 from __future__ import annotations
 
@@ -13,29 +13,28 @@ from rise_tui.config.preferences import Preferences, SavedLayout, load_saved, wr
 from rise_tui.console.screen import ConsoleScreen
 
 SAVE_SECONDS = 1.0
-"""Seconds between two looks: a console that is killed has lost no more."""
+"""Seconds between two checks for changes. A console that is killed loses no more than this."""
 
 
 class UiState:
-    """What one console keeps. Its methods are quick; only what they return is written, by `write`."""
+    """The saved state of one console. Its methods are quick; they only return what must be written."""
 
     def __init__(
         self, preferences: Preferences, *, fresh: bool = False, keeps_changes: bool = True, remark: str = ""
     ) -> None:
-        """`fresh`: nothing is restored. `remark`: what there is to say about the preferences.
+        """`fresh`: nothing is restored. `remark`: a sentence about the preferences.
 
-        `keeps_changes`: whether anything is written. Those who only watch use the wizard's account, and change nothing
-        in it.
+        `keeps_changes`: whether anything is written. Observers use the wizard's account and change nothing in it.
         """
         self.preferences = preferences
         self._fresh, self._is_saved, self._remark = fresh, keeps_changes, remark
         self._path: Path | None = None
         self._layout = SavedLayout()
         self._shown: dict[str, object] = {}
-        """What of the preferences the screen shows, as it was at the last look."""
+        """The preferences on the screen at the last check."""
 
     def restore(self, screen: ConsoleScreen, theme: str) -> str:
-        """Put the console as it was left; returns a sentence when something was not used."""
+        """Restore the console's last state; returns a sentence when something was not used."""
         self._path = state_folder() / f"{session_name(screen.session.store.scenario.folder)}.json"
         remark, self._remark = self._remark, ""
         if not self._fresh:
@@ -46,14 +45,14 @@ class UiState:
                 for name, text in layout.filters.items():
                     if text and name in screen.pane_layout.panes:
                         screen.pane_layout.panes[name].set_filter(text)
-            else:  # the next participant begins with the rule in front, and keeps what stands below it
+            else:  # a new participant begins with the rule in front, and keeps the lower pane
                 screen.pane_layout.restore_state({"lower": layout.layout.get("lower", "")})
             screen.pane_layout.log_pane.show_own_rows(self.preferences.rules_own)
         self._layout, self._shown = _layout_of(screen), _shown_preferences(screen, theme)
         return remark
 
     def collect_changes(self, screen: ConsoleScreen, theme: str) -> list[tuple[Path, Preferences | SavedLayout]]:
-        """What has changed since the last look."""
+        """The changes since the last check."""
         changed: list[tuple[Path, Preferences | SavedLayout]] = []
         if self._path is None or not self._is_saved:
             return changed
@@ -68,28 +67,28 @@ class UiState:
 
     @property
     def tour_is_due(self) -> bool:
-        """Whether this is the first run of somebody for whom it can be noted that it was."""
+        """Whether this is a first run, and the program can note that the tour was seen."""
         return self._is_saved and not self._fresh and not self.preferences.tour
 
     def mark_tour_seen(self) -> list[tuple[Path, Preferences | SavedLayout]]:
-        """The tour of the first run need not be offered again."""
+        """Note that the tour of the first run was seen."""
         return [self._changed_preferences(tour=True)]
 
     def keep_wizard(self, name: str) -> list[tuple[Path, Preferences | SavedLayout]]:
-        """Who sat here last: the name with which the next question begins."""
+        """Save the wizard's name, which the next question suggests."""
         if not self._is_saved or self.preferences.wizard == name:
             return []
         return [self._changed_preferences(wizard=name)]
 
     def _changed_preferences(self, **changed: object) -> tuple[Path, Preferences]:
-        """With what another console has written meanwhile."""
+        """Change the preferences, and keep what another console has written in the meantime."""
         path = state_folder() / PREFERENCES_NAME
         self.preferences = replace(load_saved(path, Preferences)[0], **changed)
         return path, self.preferences
 
 
 def save_all(changed: Iterable[tuple[Path, Preferences | SavedLayout]]) -> None:
-    """May block; what cannot be written is lost without a word, because nothing depends on it."""
+    """Write the changes. May block. A failure is silent, because nothing depends on these files."""
     for path, contents in changed:
         write_saved(path, contents)
 

@@ -1,1 +1,1 @@
-"""The editor of a study's files in the terminal: a frame (`screen`), and a page for each thing that is changed."""
+"""The editor of a study's files in the terminal: a frame (`screen`), and a page for each kind of content."""

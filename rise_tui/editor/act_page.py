@@ -1,4 +1,4 @@
-"""An act: its actions as they begin, and the form of the one under the cursor; at 120 columns its lines in the file."""
+"""An act: its actions in order of start, and the form of the selected one; from 120 columns, also its file's lines."""
 
 from __future__ import annotations
 
@@ -38,14 +38,14 @@ class ActPage(FormPage):
     """
 
     def __init__(self, frame: EditFrame, name: str = "") -> None:
-        """`name`: the act's; behind a zero character, the action on which the cursor begins."""
+        """`name`: the act; after a zero character, the action where the cursor begins."""
         act, _, action = name.partition("\0")
         super().__init__(frame, act)
         self.head, self.scale = StaticLines(id="head"), StaticLines(id="scale")
         self.actions = RowList(id="actions")
         self.parting, self.file = StaticLines(id="parting"), StaticLines(id="file")
         self._goes_to = action
-        """The action that gets the cursor when it is there."""
+        """The action that gets the cursor once it exists."""
 
     def compose(self) -> ComposeResult:
         yield self.head
@@ -65,7 +65,7 @@ class ActPage(FormPage):
 
     @property
     def action(self) -> WrittenAction | None:
-        """The one under the cursor."""
+        """The action under the cursor."""
         act, id = self.act, self.actions.current_id
         return next((each for each in act.actions if each.id == id), None) if act is not None else None
 
@@ -88,7 +88,7 @@ class ActPage(FormPage):
         words = {"edit.open": "change", "edit.add": "add", "edit.remove": "remove"}
         return {**words, "edit.waits": "waits", "edit.wording": "wording"}
 
-    # --- what is shown ----------------------------------------------------------------------------------------------
+    # --- drawing ----------------------------------------------------------------------------------------------------
 
     def draw(self) -> None:
         act = self.act
@@ -143,7 +143,7 @@ class ActPage(FormPage):
         used = used_lines(self.draft, "act", act.name, width)[: USED_LINES + 1]
         self.file.show(head, *(crop(line, width) for line in lines), *(crop(line, width) for line in used))
 
-    # --- what keys do -----------------------------------------------------------------------------------------------
+    # --- keys -------------------------------------------------------------------------------------------------------
 
     @property
     def calls(self) -> Mapping[str, Callable[[], object]]:
@@ -170,7 +170,7 @@ class ActPage(FormPage):
         return False
 
     def _why_fixed(self) -> str:
-        """Why the field under the cursor cannot be changed here, and where it can; empty: it can."""
+        """Why the field under the cursor cannot be changed here, and where it can be; empty: it can."""
         act, action, field = self.act, self.action, self.form.current
         if act is None or action is None or field is None:
             return ""
@@ -178,9 +178,9 @@ class ActPage(FormPage):
         return f"{field.label} cannot be changed here: {why}; e opens the file at this line" if why else ""
 
     def set_form_focus(self, *, on_form: bool) -> None:
-        """To the form, or to the actions."""
+        """Move the focus to the form, or to the actions."""
         if on_form and self.action is not None:
-            if self.form.current is None or self.form.current.id == "type":  # what is changed is what is in it
+            if self.form.current is None or self.form.current.id == "type":  # the type rarely changes
                 self.form.rows.move_cursor(min(1, self.form.rows.count - 1), by_wizard=False)
             self.form.say()  # the note of this field is shown below the form
             self.screen.set_focus(self.form.rows)
@@ -239,7 +239,7 @@ class ActPage(FormPage):
         self.frame.ask_text("Another wording", "", take, hint=f"Beside: {what_text(action)}"[:64])
 
     def remove_field(self) -> bool:
-        """In the form of wordings, the wording under the cursor goes."""
+        """In a form of wordings, remove the wording under the cursor."""
         action, field = self.action, self.form.current
         if action is None or field is None or not action.is_variants or not field.id.endswith("/message"):
             return False

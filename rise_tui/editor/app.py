@@ -16,7 +16,7 @@ from rise_tui.rendering.terminal_app import TerminalApp
 
 
 class EditApp(TerminalApp):
-    """Shows the editor of one study until it is left."""
+    """Shows the editor of one study until the author leaves it."""
 
     TITLE = "RISE"
     ENABLE_COMMAND_PALETTE = False

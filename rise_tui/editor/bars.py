@@ -23,11 +23,11 @@ from rise_tui.widgets.bars import KeyHints
 from rise_tui.widgets.static_lines import StaticLines
 
 LEAST_TITLE, MOST_TITLE = 8, 34
-"""Cells of the study's title, which has what the rest leaves."""
+"""Cells of the study's title, which gets the space that is left."""
 
 
 def top_line(draft: StudyDraft, width: int, *, busy: str = "") -> StyledLine:
-    """Which study, that this is EDIT, its robot, errors and warnings, unsaved changes."""
+    """The study, the word EDIT, the robot, errors and warnings, unsaved changes."""
     errors = len(draft.checked.errors)
     warnings = len(draft.checked.diagnostics) - errors
     left: list[StyledSpan] = [("  EDIT", "accent")]
@@ -46,7 +46,7 @@ def top_line(draft: StudyDraft, width: int, *, busy: str = "") -> StyledLine:
 
 
 def finding_line(draft: StudyDraft, about: str) -> StyledLine:
-    """The first finding; those in the file `about` come first."""
+    """The first diagnostic; those in the file `about` come first."""
     found = draft.findings
     if not found:
         return ()
@@ -69,7 +69,7 @@ COMMON_HINTS = {
 
 
 class EditTopLine(StaticLines):
-    """Which study, EDIT, what is wrong, what is not saved."""
+    """The study, EDIT, what is wrong, what is not saved."""
 
     DEFAULT_CSS = """
     EditTopLine { background: $rise-bar; }
@@ -83,9 +83,9 @@ class FindingLine(StaticLines):
     """The first thing that is wrong."""
 
     def draw(self, draft: StudyDraft, file: str, explored: ExploredStudy, about: tuple[str, str, str]) -> None:
-        """`file`: that is shown; `about`: kind and name of the page, and the state under the cursor.
+        """`file`: the file that is shown. `about`: kind and name of the page, and the state under the cursor.
 
-        What exploring has found about these comes after what is wrong in the file, and before warnings elsewhere.
+        Findings of exploring about these come after mistakes in the file, and before warnings elsewhere.
         """
         found = explored.about(*about)
         is_first = bool(draft.checked.errors) or any(each.location.file == file for each in draft.findings)
@@ -102,7 +102,7 @@ class FindingLine(StaticLines):
 
 
 class BannerLine(StaticLines):
-    """A line that stays: a session runs. It takes no row when it is empty."""
+    """A permanent line while a session runs. It takes no row when it is empty."""
 
     DEFAULT_CSS = """
     BannerLine { display: none; }
@@ -120,7 +120,7 @@ class EditHints(KeyHints):
     def draw(  # type: ignore[override]
         self, own: Mapping[str, str], bound: Sequence[tuple[str, str]], *, stops: bool
     ) -> None:
-        """`own`: actions of the page with their words; `bound`: keys that it binds itself."""
+        """`own`: actions of the page with their words; `bound`: keys that the page binds itself."""
         shown = {**({"stop": "STOP"} if stops else {}), **own}
         common = {id: word for id, word in COMMON_HINTS.items() if id not in shown}
         keys: list[tuple[list[StyledSpan], str]] = [
@@ -129,7 +129,7 @@ class EditHints(KeyHints):
         self.show_pieces([*_pieces(shown), *keys, *_pieces(common)])
 
     def draw_typing(self) -> None:  # type: ignore[override]
-        """While a field is open."""
+        """Draw the keys while a field is open."""
         words = {"enter": "done", "tab": "next field", "esc": "as it was"}
         pieces: list[tuple[list[StyledSpan], str]] = []
         pieces += [([(f" {key}", "key"), (f" {word} ", "plain")], "") for key, word in words.items()]

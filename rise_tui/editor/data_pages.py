@@ -1,4 +1,4 @@
-"""Memory, keys and settings: a form each, with rows that can be added, renamed and removed."""
+"""Memory, keys and settings: one form each. Rows can be added, renamed and removed."""
 
 from __future__ import annotations
 
@@ -40,7 +40,7 @@ class DataPage(FormPage):
     CAN_FILTER = True
     TITLE: ClassVar[str]
     EMPTY: ClassVar[str]
-    """What is said, and how the first one is made, where there is nothing."""
+    """The text for an empty page; it says how to make the first row."""
 
     def __init__(self, frame: EditFrame, name: str = "") -> None:
         super().__init__(frame, name)
@@ -55,7 +55,7 @@ class DataPage(FormPage):
         return self.form.rows
 
     def count_text(self, fields: Sequence[EditField]) -> str:
-        """How many there are."""
+        """The number of rows, in words."""
         return pluralize(len(fields), "value")
 
     @abstractmethod
@@ -206,7 +206,7 @@ class KeysPage(DataPage):
 
 
 class SettingsPage(DataPage):
-    """What scenario.toml and study.toml say."""
+    """The settings of scenario.toml and study.toml."""
 
     KIND: ClassVar[str] = "settings"
     TITLE, EMPTY = "SETTINGS", "scenario.toml cannot be read: e opens it"
@@ -224,7 +224,7 @@ class SettingsPage(DataPage):
         return setting_fields(self.draft)
 
     def _ask_to_add(self) -> None:
-        """How an act is treated; of a study, a check, a factor, a level, or what a level changes."""
+        """Offer an act's settings and, in a study, a check, a factor, a level, or a start value of a level."""
         found = {each.choice.value: each for each in additions(self.draft)}
 
         def take(chosen: str) -> None:

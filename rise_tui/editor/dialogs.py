@@ -1,4 +1,4 @@
-"""What opens over the editor: help, palette, a draft, two versions of a file, what is saved, what is wrong."""
+"""The editor's dialogs: help, palette, a draft, two versions of a file, saving, what is wrong."""
 
 from __future__ import annotations
 
@@ -28,16 +28,16 @@ from rise_tui.screens.palette import Palette, PaletteCommand, edit_commands, the
 from rise_tui.widgets.row_list import RowList, RowView
 
 _SHOWN = 8
-"""Changes that a dialog names."""
+"""The largest number of changes that a dialog lists."""
 
 
 def open_help(app: App[object]) -> None:
-    """Every key and word of the editor."""
+    """Open the help with every key and word of the editor."""
     app.push_screen(HelpScreen(list(edit_help_entries())))
 
 
 def open_palette(app: App[object], run: Callable[[str], None] | None) -> None:
-    """What can be done in the editor, and the themes; without `run` the themes alone."""
+    """Open the palette with the editor's commands and the themes; without `run` only the themes."""
 
     def use_theme(name: str) -> None:
         app.theme = name
@@ -51,9 +51,9 @@ def open_palette(app: App[object], run: Callable[[str], None] | None) -> None:
 
 
 def ask_about_clash(app: App[object], files: Sequence[str], take: Callable[[], None]) -> None:
-    """Which version of files is to stay, when they have unsaved changes here and were changed on the disk.
+    """Ask which version of files stays, if they have unsaved changes here and were changed on the disk.
 
-    :param take: takes them as they are on the disk.
+    :param take: takes the versions on the disk.
     """
     named = ", ".join(map(clean, files))
     lines = [
@@ -71,7 +71,7 @@ def ask_about_clash(app: App[object], files: Sequence[str], take: Callable[[], N
 
 
 def _local_time(kept: str) -> str:
-    """A moment as clocks on the wall here show it; as it is written where it is none."""
+    """A time in the local time zone; unchanged if it cannot be read."""
     try:
         return datetime.fromisoformat(kept).astimezone().strftime("%Y-%m-%d %H:%M")
     except ValueError:
@@ -79,7 +79,7 @@ def _local_time(kept: str) -> str:
 
 
 def draft_dialog(draft: Draft) -> Dialog:
-    """What an earlier editor has not saved: it is taken up or forgotten; esc leaves the editor, so that it is kept."""
+    """What an earlier editor has not saved: restore or discard it. Esc leaves the editor and keeps it."""
     says = [clean(sentence) for sentence in draft.says]
     lines = [
         f"An editor ended without saving ({_local_time(draft.kept)}):",
@@ -126,7 +126,7 @@ class SaveDialog(SingleDismissModal[bool]):
         self.list.show(save_rows(self._draft, self._diff, self._errors, width))
 
     def action_save(self) -> None:
-        """Only without errors."""
+        """Save, if there are no errors."""
         self.dismiss(not self._errors)
 
     def action_leave(self) -> None:
@@ -134,7 +134,7 @@ class SaveDialog(SingleDismissModal[bool]):
 
 
 def save_rows(draft: StudyDraft, diff: str, errors: Sequence[Diagnostic], width: int) -> list[ListRow]:
-    """Errors, then what was changed in words, then the lines of the files."""
+    """Errors, then the changes in words, then the changed lines of the files."""
     rows: list[ListRow] = []
 
     def add(text: str, role: TextRole = "plain", indent: str = " ") -> None:
@@ -161,13 +161,13 @@ def save_rows(draft: StudyDraft, diff: str, errors: Sequence[Diagnostic], width:
 
 
 _TITLE_WIDTH = 70
-"""Characters of a finding in the title of its remedies, at 80 columns."""
+"""Characters of a diagnostic in the title of its remedies, at 80 columns."""
 
 
 def choose_finding(frame: EditFrame, app: App[object], *, now: str = "") -> None:
     """List everything that is wrong. The page of the chosen one opens, or its remedies.
 
-    :param now: the number of the one on which the cursor begins.
+    :param now: the number of the entry where the cursor begins.
     """
     draft, explored = frame.study.draft, frame.explored
     findings = draft.findings
@@ -213,7 +213,7 @@ def _explored_choice(number: int, finding: ExploredPlace, word: str) -> FieldCho
 
 
 def _go_to(frame: EditFrame, page: tuple[str, str] | None, text: str) -> None:
-    """Open the page of a finding; without one, say its text."""
+    """Open the page of a diagnostic; without one, show its text."""
     if page is None:
         frame.say(clean(text), "wait")
     else:

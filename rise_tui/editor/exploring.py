@@ -1,4 +1,4 @@
-"""Exploring beside the editor: in a process of its own, of the files as they are saved, when they have been."""
+"""Explores the saved files in a process of its own, beside the editor."""
 
 from __future__ import annotations
 
@@ -16,16 +16,16 @@ from rise_tui.editor.model.draft import StudyDraft
 from rise_tui.editor.model.explored import ExploredStudy, read_explored
 
 QUIET_SECONDS = 3.0
-"""How long after opening or saving it begins: authors often go on at once after saving."""
+"""Seconds between opening or saving and exploring: authors often continue immediately after saving."""
 _NICENESS = 10
-"""The process gets what the editor, and a session elsewhere, leave."""
+"""The process gets the processor time that the editor, and a session elsewhere, leave."""
 
 Explorer: TypeAlias = Callable[[str], Awaitable[ExploredStudy | None]]
-"""Explores the study in a folder; None: it could not be."""
+"""Explores the study in a folder; None: that was impossible."""
 
 
 async def explore_saved(folder: str, *, after: float = QUIET_SECONDS) -> ExploredStudy | None:
-    """What `rise-engine check --deep` finds in a folder, some seconds from now.
+    """What `rise-engine check --deep` finds in a folder, after `after` seconds.
 
     The process ends with the task that waits for it. None: the study has errors, or the process has failed.
     """
@@ -49,7 +49,7 @@ async def explore_saved(folder: str, *, after: float = QUIET_SECONDS) -> Explore
 
 
 class ExploringBeside:
-    """What exploring has found in the study that is open, asked for anew when it has been saved."""
+    """What exploring has found in the open study, renewed after each save."""
 
     def __init__(self, explorer: Explorer | None) -> None:
         """`explorer`: None: nothing is explored."""
@@ -57,7 +57,7 @@ class ExploringBeside:
         self.found = ExploredStudy()
 
     def ask(self, draft: StudyDraft) -> bool:
-        """Whether to explore what is saved: not if it has errors that are known here."""
+        """Whether to explore the saved files: not if they have errors that are known here."""
         has_errors = bool(draft.checked.errors) and not draft.changed_files
         is_asked = self._explorer is not None and not has_errors
         self.found = replace(self.found, is_asked_again=is_asked, has_failed=False)

@@ -32,13 +32,13 @@ from rise_tui.widgets.row_list import RowList, RowView
 from rise_tui.widgets.static_lines import StaticLines
 
 Step: TypeAlias = Literal[0, 1, -1]
-"""To which field it goes on: this one, the next, the one before."""
+"""Where the cursor goes: to this field, the next, the previous one."""
 TAKES: dict[str, Step] = {"enter": 0, "tab": 1, "down": 1, "shift+tab": -1, "up": -1}
-"""Keys that take what is typed."""
+"""Keys that accept what is typed."""
 
 
 class EndingSuggester(Suggester):
-    """Shows a likely ending behind what is typed; → takes it."""
+    """Shows a likely ending after what is typed; → accepts it."""
 
     def __init__(self, ending: Callable[[str], str]) -> None:
         super().__init__(use_cache=False, case_sensitive=True)
@@ -50,7 +50,7 @@ class EndingSuggester(Suggester):
 
 
 class FieldList(Vertical):
-    """Shows fields (`show`). The field under the cursor is changed in its row; messages say what it should become."""
+    """Shows fields (`show`). The field under the cursor is changed in its row. Messages carry the new value."""
 
     DEFAULT_CSS = """
     FieldList { height: 1fr; layers: default edit; }
@@ -60,7 +60,7 @@ class FieldList(Vertical):
 
     @dataclass
     class SetField(Message):
-        """Give a field another text; None: none."""
+        """Give a field another text; None: remove it."""
 
         field: EditField
         text: str | None
@@ -74,7 +74,7 @@ class FieldList(Vertical):
 
     @dataclass
     class OpenField(Message):
-        """Let one of its choices be chosen."""
+        """Open the list of a field's choices."""
 
         field: EditField
 
@@ -87,7 +87,7 @@ class FieldList(Vertical):
         self._typing: EditField | None = None
         self._notes: Sequence[FieldNote] = ()
         self._option = -1
-        """The option under the cursor, where a field shows them all."""
+        """The option under the cursor, in a field that shows all its options."""
 
     def compose(self) -> ComposeResult:
         yield self.rows
@@ -120,19 +120,19 @@ class FieldList(Vertical):
         return max(20, self.rows.row_width)
 
     def show(self, fields: Sequence[EditField]) -> None:
-        """Show these; the one that is being typed in stays as it is typed."""
+        """Show these fields. The field that is being typed in keeps its text."""
         self._fields = {each.id: each for each in fields}
         at = self._typing.id if self._typing is not None else self.rows.current_id
         self.rows.show(field_rows(fields, self._width, (at, self._option)))
         if self._typing is not None and self._typing.id in self._fields:
             self._typing = self._fields[self._typing.id]
-            self._place_input()  # a field can be opened before the form has its width
+            self._place_input()  # a field can open before the form has its width
         elif self._typing is not None:
             self.close()
         self._draw_said()
 
     def say(self, *notes: FieldNote) -> None:
-        """Remarks about the field, instead of its own note."""
+        """Show remarks about the field instead of its own note."""
         self._notes = notes
         self._draw_said()
 
@@ -147,13 +147,13 @@ class FieldList(Vertical):
         self._said.show(*(crop((("   ", "plain"), *line), width) for line in lines))
 
     def _is_cut(self, field: EditField) -> bool:
-        """Whether its row has no room for all of its note."""
+        """Whether the row is too narrow for the whole note."""
         return line_width(field_line(field, self._columns)) > self.rows.row_width
 
     # --- changing -----------------------------------------------------------------------------------------------------
 
     def open_current(self, *, select: bool = False) -> None:
-        """Change the field under the cursor.
+        """Open the field under the cursor.
 
         :param select: whether what is typed replaces the whole value.
         """
@@ -175,24 +175,24 @@ class FieldList(Vertical):
         self.say()
 
     def put(self, text: str) -> None:
-        """Put a text into the open field, with the cursor behind it."""
+        """Put a text into the open field, with the cursor at its end."""
         self.input.value = text
         self.input.cursor_position = len(text)
 
     def _place_input(self) -> None:
-        """The open field lies over the value in its row, and over the note behind it."""
+        """Lay the open field over the value in its row, and over the note behind it."""
         left = self._columns.value
         self.input.styles.offset = (left, self.rows.cursor - self.rows.scroll_offset.y + self.above)
         self.input.styles.width = max(10, self.rows.row_width - left)
 
     def clear_current(self) -> None:
-        """Take away the value of the field under the cursor."""
+        """Remove the value of the field under the cursor."""
         field = self.current
         if field is not None and not field.reason and field.kind in ("text", "choice") and field.text is not None:
             self.post_message(self.SetField(field, None))
 
     def close(self) -> None:
-        """Leave the open field as it was."""
+        """Close the open field, unchanged."""
         if self._typing is not None:
             self._typing = None
             self.input.display = False
@@ -204,7 +204,7 @@ class FieldList(Vertical):
         return ""
 
     def typed(self, field: EditField, text: str) -> None:
-        """The text of the open field has changed."""
+        """Report that the text of the open field has changed."""
         self.post_message(self.FieldTyped(field, text))
 
     @on(Input.Changed)
@@ -219,7 +219,7 @@ class FieldList(Vertical):
             event.prevent_default()
 
     def carry_out_key(self, key: str) -> bool:
-        """Carry out a key that is not typed; False: it means nothing here."""
+        """Carry out a key that is not text; False: it means nothing here."""
         if self._typing is None:
             return False
         if key == "escape":
@@ -248,7 +248,7 @@ class FieldList(Vertical):
 
 
 class FormPage(EditPage):
-    """A page with a list of fields. The subclass places the list and says which fields it has."""
+    """A page with a list of fields. The subclass places the list and provides the fields."""
 
     def __init__(self, frame: EditFrame, name: str = "") -> None:
         super().__init__(frame, name)
@@ -260,7 +260,7 @@ class FormPage(EditPage):
 
     @property
     def form_calls(self) -> Mapping[str, Callable[[], object]]:
-        """What actions mean while the form has the keys."""
+        """What actions do while the form has the focus."""
         return {"edit.open": self._open_current, "edit.remove": self._remove_current}
 
     def _open_current(self) -> None:
@@ -272,7 +272,7 @@ class FormPage(EditPage):
             self.form.clear_current()
 
     def remove_field(self) -> bool:
-        """Take away more than the text of the field under the cursor; False: only its text."""
+        """Remove more than the text of the field under the cursor; False: only its text."""
         return False
 
     @on(FieldList.SetField)

@@ -25,7 +25,7 @@ KEEPS_TEXT = ("condition", "held", "value")
 
 
 class FormPanel(FieldList):
-    """A form that is filled in as a whole: the field under the cursor is open, enter carries the form out."""
+    """A form that is filled in as a whole. The field under the cursor is open; Enter carries the form out."""
 
     DEFAULT_CSS = """
     FormPanel { height: auto; max-height: 70%; display: none; }
@@ -36,22 +36,22 @@ class FormPanel(FieldList):
 
     @dataclass
     class Finished(Message):
-        """Enter: carry it out."""
+        """Enter: carry the form out."""
 
         form: RuleForm
 
     @dataclass
     class FormChanged(Message):
-        """A value of the form is another."""
+        """A value of the form has changed."""
 
         form: RuleForm
 
     class FormLeft(Message):
-        """Esc: nothing is changed."""
+        """Esc: change nothing."""
 
     @dataclass
     class ExtraAsked(Message):
-        """F5: what goes with the form, as a key for an event."""
+        """F5: add something to the form, such as a key for an event."""
 
         form: RuleForm
 
@@ -59,7 +59,7 @@ class FormPanel(FieldList):
         super().__init__(id="form")
         self.form: RuleForm | None = None
         self.is_waiting = False
-        """Whether the form is just being carried out: a second enter must not do it again."""
+        """Whether the form is being carried out: a second Enter must not repeat it."""
         self.heading = StaticLines(id="form-heading")
         self._finding: list[FieldNote] = []
         self._problem = ""
@@ -73,7 +73,7 @@ class FormPanel(FieldList):
         return self.form is not None
 
     def open(self, form: RuleForm, focus: str = "") -> None:
-        """Show a form, with the cursor in a field (else in its first that is typed)."""
+        """Show a form with the cursor in field `focus`, or else in the first text field."""
         self.form, self.is_waiting, self._finding, self._problem = form, False, [], ""
         self._typing = None
         self.add_class("-open")
@@ -82,13 +82,13 @@ class FormPanel(FieldList):
         self._enter(focus or first)
 
     def close_form(self) -> None:
-        """Leave the form."""
+        """Close the form."""
         self.form, self._typing = None, None
         self.input.display = False
         self.remove_class("-open")
 
     def say_finding(self, *found: FieldNote) -> None:
-        """What the check says about the study as the form would make it."""
+        """Show what the check says about the study with this form's change."""
         self._finding = list(found)
         self._draw_said()
 
@@ -102,7 +102,7 @@ class FormPanel(FieldList):
         self.rows.styles.height = self.rows.count
 
     def _enter(self, id: str) -> None:
-        """Put the cursor on a field: a text opens at once; among options the cursor is on the chosen one."""
+        """Put the cursor on a field. A text opens immediately; among options the cursor is on the chosen one."""
         self.rows.select(id)
         field = self.current
         if field is not None and field.kind == "text":
@@ -167,12 +167,12 @@ class FormPanel(FieldList):
         return True
 
     def _go_on(self, step: Step) -> None:
-        """The fields are a ring: nothing but esc and enter leads out of the form."""
+        """Go to another field. The fields are a ring: only Esc and Enter leave the form."""
         ids = list(self._fields)
         self._enter(ids[(ids.index(self.rows.current_id) + step) % len(ids)])
 
     def _choose_option(self, field: EditField, key: str) -> None:
-        """The options are a ring; of ticks, space takes one in or out."""
+        """Move among the options, which are a ring. In a field of ticks, space ticks or unticks one."""
         if field.kind == "ticks" and key == "space":
             chosen = {*ticked(field)} ^ {field.choices[self._option].value}
             self._change(field.id, " ".join(each.value for each in field.choices if each.value in chosen))

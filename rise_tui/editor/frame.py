@@ -1,4 +1,4 @@
-"""The study under the editor: changes, exploring, files that others change, saving, stopping, leaving."""
+"""The study in the editor: changes, exploring, outside changes to files, saving, stopping, leaving."""
 
 from __future__ import annotations
 
@@ -35,7 +35,7 @@ from rise_tui.typed_ahead import EDITOR
 from rise_tui.widgets.study_bars import StudyNotice
 
 WATCH_SECONDS = 2.0
-"""How soon a change of the files outside, or a new session, is seen."""
+"""Seconds until the editor notices an outside change to the files, or a new session."""
 USUAL_EDITORS = ("nano", "vim", "vi")
 
 
@@ -49,7 +49,7 @@ def editor_command() -> list[str]:
 
 
 def arguments_at(command: list[str], path: str, line: int) -> list[str]:
-    """The command line that opens a file at a line, as this editor wants it.
+    """The command line that opens a file at a line, in this editor's syntax.
 
     >>> arguments_at(["vim"], "a.xml", 3), arguments_at(["hx"], "a.xml", 3)
     (['vim', '+3', 'a.xml'], ['hx', 'a.xml:3'])
@@ -66,14 +66,14 @@ def arguments_at(command: list[str], path: str, line: int) -> list[str]:
 
 
 async def edit_file(app: App[Any], frame: StudyFrame, place: FilePlace) -> None:
-    """Give the terminal to the editor until it ends; then the caller looks what has changed on the disk.
+    """Give the terminal to the editor until it ends. The caller then looks for changes on the disk.
 
-    A file without unsaved changes is edited where it lies, and read again; else a copy of the draft is, and what came
-    of it is one more change of the draft. :raises EditRefused: the draft cannot take it.
+    A file without unsaved changes is edited in place and read again. Otherwise the editor gets a copy of the draft, and
+    the result is one more change of the draft. :raises EditRefused: the draft cannot take it.
     """
     draft = frame.study.draft
     content = draft.files.get(place.file)
-    if place.file in draft.above:  # of the study that this scenario is of: it lies outside, and is no part of the draft
+    if place.file in draft.above:  # a file of the study above: outside the draft
         await _run(app, frame, place.file, place.line)
         return
     if content is None:
@@ -93,7 +93,7 @@ async def edit_file(app: App[Any], frame: StudyFrame, place: FilePlace) -> None:
 
 
 async def _edit_copy(app: App[Any], frame: StudyFrame, place: FilePlace, content: bytes) -> bytes:
-    """What came of a copy of the draft."""
+    """Edit a copy of the draft's file; returns its new content."""
     with tempfile.TemporaryDirectory(prefix="rise-draft-") as folder:
         copy = Path(folder, Path(place.file).name)
         await asyncio.to_thread(copy.write_bytes, content)
@@ -113,7 +113,7 @@ async def _run(app: App[Any], frame: StudyFrame, path: str, line: int) -> None:
 
 
 class StudyFrame(Screen[None]):
-    """What the editor does with a study, whatever page shows it."""
+    """What the editor does with a study, on every page."""
 
     def __init__(
         self,
@@ -124,9 +124,9 @@ class StudyFrame(Screen[None]):
         explorer: Explorer | None = None,
     ) -> None:
         """
-        :param sessions: finds a session that runs meanwhile; None: the console below has the stop key.
-        :param may_suspend: whether another program may have the terminal for a while: not where a session runs here.
-        :param explorer: explores the study when it was opened and after each save; None: nothing does.
+        :param sessions: finds a session that runs beside the editor; None: the console below has the stop key.
+        :param may_suspend: whether another program may use the terminal for a while; not if a session runs here.
+        :param explorer: explores the study when it is opened and after each save; None: nothing does.
         """
         super().__init__(classes=EDITOR)
         self.study, self._sessions = study, sessions or NoSessions()
@@ -137,7 +137,7 @@ class StudyFrame(Screen[None]):
         self.notice = StudyNotice()
         self._is_closing = False
         self._works = 0
-        """Pieces of work that keys have begun."""
+        """The number of unfinished jobs that keys have begun."""
 
     @property
     @abstractmethod
@@ -146,14 +146,14 @@ class StudyFrame(Screen[None]):
 
     @abstractmethod
     def draw(self) -> None:
-        """Draw everything, from the draft as it is now."""
+        """Draw everything from the current draft."""
 
     @abstractmethod
     def draw_bars(self) -> None:
         """Draw the lines around the page."""
 
     def begin(self) -> None:
-        """Offer what an earlier editor has left, explore, and watch the files."""
+        """Offer an earlier editor's draft, explore, and watch the files."""
         self.set_interval(WATCH_SECONDS, self._watch)
         self._work(self._offer_draft())
         self._explore()
@@ -179,7 +179,7 @@ class StudyFrame(Screen[None]):
 
     @property
     def is_working(self) -> bool:
-        """Whether something is being done that a key has begun, and that may open something."""
+        """Whether a job is running that a key has begun, and that may open something."""
         return self._works > 0
 
     def _work(self, work: Coroutine[Any, Any, None]) -> None:
@@ -210,7 +210,7 @@ class StudyFrame(Screen[None]):
     # --- exploring ---------------------------------------------------------------------------------------------------
 
     def _explore(self) -> None:
-        """Explore what is saved now, beside everything else; what an earlier one has not found yet is not wanted."""
+        """Explore the saved files, beside everything else. This cancels an earlier exploration."""
         self.workers.cancel_group(self, "explore")
         if not is_study_alone(self.study.draft) and self._exploring.ask(self.study.draft):
             self.run_worker(self._explore_saved(self.study.draft), group="explore")
@@ -219,10 +219,10 @@ class StudyFrame(Screen[None]):
         await self._exploring.explore(draft)
         self.draw()
 
-    # --- what somebody else has done, and what an earlier editor has left --------------------------------------------
+    # --- outside changes and earlier drafts --------------------------------------------------------------------------
 
     def _watch(self) -> None:
-        """Look whether files have changed outside or a session has begun, while nothing is being typed."""
+        """Look for outside changes to files and for a new session, while nothing is being typed."""
         if self.app.screen is self and not self.study.busy and not self.page.is_typing:
             self.run_worker(Later(self._look), group="watch", exclusive=True)
 
@@ -234,11 +234,11 @@ class StudyFrame(Screen[None]):
         await self._look_outside()
 
     def look_outside(self) -> None:
-        """Look now whether files have changed."""
+        """Look for changed files now."""
         self.run_worker(Later(self._look), group="watch", exclusive=True)
 
     async def _look_outside(self) -> bool:
-        """Read again what somebody else has written. True: the author is asked which version is to stay."""
+        """Read what somebody else has written. True: the author must decide which version stays."""
         try:
             outside = await self.study.notice_outside()
         except EditRefused as refused:
@@ -263,7 +263,7 @@ class StudyFrame(Screen[None]):
         self.draw()
 
     async def _offer_draft(self) -> None:
-        """What an earlier editor has not saved is offered before anything is changed."""
+        """Offer the unsaved changes of an earlier editor before anything is changed."""
         draft = await self.study.read_draft()
         if draft is None:
             return
@@ -322,7 +322,7 @@ class StudyFrame(Screen[None]):
     # --- stopping and leaving ----------------------------------------------------------------------------------------
 
     def stop_pressed(self) -> None:
-        """The stop key, where the console below has none of its own."""
+        """Handle the stop key, if the console below has none of its own."""
         if self.running is None:
             self.say("no session of this study runs here")
         else:
@@ -333,7 +333,7 @@ class StudyFrame(Screen[None]):
         self.say(await asyncio.to_thread(self._sessions.stop, session), "fault")
 
     def ask_to_leave(self) -> None:
-        """Close the editor; with unsaved changes it asks."""
+        """Close the editor; with unsaved changes, ask first."""
         if not self.study.draft.changed_files:
             self.close()
             return

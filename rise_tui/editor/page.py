@@ -1,7 +1,7 @@
 """A page of the editor, and the frame around it.
 
-A page is added in three steps: a subclass of `EditPage` with its `KIND`; one name in `screen.PAGES`; rows that open it,
-by `frame.open_page(KIND, NAME)`. Top line, findings, save, undo, `e`, drafts and F9 come from the frame.
+To add a page: write a subclass of `EditPage` with its `KIND`, add it to `screen.PAGES`, and make rows open it with
+`frame.open_page(KIND, NAME)`. The frame provides the top line, diagnostics, save, undo, `e`, drafts and F9.
 """
 
 from __future__ import annotations
@@ -26,71 +26,71 @@ from rise_tui.rendering.later import Later
 
 TURNS = {"left": -1, "right": 1}
 PAINTED = 0.02
-"""Seconds until a typed letter has been painted: the check of the study must not hold it up."""
+"""Seconds until a typed letter is painted. The check of the study must not delay it."""
 
 
 class EditFrame(Protocol):
-    """The frame, as pages know it."""
+    """The frame, as pages see it."""
 
     study: EditedStudy
 
     @property
     def explored(self) -> ExploredStudy:
-        """What exploring has found in the files as they were saved."""
+        """What exploring has found in the saved files."""
 
     def say(self, sentence: str, level: Level = "info") -> None:
         """Tell the author something, above the key hints."""
 
     def make(self, *edits: AnyEdit, then: Callable[[], None] | None = None) -> None:
-        """Make edits as one step, and draw everything anew; `then` is called when they are made.
+        """Make edits as one step, and draw everything again. `then` is called once they are made.
 
-        It says what cannot be made. Without edits it does nothing.
+        A notice reports what cannot be made. Without edits it does nothing.
         """
 
     def open_page(self, kind: str, name: str = "", *, back: tuple[str, str] | None = None) -> None:
-        """Open the page of this kind, of what has this name; `esc` leads to the page `back`, or to the list."""
+        """Open the page of this kind and name. `esc` leads to the page `back`, or to the list."""
 
     def close_page(self) -> None:
-        """Go back to the page before."""
+        """Go back to the previous page."""
 
     def ask_text(self, title: str, text: str, take: Callable[[str], None], *, hint: str = "") -> None:
-        """Ask for a line; `take` is called with it, unless nothing or `esc` was typed."""
+        """Ask for a line. `take` receives it, unless it is empty or the author pressed `esc`."""
 
     def choose(
         self, title: str, choices: Sequence[FieldChoice], take: Callable[[str], None], *, now: str = "", new: str = ""
     ) -> None:
-        """Let one be chosen; typing filters. `new`: what a name is called that is none of them and may be made."""
+        """Let the author choose one; typing filters. `new`: what a name becomes that is not among the choices."""
 
     def choose_many(
         self, title: str, choices: Sequence[FieldChoice], now: Sequence[str], take: Callable[[tuple[str, ...]], None]
     ) -> None:
-        """Let any number be chosen."""
+        """Let the author choose any number."""
 
     def draw_bars(self) -> None:
-        """Draw the lines around the page anew: what it shows, or what its keys do, has changed."""
+        """Draw the lines around the page again, after its content or its keys have changed."""
 
 
 class EditPage(Vertical):
-    """Fills the frame. Everything that it shows is made in `draw`, from `draft`."""
+    """Fills the frame. `draw` makes everything that it shows, from `draft`."""
 
     DEFAULT_CSS = """
     EditPage { height: 1fr; width: 1fr; layers: default edit; }
     """
 
     KIND: ClassVar[str]
-    """By which it is opened."""
+    """The kind by which it is opened."""
     CAN_FILTER: ClassVar[bool] = False
     """Whether the page has rows to search."""
     EXPECTED: ClassVar[tuple[str, ...]] = ()
-    """Codes of findings that typing brings here, and that need no remark."""
+    """Codes of diagnostics that are normal while typing here, and need no remark."""
 
     def __init__(self, frame: EditFrame, name: str = "") -> None:
         super().__init__()
         self.frame, self.shown_name = frame, name
         self.wanted = ""
-        """The text that is searched."""
+        """The text to search for."""
         self.back: tuple[str, str] | None = None
-        """Kind and name of the page that opened it, to which `esc` leads; None: to the list of the study."""
+        """Kind and name of the page that opened it, to which `esc` leads; None: the list of the study."""
 
     @property
     def draft(self) -> StudyDraft:
@@ -98,16 +98,16 @@ class EditPage(Vertical):
 
     @property
     def hints(self) -> Mapping[str, str]:
-        """Actions of scope `edit` that mean something here now, each with the word for the hint line."""
+        """The actions of scope `edit` that work here now, each with its word for the hint line."""
         return {}
 
     @property
     def own_hints(self) -> Sequence[tuple[str, str]]:
-        """Keys that the page binds itself, each as it is printed with a word for the hint line."""
+        """The keys that the page binds itself, each as printed, with a word for the hint line."""
         return ()
 
     def draw(self) -> None:
-        """Show the draft as it is now. Called after each change, and when the size has changed."""
+        """Show the present draft. Called after each change, and when the size has changed."""
         raise NotImplementedError
 
     @property
@@ -123,7 +123,7 @@ class EditPage(Vertical):
         return call is not None
 
     def turn(self, step: int) -> bool:
-        """`left` (-1) and `right` (1) while nothing is typed; False: they mean nothing here."""
+        """Handle `left` (-1) and `right` (1) while nothing is typed; False: they mean nothing here."""
         return False
 
     def on_key(self, event: events.Key) -> None:
@@ -132,7 +132,7 @@ class EditPage(Vertical):
             event.prevent_default()
 
     def leave(self) -> bool:
-        """`esc`: whether there was something in the page to go back from."""
+        """Handle `esc`: whether the page had something to go back from."""
         had = bool(self.wanted)
         if had:
             self.filter("")
@@ -145,7 +145,7 @@ class EditPage(Vertical):
 
     @property
     def place(self) -> FilePlace | None:
-        """The lines of what is under the cursor: for `e`, and for the lines of the file."""
+        """The lines of the item under the cursor, for `e` and for the lines of the file."""
         return None
 
     @property
@@ -155,21 +155,21 @@ class EditPage(Vertical):
 
     @property
     def still_there(self) -> bool:
-        """Whether what the page shows still exists; else the frame closes it."""
+        """Whether the content of the page still exists; otherwise the frame closes it."""
         return True
 
     @property
     def first_focus(self) -> Widget | None:
-        """What gets the keys when the page opens."""
+        """The widget that gets the focus when the page opens."""
         return None
 
     @property
     def is_typing(self) -> bool:
-        """Whether a field is open; then what was changed outside waits."""
+        """Whether a field is open; outside changes then wait."""
         return False
 
     def hide_list(self, hidden: bool) -> None:
-        """Give the page the room of the list of the study beside it, or take it back."""
+        """Give the page the room of the study's list beside it, or give that room back."""
         for page in self.screen.query("StudyPage"):
             if hidden:
                 page.styles.display = "none"
@@ -177,7 +177,7 @@ class EditPage(Vertical):
                 page.styles.clear_rule("display")
 
     def preview(self, edits: Callable[[], tuple[AnyEdit, ...]], say: Callable[..., None]) -> None:
-        """While something is typed: `say` what would be wrong with the study then that is not wrong now."""
+        """While something is typed: `say` what would be newly wrong with the study."""
         self.run_worker(Later(self._preview, edits, say), group="preview", exclusive=True)
 
     async def _preview(self, edits: Callable[[], tuple[AnyEdit, ...]], say: Callable[..., None]) -> None:
@@ -186,7 +186,7 @@ class EditPage(Vertical):
             say(*self.new_findings(edits))
 
     def new_findings(self, edits: Callable[[], tuple[AnyEdit, ...]]) -> list[FieldNote]:
-        """The worst finding that edits would bring, or why they cannot be made."""
+        """The worst diagnostic that edits would add, or why they cannot be made."""
         try:
             made = edits()
             if not made:

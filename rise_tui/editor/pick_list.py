@@ -1,4 +1,4 @@
-"""Dialogs that ask: a list that filters by typing, and a line to type in."""
+"""Dialogs: a list that filters as you type, and a line to type in."""
 
 from __future__ import annotations
 
@@ -18,29 +18,29 @@ from rise_tui.widgets.row_list import RowView
 from rise_tui.widgets.static_lines import StaticLines
 
 NEW = "\0new"
-"""The id of the row that makes what was typed."""
+"""The id of the row that creates what was typed."""
 WHOLE = 3
-"""Lines for the whole help of a choice."""
+"""Lines for the full help of a choice."""
 IN_WORDS = 2
 MOVES = {"up": -1, "down": 1}
 PAGES = {"pageup": -1, "pagedown": 1}
 
 
 def _distance(choice: FieldChoice, typed: str) -> int:
-    """0: the choice's name begins so; 1: the name has it; IN_WORDS: only its help has it."""
+    """0: the choice's name begins with the text; 1: the name contains it; IN_WORDS: only the help contains it."""
     title, wanted = choice.title.casefold(), typed.casefold()
     return 0 if title.startswith(wanted) else 1 if wanted in title else IN_WORDS
 
 
 class Picked(NamedTuple):
-    """What was chosen."""
+    """The author's choice."""
 
     value: str
-    """Under the cursor."""
+    """The value under the cursor."""
     ticked: tuple[str, ...] = ()
-    """All that are ticked, in the order of the list."""
+    """All ticked values, in the order of the list."""
     is_tab: bool = False
-    """Whether tab was pressed, not enter."""
+    """Whether the author pressed Tab instead of Enter."""
 
 
 class OneWordField(TextField):
@@ -52,7 +52,7 @@ class OneWordField(TextField):
 
 
 class PickList(SearchDialog[Picked]):
-    """One of several, or any number of them. A name that is none of them can be offered as a new one."""
+    """Lets the author choose one or any number. It can offer to create a name that is not in the list."""
 
     DEFAULT_CSS = """
     PickList #box { max-width: 92; height: auto; }
@@ -72,10 +72,10 @@ class PickList(SearchDialog[Picked]):
         tab: Mapping[str, str] | None = None,
     ) -> None:
         """
-        :param now: the value on which the cursor begins.
-        :param new: what is made of a name that is not in the list; empty: nothing.
-        :param ticked: the values that are ticked at first; None: one is chosen, and nothing is ticked.
-        :param enter: what enter does. :param tab: what tab does for a value; for others it does nothing.
+        :param now: the value where the cursor begins.
+        :param new: what a name becomes that is not in the list; empty: nothing.
+        :param ticked: the values that are ticked first; None: a list to choose one value, without ticks.
+        :param enter: what Enter does. :param tab: what Tab does, for each value that has an entry.
         """
         super().__init__(title, "", "type to filter")
         if ticked is not None:
@@ -102,7 +102,7 @@ class PickList(SearchDialog[Picked]):
     def _draw_rows(self) -> None:
         typed, wanted, width = self.search.value.strip(), self.typed_filter(), self.list.row_width
         found = [each for each in self._choices if self.is_found(wanted, f"{each.title} {each.help}")]
-        if typed:  # the beginning of a name means that name, not another whose help has it
+        if typed:  # the beginning of a name beats a name that contains it, and help that does
             found.sort(key=lambda each: _distance(each, typed))
         rows = [ListRow(each.value, self._line(each, width)) for each in found]
         if self._new and typed and all(each.value != typed for each in self._choices):
@@ -112,7 +112,7 @@ class PickList(SearchDialog[Picked]):
 
     @on(RowView.CursorMoved)
     def _show_whole(self) -> None:
-        """The keys of the row under the cursor, and its whole help where the list has no room for it."""
+        """Show the keys of the row under the cursor, and its full help if the list has no room for it."""
         self.query_one("#box").border_subtitle = f" {self._keys_line()} "
         width = self.list.row_width
         room = width - self._title_width(width) - 4
@@ -165,7 +165,7 @@ class PickList(SearchDialog[Picked]):
 
 
 class AskText(SingleDismissModal[str]):
-    """A line to type in; the result is what was typed, without blanks around it."""
+    """A line to type in. The result is the text without blanks around it."""
 
     DEFAULT_CSS = """
     AskText {

@@ -1,4 +1,4 @@
-"""A rule in the editor: its graph above, what the chosen state does below, and the cursor in both."""
+"""A rule in the editor: its graph above, the contents of the selected state below, and the cursor in both."""
 
 from __future__ import annotations
 
@@ -50,7 +50,7 @@ NO_MARK: StyledSpan = ("  ", "plain")
 
 
 class RuleStudy:
-    """The study as the editor of a rule needs it, with what exploring has found in its rules."""
+    """The study for the editor of a rule, with the findings of exploring in its rules."""
 
     def __init__(self, frame: EditFrame, page: EditPage) -> None:
         self._frame, self._page = frame, page
@@ -66,7 +66,7 @@ class RuleStudy:
 
     @property
     def names(self) -> StudyNames:
-        """Made once for each state of the files."""
+        """The study's names, made once for each version of the files."""
         draft = self.draft
         if self._names is None or self._names[0] is not draft:
             self._names = (draft, study_names(draft.outline, draft.checked.draft, draft.files))
@@ -90,7 +90,7 @@ class RuleGraphList(RowList):
     """The drawing, with a cursor over states and transitions."""
 
     def move_cursor(self, index: int, *, by_wizard: bool = True) -> None:
-        """Out of view it goes on by a third of it: what follows is seen, and not each row more paints all rows anew."""
+        """Move the cursor. At the edge the view scrolls by a third, which shows the next rows and saves repaints."""
         top, height = self.scroll_offset.y, self.size.height
         super().move_cursor(index, by_wizard=by_wizard)
         if height and self.cursor >= top + height:
@@ -100,7 +100,7 @@ class RuleGraphList(RowList):
 
 
 class PartList(RowList):
-    """What a state does, and its transitions."""
+    """The functions of a state, and its transitions."""
 
     def __init__(self) -> None:
         super().__init__(id="rule-parts")
@@ -108,19 +108,18 @@ class PartList(RowList):
 
     def show_parts(self, parts: Sequence[PartRow], width: int, marks: Sequence[StyledSpan]) -> None:
         """
-        :param marks: for each part the mark of a finding.
-        """
+        :param marks: each part's mark of a diagnostic."""
         self._parts = parts
         self.show([ListRow(part.id, part_line(part, mark, width)) for part, mark in zip(parts, marks, strict=True)])
 
     @property
     def part(self) -> PartRow | None:
-        """What is under the cursor."""
+        """The part under the cursor."""
         return self._parts[self.cursor] if 0 <= self.cursor < len(self._parts) else None
 
 
 class RuleDisplay(Vertical):
-    """A rule as it is shown, and the cursor in it. Graph and list are two stops of the tab key."""
+    """A rule on the screen, and the cursor in it. Graph and list are two stops of the Tab key."""
 
     DEFAULT_CSS = """
     RuleDisplay { height: 1fr; }
@@ -131,13 +130,13 @@ class RuleDisplay(Vertical):
 
     @dataclass
     class TryRule(Message):
-        """Try the rule from this state on (empty: from its beginning)."""
+        """Try the rule from this state; empty: from its first state."""
 
         rule: str
         state: str
 
     def __init__(self, study: RuleStudy, rule: str, state: str = "") -> None:
-        """`state`: where the cursor begins; empty: where the rule does."""
+        """`state`: where the cursor begins; empty: at the rule's first state."""
         super().__init__(id="rule-page")
         self._study, self._rule_name = study, rule
         self.spot = GraphSpot(state) if state else None
@@ -160,7 +159,7 @@ class RuleDisplay(Vertical):
         self.graph.focus()
         self.redraw()
 
-    # --- what is shown ---
+    # --- drawing ---
 
     @property
     def rule(self) -> WrittenRule | None:
@@ -168,14 +167,14 @@ class RuleDisplay(Vertical):
 
     @property
     def state(self) -> WrittenState | None:
-        """The state under the cursor, or the one whose transition is."""
+        """The state under the cursor, or the state of the transition under the cursor."""
         rule, spot = self.rule, self.spot
         if rule is None or spot is None:
             return None
         return next((state for state in rule.states if state.id == spot.state), None)
 
     def redraw(self) -> None:
-        """Show the rule as it is now."""
+        """Show the present rule."""
         self.panel.is_waiting = False
         rule, width = self.rule, self.graph.row_width
         if width <= 0:
@@ -229,7 +228,7 @@ class RuleDisplay(Vertical):
         name, right = f" {rule.name}", f"{rule.file}:{rule.line} "
         width = max(20, self.size.width)
         while notes and cell_width(f"{name}   {' · '.join(notes)} {right}") > width:
-            notes.pop()  # the last one matters least, and half a word is none
+            notes.pop()  # the last one matters least, and half a word helps nobody
         left: StyledLine = ((name, "strong"), (f"   {' · '.join(notes)}", "muted"))
         return align_at_both_ends(left, ((right, "muted"),), width)
 
@@ -245,7 +244,7 @@ class RuleDisplay(Vertical):
         return crop(((title, "accent"), *problem), max(1, width))
 
     def find(self, text: str) -> None:
-        """Put the cursor on the next state whose name has this text, from the first one on."""
+        """Put the cursor on the first state whose name contains this text."""
         rule = self.rule
         wanted = text.strip().casefold()
         found = next((state.id for state in rule.states if wanted in state.id.casefold()), "") if rule else ""
@@ -269,7 +268,7 @@ class RuleDisplay(Vertical):
             self._go_to(GraphSpot(self.spot.state, part.transition))
 
     def on_key(self, event: events.Key) -> None:
-        """In a row with a state and a transition, left and right go from one to the other."""
+        """Left and right switch between a state and a transition in the same row."""
         if event.key in TURNS and self.graph.has_focus and self._layout is not None and self.spot is not None:
             event.stop()
             event.prevent_default()
@@ -291,7 +290,7 @@ class RuleDisplay(Vertical):
             self.state_heading.show(self._state_line(rule, state, self.parts.row_width or self.size.width))
 
     def _select_part(self) -> None:
-        """The list's cursor follows the graph's."""
+        """Move the list's cursor to the graph's place."""
         state, spot = self.state, self.spot
         if state is None or spot is None:
             return
@@ -316,7 +315,7 @@ def _starts(binding: object, rule: str) -> bool:
 
 
 def part_line(part: PartRow, mark: StyledSpan, width: int) -> StyledLine:
-    """One row: indented, with its target at the end, which is seen whatever else is cut."""
+    """One row, indented. Its target is at the end, and is visible whatever else is cut."""
     indent = " " * (2 * part.depth)
     if part.kind == "heading":
         return (mark, (part.text, "strong"))

@@ -1,4 +1,4 @@
-"""A rule in the editor: what its keys do, and the forms of what is changed."""
+"""A rule in the editor: its keys, and the forms for changes."""
 
 from __future__ import annotations
 
@@ -54,18 +54,18 @@ PART_HINTS = {
     "edit.open": "change", "edit.add": "add", "edit.only-if": "only if", "edit.otherwise": "otherwise",
     "edit.chance": "by chance", "edit.remove": "remove", "edit.earlier": "earlier", "edit.later": "later",
 }  # fmt: skip
-"""What the hint line says: in the graph on a state and on a transition, and in the list."""
+"""The words of the hint line: in the graph on a state and on a transition, and in the list."""
 
 
 class RuleEditor(RuleDisplay):
-    """One rule, and its keys: enter opens the form of what is under the cursor."""
+    """One rule and its keys. Enter opens the form of the item under the cursor."""
 
     def _try_rule(self) -> None:
         self.post_message(self.TryRule(self._rule_name, self.spot.state if self.spot is not None else ""))
 
     @property
     def hints(self) -> Mapping[str, str]:
-        """The actions that matter under the cursor, the most important first, each with a word for it."""
+        """The actions that matter under the cursor, the most important first, each with a word."""
         if self.parts.has_focus:
             return PART_HINTS
         return STATE_HINTS if self.spot is None or self.spot.transition < 0 else TRANSITION_HINTS
@@ -162,13 +162,13 @@ class RuleEditor(RuleDisplay):
         self.panel.open(form, focus)
 
     def close_form(self) -> None:
-        """Back to the list, or the graph, where the form was opened."""
+        """Return to the list or the graph where the form was opened."""
         self.panel.close_form()
         self.remove_class("-form")
         self._opened_from.focus()
 
     def _add(self, rule: WrittenRule, state: WrittenState, *, behind: bool) -> None:
-        """A function at the cursor of the list; in the graph, a transition of the state."""
+        """Add a function at the cursor of the list; in the graph, a transition of the state."""
         part = self.parts.part
         if self.graph.has_focus or part is None or (part.kind == "heading" and part.at is None):
             self._add_transition(rule, state)
@@ -190,7 +190,7 @@ class RuleEditor(RuleDisplay):
             self._open(NameForm(rule, "new state", "", behind))
 
     def _function_here(self, state: WrittenState, key: str) -> tuple[StatementAddress, CallForm] | None:
-        """The function at the cursor of the list; None: the reason was said. :param key: what the key does with it."""
+        """The function at the cursor of the list; None: the reason was shown. :param key: what the key does with it."""
         part = self.parts.part
         call = call_at(state, part) if part is not None else None
         if not self.parts.has_focus or part is None or part.at is None or call is None:
@@ -202,7 +202,7 @@ class RuleEditor(RuleDisplay):
         return None
 
     def _only_if(self, rule: WrittenRule, state: WrittenState, spot: GraphSpot) -> None:
-        """Do the function at the cursor only if something is true."""
+        """Make the function at the cursor depend on a condition."""
         if (found := self._function_here(state, "o puts a function into a condition")) is not None:
             at, call = found
             self._open(ConditionRuleForm(self._study.names, at, "wrap", call=call))
@@ -260,7 +260,7 @@ class RuleEditor(RuleDisplay):
         self._change(edit, then=lambda: self._go_with(part, step))
 
     def _go_with(self, part: PartRow, step: int) -> None:
-        """The cursor goes with what was moved."""
+        """Move the cursor with the moved row."""
         if part.kind == "transition" and self.spot is not None:
             self._go_to(GraphSpot(self.spot.state, part.transition + step))
             self._select_part()
@@ -291,7 +291,7 @@ class RuleEditor(RuleDisplay):
             self._form_done(form)
 
     def _form_done(self, form: RuleForm) -> None:
-        """The form has become true: the cursor goes to what was made."""
+        """Move the cursor to what a finished form has created."""
         if isinstance(form, NameForm):
             self.spot = GraphSpot(form.name.strip())
         if isinstance(form, TransitionRuleForm) and form.index is None and (state := self.state) is not None:
@@ -307,7 +307,7 @@ class RuleEditor(RuleDisplay):
 
     @on(FormPanel.ExtraAsked)
     def _give_key(self, event: FormPanel.ExtraAsked) -> None:
-        """A key of the keyboard for the event that the form waits for; what the form says is kept first."""
+        """Ask for a key for the event that the form waits for. The form's own values are saved first."""
         event.stop()
         form = event.form
         if not isinstance(form, TransitionRuleForm) or not form.event_without_key or form.missing():

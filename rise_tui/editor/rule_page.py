@@ -1,4 +1,4 @@
-"""The page of a rule: its editor, and a trial of it, beside it where there is room."""
+"""The page of a rule: its editor, and its trial run, beside it if there is room."""
 
 from __future__ import annotations
 
@@ -26,11 +26,11 @@ from rise_tui.editor.trial_view import TrialView
 from rise_tui.widgets.row_list import RowList
 
 BESIDE = 100
-"""Columns from which the trial is beside the rule. In a narrower terminal it takes its place."""
+"""Columns from which the trial run is beside the rule. In a narrower terminal it replaces the rule."""
 
 
 class RulePage(EditPage):
-    """One rule. `t` tries it, `esc` leads back from the trial."""
+    """One rule. `t` tries it, `esc` leads back from the trial run."""
 
     KIND: ClassVar[str] = "rule"
     CAN_FILTER = True
@@ -44,7 +44,7 @@ class RulePage(EditPage):
     """
 
     def __init__(self, frame: EditFrame, name: str = "") -> None:
-        """`name`: the rule's; behind a zero character, the state on which the cursor begins."""
+        """`name`: the rule; after a zero character, the state where the cursor begins."""
         rule, _, state = name.partition("\0")
         super().__init__(frame, rule)
         self._study = RuleStudy(frame, self)
@@ -161,7 +161,7 @@ class RulePage(EditPage):
         self.editor.graph.focus()
 
     def _place_trial(self) -> None:
-        """Beside the rule, the trial needs no graph: the cursor in the rule's graph follows it."""
+        """Beside the rule, the trial run needs no graph: the cursor in the rule's graph follows it."""
         beside = self.is_trying and self._is_beside
         self.set_class(beside, "-beside")
         self.trial.set_class(beside, "-beside")

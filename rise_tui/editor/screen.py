@@ -1,6 +1,6 @@
-"""The screen of the editor: top line, page, first finding, banner and key hints; pages, keys, search.
+"""The screen of the editor: top line, page, first diagnostic, banner and key hints; pages, keys, search.
 
-It lies over a console, over the screen of a study, or alone in `rise-tui edit`. No key starts anything on a robot.
+It covers a console or the screen of a study, or is alone in `rise-tui edit`. No key starts anything on a robot.
 """
 
 from __future__ import annotations
@@ -41,7 +41,7 @@ PAGES: dict[str, type[EditPage]] = {
     page.KIND: page
     for page in (StudyPage, ActPage, RulePage, TextsPage, MemoryPage, KeysPage, SettingsPage, TablesPage)
 }
-"""The pages by their kind. A new page is one name here (`rise_tui.editor.page` says how)."""
+"""The pages by their kind. To add one, see `rise_tui.editor.page`."""
 WIDE = 110
 """Columns from which the list of the study stays beside an open page."""
 
@@ -66,7 +66,7 @@ class EditScreen(StudyFrame):
         may_suspend: bool = True,
         explorer: Explorer | None = None,
     ) -> None:
-        """`notice`: a sentence to begin with. The rest is as for `StudyFrame`."""
+        """`notice`: the first sentence. The rest is as for `StudyFrame`."""
         super().__init__(study, sessions=sessions, may_suspend=may_suspend, explorer=explorer)
         self._first_notice = notice
         self.home = StudyPage(self)
@@ -92,7 +92,7 @@ class EditScreen(StudyFrame):
             self.say(self._first_notice, "wait")
         self.begin()
 
-    # --- the frame, as pages know it --------------------------------------------------------------------------------
+    # --- the frame for pages ----------------------------------------------------------------------------------------
 
     @property
     def page(self) -> EditPage:
@@ -115,7 +115,7 @@ class EditScreen(StudyFrame):
         if before is not None:
             await before.remove()
         self.set_focus(page.first_focus)
-        self.home.rows.select(row_id(page.KIND, page.shown_name))  # also where a finding has led here
+        self.home.rows.select(row_id(page.KIND, page.shown_name))  # also when a diagnostic led here
         page.draw()
         self.draw_bars()
 
@@ -170,7 +170,7 @@ class EditScreen(StudyFrame):
     @on(StaticLines.DrawAgain)
     @on(RowView.Resized)
     def draw(self) -> None:
-        """Everything, from the draft as it is now."""
+        """Draw everything from the present draft."""
         if self.opened is not None and not self.opened.still_there:
             self.close_page()
             return
@@ -200,7 +200,7 @@ class EditScreen(StudyFrame):
         self.action_do(event.action)
 
     def action_do(self, action: str) -> None:
-        """Carry out an action of the registry that works here; first what it means for the page."""
+        """Carry out an action of the registry that works here; the page comes first."""
         if self.page.is_typing and action not in ("stop", "quit"):
             return
         calls: dict[str, Callable[[], object]] = {
@@ -235,7 +235,7 @@ class EditScreen(StudyFrame):
     # --- find ---------------------------------------------------------------------------------------------------------
 
     def _open_find(self) -> None:
-        """Search the page, or the list of the study where a page has nothing to search."""
+        """Search the page, or the list of the study if the page has nothing to search."""
         if self.opened is not None and not self.opened.CAN_FILTER:
             self._work(self._find_in_list())
         else:

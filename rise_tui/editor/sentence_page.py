@@ -1,4 +1,4 @@
-"""A page with a list, below which what is under the cursor is changed over as many lines as it needs."""
+"""A page with a list. A field below it changes the item under the cursor, on as many lines as it needs."""
 
 from __future__ import annotations
 
@@ -26,17 +26,17 @@ from rise_tui.widgets.row_list import RowList, RowView
 from rise_tui.widgets.static_lines import StaticLines
 
 LABEL = 8
-"""Cells before what is typed."""
+"""Cells before the typed text."""
 SAID, LEAST_ROWS = 2, 3
-"""Rows for the remarks below it, and of the list at least."""
+"""Rows for the remarks below the field, and the list's minimum rows."""
 
 
 STEPS = {"enter": 0, "tab": 1, "shift+tab": -1}
-"""Keys that take what is typed, and to which text it goes on."""
+"""Keys that accept what is typed, and the step to the next text."""
 
 
 class SentenceField(TextArea, TakesText):
-    """Enter, tab and shift+tab take it, esc leaves it as it was. A line end that is pasted is a blank."""
+    """A field for a sentence. Enter and Tab accept it, Esc restores it. A pasted line end becomes a blank."""
 
     DEFAULT_CSS = """
     SentenceField, SentenceField:focus {
@@ -49,35 +49,35 @@ class SentenceField(TextArea, TakesText):
 
     @dataclass
     class TakeSentence(Message):
-        """Take what is typed; `step`: to which text it goes on, 0: to none."""
+        """Accept what is typed. `step`: the step to the next text; 0: to none."""
 
         text: str
         step: int
 
     class LeaveSentence(Message):
-        """Leave it as it was."""
+        """Leave the text unchanged."""
 
     def __init__(self, *, exact: bool = False) -> None:
-        """`exact`: whether its blanks and line ends count."""
+        """`exact`: whether blanks and line ends count."""
         super().__init__(compact=True, highlight_cursor_line=False)
         self._is_exact = exact
 
     def begin(self, text: str) -> None:
-        """Type in this."""
+        """Begin to type in this text."""
         self.load_text(text)
         self.action_cursor_text_end()
 
     @property
     def sentence(self) -> str:
-        """What is typed; on one line, where nothing else counts."""
+        """The typed text; on one line, unless blanks and line ends count."""
         return self.text if self._is_exact else " ".join(self.text.split())
 
     def action_cursor_text_start(self) -> None:
-        """To the first character."""
+        """Move to the first character."""
         self.move_cursor((0, 0))
 
     def action_cursor_text_end(self) -> None:
-        """Behind the last character."""
+        """Move after the last character."""
         self.move_cursor(self.document.end)
 
     async def on_key(self, event: events.Key) -> None:
@@ -97,10 +97,10 @@ class SentenceField(TextArea, TakesText):
 
 
 class SentencePage(EditPage):
-    """A list, the whole value under the cursor below it, and the field that changes it."""
+    """A list, the full value under the cursor below it, and the field that changes it."""
 
     LEAST_DETAIL: ClassVar[int]
-    """Rows for what is under the cursor, where there is room."""
+    """Rows for the item under the cursor, if there is room."""
     DEFAULT_CSS = """
     SentencePage #head, SentencePage #parting { background: $rise-bar; }
     SentencePage #typed { display: none; height: auto; }
@@ -111,7 +111,7 @@ class SentencePage(EditPage):
     BINDINGS: ClassVar[list[BindingType]] = [Binding("space", "read_on", show=False)]
 
     def __init__(self, frame: EditFrame, name: str, rows: RowView, *, exact: bool = False) -> None:
-        """`exact`: whether blanks and line ends within what is typed count."""
+        """`exact`: whether blanks and line ends in the typed text count."""
         super().__init__(frame, name)
         self.head, self.rows, self.parting = StaticLines(id="head"), rows, StaticLines(id="parting")
         self.detail = RowList(id="detail")
@@ -143,7 +143,7 @@ class SentencePage(EditPage):
         return [("space", "read on")] if is_more else []
 
     def show_detail(self, lines: Sequence[StyledLine]) -> None:
-        """As high as the lines need, as far as there is room; never lower than usual while nothing is typed."""
+        """Show these lines as high as they need, if there is room; never lower than usual while nothing is typed."""
         room = self.size.height - 3
         if self.is_typing:
             half = max(2, (room - SAID) // 2)
@@ -157,25 +157,25 @@ class SentencePage(EditPage):
         self.detail.scroll_to(y=len(lines) if self.is_typing else 0, animate=False)
 
     def action_read_on(self) -> None:
-        """The next lines where there are more than there is room for; behind their end, the first ones."""
+        """Show the next lines if there are more than fit; after the last ones, the first ones."""
         top, height = self.detail.scroll_offset.y, max(1, self.detail.size.height)
         following = top + height - 1 if top + height < self.detail.count else 0
         self.detail.scroll_to(y=following, animate=False)
 
     @abstractmethod
     def draw_detail(self) -> None:
-        """Show what is under the cursor, or beside what is typed."""
+        """Show the item under the cursor, or the lines beside the typed text."""
 
     @abstractmethod
     def edits_typed(self, said: str) -> tuple[AnyEdit, ...]:
-        """The edits that make it this. :raises EditRefused: it makes no sense."""
+        """The edits for the typed text. :raises EditRefused: it makes no sense."""
 
     @abstractmethod
     def go_on(self, step: int, *, changed: bool) -> None:
-        """The field was taken and is closed; go on to the next (1) or the one before (-1), 0: to none."""
+        """Go on after the field was accepted and closed: to the next text (1), the previous one (-1), or none (0)."""
 
     def step_over(self, step: int) -> int:
-        """Called when what is typed is taken, before it is made: gives what `go_on` is called with."""
+        """The step for `go_on`. Called when the typed text is accepted, before its edits are made."""
         return step
 
     @property
@@ -183,7 +183,7 @@ class SentencePage(EditPage):
         return self._is_open
 
     def open_field(self, label: str, text: str) -> None:
-        """Type in this."""
+        """Open the field with this text."""
         self._is_open = True
         self.add_class("-typing")
         self.label.show(((f" ▸{shorten(label, LABEL - 3)}", "accent"),))
@@ -195,7 +195,7 @@ class SentencePage(EditPage):
         self.frame.draw_bars()
 
     def close_field(self) -> None:
-        """Leave the field."""
+        """Close the field."""
         self._is_open = False
         self.remove_class("-typing")
         self.rows.focus()
@@ -203,7 +203,7 @@ class SentencePage(EditPage):
         self.frame.draw_bars()
 
     def say_typed(self, *notes: FieldNote) -> None:
-        """Show remarks about what is typed."""
+        """Show remarks about the typed text."""
         lines = note_lines(notes, max(20, self.size.width - LABEL - 2), SAID)
         self.said.show(*(crop(((" " * LABEL, "plain"), *line), self.size.width) for line in lines))
 

@@ -1,4 +1,4 @@
-"""The workspace of a study for a screen. Work on the disk runs in a thread, one task after the other."""
+"""A study's workspace for a screen. Work on the disk runs in a thread, one task after the other."""
 
 from __future__ import annotations
 
@@ -19,33 +19,33 @@ Result = TypeVar("Result")
 
 
 class EditedStudy:
-    """What pages show (`draft`) and how they change it. Belongs to the loop that made it."""
+    """The content of pages (`draft`) and how they change it. Belongs to the loop that created it."""
 
     def __init__(self, workspace: Workspace, draft: StudyDraft) -> None:
-        """`draft`: what `draft_of(workspace)` gave; that call blocks, and is made in a thread, too."""
+        """`draft`: the result of `draft_of(workspace)`. That call blocks, so it also runs in a thread."""
         self._workspace, self.draft = workspace, draft
         self._turn = asyncio.Lock()
         self.busy = ""
-        """What is being done, in a word; empty: nothing."""
+        """The current work, in a word; empty: none."""
 
     async def apply(self, *edits: AnyEdit) -> Change:
         """Make edits as one step. :raises EditRefused: one cannot be made; then none is."""
         return await self._do("changing", lambda: self._workspace.apply(*edits))
 
     async def undo(self) -> Change | None:
-        """Take the last step back; gives it, None: there is none."""
+        """Undo the last step and return it; None: there is none."""
         return await self._do("undoing", self._workspace.undo)
 
     async def redo(self) -> Change | None:
-        """Make the step again that was taken back last."""
+        """Make the last undone step again."""
         return await self._do("redoing", self._workspace.redo)
 
     def preview(self, *edits: AnyEdit) -> LoadResult:
-        """The check of what the files would be, in some milliseconds. :raises EditRefused: an edit cannot be made."""
+        """Check the files with these edits, in some milliseconds. :raises EditRefused: an edit cannot be made."""
         return self._workspace.preview(*edits)
 
     def remedies(self, finding: Diagnostic) -> list[Remedy]:
-        """What can be done about a finding."""
+        """What can be done about a diagnostic."""
         return remedies(finding, self._workspace.state)
 
     def diff(self) -> str:
@@ -53,31 +53,31 @@ class EditedStudy:
         return self._workspace.diff()
 
     async def notice_outside(self) -> OutsideChange | None:
-        """Look whether somebody else has changed the files, and take it in."""
+        """Look for other people's changes to the files, and take them in."""
         return await self._do("", self._workspace.notice_outside)
 
     async def take_outside(self, names: Sequence[str]) -> Change:
-        """Take files as they are on the disk, as one step."""
+        """Take over files from the disk, as one step."""
         return await self._do("changing", lambda: self._workspace.take_outside(names))
 
     async def save(self) -> SaveReport:
-        """Write all changed files or none. :raises EditRefused: it cannot be."""
+        """Write all changed files or none. :raises EditRefused: they cannot be written."""
         return await self._do("saving", self._workspace.save)
 
     async def read_draft(self) -> Draft | None:
-        """What an earlier editor has not saved."""
+        """The unsaved changes of an earlier editor."""
         return await self._do("", lambda: self._workspace.draft)
 
     async def take_up(self, draft: Draft) -> OutsideChange:
-        """Take the files of a draft, as one step."""
+        """Take over the files of a draft, as one step."""
         return await self._do("reading the draft", lambda: self._workspace.take_up_draft(draft))
 
     async def discard_draft(self) -> None:
-        """Forget what an earlier editor has not saved."""
+        """Delete the unsaved changes of an earlier editor."""
         await self._do("", self._workspace.discard_draft)
 
     async def close(self) -> None:
-        """Give the study up; what is not saved stays as a draft."""
+        """Close the study. Unsaved changes stay as a draft."""
         async with self._turn:
             await asyncio.to_thread(self._workspace.close)
 
@@ -96,30 +96,30 @@ class EditedStudy:
 
 
 class RunningHere(NamedTuple):
-    """A session that runs on the scenario that is being edited."""
+    """A running session of the scenario that is being edited."""
 
     socket: str
     participant: str
 
     @property
     def sentence(self) -> str:
-        """For the line above the key hints."""
+        """The sentence above the key hints."""
         who = f"a session with {self.participant}" if self.participant else "a session"
         return f"{who} runs on its own copy; what you save counts for the next one"
 
 
 class SessionWatch(Protocol):
-    """Finds such a session, and stops it. Both block."""
+    """Finds such a session, and stops it. Both methods block."""
 
     def find(self, folder: Path) -> RunningHere | None:
-        """The latest one of this scenario on this computer."""
+        """The latest session of this scenario on this computer."""
 
     def stop(self, session: RunningHere) -> str:
-        """Stop everything there; says what came of it."""
+        """Stop everything there; returns the result as a sentence."""
 
 
 class NoSessions:
-    """Where somebody else takes care of the session: over a console, which has the stop key itself."""
+    """No watch: over a console, which has the stop key itself."""
 
     def find(self, folder: Path) -> RunningHere | None:
         return None

@@ -1,4 +1,4 @@
-"""The list of a study, the first page of the editor. Beside it: the item under the cursor and what uses it."""
+"""The list of a study, the first page of the editor. Beside it: the item under the cursor and its uses."""
 
 from __future__ import annotations
 
@@ -29,11 +29,11 @@ from rise_tui.rendering.text import ListRow
 from rise_tui.widgets.row_list import RowList, RowView
 
 BESIDE = 76
-"""Columns from which there is room for what is under the cursor."""
+"""Columns from which there is room for the item under the cursor."""
 
 
 class StudyPage(EditPage):
-    """Acts, rules, and what else there is."""
+    """Acts, rules, and the other pages."""
 
     KIND: ClassVar[str] = "study"
     CAN_FILTER = True
@@ -63,7 +63,7 @@ class StudyPage(EditPage):
 
     @property
     def current(self) -> tuple[str, str]:
-        """Kind and name of what is under the cursor."""
+        """Kind and name of the item under the cursor."""
         return split_row_id(self.rows.current_id)
 
     @property
@@ -136,13 +136,13 @@ class StudyPage(EditPage):
             self._select(kind, name)
 
     def _found_in(self, kind: str, name: str) -> str:
-        """What is opened: of an act that was found by its words, the action that has them."""
+        """The name of the page to open. For an act that was found by its words, it includes the action with them."""
         act = self.draft.outline.act(name) if kind == "act" else None
         found = action_with(act, self.wanted) if act is not None and self.wanted else ""
         return f"{name}\0{found}" if found else name
 
     def _ask_for_new(self) -> None:
-        """A rule where the cursor is on a rule, else an act."""
+        """Ask for a new rule if the cursor is on a rule, else for a new act."""
         kind, name = self.current
         if kind == "rule":
             self._ask_for_rule(name)
@@ -162,7 +162,7 @@ class StudyPage(EditPage):
         self.frame.ask_text("A new rule", "", take, hint="Its name. It begins in the state Start.")
 
     def _open_new(self, kind: str, name: str) -> None:
-        """The cursor is on it when its page is left again."""
+        """Open a new page. The cursor will be on its row when the page is left."""
         self._select(kind, name)
         self.frame.open_page(kind, name)
 
@@ -203,7 +203,7 @@ class StudyPage(EditPage):
             self.frame.say(f"{name}: nothing uses it" if name else "nothing is selected", "info")
 
     def _select(self, kind: str, name: str) -> None:
-        """Go to a row; what was searched has been found then."""
+        """Go to a row and end the search."""
         self.leave()
         self.rows.select(row_id(kind, name))
         self._draw_beside()

@@ -38,7 +38,7 @@ EMPTY = "this study has no tables yet: n adds one"
 
 
 class TableGrid(RowView):
-    """Rows of all tables, made as they are painted; left and right go through the columns."""
+    """Rows of all tables, made when they are painted. Left and right move through the columns."""
 
     def __init__(self) -> None:
         super().__init__(id="grid")
@@ -65,7 +65,7 @@ class TableGrid(RowView):
         return "\n".join(plain_text(self.row_at(index).line).rstrip() for index in range(self.count))
 
     def show(self, grid: Grid) -> None:
-        """Show these tables; the cursor stays on its row, or goes to the nearest one."""
+        """Show these tables. The cursor stays on its row, or goes to the nearest one."""
         before, self.grid = self.current, grid
         self.virtual_size = Size(self.row_width, len(grid.rows))
         rows = [index for index, row in enumerate(grid.rows) if is_selectable(grid, row)]
@@ -75,14 +75,14 @@ class TableGrid(RowView):
         self.refresh()
 
     def select(self, row: GridRow) -> None:
-        """Put the cursor on a row, if it is there."""
+        """Put the cursor on a row, if it exists."""
         if row in self.grid.rows:
             self.move_cursor(self.grid.rows.index(row), by_wizard=False)
             self.refresh()
 
 
 class TablesPage(SentencePage):
-    """All tables under each other."""
+    """All tables, one below the other."""
 
     KIND: ClassVar[str] = "tables"
     CAN_FILTER = True
@@ -103,7 +103,7 @@ class TablesPage(SentencePage):
 
     @property
     def is_of_study(self) -> bool:
-        """Whether the files are those of a study of participants, and of no scenario."""
+        """Whether the files are those of a study with participants, without a scenario."""
         return is_study_alone(self.draft)
 
     @property
@@ -118,7 +118,7 @@ class TablesPage(SentencePage):
 
     @property
     def column(self) -> int:
-        """The index of the column of the cursor, in its table."""
+        """The index of the cursor's column in its table."""
         return min(self.grid.column, len(self.row[1].columns) - 1) if self.row is not None else 0
 
     @property
@@ -138,7 +138,7 @@ class TablesPage(SentencePage):
         line = table.lines[row.number]
         return FilePlace(table.file, line, line + "".join(table.rows[row.number]).count("\n"))
 
-    # --- what is shown ----------------------------------------------------------------------------------------------
+    # --- drawing ----------------------------------------------------------------------------------------------------
 
     def draw(self) -> None:
         self.grid.show(grid_of(self.draft, self.wanted))
@@ -157,7 +157,7 @@ class TablesPage(SentencePage):
 
     @on(RowView.CursorMoved)
     def _moved(self) -> None:
-        self.grid.refresh()  # of another table, other columns are marked
+        self.grid.refresh()  # another table has other marked columns
         self.draw_detail()
 
     def draw_detail(self) -> None:
@@ -181,7 +181,7 @@ class TablesPage(SentencePage):
         pieces = [] if self.is_typing else wrap(self.value or "–", width - 3)
         self.show_detail([((f"  {piece}", role),) for piece in pieces])
 
-    # --- what keys do -----------------------------------------------------------------------------------------------
+    # --- keys -------------------------------------------------------------------------------------------------------
 
     def turn(self, step: int) -> bool:
         self._go_to_column(self.column + step)
@@ -228,7 +228,7 @@ class TablesPage(SentencePage):
         return cell_edits(row.table, row.number, table.columns[self.column], self.value, said)
 
     def go_on(self, step: int, *, changed: bool) -> None:
-        """To the next column; behind the last one, to the first of the next row."""
+        """Go to the next column; after the last one, to the first of the next row."""
         if not step or self.row is None:
             return
         column = self.column + step
@@ -242,7 +242,7 @@ class TablesPage(SentencePage):
         self.open_current()
 
     def add(self) -> None:
-        """A row behind the one under the cursor, which begins as that one."""
+        """Add a row after the one under the cursor, with the same values."""
         current = self.grid.current
         if current is None or current.table not in self.grid.grid.tables:
             return
@@ -269,7 +269,7 @@ class TablesPage(SentencePage):
         self.frame.make(edit, then=go_to_new)
 
     def add_column(self) -> None:
-        """A column behind the one under the cursor."""
+        """Add a column after the one under the cursor."""
         current = self.grid.current
         if current is None or current.table not in self.grid.grid.tables:
             self.frame.say("there is no table under the cursor", "wait")
@@ -285,7 +285,7 @@ class TablesPage(SentencePage):
         )  # fmt: skip
 
     def add_table(self) -> None:
-        """A table with columns and no rows yet."""
+        """Add a table with columns and without rows."""
 
         def ask_columns(name: str) -> None:
             def make(columns: str) -> None:
@@ -305,6 +305,6 @@ class TablesPage(SentencePage):
         )
 
     def remove_row(self) -> None:
-        """The row under the cursor goes."""
+        """Remove the row under the cursor."""
         if self.row is not None:
             self.frame.make(RemoveRow(self.row[0].table, self.row[0].number))

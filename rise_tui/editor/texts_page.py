@@ -1,4 +1,4 @@
-"""All texts of a study beside their translation; both are changed here."""
+"""All texts of a study beside their translations. Both are changed here."""
 
 from __future__ import annotations
 
@@ -47,7 +47,7 @@ LANGUAGE_HINT = "Its tag: fr, pt-BR. Another way of speaking to people: de-x-sie
 
 
 class TextsPage(SentencePage):
-    """Every text of the acts. Column 0 is what the acts say, 1 what it is in the language that is shown."""
+    """Every text of the acts. Column 0 is the act's text, 1 its translation into the shown language."""
 
     KIND: ClassVar[str] = "texts"
     CAN_FILTER = True
@@ -64,7 +64,7 @@ class TextsPage(SentencePage):
         self._shown: list[TextEntry] = []
         self._typing: TextEntry | None = None
         self._following = ""
-        """The id of the text that is opened when what was typed is made."""
+        """The id of the text to open once the typed text is applied."""
 
     def compose_head(self) -> ComposeResult:
         yield self.head
@@ -94,10 +94,10 @@ class TextsPage(SentencePage):
     def own_hints(self) -> Sequence[tuple[str, str]]:
         return (*super().own_hints, *([("←→", "language")] if self.view.language else []))
 
-    # --- what is shown ----------------------------------------------------------------------------------------------
+    # --- drawing ----------------------------------------------------------------------------------------------------
 
     def draw(self) -> None:
-        self.hide_list(True)  # two languages beside each other need the whole width
+        self.hide_list(True)  # two languages side by side need the whole width
         languages = languages_of(self.draft)
         if self.view.language not in languages:
             self.view = self.view._replace(language=languages[0] if languages else "")
@@ -110,7 +110,7 @@ class TextsPage(SentencePage):
         self.head.show(head_line(self.draft, self.view, self._entries, len(self._shown), width))
         self.columns.show(column_line(self.draft, self.view, self.column, row_width))
         self.rows.show(text_rows(self.draft, self.view, self._shown, self.column, row_width))
-        if self.view.id:  # where the page was left, or what was asked for
+        if self.view.id:  # the last place on the page, or the requested one
             self.rows.select(self.view.id)
             self.view = self.view._replace(id="")
         if self.rows.cursor < 0:
@@ -152,7 +152,7 @@ class TextsPage(SentencePage):
     def on_unmount(self) -> None:
         self.hide_list(False)
 
-    # --- what keys do -----------------------------------------------------------------------------------------------
+    # --- keys -------------------------------------------------------------------------------------------------------
 
     def filter(self, text: str) -> None:
         self.view = self.view._replace(wanted=text)
@@ -178,7 +178,7 @@ class TextsPage(SentencePage):
         }
 
     def _look_at(self, view: TextsView) -> None:
-        """Show another part of the texts; the cursor stays on its text where it is still shown."""
+        """Show another part of the texts. The cursor stays on its text if that is still shown."""
         self.view = view._replace(id=self.entry.text.id if self.entry is not None else "")
         self.draw()
         self.frame.draw_bars()
@@ -191,7 +191,7 @@ class TextsPage(SentencePage):
         self._look_at(self.view)
 
     def turn(self, step: int) -> bool:
-        """Over what the acts say, and then the languages in their order."""
+        """Go through the acts' texts and then the languages in order."""
         languages = languages_of(self.draft)
         at = languages.index(self.view.language) if self.view.language else 0
         at = at + step if self.column == 1 else (0 if step > 0 and self.view.language else -1)
@@ -207,7 +207,7 @@ class TextsPage(SentencePage):
             self._make(lambda entry: still_right_edits(entry, self.view.language), self.entry)
 
     def _remove(self) -> None:
-        """The translation goes."""
+        """Remove the translation."""
         if self.entry is None or self.column == 0 or self.entry.translation is None:
             self.frame.say("del removes only translations here; remove a text on its act's page (j)",
                            "wait")  # fmt: skip
@@ -234,12 +234,12 @@ class TextsPage(SentencePage):
     # --- changing a text ----------------------------------------------------------------------------------------------
 
     def open_current(self) -> None:
-        """Change what is under the cursor: the original or the translation."""
+        """Change the original or the translation under the cursor."""
         entry = self.entry
         if entry is None:
             return
         if self.column == 0:
-            try:  # whether it can be changed at all is said before somebody types
+            try:  # refuse before somebody types
                 original_edits(self.draft, entry, f"{entry.text.text} …")
             except EditRefused as refused:
                 self.frame.say(clean(str(refused)), "wait")
@@ -257,7 +257,7 @@ class TextsPage(SentencePage):
         return translation_edits(entry, self.view.language, said)
 
     def step_over(self, step: int) -> int:
-        """Which text follows is found now: the one that was changed may be none of those that are shown then."""
+        """Find the next text now, because a changed text may no longer be among the shown ones."""
         at = self.rows.cursor + step
         self._following = self._shown[at].text.id if step and 0 <= at < len(self._shown) else ""
         return step
@@ -280,7 +280,7 @@ class TextsPage(SentencePage):
 
 
 def _choose_language(frame: EditFrame, now: str, show: Callable[[str], None]) -> None:
-    """Let a language be chosen, or a new one be added; `show` is called with it."""
+    """Let the author choose a language or add a new one; `show` receives it."""
     draft = frame.study.draft
     languages = languages_of(draft)
     if not languages:
@@ -303,12 +303,12 @@ def _choose_language(frame: EditFrame, now: str, show: Callable[[str], None]) ->
 
 
 def _ask_for_language(frame: EditFrame, show: Callable[[str], None]) -> None:
-    """Ask for a new language and add it; `show` is called with it then."""
+    """Ask for a new language and add it; then `show` receives it."""
     frame.ask_text("Another language", "", lambda tag: _add_language(frame, tag, show), hint=LANGUAGE_HINT)
 
 
 def _add_language(frame: EditFrame, language: str, show: Callable[[str], None]) -> None:
-    """With the first one, ask for the language of the acts."""
+    """Add a language. For the first one, also ask for the language of the acts."""
 
     def make(*edits: AnyEdit) -> None:
         frame.make(*edits, AddLanguage(language), then=lambda: show(language))

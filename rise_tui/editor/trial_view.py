@@ -1,7 +1,7 @@
-"""The trial on the screen: the rule in its graph, what the author can do, what happened and why.
+"""The trial run on the screen: the rule in its graph, what the author can do, what happened and why.
 
-The study's own keys do what they do in a session. So that none of them is taken, everything else has a key that no
-study can have (`rise_engine.scenario.keys.CONSOLE_KEYS`): enter, ←, home, space, ctrl+k.
+The study's own keys do what they do in a session. To keep them free, everything else has a key that no study can have
+(`rise_engine.scenario.keys.CONSOLE_KEYS`): Enter, ←, Home, Space, ctrl+k.
 """
 
 from __future__ import annotations
@@ -38,11 +38,11 @@ from rise_tui.widgets.row_list import RowList, RowView
 from rise_tui.widgets.static_lines import StaticLines
 
 ROWS_AHEAD = 3
-"""Rows of the graph below the present state that should be in view with it."""
+"""Rows of the graph below the present state that should be visible with it."""
 
 
 class TrialView(Vertical):
-    """Plays a scenario (`play`), in a thread. Its rows are made anew after each step."""
+    """Runs a scenario (`play`) in a thread. Its rows are made again after each step."""
 
     DEFAULT_CSS = """
     TrialView { height: 1fr; width: 1fr; }
@@ -60,13 +60,13 @@ class TrialView(Vertical):
 
     @dataclass
     class KeepAsked(Message):
-        """The steps are to become a test of the study."""
+        """Save the steps as a test of the study."""
 
         trial: Trial
 
     @dataclass
     class Played(Message):
-        """A step was done or taken back. `problem`: why not, or what was seen."""
+        """A step was made or taken back. `problem`: why not, or what was noticed."""
 
         problem: str
 
@@ -92,15 +92,15 @@ class TrialView(Vertical):
         yield self.lines
         yield self.value_bar
 
-    # --- playing ---
+    # --- running ---
 
     def play(self, scenario: Scenario, rule: str, state: str = "") -> None:
-        """Begin with a rule, in a state of it or its first."""
+        """Begin with a rule, in the named state or its first."""
         self._scenario, self._rule, self._state = scenario, rule, state
         self._work(lambda: self._begin(scenario))
 
     def play_changed(self, scenario: Scenario) -> None:
-        """The study has changed: what was done is done again in it."""
+        """Repeat the steps in the changed study."""
         before = self.trial
         if before is None or self._scenario is None or scenario.hash == self._scenario.hash:
             return
@@ -119,7 +119,7 @@ class TrialView(Vertical):
         self.trial = trial
 
     def _work(self, work: Callable[[], object]) -> None:
-        """Do one thing after the other in a thread: a rule that goes round in circles takes long."""
+        """Do one job after the other in a thread, because a rule that runs in circles takes long."""
         self.run_worker(self._do(work), group="trial")
 
     async def _do(self, work: Callable[[], object]) -> None:
@@ -134,10 +134,10 @@ class TrialView(Vertical):
         if trial is not None:
             self._work(lambda: work(trial))
 
-    # --- what is shown ---
+    # --- drawing ---
 
     def redraw(self) -> None:
-        """Show the state of the trial."""
+        """Show the state of the trial run."""
         trial, width = self.trial, self.rows.row_width
         if trial is None or width <= 0:
             return
@@ -174,7 +174,7 @@ class TrialView(Vertical):
         self.redraw()
 
     def hints(self) -> tuple[tuple[str, str], ...]:
-        """The keys of the trial."""
+        """The keys of the trial run."""
         if self.value_bar.is_open:
             return (("enter", "sets it"), ("esc", "as it was"))
         return (
@@ -185,7 +185,7 @@ class TrialView(Vertical):
     # --- keys ---
 
     def on_key(self, event: events.Key) -> None:
-        """A key of the study, and what a list would take for itself."""
+        """Handle a key of the study, before a list would take it."""
         trial = self.trial
         if trial is None or self.value_bar.is_open:
             return
@@ -220,7 +220,7 @@ class TrialView(Vertical):
                 self._with_trial(lambda trial: trial.go_on())
 
     def _take_way(self, trial: Trial, rule: str, number: int) -> None:
-        """Do what would make the rule take a transition: press its key, raise its event, let time go on."""
+        """Make the rule take a transition: press its key, raise its event, or let time pass."""
         standing = standing_of(trial, rule)
         way = next((way for way in standing.ways if way.index == number), None) if standing is not None else None
         if way is None:

@@ -1,1 +1,1 @@
-"""What the console knows, and everything that follows from it: no widget, no terminal, no clock of its own."""
+"""What the console knows, and everything that follows from it: no widget, no terminal, no clock."""

@@ -1,4 +1,4 @@
-"""What the act pane says about an act: its head, one line for each action, and the parameters of one of them."""
+"""The text of the act pane: its head, one line for each action, and the parameters of one of them."""
 
 from __future__ import annotations
 
@@ -31,18 +31,18 @@ from rise_tui.rendering.text import (
 )
 
 NARROW = 56
-"""Below this width, sources and expected times stay out, and the graph has few lines."""
+"""Below this width, sources and expected times are left out, and the graph has few lines."""
 
 
 class ShownAct(NamedTuple):
-    """An act, or something said freely, and the task that a screen should show of it."""
+    """An act, or free speech, and its task for the screen."""
 
     act: Act
     task: TaskView | None
 
 
 def shown_act(store: Store) -> ShownAct | None:
-    """What the pane shows: what started last, or the act that the wizard selected since."""
+    """The act in the pane: the one that started last, or that the wizard selected since."""
     act = store.scenario.acts.get(store.shown_act)
     if act is not None:
         return ShownAct(act, newest_task(store, act.name))
@@ -54,19 +54,19 @@ def shown_act(store: Store) -> ShownAct | None:
 
 
 def running_action(store: Store) -> str:
-    """The id of the action that began last and has not ended; empty when none runs."""
+    """The id of the action that began last and has not ended; empty if none runs."""
     shown = shown_act(store)
     actions = shown.task.actions if shown is not None and shown.task is not None else {}
     return next((id for id, action in reversed(actions.items()) if action.ended is None), "")
 
 
 def act_of_speech(text: str) -> Act:
-    """What is said freely, as an act of one action."""
+    """Free speech as an act of one action."""
     return Act("say", (Action("say", (ActionCall("Speech", {"message": Template(text, (text,))}),)),))
 
 
 class ActText:
-    """Texts for the store's present values."""
+    """Texts with the store's present values."""
 
     def __init__(self, store: Store) -> None:
         self._store = store
@@ -137,7 +137,7 @@ class ActText:
         )
 
     def _type_text(self, action: Action, begun: ActionView | None) -> str:
-        """The action's name, and what the robot does instead of it."""
+        """The action's name, and the robot's substitute for it."""
         if begun is not None:
             return f"{begun.type}→{begun.sent_as}" if begun.sent_as else begun.type
         call = action.calls[0]
@@ -147,12 +147,12 @@ class ActText:
         return f"{call.type}→{substitute}" if substitute else call.type
 
     def _substitute(self, call: ActionCall) -> str:
-        """What the robot does instead of an action that it has not; empty for one that it has."""
+        """The robot's substitute for an action that it does not have; empty for one that it has."""
         spec = self._store.scenario.robot.actions.get(call.type)
         return spec.substitute or "" if spec is not None and not spec.supported else ""
 
     def _time_text(self, action: Action, begun: ActionView | None, *, wide: bool) -> str:
-        """How long it took, `1.2/3.0` while it runs, or `~3.0` as long as it has not begun."""
+        """How long the action took; `1.2/3.0` while it runs, `~3.0` before it begins."""
         expected = self._estimate_seconds(action, begun)
         if begun is None:
             return f"~{format_seconds(expected)}" if wide and expected is not None else ""
@@ -213,7 +213,7 @@ class ActText:
         return lines
 
     def _given_lines(self, action: str, parameters: dict[str, Any], width: int) -> list[StyledLine]:
-        """What the robot is given to say, where that is not what is shown above."""
+        """What the robot receives as its text, if that differs from the text above."""
         given = self._store.wording.parameters_for_robot(action, parameters)[MESSAGE]
         same = given == plain_words(spoken_text(parameters[MESSAGE]))
         return [] if same else field_lines("", f"the robot is given: {given}", width, "muted")

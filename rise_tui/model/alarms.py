@@ -1,6 +1,6 @@
-"""What every wizard must know at once: what is wrong, what still works, and what to do, in words. Pure.
+"""What every wizard must know immediately: what is wrong, what still works, and what to do, in words. Pure.
 
-An alarm takes three lines. Of several, the worst is told, and the last line names the others.
+An alarm takes three lines. If there are several, the worst is shown in full, and the last line names the others.
 """
 
 from __future__ import annotations
@@ -17,12 +17,12 @@ from rise_tui.rendering.text import StyledLine, StyledSpan, TextRole, clean, for
 
 RUNS = frozenset({"started", "running"})
 BROKEN = ("failed", "stalled")
-"""The worse one first."""
+"""The worse status first."""
 
 
 def recorders_of(store: Store) -> list[RecordingRecord]:
-    """The last word of each recorder, the worst first; none of an engine that has gone, of a replay, or of an engine
-    before the one that recovered the session: whoever wrote that word may be gone, too."""
+    """The last report of each recorder, the worst first. Empty when the engine has gone, in a replay, and for an engine
+    before a recovery, because the recorders of those reports may have gone, too."""
     if store.gone_reason or store.cut_since is not None or store.attach_reply.replay:
         return []
     session = store.view.session
@@ -33,14 +33,14 @@ def recorders_of(store: Store) -> list[RecordingRecord]:
 
 
 def broken_recorders(store: Store) -> list[RecordingRecord]:
-    """Those that should record, and do not."""
+    """The recorders that should record, but do not."""
     return [each for each in recorders_of(store) if each.status in BROKEN]
 
 
 def recorders_word(store: Store) -> tuple[str, str, TextRole] | None:
-    """The name of the worst recorder and how it stands, in capitals where it is bad; None: all run, or there are none.
+    """The name of the worst recorder and its state, in capitals if it is bad; None: all run, or there are none.
 
-    When some run and others have stopped, those that have stopped are told.
+    If only some have stopped, those are named.
     """
     known = recorders_of(store)
     if not known or all(each.status in RUNS for each in known):
@@ -60,8 +60,8 @@ def all_recorders_run(store: Store) -> bool:
 
 
 def broken_recorders_text(store: Store) -> str:
-    """What does not record, since when and why; all names stand before the first reason, which may be cut off. Empty
-    when everything does."""
+    """What does not record, since when and why; empty if all recorders run. All names come before the first reason,
+    which may be cut."""
     broken = broken_recorders(store)
     told = ", ".join(f"{clean(each.name)} {each.status.upper()} at {format_clock(each.t)}" for each in broken)
     if len(broken) == 1:
@@ -72,9 +72,9 @@ def broken_recorders_text(store: Store) -> str:
 
 
 def shadow_line(store: Store, key_name: KeyNames, width: int) -> StyledLine:
-    """`SHADOW  cue 3 of 12   F8 pauses   your keys are recorded, not sent`; empty when it is none.
+    """`SHADOW  cue 3 of 12   F8 pauses   your keys are recorded, not sent`; empty outside a shadow.
 
-    What comes first matters most where the line is cut.
+    The most important part comes first, because the line may be cut.
     """
     status = store.shadow
     if not store.attach_reply.shadow or status is None:
@@ -93,7 +93,7 @@ def shadow_line(store: Store, key_name: KeyNames, width: int) -> StyledLine:
 
 
 CUT_SECONDS = 1.0
-"""A connection that is back before this is not worth an alarm that comes and goes."""
+"""Seconds. A connection that returns sooner does not deserve an alarm."""
 
 
 class Alarm(NamedTuple):
@@ -103,17 +103,17 @@ class Alarm(NamedTuple):
     second: StyledLine = ()
     third: StyledLine = ()
     counts_seconds: bool = False
-    """Whether it says for how long, so that it changes with every second."""
+    """Whether it shows how long it has lasted, so that it changes every second."""
 
 
 def alarm_lines(found: Sequence[Alarm]) -> tuple[StyledLine, ...]:
-    """What is shown: three lines, or none."""
+    """The lines to show: three, or none."""
     if not found:
         return ()
     worst, *others = found
     if not others:
         return worst.head, worst.second, worst.third
-    # Of two more lines the second tells more; but who has not confirmed a stop is in the third.
+    # The second line says more than the third, except when the third names who has not confirmed a stop.
     middle = worst.third if any(role == "fault" for _, role in worst.third) else worst.second
     gap: StyledLine = (("  ", "plain"),)
     named = others[0].head if len(others) == 1 else sum((other.head[:1] + gap for other in others), ())
@@ -121,7 +121,7 @@ def alarm_lines(found: Sequence[Alarm]) -> tuple[StyledLine, ...]:
 
 
 def current_alarms(store: Store, key_name: KeyNames) -> list[Alarm]:
-    """All of them, the worst first."""
+    """All alarms, the worst first."""
     if store.gone_reason:
         return [_gone_alarm(store, key_name)]
     if store.cut_since is not None and (store.stop_unsent or monotonic() - store.cut_since >= CUT_SECONDS):
@@ -166,7 +166,7 @@ def _cut_alarm(store: Store, since: float) -> Alarm:
 def _stop_alarms(store: Store, key_name: KeyNames) -> Iterator[Alarm]:
     stop = store.view.stop
     _, _, unrecorded = store.journal_status.trouble.partition("; ")
-    if unrecorded:  # asked for while nothing can be recorded: the engine tells it here, and records it later
+    if unrecorded:  # a stop while nothing can be recorded: reported here, recorded later
         sent, _, confirmed = unrecorded.partition(", ")
         answer = confirmed.replace("confirmed by ", "") or "the robot has not answered yet"
         yield Alarm(((" ■ STOP ", "alarm"), (f"  {sent}", "strong")), _confirmed_line(answer))
@@ -243,7 +243,7 @@ def _robot_alarms(store: Store, key_name: KeyNames) -> Iterator[Alarm]:
 
 
 def _open_goal_alarms(store: Store, key_name: KeyNames) -> Iterator[Alarm]:
-    """What the robot may still be doing; while it is stopped, the alarm of the stop says so."""
+    """Alarms about what the robot may still be doing. During a stop, the stop's own alarm covers this."""
     open = store.open_goals
     if not open or store.view.stop.latched:
         return
@@ -266,13 +266,13 @@ def _open_goal_alarms(store: Store, key_name: KeyNames) -> Iterator[Alarm]:
 
 
 def _speech_ended_at(store: Store, at: float) -> bool:
-    """Whether free speech ended at that moment."""
+    """Whether free speech ended at this time."""
     latest = next(reversed(store.view.tasks.values()), None)
     return latest is not None and latest.function == "say" and latest.ended == at
 
 
 def degraded_text(store: Store) -> str:
-    """What is wrong with a robot that still works, or empty. What it may still be doing has an alarm of its own."""
+    """What is wrong with a robot that still works, or empty. Open goals have an alarm of their own."""
     robot = store.view.robot
     if robot is None or robot.status != "degraded" or store.open_goals:
         return ""
@@ -280,7 +280,7 @@ def degraded_text(store: Store) -> str:
 
 
 def group_parts(names: Sequence[str]) -> str:
-    """Parts of robots, each robot named once: `pepper: arms, gaze`."""
+    """Parts of robots, with each robot named once: `pepper: arms, gaze`."""
     by_robot: dict[str, list[str]] = {}
     for name in names:
         robot, _, part = name.rpartition("/")

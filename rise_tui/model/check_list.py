@@ -1,4 +1,4 @@
-"""The checks around a session as one list: what was asked, what runs, what came of it, and what is in the way. Pure."""
+"""The checks around a session as one list: questions, running checks, results, and what blocks the session. Pure."""
 
 from __future__ import annotations
 
@@ -34,16 +34,16 @@ STATUS_WIDTH = 10
 
 
 class CheckItem(Struct):
-    """One check and how it stands."""
+    """One check and its state."""
 
     check: StudyCheck
     outcome: CheckOutcome | None = None
     """None: it runs, or has not begun."""
     is_running: bool = False
     by: str = "engine"
-    """Who answered or skipped it; the program's own word without."""
+    """Who answered or skipped it; otherwise the program itself."""
     is_kept: bool = False
-    """It was made lately and is still good."""
+    """It was made recently and is still valid."""
 
     @property
     def status(self) -> CheckStatus:
@@ -53,17 +53,17 @@ class CheckItem(Struct):
 
     @property
     def report(self) -> CheckReport | None:
-        """What the session is told of it; None while it runs or waits for an answer."""
+        """The report for the session; None while the check runs or waits for an answer."""
         if self.outcome is None or self.outcome.result == "asked":
             return None
         return report_check(self.outcome, self.by)
 
 
 class CheckList:
-    """All checks of one moment: before a session or after it."""
+    """All checks before a session, or all after it."""
 
     def __init__(self, pending: Sequence[PendingCheck], purpose: Purpose, *, binding: bool) -> None:
-        """`binding`: whether a failed check that blocks is in the way."""
+        """`binding`: whether a failed check that blocks prevents going on."""
         self.items = [
             CheckItem(each.check, kept_check(each) if each.good_since else None, is_kept=bool(each.good_since))
             for each in pending
@@ -75,33 +75,33 @@ class CheckList:
         return next((item for item in self.items if item.check.id == id), None)
 
     def reset(self, item: CheckItem) -> None:
-        """It is to be made, for the first time or again."""
+        """Make the check, for the first time or again."""
         item.outcome, item.by, item.is_kept = None, "engine", False
 
     def finish(self, item: CheckItem, outcome: CheckOutcome) -> None:
-        """What came of it."""
+        """Set the result of a check."""
         item.outcome, item.is_running = outcome, False
 
     def answer(self, item: CheckItem, yes: bool, by: str) -> bool:
-        """Somebody answers an asked one, or thinks better of an answer; False: there is nothing to answer."""
+        """Answer a check, or change an answer; False: there is nothing to answer."""
         outcome = item.outcome
         if outcome is None or (outcome.result != "asked" and not item.check.ask):
             return False
-        if outcome.result != "asked":  # answered already
+        if outcome.result != "asked":  # already answered
             outcome = CheckOutcome(item.check.id, item.check.ask, "asked", question=item.check.ask)
         item.outcome, item.by = answer_check(outcome, yes), by
         return True
 
     def why_not_skip(self, item: CheckItem, reason: str) -> str:
-        """Why it cannot be skipped with that reason; empty: it can."""
+        """Why a check cannot be skipped for that reason; empty: it can."""
         return skip_problem(item.check, self._purpose, reason)
 
     def skip(self, item: CheckItem, reason: str, by: str) -> None:
-        """Somebody goes on without it, and says why."""
+        """Skip a check, with a reason."""
         item.outcome, item.by = skipped_check(item.check, reason, item.outcome), by
 
     def first_open(self, start: int = 0) -> int | None:
-        """The first item that somebody has to answer or to look at, from the one at `start` on."""
+        """The first item from `start` on that somebody has to answer or examine."""
         count = len(self.items)
         order = [(start + step) % count for step in range(count)]
         return next((at for at in order if self._is_open(self.items[at])), None)
@@ -114,7 +114,7 @@ class CheckList:
 
     @property
     def obstacle(self) -> str:
-        """Why it cannot go on yet, in a sentence; empty when nothing is in the way."""
+        """Why the session cannot go on yet, in a sentence; empty if nothing blocks it."""
         running = [item.check.id for item in self.items if item.outcome is None]
         asked = [item.check.id for item in self.items if item.status == "asked"]
         failed = [item.check.id for item in self.items if item.status == "failed" and self._is_in_the_way(item)]
@@ -126,11 +126,11 @@ class CheckList:
 
     @property
     def reports(self) -> tuple[CheckReport, ...]:
-        """What came of all of them, in their order."""
+        """The reports of all checks, in their order."""
         return tuple(report for item in self.items if (report := item.report) is not None)
 
     def rows(self, width: int) -> list[ListRow]:
-        """One row for each, and what was found or why not below it where that has no room beside it."""
+        """One row for each check. Details or reasons that do not fit beside it are below it."""
         ids = min(14, max((cell_width(item.check.id) for item in self.items), default=4))
         return [row for item in self.items for row in self._item_rows(item, ids, width)]
 
@@ -159,7 +159,7 @@ def _below(text: str, role: TextRole, width: int) -> ListRow:
 
 
 def _found_text(item: CheckItem) -> str:
-    """What was found, and why it failed or was skipped."""
+    """What the check found, and why it failed or was skipped."""
     outcome = item.outcome
     if outcome is None or outcome.result == "asked" or (item.check.ask and outcome.result != "skipped"):
         return ""

@@ -1,7 +1,7 @@
-"""Who may do what now: reasons that something cannot be done, the modes of the keyboard, control of several consoles.
+"""Who may do what now: why something is impossible, the modes of the keyboard, control among several consoles.
 
-Pure. A reason has a code; it becomes a sentence once somebody names the keys, because the model knows no keys of the
-console (console.md 6.3): whoever shows a reason says how a key is called, as a function.
+Pure. A reason has a code, because the model knows no keys of the console (console.md 6.3). It becomes a sentence when
+the caller passes in a function that names keys.
 """
 
 from __future__ import annotations
@@ -18,30 +18,30 @@ from rise_tui.model.notice import Notice, short_name
 from rise_tui.rendering.text import format_clock
 
 Deed: TypeAlias = Literal["reach", "remark", "change", "start"]
-"""What somebody may want of the engine, each with all that the one before it needs.
+"""What a console may request from the engine. Each deed needs everything that the one before it needs.
 
-reach: anything at all. remark: a note, a question about control. change: whatever changes the session. start: whatever
-makes the robot or a rule do something.
+reach: anything at all. remark: a note, a question about control. change: anything that changes the session. start:
+anything that makes the robot or a rule act.
 """
 
 KeyNames: TypeAlias = Callable[[str], str]
-"""From the id of an action of the console to its key, as a sentence names it: `ctrl+x`, `F9`."""
+"""From the id of a console action to its key in a sentence: `ctrl+x`, `F9`."""
 
 
 class BlockedReason(Struct, frozen=True):
-    """One thing that stands in the way."""
+    """A reason why something is impossible now."""
 
     code: Literal["over", "gone", "cut", "replay", "control", "not-recording", "stopped", "safe", "locked", "paused"]
     detail: str = ""
-    """What the session ended with, why the engine has gone, what is wrong with the disk."""
+    """How the session ended, why the engine has gone, or what is wrong with the disk."""
     holder: str = ""
-    """`control`: who has it."""
+    """For `control`: who has it."""
     watches: bool = False
-    """`control`: this console only watches, and could not take it."""
+    """For `control`: this console only observes, and cannot take it."""
 
 
 def blocked_text(reason: BlockedReason | None, key_name: KeyNames) -> str:
-    """The reason as a sentence, and what to press where a key helps; empty when nothing stands in the way."""
+    """The reason as a sentence, with the key to press if one helps; empty if nothing is blocked."""
     if reason is None:
         return ""
     match reason.code:
@@ -69,7 +69,7 @@ def blocked_text(reason: BlockedReason | None, key_name: KeyNames) -> str:
 
 
 InputMode: TypeAlias = Literal["LIVE", "SAFE", "LOCKED"]
-"""LIVE: keys start acts and rules. SAFE: everything can be looked at, nothing is started. LOCKED: keys do nothing."""
+"""LIVE: keys start acts and rules. SAFE: everything can be viewed, but nothing starts. LOCKED: keys do nothing."""
 
 STARTING_FUNCTIONS = frozenset(
     {
@@ -83,27 +83,27 @@ STARTING_FUNCTIONS = frozenset(
         "stepBack",
     }
 )
-"""What a key may ask for that makes something happen; stopping, and marks for the record, are not among it."""
+"""Functions of keys that make something happen. Stopping, and marks for the record, are not among them."""
 
 CUE_EVENTS = dict(zip(("markCue", "undoCue"), CUE_TOPICS, strict=True))
-"""The event of a cue: where a rule waits for it, marking one makes something happen, too."""
+"""The event of a cue. If a rule waits for it, marking a cue makes something happen, too."""
 
 LOCKED_ACTIONS = ("stop", "quit", "lock")
-"""Actions of the registry that work while everything is locked."""
+"""Actions of the registry that work while the keyboard is LOCKED."""
 
 
 def toggle_safe(mode: InputMode) -> InputMode:
-    """The mode after the key that changes between LIVE and SAFE; a locked keyboard stays locked."""
+    """The mode after the key for LIVE and SAFE. A locked keyboard stays locked."""
     return "SAFE" if mode == "LIVE" else "LIVE" if mode == "SAFE" else mode
 
 
 def toggle_lock(mode: InputMode) -> InputMode:
-    """The mode after the key that locks. Unlocked is never LIVE at once: that takes the other key, on purpose."""
+    """The mode after the lock key. Unlocking never leads directly to LIVE: that takes the other key, on purpose."""
     return "SAFE" if mode == "LOCKED" else "LOCKED"
 
 
 def mode_notice(mode: InputMode, key_name: KeyNames) -> str:
-    """What to say when the mode has just been chosen."""
+    """The notice for a newly chosen mode."""
     match mode:
         case "LIVE":
             return "LIVE: keys start acts and rules"
@@ -122,28 +122,28 @@ class ControlChoice(NamedTuple):
 
 
 class ControlLost(Struct, frozen=True):
-    """Control has gone from this console without its doing."""
+    """This console lost control without giving it up."""
 
     holder: str | None
-    """Who has it now; null: nobody."""
+    """Who has it now; None: nobody."""
     at: float | None
-    """Session time; None when it happened while the connection was cut."""
+    """Session time; None: it happened while the connection was cut."""
 
 
 def control_notice(
     record: ControlRecord, before: str | None, own_name: str
 ) -> tuple[Notice | None, ControlLost | None]:
-    """What to say about a change, to the console called `own_name`; `before` held control until now."""
+    """The notice about a change of control, for the console `own_name`. `before` held control until now."""
     by, holder, is_own = short_name(record.by), short_name(record.holder), record.by == own_name
     if record.status == "asked":
         if is_own:
             return Notice(f"{short_name(before)} knows that you ask for control"), None
-        # The holder's own screen says so in a line that stays.
+        # The holder's own screen shows a permanent line about it.
         return (None if before == own_name else Notice(f"{by} asks {short_name(before)} for control")), None
-    if record.holder == before:  # somebody who had asked does not ask any more
+    if record.holder == before:  # somebody has withdrawn the question
         return Notice("you no longer ask for control" if is_own else f"{by} no longer asks for control"), None
     if record.holder == own_name:
-        if is_own:  # whoever attaches first gets it, and needs no sentence
+        if is_own:  # the first console gets it without a notice
             return (Notice("you have control: the keys work") if before is not None else None), None
         return Notice(f"{by} gave you control: your keys work", "wait"), None
     if before == own_name and not is_own:
@@ -172,7 +172,7 @@ def control_lost_text(taken: ControlLost, key: str) -> str:
 def control_question(
     holder: str | None, asker: str | None, own_name: str, key_name: KeyNames
 ) -> tuple[list[str], list[ControlChoice]]:
-    """The dialog about control: what it says, and what can be done."""
+    """The dialog about control: its lines and its choices."""
     is_own = holder == own_name
     release = ControlChoice("release", "r", "Release it")
     if not is_own and holder is None:

@@ -1,7 +1,8 @@
-"""The participant's cue: the time since it, when the robot's voice answers it, and when a filler is due. Pure.
+"""The participant's cue: the time since it, the robot's answering voice, and when a filler is due. Pure.
 
-An act may begin with a look or a pause, and be heard seconds later. Its `timing` record says when (`voice_at`), but
-only at its end; before that the records of its actions do, with the robot's profile, which knows what takes the voice.
+An act may begin with a look or a pause, and be heard seconds later. Its `timing` record has the time of the voice
+(`voice_at`), but only at its end. Until then the records of its actions tell it, with the robot's profile, which knows
+which actions use the voice.
 """
 
 from __future__ import annotations
@@ -20,15 +21,15 @@ class CueClock(NamedTuple):
 
     marked: float
     answered: float | None = None
-    """When the answer came: the robot's voice, or of an act that says nothing its start. None: it is awaited."""
+    """When the answer came: the robot's voice, or the start of an act that says nothing. None: not yet."""
     said: bool = True
-    """Whether that act has come to what it was to say; if not, `answered` is when it ended."""
+    """Whether that act has spoken; if not, `answered` is when it ended."""
     filled: float | None = None
     """When the latest filler started."""
 
 
 def cue_clock(scenario: Scenario, view: SessionView) -> CueClock | None:
-    """The participant's last cue as the participant hears it; None when there is none."""
+    """The participant's last cue, timed by what the participant hears; None without one."""
     cue = view.cue
     if cue is None:
         return None
@@ -42,7 +43,7 @@ def cue_clock(scenario: Scenario, view: SessionView) -> CueClock | None:
 
 
 def voice_at(scenario: Scenario, task: TaskView) -> float | None:
-    """When the robot first confirmed an action of a task that takes its voice; None: it has not."""
+    """When the robot first confirmed an action of a task that uses its voice; None: not yet."""
     if task.voice_at is not None:
         return task.voice_at
     confirmed = (
@@ -54,7 +55,7 @@ def voice_at(scenario: Scenario, task: TaskView) -> float | None:
 
 
 def speaks(scenario: Scenario, task: TaskView) -> bool:
-    """Whether a task is to be heard: its act has an action for which this robot uses its voice."""
+    """Whether a task can be heard: its act has an action for which this robot uses its voice."""
     if task.function == "say":
         return True
     act = scenario.acts.get(task.behavior)
@@ -71,15 +72,15 @@ def _takes_voice(scenario: Scenario, action: str) -> bool:
 LATE_SECONDS, VERY_LATE_SECONDS = 1.0, 2.0
 """Seconds after which a robot that has not answered seems slow, and seems broken."""
 TENTHS_SECONDS = 10.0
-"""For this long a cue is counted in tenths; then in seconds, with the clock."""
+"""Seconds for which a cue is counted in tenths; then it is counted in seconds, with the clock."""
 GIVEN_UP_SECONDS = 60.0
-"""A cue that nobody answered for this long is not counted any more."""
+"""Seconds after which an unanswered cue is no longer counted."""
 ANSWERED_SECONDS = 5.0
-"""How long it is shown how long the answer took."""
+"""Seconds for which the answer time is shown."""
 
 
 def seconds_since_cue(cue: CueClock | None, now: float) -> float | None:
-    """Seconds since the cue, while it is counted; None when there is none, or it is answered or given up."""
+    """Seconds since the cue while it is counted; None if there is none, or it is answered or given up."""
     if cue is None or cue.answered is not None:
         return None
     since = max(0.0, now - cue.marked)
@@ -93,7 +94,7 @@ def counts_tenths(cue: CueClock | None, now: float) -> bool:
 
 
 def passed_text(since: float) -> str:
-    """As exactly as it is counted."""
+    """The time with the precision of the count."""
     return f"{int(since)}" if since >= TENTHS_SECONDS else format_seconds(since)
 
 
@@ -118,7 +119,7 @@ def cue_line(cue: CueClock | None, now: float, *, short: bool = False) -> Styled
 
 
 def filler_due(cue: CueClock | None, now: float, offer_after: float) -> float | None:
-    """Seconds since the cue when it is time for a filler, the next one too; None while it is not."""
+    """Seconds since the cue if a filler, the first or a further one, is due; else None."""
     since = seconds_since_cue(cue, now)
     if since is None or cue is None or offer_after <= 0:
         return None

@@ -1,4 +1,4 @@
-"""What went wrong: acts that failed and what was not said, and mistakes that a wizard marks. Pure; knows no screen."""
+"""What went wrong: failed acts, texts that were not said, and mistakes that a wizard marks. Pure; knows no screen."""
 
 from __future__ import annotations
 
@@ -20,54 +20,53 @@ from rise_tui.model.store import Store
 from rise_tui.rendering.text import StyledLine, StyledSpan, align_at_both_ends, crop, line_width, wrap
 
 LABEL = 15
-"""Cells before what was not said."""
+"""Cells before a text that was not said."""
 REASON_LINES = 2
 WIDE = 60
-"""Cells from which on there is room to say where the rest is."""
+"""Cells from which there is room to say where the rest is."""
 
 
 class UnsaidText(NamedTuple):
-    """A text that the robot was to say and did not say to its end, as far as it reported."""
+    """A text that the robot should have said and did not finish, as far as it reported."""
 
     text: str
     begun: bool
-    """It was sent to the robot, which may have said a part of it."""
+    """It was sent to the robot, which may have said part of it."""
     ways: int = 1
-    """Of so many formulations one would have been picked; this is the first."""
+    """The number of possible wordings, one of which would have been picked; this is the first."""
 
 
 def unanswered_failures(store: Store) -> list[TaskView]:
-    """Failed acts that are neither done after all nor answered, the one that failed first first; before them those that
-    the study waits for."""
+    """Failed acts, neither repeated nor answered, the oldest first; before them, those that the study waits for."""
     view = store.view
     return [view.tasks[id] for id in (*view.questions, *view.failed) if id in view.tasks]
 
 
 def is_question(store: Store, task: TaskView) -> bool:
-    """Whether the study waits for what is said about this failure."""
+    """Whether the study waits for an answer about this failure."""
     return task.id in store.view.questions
 
 
 def rule_of_question(store: Store, task: TaskView) -> str:
-    """The running rule that has started an act, whose stop is one of the answers; empty when there is none."""
+    """The running rule that started an act, which the wizard may stop as an answer; empty if there is none."""
     name = task.source.removeprefix("rule:")
     return name if task.source.startswith("rule:") and store.rule(name).running else ""
 
 
 def unsaid_texts(scenario: Scenario, task: TaskView, memory: Mapping[str, Any]) -> list[UnsaidText]:
-    """What a failed act was to say and did not, in the order in which it would have come."""
+    """What a failed act should have said and did not, in its planned order."""
     actions = _actions_in_order(scenario, task)
     return [unsaid for action in actions if (unsaid := _find_unsaid(scenario, action, task, memory)) is not None]
 
 
 def has_speech(scenario: Scenario, task: TaskView) -> bool:
-    """Whether the act was to say anything at all."""
+    """Whether the act has anything to say."""
     calls = (call for action in _actions_in_order(scenario, task) for call in action.calls)
     return any(message_of(scenario, call) is not None for call in calls)
 
 
 def _actions_in_order(scenario: Scenario, task: TaskView) -> list[Action]:
-    """The actions of a task's act, each after those that it waits for; none for an act that the scenario has not."""
+    """The actions of a task's act, each after those that it waits for; none for an act that is not in the scenario."""
     act = act_of_speech(task.behavior) if task.function == "say" else scenario.acts.get(task.behavior)
     return actions_in_order(act) if act is not None else []
 
@@ -85,12 +84,12 @@ def _find_unsaid(scenario: Scenario, action: Action, task: TaskView, memory: Map
 
 
 def _was_sent(begun: ActionView) -> bool:
-    """What fails in the moment in which it begins was never sent: the robot was not there, or a value was missing."""
+    """Whether the action reached the robot. One that fails as it begins did not: the robot or a value was missing."""
     return begun.status != "skipped" and begun.ended != begun.since
 
 
 def fill_known(template: Template, memory: Mapping[str, Any]) -> str:
-    """What would be heard, with the memory's values as they are now; what has none stays as it is written."""
+    """The text with the memory's present values. A slot without a value stays as written."""
     lead = BEGINNING + ">" if begins_as_ssml(template.text) else ""
 
     def fill(part: str | MemorySlot) -> str:
@@ -106,7 +105,7 @@ def fill_known(template: Template, memory: Mapping[str, Any]) -> str:
 
 
 def failure_lines(store: Store, width: int, most: int, key_name: KeyNames) -> list[StyledLine]:
-    """What the bar shows of the first failure, in at most `most` lines; none when there is none."""
+    """The bar's text about the first failure, in at most `most` lines; empty without a failure."""
     failed = unanswered_failures(store)
     if not failed or store.gone_reason:
         return []
@@ -128,7 +127,7 @@ def failure_lines(store: Store, width: int, most: int, key_name: KeyNames) -> li
 
 
 def _wait_text(store: Store, task: TaskView) -> str:
-    """What a question waits for, besides an answer."""
+    """What a question waits for, other than an answer."""
     if task.id not in store.view.repeats:
         return "the study waits for your answer"
     at = store.view.repeats[task.id]
@@ -138,13 +137,13 @@ def _wait_text(store: Store, task: TaskView) -> str:
 
 
 def _mark_cut(line: StyledLine, width: int) -> StyledLine:
-    """A line after which others have no room: it says so, and where they are."""
+    """A line before others that do not fit: it shows this, and where they are."""
     tail: StyledSpan = ("…  in full: act pane" if width >= WIDE else "…", "muted")
     return (*crop(line, width - line_width((tail,)) - 1), (" ", "plain"), tail)
 
 
 def _unsaid_lines(store: Store, task: TaskView, width: int) -> Iterator[StyledLine]:
-    """Word for word, each over as many lines as it needs."""
+    """The texts that were not said, word for word, each on as many lines as it needs."""
     scenario = store.scenario
     unsaid = unsaid_texts(scenario, task, store.memory)
     if not unsaid:
@@ -158,7 +157,7 @@ def _unsaid_lines(store: Store, task: TaskView, width: int) -> Iterator[StyledLi
 
 
 def _keys_line(store: Store, task: TaskView, width: int, key_name: KeyNames) -> StyledLine:
-    """What can be done about it; for who has no control, who can."""
+    """What can be done about the failure or, without control, who can do it."""
     if store.attach_reply.replay:
         return (("   this is a replay: it shows what happened then", "plain"),)
     if store.cut_since is not None:
@@ -184,7 +183,7 @@ def _keys_line(store: Store, task: TaskView, width: int, key_name: KeyNames) -> 
 
 
 def _restart_text(store: Store, task: TaskView) -> str:
-    """That it has been started again, and has not ended; empty when that is not so."""
+    """Whether the act was started again and has not ended, as a sentence; empty if not."""
     restarted = (task.function, task.behavior)
     if any((each.function, each.behavior) == restarted for each in store.running_tasks):
         return "it runs again"
@@ -200,7 +199,7 @@ CUES = frozenset({"markCue", "undoCue"})
 class MistakeMark(NamedTuple):
     key: str
     mark: str
-    """As the engine calls it."""
+    """The engine's name for it."""
     word: str
 
 
@@ -214,10 +213,10 @@ MISTAKE_MARKS = (
 
 
 def newest_markable(tasks: dict[int, TaskView], me: str | None) -> TaskView | None:
-    """What this wizard did last, whatever it was. Of one who has done nothing yet, the act that a rule started last.
+    """What this wizard did last, whatever it was. If the wizard has done nothing yet, the act that a rule started last.
 
-    Not what others or programs did, what was refused, and not the marks themselves. `me` None: whoever was the wizard,
-    for one who judges a session that is over; no cue then, for what is judged is what came of it.
+    Other people's and programs' tasks, rejected tasks and the marks themselves do not count. `me` None: any wizard, for
+    the judge of a session that is over. Then cues do not count either, because their results are judged.
     """
     by_rule: TaskView | None = None
     for id in reversed(tasks):
@@ -232,7 +231,7 @@ def newest_markable(tasks: dict[int, TaskView], me: str | None) -> TaskView | No
 
 
 def markable_name(task: TaskView, key: KeyBinding | None) -> str:
-    """An act by its name, speech by its words, all else by its key and what the author calls that, or what it does."""
+    """A task's name: the act, the words of speech, or else the key with the author's label or its function."""
     if task.function in ACTS:
         return act_label(task.function, task.behavior)
     words = completion_message(task.function, task.behavior) or task_label(task.function, task.behavior)

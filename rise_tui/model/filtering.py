@@ -1,12 +1,12 @@
-"""What is typed after `/`: which rows it lets through, and where it matches in them. Pure.
+"""The filter that is typed after `/`: which rows it shows, and where it matches in them. Pure.
 
-- Words, in any order: each must be somewhere in the row, as it is typed or with letters left out (`rin2` finds
-  `R_Instruction_2`). A word with a capital minds capitals. `!word`: rows with this word stay out.
-- `/...` or `re:...`: one regular expression; `!/...`: rows that it matches stay out.
+- Words, in any order: each must be somewhere in the row, as typed or with letters left out (`rin2` finds
+  `R_Instruction_2`). A word with a capital is case-sensitive. `!word`: rows with this word are hidden.
+- `/...` or `re:...`: one regular expression; `!/...`: rows that it matches are hidden.
 
-A regular expression can take for ever on one row, and while it does the console would answer no key, not even stop. So
-it is run by `regex`, which gives up after a time that it is told, and sees a row up to LONGEST characters. What it may
-hold is what Python's `re` takes, which also says what is wrong with it.
+A regular expression may never end on one row, and until then the console would answer no key, not even stop. `regex`
+therefore runs it with a time limit, on at most MOST_CHARACTERS of a row. It must also be valid for Python's `re`, whose
+errors are shown.
 """
 
 from __future__ import annotations
@@ -23,12 +23,12 @@ from rise_engine.base.errors import RiseError
 from rise_tui.rendering.text import ListRow, StyledLine, highlight_matches, plain_text
 
 MOST_CHARACTERS = 500
-"""Characters of a row that a regular expression sees."""
+"""Characters of a row that a regular expression examines."""
 PATIENCE = 0.004
 """Seconds that a regular expression may take for one row."""
 TOO_LONG = "this regular expression takes too long; use fewer * and +"
 LEAST_LETTERS, MOST_LETTERS = 3, 40
-"""How long a word is that may have letters left out: nearly every row has two given letters in their order."""
+"""The length of a word that may have letters left out. Nearly every row contains two given letters in order."""
 
 _PART = r"(?:(?<![^\W_])|(?-i:(?<=[a-z])(?=[A-Z])))"
 """Where a part of a name begins: `Instruction` in `R_Instruction` and in `RunInstruction`."""
@@ -50,13 +50,13 @@ class InvalidFilter(RiseError, ValueError):
 
 
 class Filter:
-    """One filter, as it was typed."""
+    """One filter, as typed."""
 
     def __init__(self, text: str) -> None:
         """Raises InvalidFilter."""
         self.text = text
         self._terms: list[tuple[_Word | _Expression, bool]] = []
-        """What a row must have, or, where it is false, must not have."""
+        """Terms that a row must contain (true) or must not contain (false)."""
         bare = text.strip()
         refused = bare.startswith("!")
         rest = bare.removeprefix("!")
@@ -70,15 +70,15 @@ class Filter:
         self._terms += [(_Word(word, loose=wanted), wanted) for word, wanted in words if word]
 
     def __bool__(self) -> bool:
-        """False when nothing is typed yet that could keep a row out."""
+        """False while nothing is typed that could hide a row."""
         return bool(self._terms)
 
     def matches(self, text: str) -> bool:
-        """Whether a row with this text is to be shown. Raises InvalidFilter for an expression that takes too long."""
+        """Whether a row with this text should be shown. Raises InvalidFilter for an expression that takes too long."""
         return all(term.found_in(text) == wanted for term, wanted in self._terms)
 
     def match_spans(self, text: str) -> list[tuple[int, int]]:
-        """Where it matches: characters from and to, in order and apart from each other. Raises as `matches`."""
+        """Where the filter matches: first and last positions, in order and without overlaps. Raises as `matches`."""
         found = sorted(span for term, wanted in self._terms if wanted for span in term.spans(text))
         merged: list[tuple[int, int]] = []
         for start, end in found:
@@ -90,7 +90,7 @@ class Filter:
 
 
 class _Word:
-    """A word, as it is typed or with letters left out."""
+    """A word, as typed or with letters left out."""
 
     def __init__(self, word: str, *, loose: bool) -> None:
         flags = re.NOFLAG if any(letter.isupper() for letter in word) else re.IGNORECASE
@@ -112,7 +112,7 @@ class _Word:
 
 
 def _letter_patterns(word: str) -> Iterator[str]:
-    """Patterns that find letters in their order within one name. Each gap can be taken in one way only, so it is quick.
+    """Patterns that find letters in order within one name. They are quick, because each gap matches in one way only.
 
     Digits stand together: `topic2` does not find `topic12`.
     """
@@ -123,13 +123,13 @@ def _letter_patterns(word: str) -> Iterator[str]:
 
 
 class _Expression:
-    """A regular expression, with a limit to its time."""
+    """A regular expression with a time limit."""
 
     def __init__(self, pattern: regex.Pattern[str]) -> None:
         self._pattern = pattern
 
     def found_in(self, text: str) -> bool:
-        for _ in range(2):  # perhaps something else came in between: once more
+        for _ in range(2):  # another process may have taken the time: try again
             with suppress(TimeoutError):
                 return self._pattern.search(text, 0, MOST_CHARACTERS, timeout=PATIENCE) is not None
         raise InvalidFilter(TOO_LONG)
@@ -144,7 +144,7 @@ class _Expression:
 
 
 def _compile_expression(pattern: str, at: int, *, slash: bool) -> _Expression | None:
-    """A regular expression that stands at `at` of what is typed. None while nothing of it is typed."""
+    """A regular expression that begins at `at` of the typed text. None while it is empty."""
     if slash and len(pattern) > 1 and pattern.endswith("/") and not pattern.endswith("\\/"):
         pattern = pattern[:-1]
     if not pattern:
@@ -158,19 +158,19 @@ def _compile_expression(pattern: str, at: int, *, slash: bool) -> _Expression | 
     except re.error as error:
         reason = next((reason for known, reason in _REASONS if known in error.msg), error.msg)
         raise InvalidFilter(f"at {at + (error.pos or 0) + 1}: {reason}") from error
-    except regex.error as error:  # what only `re` takes
+    except regex.error as error:  # valid only for `re`
         raise InvalidFilter(str(error)) from error
     except (OverflowError, RecursionError, MemoryError) as error:
         raise InvalidFilter("this regular expression is too large") from error
 
 
 def mark_line(line: StyledLine, wanted: Filter | None) -> StyledLine:
-    """The line with what the filter finds in it marked. Raises as `Filter.matches`."""
+    """The line with the filter's matches marked. Raises as `Filter.matches`."""
     return line if wanted is None else highlight_matches(line, wanted.match_spans(plain_text(line)))
 
 
 def filter_rows(rows: Iterable[ListRow], wanted: Filter) -> list[ListRow]:
-    """The rows that it lets through, with what it found marked; headings and the like stay out. Raises the same."""
+    """The rows that the filter shows, with matches marked. Headings and similar rows are left out. Raises the same."""
     return [
         row._replace(line=mark_line(row.line, wanted))
         for row in rows
@@ -178,15 +178,16 @@ def filter_rows(rows: Iterable[ListRow], wanted: Filter) -> list[ListRow]:
     ]
 
 
-# --- over a log ------------------------------------------------------------------------------------------------------
+# --- searching a log -------------------------------------------------------------------------------------------------
 
 ROWS_OF_STEP = 32
 
 
 class RowSearch:
-    """The ids that match: what is new first, then backwards from the newest.
+    """The ids that match. The search takes new ids first, then goes backwards from the newest.
 
-    `ids` is the caller's list, ascending; it only grows at its end. `text_of` gives None for what is no longer known.
+    `ids` is the caller's list, ascending. It only grows at its end. `text_of` returns None for an id that is no longer
+    known.
     """
 
     def __init__(
@@ -196,19 +197,19 @@ class RowSearch:
         text_of: Callable[[int], str | None],
         is_live: Callable[[int], bool],
     ) -> None:
-        """`is_live`: whether a task can still change, so that it must be looked at again."""
+        """`is_live`: whether a task can still change, so that it must be checked again."""
         self.filter = filter
         self.ids, self._text_of, self._is_live = ids, text_of, is_live
         self._from = self._to = len(ids)
-        """What lies between has been looked at."""
+        """The rows between these have been checked."""
         self._matching: list[int] = []
         self._earlier: list[list[int]] = []
-        """What was found before all of these, the latest rows first."""
+        """Matches from before all of these, the latest rows first."""
         self._live: list[int] = []
 
     @property
     def matching(self) -> list[int]:
-        """All that was found so far. It grows at its end in place; for any other change it becomes another list."""
+        """All matches so far. The list grows at its end in place; any other change makes a new list."""
         if self._earlier:
             self._matching = [*(row for part in reversed(self._earlier) for row in part), *self._matching]
             self._earlier.clear()
@@ -216,11 +217,11 @@ class RowSearch:
 
     @property
     def is_complete(self) -> bool:
-        """Whether all rows have been looked at."""
+        """Whether all rows have been checked."""
         return self._from == 0 and self._to == len(self.ids)
 
     def step(self) -> int:
-        """Look at a few rows more; gives how many, 0 at the end. Raises InvalidFilter."""
+        """Check a few more rows; returns how many, 0 at the end. Raises InvalidFilter."""
         if self._to < len(self.ids):
             start, end = self._to, min(self._to + ROWS_OF_STEP, len(self.ids))
             self._matching += self._find_matching(start, end)
@@ -234,7 +235,7 @@ class RowSearch:
         return end - start
 
     def recheck_live(self) -> None:
-        """What had not ended when it was looked at, may match by now, or no longer. Raises InvalidFilter."""
+        """Check rows again that had not ended: they may match now, or no longer match. Raises InvalidFilter."""
         for row in self._live:
             matching = self.matching
             index = bisect_left(matching, row)
@@ -249,7 +250,7 @@ class RowSearch:
         self._live = [row for row in self._live if self._is_live(row)]
 
     def expect_change(self, id: int) -> None:
-        """This row has changed, although its task had ended."""
+        """Note that this row has changed, although its task had ended."""
         index = bisect_left(self.ids, id)
         if self._from <= index < self._to and id not in self._live:
             self._live.append(id)

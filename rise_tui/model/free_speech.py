@@ -1,4 +1,4 @@
-"""Free speech while it is typed: what was said before, how it may go on, and what will be said. Pure."""
+"""Free speech while it is typed: the history, likely endings, and the text that will be said. Pure."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ KEPT = 200
 
 
 def scenario_sentences(scenario: Scenario) -> tuple[str, ...]:
-    """Everything that the scenario's acts say, as written but for markup, in file order, each once."""
+    """Everything that the scenario's acts say, as written but without markup, in file order, each text once."""
     sentences = {
         plain_words(call.parameters["message"].text.strip()): None
         for act in scenario.acts.values()
@@ -28,7 +28,7 @@ def scenario_sentences(scenario: Scenario) -> tuple[str, ...]:
 
 
 class SpeechHistory:
-    """What was said, newest last, and where in it the wizard is."""
+    """The said sentences, newest last, and the wizard's position among them."""
 
     def __init__(self, said: Iterable[str] = ()) -> None:
         self.said: list[str] = []
@@ -38,21 +38,21 @@ class SpeechHistory:
             self.add(text)
 
     def add(self, text: str) -> None:
-        """Something was said; the walk through the history ends."""
+        """Add a said sentence and leave the history."""
         if text in self.said:
             self.said.remove(text)
         self.said = [*self.said, text][-KEPT:]
         self._at = len(self.said)
 
     def earlier(self, shown: str) -> str:
-        """The sentence before the one that is shown; what was typed is kept at the end."""
+        """The sentence before the shown one. What was typed stays at the end."""
         if self._at == len(self.said):
             self._draft = shown
         self._at = max(0, self._at - 1)
         return self.said[self._at] if self.said else shown
 
     def later(self, shown: str) -> str:
-        """The one after it; at the end what was typed."""
+        """The sentence after the shown one; at the end, what was typed."""
         if self._at == len(self.said):
             return shown
         self._at += 1
@@ -60,14 +60,14 @@ class SpeechHistory:
 
 
 def complete_speech(typed: str, said: Sequence[str], scenario: Sequence[str], keys: Iterable[str]) -> str:
-    """How what is typed may go on, from its beginning; empty when nothing fits.
+    """A likely completion of the typed text, from its beginning; empty if nothing fits.
 
-    `said` goes before the scenario's sentences, the newest first; after a `{` it is a memory key.
+    `said` comes before the scenario's sentences, the newest first. After a `{` the completion is a memory key.
     """
     opened = typed.rfind("{")
     if opened > typed.rfind("}"):
         begun = opened + 1
-        if typed[begun : begun + 1] == '"':  # a separator, and the key behind it
+        if typed[begun : begun + 1] == '"':  # a separator, then the key
             begun = typed.find('"', begun + 1) + 1
         key = next((key for key in sorted(keys) if key.startswith(typed[begun:])), "") if begun else ""
         return f"{typed[:begun]}{key}}}" if key else ""
@@ -81,7 +81,7 @@ def complete_speech(typed: str, said: Sequence[str], scenario: Sequence[str], ke
 
 
 class FilledSpeech(NamedTuple):
-    """What will be said, or why it cannot be."""
+    """The text that will be said, or why it cannot be."""
 
     text: str = ""
     problem: str = ""
@@ -100,16 +100,16 @@ def fill_speech(typed: str, memory: Mapping[str, Any]) -> FilledSpeech:
 
 
 class SpeechEffect(NamedTuple):
-    """What becomes of a sentence that is said now; both are empty when it is simply said."""
+    """What happens when a sentence is said now; both are empty if it is simply said."""
 
     queued: str = ""
-    """In its turn: `waits for R_Welcome`, or the filler that gives way to it."""
+    """Its wait: `waits for R_Welcome`, or the filler that gives way to it."""
     at_once: str = ""
-    """Without waiting: `interrupts R_Welcome`."""
+    """What it does immediately: `interrupts R_Welcome`."""
 
 
 def speech_effect(scenario: Scenario, view: SessionView) -> SpeechEffect:
-    """By the scheduler's rules (semantics.md 3.1)."""
+    """Apply the scheduler's rules (semantics.md 3.1)."""
     speech = scenario.robot.actions.get("Speech")
     channels = frozenset(speech.channels) if speech is not None else frozenset()
     in_turn, beside = [], []
@@ -129,7 +129,7 @@ def speech_effect(scenario: Scenario, view: SessionView) -> SpeechEffect:
 
 
 def _names_text(names: Sequence[str]) -> str:
-    """One name, or the first and how many more."""
+    """One name, or the first and the number of others."""
     if not names:
         return ""
     return names[0] if len(names) == 1 else f"{names[0]} and {len(names) - 1} more"

@@ -1,4 +1,4 @@
-"""What a press of a key, a click or Enter on a row asks for, and what the rules wait for. Pure."""
+"""The request of a key, a click or Enter on a row, and what the rules wait for. Pure."""
 
 from __future__ import annotations
 
@@ -14,18 +14,18 @@ from rise_engine.author.drawing.study_keys import ACT, StudyKeys, transitions_of
 from rise_engine.scenario.model import KeyBinding, Scenario
 
 HELD_KEY_SECONDS = 0.15
-"""Same keys nearer than this come from a key held down: a second press is none."""
+"""Seconds. The same key sooner than this is a held key, not a second press."""
 
 
 class KeyAction(Struct, frozen=True):
-    """A task to give to the engine, and what care a press of its key takes."""
+    """A task for the engine, and the protection that its key needs."""
 
     function: str
     behavior: str
     debounce: float = 0.5
-    """Seconds in which a second press is taken for the same."""
+    """Seconds in which a second press counts as the same press."""
     hold: bool = False
-    """It needs a second press, or Enter (console.md 2.4)."""
+    """Whether it needs a second press, or Enter (console.md 2.4)."""
     calling_type: str = ""
 
 
@@ -35,30 +35,30 @@ NEXT_FILLER = KeyAction("nextFiller", "")
 
 
 def start_action(scenario: Scenario, function: str, behavior: str, calling_type: str = "") -> KeyAction:
-    """With the care that the scenario asks for; only an act can need two presses."""
+    """A start with the scenario's settings. Only an act can need two presses."""
     settings = scenario.settings_of(behavior)
     return KeyAction(function, behavior, settings.debounce, function == ACT and settings.hold, calling_type)
 
 
 def action_of_key(scenario: Scenario, key: KeyBinding) -> KeyAction:
-    """What a key of the scenario asks for."""
+    """The request of a scenario's key."""
     action = start_action(scenario, key.function, key.behavior)
     return replace(action, behavior=key.task_behavior)
 
 
 class ExpectedInputs(NamedTuple):
-    """What a wizard would be right to start now."""
+    """What a wizard can usefully start now."""
 
     acts: frozenset[str] = frozenset()
     rules: frozenset[str] = frozenset()
     events: frozenset[str] = frozenset()
-    """Topics without their slash, those of acts and rules among them."""
+    """Topics without their slash, including those of acts and rules."""
 
 
 def find_expected_inputs(
     keys: StudyKeys, states: Mapping[str, str | None], memory: Mapping[str, Any]
 ) -> ExpectedInputs:
-    """`states`: the running rules with the state in which each is. `memory`: the working memory.
+    """Find what the rules wait for. `states`: the state of each running rule. `memory`: the working memory.
 
     A transition whose condition does not hold now waits for nothing: its event would be lost.
     """

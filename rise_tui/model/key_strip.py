@@ -1,7 +1,7 @@
-"""The strip of the study's own keys: those that are awaited first, then events, assignments and rules, then acts. Pure.
+"""The strip of the study's own keys: awaited keys first, then events, assignments and rules, then acts. Pure.
 
-No key jumps: those that some rule may ever wait for share the front, and only among themselves those that are awaited
-now come first; each of the others always has the same place.
+Keys do not jump around. Those that a rule may ever wait for share the front, and only among them do the awaited ones
+move. Each of the others always has the same place.
 """
 
 from __future__ import annotations
@@ -16,14 +16,14 @@ from rise_tui.model.store import Store
 from rise_tui.rendering.text import StyledLine, StyledSpan, cell_width, shorten
 
 TITLE, TITLE_NARROW = 24, 16
-"""Cells for what a key is called."""
+"""Cells for the title of a key."""
 NARROW = 100
 TALL = 30
 MOST = 2
 
 
 class KeyStripPiece(NamedTuple):
-    """A key in the strip, and where: line, first cell, cell after the last. Without a key: how many more there are."""
+    """A key in the strip, and its place: line, first cell, cell after the last. Without a key: how many are hidden."""
 
     key: KeyBinding | None
     line: int
@@ -37,7 +37,7 @@ class KeyStripLines(NamedTuple):
 
 
 def key_strip_height(scenario: Scenario, keys: StudyKeys, width: int, height: int) -> int:
-    """As many lines as all keys but those of acts need, at most two; in a tall terminal two where acts have keys."""
+    """The lines that all keys except those of acts need, at most two; in a tall terminal two if acts have keys."""
     if not scenario.keys:
         return 0
     every = [*keys.answer_keys, *keys.other_keys]
@@ -77,7 +77,7 @@ def _more_text(hidden: int) -> str:
 
 
 def _place_keys(keys: Sequence[KeyBinding], width: int, rows: int) -> list[tuple[int, int]]:
-    """Line and cell of each key that there is room for, in order; the last line keeps room to say how many are left."""
+    """Line and cell of each key that fits, in order. The last line leaves room for the number of hidden keys."""
     positions: list[tuple[int, int]] = []
     line = column = 0
     for key in keys:

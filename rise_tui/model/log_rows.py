@@ -1,7 +1,7 @@
-"""The rows of the log: tasks, what is to be read among them, and which of them are the rules' own housekeeping. Pure.
+"""The rows of the log: tasks, remarks among them, and which of them are the rules' own housekeeping. Pure.
 
-A row is a number that grows with time: a task's is its id times STEP, and what comes after a task and before the next
-(notes, changes of the robot's link, faults of rules) has the numbers behind that.
+A row is a number that grows with time. A task's row is its id times ROWS_PER_TASK. Remarks before the next task (notes,
+changes of the robot's link, faults of rules) have the numbers after it.
 """
 
 from __future__ import annotations
@@ -19,7 +19,7 @@ ROWS_PER_TASK = 1 << 12
 ACTS = frozenset({"startCommunicationRobotAct", "say", "nextFiller"})
 BY_RULE = "rule:"
 NOTE, ROBOT, FAULT = "note", "robot", "fault"
-"""Functions of the rows that are no tasks; so are the kinds of reports, whose status is their record's."""
+"""Functions of rows that are not tasks. The kinds of reports are such functions, too; their status is the record's."""
 REPORTS = frozenset(REPORT_KINDS.values())
 
 
@@ -29,16 +29,16 @@ def row_of(task: int) -> int:
 
 
 def task_of(row: int) -> int | None:
-    """The task of a row; None when the row is none."""
+    """The task of a row; None for a row without one."""
     return None if row % ROWS_PER_TASK else row // ROWS_PER_TASK
 
 
 JUST_STARTED_SECONDS = 1.0
-"""Seconds after its start in which what a rule does counts as the deed of the wizard who started it."""
+"""Seconds after a rule's start in which its actions count as those of the wizard who started it."""
 
 
 def is_by_wizard(source: str, t: float, starter: TaskView | None) -> bool:
-    """Whether an event is a wizard's deed: raised directly, or by a rule that a wizard has just started.
+    """Whether a wizard caused an event: directly, or through a rule that a wizard has just started.
 
     Arguments:
         source: who raised it.
@@ -53,7 +53,7 @@ def is_by_wizard(source: str, t: float, starter: TaskView | None) -> bool:
 
 
 def is_rules_own(task: TaskView | TaskRecord) -> bool:
-    """Whether this is something that a rule did for itself: an event, a value, another rule. What failed is not."""
+    """Whether a rule did this for itself: an event, a value, another rule. Failures do not count."""
     quiet = task.status not in ("REJECTED", "ABORTED")
     return task.source.startswith(BY_RULE) and task.function not in ACTS and quiet
 
@@ -64,18 +64,18 @@ class LogRows:
     def __init__(self) -> None:
         self.all: list[int] = []
         self.main: list[int] = []
-        """Without the rules' own. Grows at its end in place; for any other change it becomes another list."""
+        """The rows without the rules' own. The list grows at its end in place; any other change makes a new list."""
         self.rebuild_count = 0
-        """With another number, these are other lists: the console attached again, or the view has forgotten some."""
+        """A changed number means new lists: the console attached again, or the view has forgotten some rows."""
         self._remarks: dict[int, TaskView] = {}
 
     @property
     def own_count(self) -> int:
-        """How many rows are the rules' own."""
+        """The number of the rules' own rows."""
         return len(self.all) - len(self.main)
 
     def rebuild(self, view: SessionView) -> None:
-        """Begin anew with what a session has so far."""
+        """Start again from a session's view."""
         self.rebuild_count += 1
         self._remarks.clear()
         self.all = [row_of(id) for id in view.tasks]
@@ -93,13 +93,13 @@ class LogRows:
         self.main.sort()
 
     def add_task(self, record: TaskRecord) -> None:
-        """A task has arrived."""
+        """Add an arrived task."""
         self.all.append(row_of(record.id))
         if not is_rules_own(record):
             self.main.append(row_of(record.id))
 
     def show_own_row(self, task: int) -> None:
-        """A row of a rule's own matters after all: it failed, or nobody was waiting for its event."""
+        """Show a rule's own row after all: it failed, or nobody waited for its event."""
         row = row_of(task)
         index = bisect_left(self.main, row)
         if index == len(self.main):
@@ -109,7 +109,7 @@ class LogRows:
             insort(self.main, row)
 
     def add_remark(self, remark: RemarkView, *, in_order: bool = True) -> None:
-        """A note, or something else to be read among the tasks."""
+        """Add a note, or another remark among the tasks."""
         row = row_of(remark.after) + 1
         while row in self._remarks:
             row += 1

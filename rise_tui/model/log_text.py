@@ -1,4 +1,4 @@
-"""What a row of the log says in the room that there is, and all of a task in its details. Pure; knows no widget."""
+"""The text of a row of the log in the available room, and a task in full. Pure; knows no widget."""
 
 from __future__ import annotations
 
@@ -29,19 +29,19 @@ from rise_tui.rendering.text import (
 
 CALLING = {"Blocking": "block", "None": "none"}
 NARROW = 56
-"""Below this width a row has fewer columns: time, function, what was done, state."""
+"""Below this width a row has fewer columns: time, function, description, state."""
 TIME, FUNCTION, STATE = 7, 8, 11
-"""Columns of a narrow row; what was done has the rest."""
+"""Columns of a narrow row; the description has the rest."""
 BRIEF = {"stopAll": "STOP", "stopCommunicationRobotAct": "stop", "stopInteractionRule": "stop", "recording": "rec"}
-"""Functions in a word, for narrow rows."""
+"""Functions in one word, for narrow rows."""
 REASON = 10
-"""A reason that would have less room than this stays out of the row."""
+"""A reason is left out if it would have less room than this."""
 WIDE = 96
-"""From this width on, times have tenths and calling types have a column."""
+"""From this width on, times have tenths, and calling types have a column."""
 
 
 def log_line(task: TaskView, state: StateLabel, width: int) -> StyledLine:
-    """One row in one line of at most `width` cells. `state`: what became of the task, as it is shown."""
+    """One row in one line of at most `width` cells. `state`: the state of the task on the screen."""
     narrow = width < NARROW
     head = _narrow_head(task) if narrow else _wide_head(task, width)
     if task.function == NOTE:
@@ -51,7 +51,7 @@ def log_line(task: TaskView, state: StateLabel, width: int) -> StyledLine:
 
 
 def search_text(task: TaskView, state: StateLabel) -> str:
-    """What a filter looks at: all that the widest row could show."""
+    """The text that a filter searches: everything that the widest row could show."""
     return (
         f"{format_clock(task.submitted, tenths=True)} {task.source} {_function_label(task)} {task.calling_type} "
         f"{task.behavior} {state.word} {mistake_text(task)}{task.reason}"
@@ -63,12 +63,12 @@ def _source_width(width: int) -> int:
 
 
 def _free_width(width: int) -> int:
-    """Cells for who and what, beside the columns whose width is fixed."""
+    """Cells for person and description, beside the columns of fixed width."""
     return width - (47 if width >= WIDE else 38)
 
 
 def _wide_head(task: TaskView, width: int) -> StyledLine:
-    """When, who, and which function."""
+    """Time, person and function."""
     wide = width >= WIDE
     return (
         fixed_span(f" {format_clock(task.submitted, tenths=wide)}", 12 if wide else 10, "muted"),
@@ -103,7 +103,7 @@ def _wide_line(head: StyledLine, task: TaskView, state: StateLabel, width: int) 
 
 
 def _narrow_head(task: TaskView) -> StyledLine:
-    """When, and which function or mistake; not who it was."""
+    """Time, and function or mistake; no person."""
     word = BRIEF.get(task.function, _function_label(task))
     label = (
         fixed_span(mistake_text(task), FUNCTION, "wait")
@@ -114,7 +114,7 @@ def _narrow_head(task: TaskView) -> StyledLine:
 
 
 def _narrow_line(head: StyledLine, task: TaskView, state: StateLabel, width: int) -> StyledLine:
-    """Of what went wrong the reason follows, as far as there is room."""
+    """A narrow row. If something went wrong, the reason follows, as far as it fits."""
     room = width - TIME - FUNCTION
     if _is_bad(task, state):
         return crop((*head, *_failure_spans(task, state, room)), width)
@@ -123,7 +123,7 @@ def _narrow_line(head: StyledLine, task: TaskView, state: StateLabel, width: int
 
 
 def _failure_spans(task: TaskView, state: StateLabel, room: int) -> StyledLine:
-    """What went wrong and why, where a reason has no column of its own."""
+    """What went wrong and why, in a row without a column for reasons."""
     word, name = f"{state.glyph} {state.word}", _task_name(task) or short_name(task.source)
     return (
         (f"{shorten(name, max(6, room - len(word) - 1))} ", "plain"),
@@ -145,7 +145,7 @@ def _function_role(task: TaskView) -> TextRole:
 
 
 def _task_name(task: TaskView) -> str:
-    """What was done; of the robot its link, whose state says the rest."""
+    """The description. For the robot it is its link, whose state says the rest."""
     return "link" if task.function == ROBOT else describe_behavior(task.function, task.behavior)
 
 
@@ -156,7 +156,7 @@ def short_clock(value: float) -> str:
 
 
 def mistake_text(task: TaskView) -> str:
-    """A mistake that somebody marked, in a word: `! late `."""
+    """The word for a marked mistake: `! late `."""
     return f"! {task.mark} " if task.mark else ""
 
 
@@ -210,7 +210,7 @@ def value_rows(name: str, value: str, kind: str, about: str, width: int) -> list
 
 
 def field_lines(name: str, value: str, width: int, role: TextRole = "plain") -> list[StyledLine]:
-    """A name and what belongs to it, over as many lines as that needs."""
+    """A name and its value, on as many lines as the value needs."""
     lines = wrap(value, max(10, width - LABEL - 2))
     return [
         (fixed_span(f" {name if at == 0 else ''}", LABEL, "muted"), (f" {line}", role)) for at, line in enumerate(lines)
@@ -218,7 +218,7 @@ def field_lines(name: str, value: str, width: int, role: TextRole = "plain") -> 
 
 
 def _time_lines(task: TaskView, now: float, width: int) -> list[StyledLine]:
-    """What happened when, each with the time since what came before it."""
+    """What happened when, each with the time since the previous event."""
     happened = [
         ("cue", task.cue_at, "the participant's turn ended"),
         ("key", task.key_at, "pressed on a console"),
@@ -281,8 +281,7 @@ EXAMPLES = "14:32, 1:14:32, 90s, -30s, -2m, now"
 def parse_moment(text: str, now: float) -> float | None:
     """Session time in seconds; None for `now`, which moves on. Raises InvalidFilter.
 
-    `14:32` is 14 minutes 32 seconds after the session's beginning, as its clock shows it; with `-` in front it is that
-    long ago.
+    `14:32` is 14 minutes 32 seconds on the session's clock. With `-` in front it means that long ago.
     """
     bare = text.strip().casefold().replace(" ", "")
     if bare in ("now", "end"):

@@ -1,4 +1,4 @@
-"""Values within values, as `person.name` and `list.0`, and the memory changes that this console can take back. Pure."""
+"""Parts of values, such as `person.name` and `list.0`, and the memory changes that this console can undo. Pure."""
 
 from __future__ import annotations
 
@@ -23,12 +23,12 @@ class NoSuchPath(RiseError, LookupError):
 
 
 def path_text(path: JsonPath) -> str:
-    """As conditions and templates write it."""
+    """A path as conditions and templates write it."""
     return ".".join(map(str, path))
 
 
 def children(value: Any) -> Iterator[tuple[str | int, Any]]:
-    """What an object or an array consists of; nothing for any other value."""
+    """The parts of an object or an array; none for any other value."""
     if isinstance(value, dict):
         yield from value.items()
     elif isinstance(value, (list, tuple)):
@@ -36,7 +36,7 @@ def children(value: Any) -> Iterator[tuple[str | int, Any]]:
 
 
 def value_at(value: Any, path: JsonPath) -> Any:
-    """What lies at `path` within the value. Raises NoSuchPath."""
+    """The part at `path` of a value. Raises NoSuchPath."""
     for step in path:
         parts = dict(children(value))
         if step not in parts:
@@ -46,7 +46,7 @@ def value_at(value: Any, path: JsonPath) -> Any:
 
 
 def with_replaced(value: Any, path: JsonPath, new: Any) -> Any:
-    """The value with one part of it changed. Raises NoSuchPath."""
+    """The value with one part replaced. Raises NoSuchPath."""
     if not path:
         return new
     inner = with_replaced(value_at(value, path[:1]), path[1:], new)
@@ -56,7 +56,7 @@ def with_replaced(value: Any, path: JsonPath, new: Any) -> Any:
 
 
 def with_removed(value: Any, path: JsonPath) -> Any:
-    """The value without one part of it; what comes after it in an array moves up. Raises NoSuchPath."""
+    """The value without one part. In an array, later items move up. Raises NoSuchPath."""
     value_at(value, path)
     holder = value_at(value, path[:-1])
     copied: Any = dict(holder) if isinstance(holder, dict) else list(holder)
@@ -69,7 +69,7 @@ MOST = 200
 
 
 class UndoStep(Struct, frozen=True):
-    """What one press of undo comes to."""
+    """What one press of undo would do."""
 
     kind: Literal["do", "ask", "nothing"]
     said: str
@@ -78,19 +78,19 @@ class UndoStep(Struct, frozen=True):
 
 
 class UndoStack:
-    """The changes, newest last, and the one that is just being taken back."""
+    """The changes, newest last, and the one that is being undone."""
 
     def __init__(self) -> None:
         self._changes: list[MemoryRecord] = []
         self._undoing: MemoryRecord | None = None
         self._warned: tuple[MemoryRecord, Any] | None = None
-        """A change that somebody else has changed since, and to what: undoing it was asked about."""
+        """A change that somebody else has overwritten since, and the new value: the undo was already asked about."""
 
     def __len__(self) -> int:
         return len(self._changes)
 
     def record_change(self, record: MemoryRecord) -> None:
-        """A change that this console asked for has become true: a new one, or one that takes the last one back."""
+        """Note that a requested change has been made: a new one, or one that undoes the last one."""
         undoing = self._undoing
         if undoing is not None and record.key == undoing.key and _restores(record, undoing):
             self._undoing = None
@@ -100,12 +100,12 @@ class UndoStack:
         del self._changes[:-MOST]
 
     def clear(self) -> None:
-        """What happened meanwhile is not known: nothing can be taken back any more."""
+        """Forget all changes. What happened in the meantime is unknown, so nothing can be undone."""
         self._changes.clear()
         self._undoing = self._warned = None
 
     def next_step(self, memory: Mapping[str, MemoryView]) -> UndoStep:
-        """What to do for undo now. A value that somebody else has changed since is not overwritten without asking."""
+        """The next undo step. A value that somebody else has changed since is not overwritten without asking."""
         if not self._changes:
             return UndoStep("nothing", "nothing to undo")
         change = self._changes[-1]

@@ -1,4 +1,4 @@
-"""Sentences for the wizard: what tasks are and what became of them, in words. Pure; knows no screen."""
+"""Sentences for the wizard about tasks and their results. Pure; knows no screen."""
 
 from __future__ import annotations
 
@@ -26,11 +26,11 @@ from rise_engine.scenario.model import normal_topic
 from rise_tui.rendering.text import clean, format_value
 
 Level: TypeAlias = Literal["info", "wait", "fault"]
-"""Told, to be attended to, wrong."""
+"""Information, needs attention, wrong."""
 
 
 class Notice(Struct, frozen=True):
-    """A sentence, and how much it matters."""
+    """A sentence and its importance."""
 
     text: str
     level: Level = "info"
@@ -45,7 +45,7 @@ FUNCTION_LABELS = FUNCTION_WORDS | {
     **{kind: kind for kind in ("note", "robot", "check", "outcome", "recording", "sync")},
     "fault": "rule",
 }
-"""What a row of the log is about, in a word or two: a task's function, or what is no task."""
+"""The topic of a log row in a word or two: a task's function, or the kind of a remark."""
 
 
 def task_label(function: str, behavior: str) -> str:
@@ -54,12 +54,12 @@ def task_label(function: str, behavior: str) -> str:
 
 
 def act_label(function: str, behavior: str) -> str:
-    """An act by its name; free speech by what is said."""
+    """An act by its name, free speech by its words."""
     return f"“{behavior}”" if function == "say" else behavior
 
 
 def completion_message(function: str, behavior: str) -> str:
-    """What a task without any row of its own has done, in words; empty for others."""
+    """What a task without a row of its own has done, in words; empty for others."""
     match function:
         case "raiseEventTopic":
             return f"raised {normal_topic(behavior)}"
@@ -76,7 +76,7 @@ def completion_message(function: str, behavior: str) -> str:
 
 
 def record_notice(record: AnyRecord) -> Notice | None:
-    """What to tell the wizard about a record, whoever caused it; None for most."""
+    """The notice about a record, whoever caused it; None for most."""
     words = words_of(record)
     match record:
         case TaskRecord(status="REJECTED"):

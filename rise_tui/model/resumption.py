@@ -1,6 +1,6 @@
-"""What would come of a rule that enters a state: when it starts there, goes on after a stop, or goes a step back. Pure.
+"""What happens when a rule enters a state: at a start, after a stop, or one step back. Pure.
 
-Lines for questions; what is answered becomes the behaviour of a task.
+Lines for questions; the answers become the behaviour of a task.
 """
 
 from __future__ import annotations
@@ -23,7 +23,7 @@ ENDS = "ends the rule"
 
 
 def entry_lines(scenario: Scenario, state: State, memory: Mapping[str, Any], width: int, most: int = 6) -> list[str]:
-    """What `onEntry` would do, a line for each function, of at most `width` cells; of more than `most`, a count."""
+    """What `onEntry` would do, one line of at most `width` cells for each function; beyond `most`, a count."""
     lines = [
         ("perhaps " if not sure else "") + _function_text(scenario, function, memory)
         for function, sure in functions_in(state.on_entry)
@@ -35,7 +35,7 @@ def entry_lines(scenario: Scenario, state: State, memory: Mapping[str, Any], wid
 
 
 def entry_summary(scenario: Scenario, rule: Rule, state: str, memory: Mapping[str, Any]) -> str:
-    """The first thing that the robot would say or do, and how many others there are."""
+    """The first thing that the robot would say or do, and the number of others."""
     lines = entry_lines(scenario, rule.states[state], memory, 10_000, 10_000)
     spoken = next((line for line in lines if "“" in line), lines[0])
     return spoken if len(lines) == 1 else f"{spoken}, and {len(lines) - 1} more"
@@ -58,7 +58,7 @@ def _function_text(scenario: Scenario, function: Function, memory: Mapping[str, 
 
 
 def _words_of(scenario: Scenario, name: str, memory: Mapping[str, Any]) -> str:
-    """All that an act says, with the memory's values as they are now; of variants the first."""
+    """Everything that an act says, with the memory's present values; the first of its variants."""
     return " ".join(f"“{text}”" for text in _texts(scenario, name, memory))
 
 
@@ -70,11 +70,11 @@ def _texts(scenario: Scenario, name: str, memory: Mapping[str, Any]) -> Iterator
 
 
 OPTIONS: tuple[Resumption, ...] = ("leave", "enter", "wait")
-"""The first is what holds if nobody chooses."""
+"""The first is the default."""
 WORDS: dict[str, str] = {"enter": "re-enter", "wait": "wait there", "leave": "leave stopped"}
 WORD_WIDTH = max(map(len, WORDS.values()))
 MARGIN = 4
-"""Cells before what would come of it."""
+"""Cells before the effect."""
 
 
 class InterruptedRule(NamedTuple):
@@ -83,12 +83,12 @@ class InterruptedRule(NamedTuple):
     name: str
     state: str
     entry: str
-    """What the robot would do at once if it entered its state again."""
+    """What the robot would do immediately if the rule entered its state again."""
     waits: str
-    """What it would wait for."""
+    """What the rule would wait for."""
 
     def effect(self, how: str) -> str:
-        """What would come of it at once, in a line."""
+        """The immediate effect, in a line."""
         if how == "enter":
             return self.entry
         return f"waits for {self.waits}" if how == "wait" else f"stays stopped; if re-entered: {self.entry}"
@@ -111,11 +111,12 @@ def interrupted_rules(store: Store) -> list[InterruptedRule]:
 def resumption_lines(
     rules: Sequence[InterruptedRule], chosen: Mapping[str, str], selected: int, width: int, rows: int
 ) -> list[str]:
-    """For each rule where it stood and what becomes of it, and below what the robot would do at once.
+    """For each rule, its last state and its chosen resumption, and below that the robot's immediate actions.
 
-    Of more rules than there are rows for, those around the selected one."""
+    If there are more rules than rows, those around the selected one.
+    """
     most = max(1, rows // 2)
-    first = max(0, min(selected - most // 2, len(rules) - most))  # the selected one in the middle
+    first = max(0, min(selected - most // 2, len(rules) - most))  # the selected rule in the middle
     lines = []
     for index, rule in enumerate(rules[first : first + most], first):
         mark = "▸" if index == selected else " "
@@ -127,7 +128,7 @@ def resumption_lines(
 
 
 def release_behavior(chosen: Mapping[str, str]) -> str:
-    """The behaviour of the task that releases the stop: empty when every rule is left stopped."""
+    """The behaviour of the task that releases the stop; empty if every rule stays stopped."""
     resumed = {name: how for name, how in chosen.items() if how != "leave"}
     return json.dumps(resumed, ensure_ascii=False) if resumed else ""
 
@@ -135,25 +136,25 @@ def release_behavior(chosen: Mapping[str, str]) -> str:
 BACK, KEEP = "take back", "keep"
 GO_ON, STOP = "go on", "stop"
 ACTS = ""
-"""Stands for the acts that the rule has started, where others stand for memory keys."""
+"""The key for the rule's started acts, among the memory keys."""
 MOST_VALUE = 24
 """Cells of a value."""
 
 
 class BackStep(NamedTuple):
-    """A step back that can be made now."""
+    """A possible step back."""
 
     rule: str
     state: str
-    """The state before."""
+    """The previous state."""
     keys: dict[str, str]
-    """The memory keys that have changed since, each with its value now and the one before."""
+    """The memory keys that have changed since, each with its present and its previous value."""
     acts: tuple[str, ...]
-    """Acts of the rule that run or wait, or have failed and wait for an answer."""
+    """Acts of the rule that run, wait, or have failed and wait for an answer."""
 
 
 def find_back_step(store: Store, name: str) -> BackStep | None:
-    """The step back of a rule; None when it does not run, or no state before is known."""
+    """The step back of a rule; None if it does not run, or no previous state is known."""
     view, rule = store.rule(name), store.scenario.rules.get(name)
     if not view.running or len(view.steps) < 2 or rule is None or view.steps[-2][0] not in rule.states:
         return None
@@ -168,7 +169,7 @@ def find_back_step(store: Store, name: str) -> BackStep | None:
 
 
 def question_lines(store: Store, step: BackStep, width: int) -> list[str]:
-    """What the robot and the rule would do at once."""
+    """What the robot and the rule would do immediately."""
     state = store.scenario.rules[step.rule].states[step.state]
     now = store.rule(step.rule).state
     return [
@@ -180,7 +181,7 @@ def question_lines(store: Store, step: BackStep, width: int) -> list[str]:
 def step_lines(
     step: BackStep, chosen: Mapping[str, str], selected: int, first: int, width: int, rows: int
 ) -> list[str]:
-    """For each thing to choose what is chosen, from the first shown on."""
+    """The chosen value for each item, from the first visible one."""
     names: Sequence[str] = list(chosen)
     lines = []
     for index, name in enumerate(names[first : first + rows], first):

@@ -1,7 +1,7 @@
-"""What the robot says, word for word; what of it is left; and what it did not say although it should have. Pure.
+"""What the robot says, word for word, what is left of it, and what it failed to say. Pure.
 
-Only what the engine's records tell: a sentence that was sent is not said yet, and one whose end the robot did not
-confirm may or may not have been said.
+It uses only the engine's records. A sentence that was sent is not yet said. If the robot did not confirm its end, the
+sentence may or may not have been said.
 """
 
 from __future__ import annotations
@@ -20,8 +20,8 @@ from rise_engine.scenario.speech.template import MissingValueError, Template, sp
 
 
 def message_name(scenario: Scenario, action: str) -> str:
-    """The parameter of an action of the robot that holds what is said: its `message`, or else the first that is a text;
-    empty for one that says nothing."""
+    """The parameter of a robot's action that contains the text: `message`, or else the first text; empty for an action
+    that says nothing."""
     spec = scenario.robot.actions.get(action)
     if spec is None or SPEECH_CHANNEL not in spec.channels:
         return ""
@@ -30,25 +30,24 @@ def message_name(scenario: Scenario, action: str) -> str:
 
 
 def message_of(scenario: Scenario, call: ActionCall) -> Template | None:
-    """What a call says, as it is written; None when it says nothing."""
+    """The text of a call, as written; None if it says nothing."""
     return call.parameters.get(message_name(scenario, call.type))
 
 
 def words_of(scenario: Scenario, action: ActionView) -> str | None:
-    """What is heard of an action, as it was sent, or for one that was left out as it is written; None when it says
-    nothing."""
+    """The text that an action says: as sent, or as written if the action was left out. None if it says nothing."""
     name = message_name(scenario, action.type)
     return plain_words(spoken_text(action.parameters[name]).strip()) if name and name in action.parameters else None
 
 
 def estimate_action_seconds(scenario: Scenario, action: ActionView) -> float | None:
-    """Seconds, with the parameters that it was sent with; None for an action that the robot does not know."""
+    """Estimated seconds with the sent parameters; None for an action that the robot does not know."""
     spec = scenario.robot.actions.get(action.type)
     return expected_seconds(spec, action.parameters) if spec is not None else None
 
 
 LOOK_BACK = 2_000
-"""Tasks that are looked at for the latest sentence when a console attaches."""
+"""Tasks that are searched for the latest sentence when a console attaches."""
 UNKNOWN = frozenset({"timed-out", "lost"})
 """Endings after which nobody knows what the robot did."""
 
@@ -62,14 +61,14 @@ class CurrentSentence(NamedTuple):
     kind: Kind
     text: str = ""
     seconds: float | None = None
-    """`says`: what is left, negative when it takes longer than expected, None when nobody knows; `said`: how long ago
-    it ended; `unsaid`: after how long it was broken off."""
+    """`says`: seconds left, negative when it takes longer than expected, None when unknown. `said`: seconds since its
+    end. `unsaid`: seconds until it was interrupted."""
     share: float = 0.0
-    """`says`: how much of it is probably over, 0 to 1."""
+    """`says`: the share that is probably over, 0 to 1."""
     replaced_by: str = ""
-    """What the robot does in place of speaking, when it cannot."""
+    """The robot's substitute for speaking, if it cannot speak."""
     others: int = 0
-    """`unsaid`: further sentences of the same act that were not said. `says`: others that are said at the same time."""
+    """`unsaid`: other sentences of the same act that were not said. `says`: others at the same time."""
 
 
 class SentenceTracker:
@@ -78,14 +77,14 @@ class SentenceTracker:
     def __init__(self, scenario: Scenario) -> None:
         self._scenario = scenario
         self._ended_last: tuple[int, str] | None = None
-        """The task and the action of the sentence that ended last, however it ended."""
+        """Task and action of the sentence that ended last, in whatever way."""
         self._durations: dict[str, tuple[float, int]] = {}
-        """By sentence: the mean of the seconds that it took this robot, and how often."""
+        """By sentence: this robot's mean seconds for it, and how often it was said."""
         self._expected = self._measured = 0.0
-        """Seconds of all sentences that were said to their end: as estimated, and as they were."""
+        """Total seconds of all finished sentences: as estimated, and as measured."""
 
     def rebuild(self, view: SessionView) -> None:
-        """Begin anew with what a session has said so far."""
+        """Start again from what a session has said so far."""
         self._ended_last = None
         self._durations.clear()
         self._expected = self._measured = 0.0
@@ -100,7 +99,7 @@ class SentenceTracker:
                     latest, self._ended_last = action.ended, (task.id, action.action)
 
     def record_action(self, record: ActionRecord, view: SessionView) -> None:
-        """A record of an action, after the view has taken it in."""
+        """Take in a record of an action, after the view has."""
         task = view.tasks.get(record.task)
         action = task.actions.get(record.action) if task is not None else None
         if record.status not in ENDINGS or action is None or words_of(self._scenario, action) is None:
@@ -110,7 +109,7 @@ class SentenceTracker:
             self._measure(action)
 
     def current(self, view: SessionView, at: float) -> CurrentSentence:
-        """What to show at this session time."""
+        """The sentence to show at this session time."""
         running = [
             action for id in view.running for action in self._sentences_of(view.tasks[id]) if action.ended is None
         ]
@@ -134,7 +133,7 @@ class SentenceTracker:
         return CurrentSentence(ending, self._words_of(first), after, others=len(unsaid) - 1)
 
     def usual_seconds(self, action: ActionView) -> float | None:
-        """Seconds that a sentence takes: as before, else the estimate at this robot's pace; None when nobody knows."""
+        """Seconds that a sentence takes: as before, or the estimate at this robot's pace; None when unknown."""
         if (known := self._durations.get(self._words_of(action))) is not None:
             return known[0]
         estimate = estimate_action_seconds(self._scenario, action)
@@ -142,7 +141,7 @@ class SentenceTracker:
         return estimate * pace if estimate is not None else None
 
     def _sentences_of(self, task: TaskView) -> Iterator[ActionView]:
-        """Those of a task that have begun, ended, or been left out, in that order."""
+        """The sentences of a task that have begun, ended, or been left out, in that order."""
         return (action for action in task.actions.values() if words_of(self._scenario, action) is not None)
 
     def _words_of(self, action: ActionView) -> str:
@@ -160,13 +159,13 @@ class SentenceTracker:
 
 
 def _said_since(action: ActionView) -> float:
-    """Since when a sentence is being said: since the robot has confirmed it, if it does so before the end."""
+    """Since when a sentence has been spoken: since the robot's confirmation, if that came before the end."""
     confirmed = action.confirmed
     return action.since if confirmed is None or confirmed == action.ended else confirmed
 
 
 def remaining_sentences(scenario: Scenario, view: SessionView, memory: Mapping[str, Any]) -> list[str]:
-    """The sentences that the running acts have not begun yet, as they would be now, in the order of the file."""
+    """The sentences that the running acts have not begun yet, with present values, in the order of the file."""
     tasks = [view.tasks[id] for id in view.running]
     return [
         text
@@ -178,20 +177,20 @@ def remaining_sentences(scenario: Scenario, view: SessionView, memory: Mapping[s
 
 
 def _sentence_text(scenario: Scenario, action: Action, memory: Mapping[str, Any]) -> str:
-    """One sentence; of variants, all that it may be; empty for an action that says nothing."""
+    """One sentence with all its variants; empty for an action that says nothing."""
     said = (message_of(scenario, call) for call in action.calls)
     return " / ".join(_fill_or_quote(words, memory) for words in said if words is not None)
 
 
 def longest_sentence(scenario: Scenario, memory: Mapping[str, Any]) -> str:
-    """The longest one of all acts, with these values."""
+    """The longest sentence of all acts, with these values."""
     calls = (call for act in scenario.acts.values() for action in act.actions for call in action.calls)
     said = (message_of(scenario, call) for call in calls)
     return max((_fill_or_quote(words, memory) for words in said if words is not None), key=len, default="")
 
 
 def _fill_or_quote(said: Template, memory: Mapping[str, Any]) -> str:
-    """With the memory's values; as it is written when one is missing."""
+    """The text with the memory's values; as written if a value is missing."""
     try:
         return plain_words(said.fill(memory).strip())
     except (MissingValueError, OverflowError, RecursionError):

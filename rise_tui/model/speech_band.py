@@ -1,6 +1,6 @@
 """The band below the top line: what the robot says, and what comes next if nobody does anything. Pure.
 
-Its height is fixed for a session and a size of the terminal: the scenario's longest sentence decides.
+Its height is fixed for a session and a terminal size. The scenario's longest sentence decides it.
 """
 
 from __future__ import annotations
@@ -37,9 +37,9 @@ MOST, MOST_TALL = 3, 4
 """Lines for a sentence: in a terminal of less than TALL rows, and in others."""
 TALL = 30
 WIDEST = 130
-"""Cells beyond which a sentence and its time would be too far apart for the eye."""
+"""Cells beyond which a sentence and its time would be too far apart to read together."""
 LEAST_SENTENCE = 20
-"""Cells that are left of a sentence beside what else comes next."""
+"""The least cells of a sentence beside other upcoming steps."""
 LABEL = " next  "
 GAP: StyledSpan = ("  ·  ", "muted")
 LOOKS: dict[str, StyledSpan] = {
@@ -50,11 +50,11 @@ LOOKS: dict[str, StyledSpan] = {
     "unsaid": ("✗", "fault"),
     "unknown": ("✗", "fault"),
 }
-"""How a sentence looks, by its kind: the glyph before it, and its role."""
+"""The look of a sentence by its kind: the glyph before it, and its role."""
 
 
 def sentence_height(scenario: Scenario, memory: Mapping[str, Any], width: int, height: int) -> int:
-    """Lines for a sentence. Where there is room for it at least two, so that a short one leaves one for the next."""
+    """Lines for a sentence: at least two if there is room, so that a short sentence leaves one for the next."""
     most = MOST_TALL if height >= TALL else MOST
     longest, width = longest_sentence(scenario, memory), min(width, WIDEST)
     if not longest:
@@ -63,7 +63,7 @@ def sentence_height(scenario: Scenario, memory: Mapping[str, Any], width: int, h
 
 
 def speech_band_lines(store: Store, width: int, rows: int, key_name: KeyNames) -> tuple[StyledLine, ...]:
-    """`rows` lines about the sentence and one about what comes next, each in exactly `width` cells."""
+    """`rows` lines about the sentence and one about the next steps, each in exactly `width` cells."""
     sentence = store.current_sentence()
     rest = [] if _why_nothing_comes(store, key_name) else remaining_sentences(store.scenario, store.view, store.memory)
     lines = _sentence_lines(sentence, store, min(width, WIDEST), rows)
@@ -75,7 +75,7 @@ def speech_band_lines(store: Store, width: int, rows: int, key_name: KeyNames) -
 
 
 def changes_by_tenths(store: Store) -> bool:
-    """Whether something in it changes by tenths of a second."""
+    """Whether something in the band changes by tenths of a second."""
     if store.gone_reason or store.cut_since is not None:
         return False
     return bool(store.view.running) or any(step.when in ("timer", "filler") for step in find_upcoming(store).steps)
@@ -105,14 +105,14 @@ def _sentence_lines(sentence: CurrentSentence, store: Store, width: int, rows: i
 
 
 def _ending_prefix(sentence: CurrentSentence) -> str:
-    """What goes before a sentence that did not come to its end."""
+    """The words before a sentence that did not reach its end."""
     if sentence.kind == "unsaid":
         return "NOT FINISHED: " if sentence.seconds else "NOT SAID: "
     return "PERHAPS NOT SAID: " if sentence.kind == "unknown" else ""
 
 
 def _status_note(sentence: CurrentSentence) -> StyledSpan:
-    """How it stands, in at most NOTE cells."""
+    """The state of the sentence, in at most NOTE cells."""
     more = f" +{sentence.others}" if sentence.others else ""
     match sentence.kind:
         case "sent":
@@ -139,7 +139,7 @@ def _quote(text: str) -> str:
 
 
 def _wrap_sentence(text: str, width: int) -> list[str]:
-    """Over as many lines as it needs; the first leaves room for the note."""
+    """The sentence on as many lines as it needs; the first leaves room for the note."""
     first, others = max(10, width - GLYPH - NOTE - 2), max(10, width - GLYPH - 1)
     text = " ".join(clean(text).split())
     head = wrap(text, first)[0]
@@ -148,7 +148,7 @@ def _wrap_sentence(text: str, width: int) -> list[str]:
 
 
 def _window_lines(text: str, width: int, rows: int, share: float) -> tuple[list[str], int]:
-    """The lines around what is probably being said, and the number of the first."""
+    """The lines around the words that are probably being said, and the number of the first line."""
     every = wrap(text, max(10, width - GLYPH - NOTE - 2))
     here = min(len(every) - 1, int(share * len(every)))
     first = min(max(0, here - (rows - 1) // 2), max(0, len(every) - rows))
@@ -170,18 +170,18 @@ class _Piece(NamedTuple):
 
     line: StyledLine
     least: int | None = None
-    """To so many cells it can be cut where there is no room; None: it stays whole, or is left out."""
+    """The cells to which it can be cut if there is no room; None: it stays whole, or is left out."""
 
 
 def upcoming_line(store: Store, rest: Sequence[str], width: int, key_name: KeyNames) -> StyledLine:
-    """`rest`: the sentences of this act that come first, if they are not told elsewhere."""
+    """The line about the next steps. `rest`: this act's next sentences, if they are not shown elsewhere."""
     pieces = [_Piece(((_quote(rest[0]), "plain"),), LEAST_SENTENCE)] if rest else []
     room = width - cell_width(LABEL)
     return crop(((LABEL, "muted"), *_fit_pieces([*pieces, *_rule_pieces(store, room, key_name)], room)), width)
 
 
 def _fit_pieces(pieces: Sequence[_Piece], width: int) -> StyledLine:
-    """Side by side; what comes last is left out first, so that nothing but a sentence is cut."""
+    """Join the pieces. The last ones are left out first, so that only a sentence is ever cut."""
     kept = list(pieces)
     while len(kept) > 1 and _joined_width([piece.least or line_width(piece.line) for piece in kept]) > width:
         kept.pop()
@@ -207,7 +207,7 @@ def _rule_pieces(store: Store, room: int, key_name: KeyNames) -> list[_Piece]:
         return [_Piece(why)]
     found = find_upcoming(store)
     pieces = [_Piece(_step_line(step)) for step in found.steps]
-    if found.keys:  # behind what comes first: what comes later matters less
+    if found.keys:  # after the first step: later steps matter less
         word = "then" if found.after_first else "or" if found.steps else "waits for"
         pieces.insert(1, _Piece(_keys_line(found.keys, f"{word} {key_owner(store)}: ", room)))
     elif found.waits_for:
@@ -224,7 +224,7 @@ def _rule_pieces(store: Store, room: int, key_name: KeyNames) -> list[_Piece]:
 
 
 def _why_nothing_comes(store: Store, key_name: KeyNames) -> StyledLine:
-    """Why nothing will come, whatever the rules say; empty when that is not so."""
+    """Why nothing will come, whatever the rules say; empty otherwise."""
     if store.gone_reason:
         return (("nothing: the session is over" if store.ended_in_order else "nothing: the engine has gone", "muted"),)
     if store.cut_since is not None:
@@ -259,7 +259,7 @@ def _step_line(step: UpcomingStep) -> StyledLine:
 
 
 def _keys_line(keys: Sequence[KeyBinding], prefix: str, room: int) -> StyledLine:
-    """As many as there is room for, and how many more there are."""
+    """As many keys as fit, and the number of others."""
     spans: list[StyledSpan] = [(prefix, "muted")]
     for at, key in enumerate(keys):
         more: list[StyledSpan] = [(f"{'  ' if at else ''}{key.label} ", "key"), (clean(key_title(key)), "plain")]

@@ -1,4 +1,4 @@
-"""A state graph with what holds at this moment: where the rule stands, how it came there, what may follow. Pure."""
+"""A state graph at this moment: the rule's state, the path to it, and what may follow. Pure."""
 
 from __future__ import annotations
 
@@ -10,26 +10,26 @@ from rise_engine.author.drawing.state_graph import GraphEdge, GraphLayout, Graph
 from rise_tui.rendering.text import ListRow, StyledSpan, TextRole, clean, crop, line_width, shorten
 
 HERE, STATE = "here", "state"
-"""With the state's name behind a colon, the ids of the rows of states: of the present one, and of the others."""
+"""The id prefixes of state rows, before a colon and the state's name: the present state, and the others."""
 FAR = 8
-"""A rail longer than this many rows has its target's name at the label too: its arrow may be out of view."""
+"""Rows. A longer rail has its target's name at the label too, because its arrow may be out of view."""
 LEAST_NAME = 4
-"""Cells of a state's name that are shown whatever else there is."""
+"""Cells of a state's name that are always shown."""
 INDENT = 2
-"""Cells by which ways stand behind names where a state and its way down share a row."""
+"""Cells by which ways are indented behind names if a state and its way down share a row."""
 
 
 class GraphPosition(NamedTuple):
-    """The rule at this moment."""
+    """The position of the rule at this moment."""
 
     state: str | None = None
-    """Where it stands; None while it does not run."""
+    """The present state; None while the rule does not run."""
     last: tuple[str, int] | None = None
-    """The transition last step: the state that it left, and its index."""
+    """The last transition: the state that it left, and its index."""
 
 
 def draw_state_graph(layout: GraphLayout, now: GraphPosition) -> list[ListRow]:
-    """The rows, none wider than the layout; only marks depend on the moment."""
+    """The rows, none wider than the layout. Only the marks depend on the moment."""
     last = layout.edges.get(now.last) if now.last is not None else None
     ways = [edge for edge in layout.edges.values() if edge.source == now.state]
     follows = {edge.target for edge in ways if edge.way not in ("stays", "again")}
@@ -65,7 +65,7 @@ def _rail_spans(rails: str, row: int, roles: dict[tuple[int, int], TextRole]) ->
 
 
 def _state_spans(layout: GraphLayout, row: GraphRow, marks: list[str]) -> list[StyledSpan]:
-    """The state's glyph, name and marks; the name gives way, and before a way what holds at any time does."""
+    """The state's glyph, name and marks. The name is cut first; before a way, permanent notes may be left out."""
     glyph: StyledSpan = (
         ("● ", "accent") if "here" in marks else ("◎ ", "plain") if "maybe next" in marks else ("○ ", "muted")
     )
@@ -82,7 +82,7 @@ def _state_spans(layout: GraphLayout, row: GraphRow, marks: list[str]) -> list[S
 def _way_spans(
     layout: GraphLayout, row: GraphRow, edge: GraphEdge, now: GraphPosition, *, taken: bool, room: int
 ) -> list[StyledSpan]:
-    """A way's label, and what must be seen of it behind: its target where no rail shows it, and that it was taken."""
+    """A way's label and its end: its target if no rail shows it, and whether it was taken."""
     role: TextRole = "accent" if taken else "plain" if edge.source == now.state else "muted"
     lead = " ↓ " if row.is_state else f"{row.node} " + " " * (INDENT if layout.names else 0)
     label, room = clean(edge.label), room - len(lead)

@@ -1,4 +1,4 @@
-"""What a state looks like: always a word and a glyph; colour only doubles it (console.md 7.1)."""
+"""The look of a state: always a word and a glyph. Colour only repeats them (console.md 7.1)."""
 
 from __future__ import annotations
 
@@ -22,11 +22,11 @@ READY = StateLabel("·", "ready", "muted")
 SENT = StateLabel("↑", "sent", "wait")
 ARMED = StateLabel("!", "again?", "wait")
 EXPECTED = StateLabel("◇", "expected", "key")
-"""An act or rule for which the present state of a running rule waits."""
+"""An act or rule that the present state of a running rule waits for."""
 RUNNING = StateLabel("►", "running", "accent")
 WAITING = StateLabel("○", "waiting", "wait")
 NOT_TAKEN = StateLabel("-", "not taken", "wait")
-"""A raised event for which nobody was waiting."""
+"""A raised event that nobody was waiting for."""
 
 TASK_STATES = {
     "PENDING": WAITING,
@@ -44,7 +44,7 @@ REMARK_STATES = {
     "lost": StateLabel("✗", "lost", "fault"),
     "fault": StateLabel("✗", "faulted", "fault"),
 }
-"""Rows of the log that are no tasks: by what they are, or by the robot's link."""
+"""Rows of the log that are not tasks, by their kind or by the robot's link."""
 
 REPORT_STATES = {
     "passed": StateLabel("✓", "passed", "muted"),
@@ -58,7 +58,7 @@ REPORT_STATES = {
     "stalled": StateLabel("✗", "stalled", "fault"),
     "stopped": StateLabel("■", "stopped", "muted"),
 }
-"""Reports among them: a check, the outcome, how a recording stands."""
+"""Reports among them: a check, the outcome, the state of a recording."""
 
 ACTION_STATES = {
     "started": StateLabel("►", "started", "accent"),
@@ -102,7 +102,7 @@ def rule_state(store: Store, name: str) -> StateLabel:
 
 
 def task_state(task: TaskView) -> StateLabel:
-    if not task.id:  # a row of the log that is no task
+    if not task.id:  # a row of the log that is not a task
         if task.function in REPORTS:
             return REPORT_STATES.get(task.status, REMARK_STATES["note"])
         kind = task.behavior if task.function == "robot" else task.function
@@ -119,12 +119,12 @@ def action_state(action: ActionView | None) -> StateLabel:
 
 
 def newest_task(store: Store, name: str) -> TaskView | None:
-    """The task of an act that a screen should show: running, else waiting, else the last."""
+    """The task of an act for the screen: the running one, else the waiting one, else the last."""
     act = store.act(name)
     ids = (*act.running[-1:], *act.waiting[:1])
     return store.view.tasks[ids[0]] if ids else act.last
 
 
 def act_progress(act: Act, task: TaskView) -> tuple[int, int]:
-    """Actions that have ended, and all."""
+    """The number of ended actions, and of all."""
     return sum(action.status in ENDINGS for action in task.actions.values()), len(act.actions)

@@ -1,6 +1,6 @@
-"""What the status line says, and what of it gives way in a narrow terminal. Pure; knows no widget.
+"""The text of the status line, and what is cut in a narrow terminal. Pure; knows no widget.
 
-Who takes part, the condition, mode, robot, link, cue and whether keys act never give way. The title does first.
+Participant, condition, mode, robot, link, cue and the state of the keys are never cut. The title is cut first.
 """
 
 from __future__ import annotations
@@ -29,23 +29,23 @@ from rise_tui.rendering.text import (
 )
 
 SHOWN = 5
-"""Things that are named; of more it is said how many."""
+"""Items that are named; the others are only counted."""
 
 
 def participant_parts(store: Store) -> list[str]:
-    """Who takes part (in a study with the run, and what for if it does not count: `P07 run 2`), and the condition as
-    the study or the scenario labels it, as far as they were named."""
+    """The participant and the condition's label, as far as they are known. In a study the participant has the run and,
+    if the session does not count, its purpose: `P07 run 2`."""
     session = store.view.session
     if session is None:
         return []
     run = f"run {session.run}" if session.study and session.run else ""
-    rehearsal = session.purpose if session.purpose not in ("counted", "debug") else ""  # debug is said as the mode
+    rehearsal = session.purpose if session.purpose not in ("counted", "debug") else ""  # the mode shows debug
     who = " ".join(filter(None, (session.participant, run, rehearsal)))
     return [text for text in (who, _labelled_condition(store, session)) if text]
 
 
 def _labelled_condition(store: Store, session: SessionRecord) -> str:
-    """Empty as long as the study has not been read: a blinded wizard must not see the name for a moment."""
+    """The condition's label. Empty until the study is read: a blinded wizard must not see the name even briefly."""
     if not session.study:
         return condition_label(store.scenario, session.condition)
     labels = store.condition_labels
@@ -63,7 +63,7 @@ def session_title(store: Store) -> str:
 
 
 def running_lines(store: Store) -> list[str]:
-    """Rules with their states, acts that run and acts that wait, in lines for a question."""
+    """Running rules with their states, running acts and waiting acts, in lines for a question."""
     running = [f"rule {name}: in {store.view.rules[name].state}" for name in store.view.running_rules()]
     running += [f"act {act_label(task.function, task.behavior)}" for task in store.running_tasks]
     running += [f"act {act_label(task.function, task.behavior)}, waiting" for task in store.waiting_tasks]
@@ -75,18 +75,18 @@ def running_lines(store: Store) -> list[str]:
 
 ROBOT_GLYPHS = {"connected": "●", "degraded": "◐", "lost": "✗"}
 FRESH = 2.0
-"""Seconds for which a robot's sign of life counts as just now: the link brings one about every second."""
+"""Seconds for which a robot's sign of life counts as recent. The link brings one about every second."""
 OLD = 3.0
-"""From this age on something is wrong, whatever the link's word says."""
+"""Seconds. From this age on something is wrong, whatever the link reports."""
 TITLE = 12
-"""Cells that the title keeps before anything else gives way, where there is some room."""
+"""Cells that the title keeps before anything else is cut, if there is some room."""
 NAME = 12
 CUE, CUE_SHORT = 19, 12
-"""Cells that the cue takes from the title: where all else has room beside it, and elsewhere."""
+"""Cells that the cue takes from the title: if everything else fits beside it, and otherwise."""
 NARROW = 80
-"""Below this width nothing is kept for a cue."""
+"""Below this width no cells are kept for a cue."""
 LEAST_TITLE = 8
-"""Cells below which a title says nothing."""
+"""Cells below which a title is useless."""
 USUAL = 100
 """From this width on the title keeps TITLE cells."""
 VANISHES = 12
@@ -98,18 +98,18 @@ GAP: StyledSpan = ("  ", "plain")
 
 
 class StatusCell(NamedTuple):
-    """A piece of the line in its variants, the best first."""
+    """A piece of the line in several variants, the best first."""
 
     variants: tuple[StyledLine, ...]
     keep: tuple[int, ...] = ()
-    """How late each step to the next variant is taken: over all cells, the smallest number first."""
+    """When each step to the next variant is taken: the smallest number of all cells comes first."""
 
 
 def status_line(store: Store, width: int) -> StyledLine:
     """The whole line in exactly `width` cells.
 
-    Who takes part and in which condition comes first, whatever else is there. Then the title, which has the room that
-    is left. A part of that is the cue's while one is counted, so that nothing else moves when it comes and goes.
+    Participant and condition always come first. The title gets the remaining room. While a cue is counted, it takes
+    part of the title's room, so that nothing else moves.
     """
     participant = _participant_line(store, _cells(store, padded=False), width)
     title: StyledLine = (
@@ -121,7 +121,7 @@ def status_line(store: Store, width: int) -> StyledLine:
     awaits = counts and store.key_state != "STOPPED"  # nobody answers then
     cue_room = (CUE if best + CUE <= room else CUE_SHORT if width >= NARROW else 0) if awaits else 0
     kept = max(TITLE if width >= USUAL else 0, cue_room)
-    padded = best + max(kept, line_width(title)) <= room  # no blanks are kept while something is cut
+    padded = best + max(kept, line_width(title)) <= room  # no blanks while something is cut
     right = _fit_cells(_cells(store, padded=padded), max(0, room - kept))
     cue = _cue_line(store, room - line_width(right)) if counts else ()
     participant = crop(participant, max(0, width - line_width(cue) - line_width(right) - 1))
@@ -131,13 +131,13 @@ def status_line(store: Store, width: int) -> StyledLine:
 
 
 def _participant_line(store: Store, cells: list[StatusCell], width: int) -> StyledLine:
-    """`P07 · hesitation`, whole as long as `cells` have room beside it in forms that still say everything. Then names
-    are cut in their middle, the longer one first: they often begin alike."""
+    """`P07 · hesitation`, in full while `cells` fit beside it in variants that still say everything. Then names are cut
+    in the middle, the longer one first, because they often begin alike."""
     texts = [clean(text) for text in participant_parts(store)]
     least = sum(_least_width(cell) for cell in cells) + (CUE_SHORT if width >= NARROW else 0) + 1
     room = max(2 * max(8, width // 6), width - least - 4) - 1
     if len(texts) == 2:
-        room -= 3  # of what stands between them
+        room -= 3  # the separator
         widths = [cell_width(text) for text in texts]
         texts = [
             fit_middle(text, max(room // 2, room - other)).rstrip() if sum(widths) > room else text
@@ -149,7 +149,7 @@ def _participant_line(store: Store, cells: list[StatusCell], width: int) -> Styl
 
 
 def _least_width(cell: StatusCell) -> int:
-    """Of the narrowest variant in which the cell still says what it is for."""
+    """The width of the narrowest variant that still says what the cell is for."""
     steps = sum(1 for step in cell.keep if step < VANISHES)
     return line_width(cell.variants[min(steps, len(cell.variants) - 1)])
 
@@ -167,7 +167,7 @@ def _fit_cells(cells: list[StatusCell], width: int) -> StyledLine:
 
 
 def _cells(store: Store, *, padded: bool) -> list[StatusCell]:
-    """Those at the right."""
+    """The cells on the right."""
     recording = [] if store.gone_reason or store.cut_since is not None else _recording_cells(store)
     return [_mode_cell(store), *_robot_cells(store), *recording, _time_cell(store), *_control_cells(store, padded)]
 
@@ -185,15 +185,15 @@ def _mode_cell(store: Store) -> StatusCell:
 
 
 def _robot_cells(store: Store) -> list[StatusCell]:
-    """Its name, its link in a word, and how long ago it was heard of."""
+    """The robot's name, its link in a word, and the time since its last sign of life."""
     attach_reply, robot = store.attach_reply, store.view.robot
-    if attach_reply.replay or attach_reply.shadow:  # there is none
+    if attach_reply.replay or attach_reply.shadow:  # there is no robot
         return []
     status = robot.status if robot is not None else "no link"
     role: TextRole = "plain" if status == "connected" else "wait" if status in ("degraded", "no link") else "fault"
     seen = store.heartbeat.robot_seen
     if seen is not None and robot is not None and status == "connected":
-        seen = max(seen, robot.t)  # that it is back is a sign of life, and pulses come once a second
+        seen = max(seen, robot.t)  # its return is a sign of life, too
     age = None if seen is None or store.gone_reason or store.cut_since is not None else max(0.0, store.now() - seen)
     if age is not None and age >= OLD and role == "plain":
         role = "wait"
@@ -214,7 +214,7 @@ def _robot_cells(store: Store) -> list[StatusCell]:
 
 
 def _recording_cells(store: Store) -> list[StatusCell]:
-    """How the record stands, and beside it what records the session from outside, where that does not."""
+    """The state of the record and, if it is bad, of the recorders outside."""
     found = recorders_word(store)
     if found is None:
         return [_recording_cell(store)]
@@ -243,7 +243,7 @@ def _time_cell(store: Store) -> StatusCell:
 
 
 def _cue_line(store: Store, room: int) -> StyledLine:
-    """The time since the cue, while it is counted: the whole where there is room for it."""
+    """The time since the cue while it is counted; in full if there is room."""
     full, brief = (cue_line(store.cue_clock, store.now(), short=short) for short in (False, True))
     if not full:
         return ()
@@ -251,7 +251,7 @@ def _cue_line(store: Store, room: int) -> StyledLine:
 
 
 def _control_cells(store: Store, padded: bool) -> list[StatusCell]:
-    """Whether keys start anything, and who may press them."""
+    """Whether keys start anything, and who has control."""
     name = shorten(short_name(store.own_name), NAME)
     own = StatusCell((((f" {store.attach_reply.role} {name} ", "muted"),), ((f" {name} ", "muted"),), ()), (1, 10))
     if store.gone_reason:
@@ -268,18 +268,18 @@ def _control_cells(store: Store, padded: bool) -> list[StatusCell]:
     if store.view.control is not None or store.attach_reply.role != "wizard":
         control = f"WATCHING · {control}"
     shown: StyledLine = (GAP, (f" {control} ", "call"))
-    # Where there is little room the red bar says the first of these.
+    # If there is little room, the red bar shows the first of these.
     return [StatusCell(((GAP, *words), ()) if words else ((),), (10,)), StatusCell((shown,))]
 
 
 def _key_state_line(store: Store) -> StyledLine:
-    """LIVE is not said of a console that only watches."""
+    """The state of the keys. A console that only observes does not show LIVE."""
     words: list[StyledSpan] = []
     if store.key_state == "STOPPED":
         words.append((" STOPPED ", "alarm"))
     elif store.journal_status.trouble:
         words.append((" PAUSED ", "alarm"))
-    if store.input_mode != "LIVE":  # also beside a stop: it still holds when that is released
+    if store.input_mode != "LIVE":  # also beside a stop: it stays after the release
         words.append((f" {store.input_mode} ", "call"))
     elif not words and store.has_control and not store.attach_reply.replay:
         words.append((" LIVE ", "strong"))

@@ -1,4 +1,4 @@
-"""What the console knows: the engine's view, and what it has asked for that the engine has not yet answered.
+"""What the console knows: the engine's view, and its own requests that the engine has not answered yet.
 
 A read model without any screen. Panes read it; only `ConsoleSession` and the screens change it.
 """
@@ -60,7 +60,7 @@ from rise_tui.model.notice import Notice, completion_message, record_notice, sho
 from rise_tui.model.robot_speech import CurrentSentence, SentenceTracker
 
 StorePart: TypeAlias = Literal["acts", "rules", "memory", "tasks", "status", "stop", "cue", "notice", "flash"]
-"""What a batch of records changed; a pane says which of these it shows."""
+"""What a batch of records changed. A pane names those that it shows."""
 
 ALL_PARTS: frozenset[StorePart] = frozenset(get_args(StorePart))
 
@@ -81,9 +81,9 @@ _PARTS_OF_RECORD: dict[type, frozenset[StorePart]] = {
     MistakeRecord: frozenset({"tasks", "acts"}),
     FailureRecord: frozenset({"tasks", "acts"}),
 }
-"""Of tasks, and of events that nobody took, `apply` finds it out."""
+"""`apply` adds the parts of tasks, and of events that no rule took."""
 _LIST_PARTS: frozenset[StorePart] = frozenset({"acts", "rules", "memory", "tasks"})
-"""Whatever may show that something was sent."""
+"""The parts that may show that something was sent."""
 _PARTS_OF_TASK: dict[str, frozenset[StorePart]] = {
     "startCommunicationRobotAct": frozenset({"tasks", "acts"}),
     "say": frozenset({"tasks", "acts"}),
@@ -91,11 +91,11 @@ _PARTS_OF_TASK: dict[str, frozenset[StorePart]] = {
 }
 
 LATE_FLASH_SECONDS = 1.0
-"""A console that hears of a mark later than that shows nothing: at that moment there was no flash."""
+"""Seconds. A console that receives a mark later than this shows nothing, because there was no flash in time."""
 
 
 class SentTask(Struct, frozen=True):
-    """Something asked for, until the engine's record of it arrives (console.md 3.1)."""
+    """A request, until the engine's record of it arrives (console.md 3.1)."""
 
     function: str
     behavior: str
@@ -112,58 +112,57 @@ class Store:
     """Session time in seconds."""
     view: SessionView = field(init=False)
     reference_prefix: str = field(default_factory=lambda: f"{urandom(3).hex()}-")
-    """How this console's own references begin; a second console of the same wizard has others."""
+    """The prefix of this console's own references. A second console of the same wizard has another."""
     sent: dict[str, SentTask] = field(default_factory=dict)
-    """By the console's own reference."""
+    """Requests by the console's own reference."""
     log: LogRows = field(default_factory=LogRows)
-    """The rows of the log, in order of arrival; other lists whenever the view has forgotten some."""
+    """The rows of the log in order of arrival. The lists are replaced when the view has forgotten some."""
     notice: Notice | None = None
     gone_reason: str = ""
     """Why the session is over or the engine has gone; empty while it lives."""
     ended_in_order: bool = False
-    """The session came to its end in order. With `gone_reason` and not this, the engine has gone without one."""
+    """The session ended in order. If only `gone_reason` is set, the engine has gone without that."""
     cut_since: float | None = None
-    """Since when this connection has been cut, on a clock of the console's own; None while it holds."""
+    """Since when this connection has been cut, on the console's own clock; None while it is intact."""
     stop_unsent: bool = False
     """The stop key was pressed while it could not be sent."""
     journal_status: JournalStatus = field(init=False)
     heartbeat: Heartbeat = field(default_factory=Heartbeat)
     """The last sign of life of the robot and the engine."""
     shadow: ShadowStatus | None = None
-    """How it stands, while this console plays a session's cues to a second wizard."""
+    """The state of the shadow, while this console plays a session's cues to a second wizard."""
     input_mode: InputMode = "LIVE"
-    """Whether this console's keys start anything, as far as its wizard is concerned."""
+    """Whether this console's keys start anything, as its wizard has chosen."""
     control_lost: control.ControlLost | None = None
-    """Control was taken from this console, and the wizard has pressed no key since that showed."""
+    """Control was taken from this console, and the wizard has pressed no key since this was shown."""
     reclaims_control: bool = False
-    """It had control when the connection was cut, and nobody else has it now, but perhaps its own cut connection."""
+    """It had control when the connection was cut, and nobody else has it now, except perhaps its own cut connection."""
     armed_act: str = ""
-    """The act whose first of two keys was pressed."""
+    """The act whose first of two presses was seen."""
     newest_speech: int = 0
     """The id of the latest task of free speech."""
     shown_act: str = ""
     """The act that started last, or the one that the wizard selected since; empty while free speech is the newest."""
     shown_rule: str = ""
     condition_labels: Mapping[str, str] | None = None
-    """How the session's study calls its conditions on screens, by their names; None: it has not been read yet, and no
-    condition is shown."""
+    """The study's labels of its conditions, by name. None: not read yet, so no condition is shown."""
     flash: SyncRecord | None = None
-    """The latest mark that cameras were to see while this console was there, and that came in time."""
+    """The latest mark for cameras that arrived in time while this console was attached."""
     last_deletion: tuple[str, Any] | None = None
-    """The memory key that the wizard deleted last, and its value."""
+    """The memory key that the wizard last deleted, and its value."""
 
     changed_tasks: list[int] = field(default_factory=list)
-    """Tasks that have changed after their end since this console has attached: a mistake mark was set or taken back, or
-    no rule took their event."""
+    """Tasks that have changed after their end since this console attached: a mistake mark was set or removed, or no
+    rule took their event."""
     undo_stack: UndoStack = field(default_factory=UndoStack)
-    """The memory changes of this console, which it can take back."""
+    """The memory changes of this console, which it can undo."""
 
     study_keys: StudyKeys = field(init=False)
     wording: RobotWording = field(init=False)
     sentences: SentenceTracker = field(init=False)
     _scenario_hash: str = field(init=False)
     _estimates: dict[str, float] = field(default_factory=dict)
-    """Seconds that acts take with the present memory, of those that have not run yet."""
+    """Estimated seconds of acts that have not run yet, with the present memory."""
 
     def __post_init__(self) -> None:
         self._scenario_hash = self.scenario.hash
@@ -174,7 +173,7 @@ class Store:
         self.shown_rule = next(iter(self.view.running_rules()), "")
 
     def reattach(self, attach_reply: AttachReply) -> None:
-        """The connection was cut and is back: the truth is in the new snapshot."""
+        """Take over the new snapshot after the connection was cut. It has the truth."""
         had_control, former_name = self.has_control, self.own_name
         self.cut_since, self.stop_unsent = None, False
         self.sent.clear()
@@ -195,7 +194,7 @@ class Store:
         self._restart_trackers()
 
     def _restart_trackers(self) -> None:
-        """What follows the session record by record begins anew with the view."""
+        """Restart what follows the session record by record from the view."""
         self.newest_speech = next((id for id in reversed(self.view.tasks) if self.view.tasks[id].function == "say"), 0)
         self.undo_stack.clear()
         self._estimates.clear()
@@ -207,52 +206,52 @@ class Store:
 
     @property
     def memory(self) -> Mapping[str, Any]:
-        """The working memory as expressions and templates read it, tables included."""
+        """The working memory for expressions and templates, including tables."""
         return {**self.scenario.table_memory, **{key: entry.value for key, entry in self.view.memory.items()}}
 
     @property
     def stopping(self) -> bool:
-        """True from the press of the stop key on, before the engine has answered."""
+        """True from the press of the stop key until the engine answers."""
         return any(sent.function == "stopAll" for sent in self.sent.values())
 
     @property
     def key_state(self) -> InputMode | Literal["STOPPED"]:
-        """Whether keys start anything. A stop comes before what the wizard has chosen."""
+        """Whether keys start anything. A stop overrides the wizard's choice."""
         return "STOPPED" if self.view.stop.latched or self.stopping else self.input_mode
 
     @property
     def open_goals(self) -> tuple[OpenGoal, ...]:
-        """What the robot may still be doing of actions that have ended; each holds its part."""
+        """What the robot may still be doing for actions that have ended. Each goal holds its part."""
         robot = self.view.robot
         return tuple(goal for goal in robot.open if goal.holds) if robot is not None else ()
 
     @property
     def own_name(self) -> str:
-        """How the session calls this console."""
+        """The session's name for this console."""
         return self.attach_reply.you or f"wizard:{self.wizard}"
 
     @property
     def person(self) -> str:
-        """Who sits here, as the record names what they do: a second console is no second person."""
+        """The person at this console, as the record names them. A second console is not a second person."""
         return self.own_name.partition("#")[0]
 
     @property
     def is_of_study(self) -> bool:
-        """Whether the session is one of a study."""
+        """Whether the session belongs to a study."""
         return self.view.session is not None and bool(self.view.session.study)
 
     @property
     def has_control(self) -> bool:
-        """Whether this console may act. A replay names nobody, and nobody can act in it."""
+        """Whether this console may act. A replay names nobody; nobody can act in it."""
         return not self.attach_reply.you or self.view.control == self.attach_reply.you
 
     @property
     def asker(self) -> str | None:
-        """Who waits for this console's answer to the question for control."""
+        """The client that waits for this console's answer about control."""
         return self.view.asked if self.has_control and self.view.asked != self.own_name else None
 
     def blocked_reason(self, deed: Deed) -> BlockedReason | None:
-        """What stands in the way of such a deed from this console now; None when nothing does."""
+        """What blocks this deed from this console now; None if nothing does."""
         if self.gone_reason:
             return BlockedReason("over" if self.ended_in_order else "gone", self.gone_reason)
         if self.cut_since is not None:
@@ -280,21 +279,21 @@ class Store:
                 return None
 
     def task_blocked(self, function: str) -> BlockedReason | None:
-        """What stands in the way of a task with this function."""
+        """What blocks a task with this function."""
         starts = function in STARTING_FUNCTIONS or CUE_EVENTS.get(function) in self.scenario.topics
         return self.blocked_reason("start" if starts else "change")
 
     def current_sentence(self) -> CurrentSentence:
-        """What the robot says, or said last."""
+        """What the robot says, or last said."""
         return self.sentences.current(self.view, self.now())
 
     @property
     def cue_clock(self) -> CueClock | None:
-        """The time since the participant's cue, until the robot's voice is heard where the answer has one."""
+        """The time since the participant's cue, until the answering voice is heard or, without one, the act starts."""
         return cue_clock(self.scenario, self.view)
 
     def expected_keys(self) -> frozenset[str]:
-        """The study's keys that a running rule waits for, as Textual spells them."""
+        """The study's keys that a running rule waits for, in Textual's spelling."""
         busy = [task.behavior for task in (*self.running_tasks, *self.waiting_tasks)]
         return self.study_keys.expected_keys(self._rule_states(), self.memory, busy)
 
@@ -303,24 +302,24 @@ class Store:
         return find_expected_inputs(self.study_keys, self._rule_states(), self.memory)
 
     def _rule_states(self) -> dict[str, str | None]:
-        """The running rules, with the state in which each is."""
+        """The state of each running rule."""
         return {name: rule.state for name, rule in self.view.rules.items() if rule.running}
 
     @property
     def running_tasks(self) -> list[TaskView]:
-        """The tasks of acts and free speech that run, the oldest first."""
+        """The running tasks of acts and free speech, the oldest first."""
         return [self.view.tasks[id] for id in self.view.running]
 
     @property
     def waiting_tasks(self) -> list[TaskView]:
-        """Those that wait for their turn, the next first."""
+        """The tasks that wait for their turn, the next first."""
         return [self.view.tasks[id] for id in self.view.waiting]
 
     def act(self, name: str) -> ActView:
         return self.view.acts.get(name) or ActView()
 
     def typical_seconds(self, name: str) -> float | None:
-        """How long an act takes: the mean of its runs so far, or an estimate before the first."""
+        """How long an act takes: the mean of its runs, or an estimate before the first run."""
         measured = self.act(name).typical
         if measured is None and name in self.scenario.acts:
             if name not in self._estimates:
@@ -339,7 +338,7 @@ class Store:
         return any(sent.function in functions and sent.behavior == behavior for sent in self.sent.values())
 
     def apply(self, updates: Sequence[ClientUpdate]) -> set[StorePart]:
-        """Take a batch in; returns what changed."""
+        """Take in a batch of updates; returns what changed."""
         changed: set[StorePart] = set()
         noticed = self.notice
         for record in updates:
@@ -363,14 +362,14 @@ class Store:
             if self.view.remarks and self.view.remarks[-1] is not newest_remark:
                 self.log.add_remark(self.view.remarks[-1])
                 changed.add("tasks")
-            if not (isinstance(record, TaskRecord) and record.id in self.view.failed):  # the bar about it says it
+            if not (isinstance(record, TaskRecord) and record.id in self.view.failed):  # its bar shows it
                 self.notice = record_notice(record) or self.notice
             if isinstance(record, StopRecord) and record.status == "released":
                 live = f": {self.input_mode}" if self.has_control or self.input_mode != "LIVE" else ""
                 self.notice = Notice(f"the stop is released{live}")
             if isinstance(record, ControlRecord) and self.attach_reply.you:
                 notice, lost = control.control_notice(record, holder, self.attach_reply.you)
-                # A sentence about who had control before would now be wrong.
+                # A notice about the earlier holder of control would now be wrong.
                 self.notice = notice or (None if lost else self.notice)
                 self.control_lost = lost or (None if self.has_control else self.control_lost)
             if isinstance(record, EventRecord):
@@ -391,25 +390,25 @@ class Store:
                     changed.add("flash")
             changed |= _PARTS_OF_RECORD.get(type(record), frozenset())
             if self.view.cue is not None and self.view.cue.task in _tasks_of(record):
-                changed.add("cue")  # the answer is heard, or will not be
+                changed.add("cue")  # the answer is heard, or never will be
         if self.notice is not noticed:
             changed.add("notice")
         return changed
 
     @property
     def forgotten_text(self) -> str:
-        """That the oldest tasks are only in the record, for whoever looks for one; empty while all are here."""
+        """A sentence that the oldest tasks are only in the record; empty while all are here."""
         count = self.view.forgotten
         return f"{count:,} older {'task is' if count == 1 else 'tasks are'} only in the record" if count else ""
 
     def _trim(self) -> None:
-        """The view has forgotten its oldest tasks."""
+        """Forget the tasks that the view has forgotten."""
         tasks = self.view.tasks
         self.changed_tasks[:] = [id for id in self.changed_tasks if id in tasks]
         self.log.rebuild(self.view)
 
     def _apply_event(self, record: EventRecord, raised: Iterable[int]) -> frozenset[StorePart]:
-        """An event has found its rule, or none, and so has the one of these tasks that raised it."""
+        """Note that no rule took an event, and which of these tasks raised it."""
         if record.taken_by is not None:
             return frozenset()
         view, source = self.view, record.source
@@ -426,7 +425,7 @@ class Store:
         return frozenset({"tasks"}) if missed else frozenset()
 
     def _apply_journal_status(self, now: JournalStatus) -> frozenset[StorePart]:
-        """How the record stands; nothing is painted for what nobody would see."""
+        """Take over the state of the record. Nothing is painted for changes that are not visible."""
         before, self.journal_status = self.journal_status, now
         if before.trouble and not now.trouble:
             self.notice = Notice("the disk accepts records again: the session goes on")
@@ -454,7 +453,7 @@ class Store:
 
 
 def _tasks_of(record: AnyRecord) -> tuple[int, ...]:
-    """The task whose way a record tells."""
+    """The task that a record is about."""
     match record:
         case TaskRecord(id=task) | ActionRecord(task=task):
             return (task,)

@@ -1,7 +1,7 @@
-"""What the study's screen says: participants with their state in a word, the plan against what happened. Pure.
+"""The text of the study's screen: participants with their state in a word, the plan against what happened. Pure.
 
-A hidden study shows no condition here, not even those of sessions that are over: within a block, who knows what the
-others had knows what comes next.
+A hidden study shows no condition here, not even of sessions that are over. Within a block, somebody who knows the
+earlier conditions knows the next one.
 """
 
 from __future__ import annotations
@@ -35,28 +35,28 @@ from rise_tui.rendering.text import (
 )
 
 HIDDEN = "hidden until the session begins"
-"""Of a condition, where the study says so."""
+"""The text for a condition in a hidden study."""
 
 
 class Conditions(NamedTuple):
-    """Of one study."""
+    """The conditions of one study."""
 
     labels: Mapping[str, str]
-    """By the name of each condition: how it is shown. Also those of the between factors alone."""
+    """The label of each condition, by name, including conditions of the between factors alone."""
     hidden: bool = False
     descriptions: Mapping[str, str] = {}
-    """By the name of each condition: its factors with their levels, `hesitation: A, noise: quiet`."""
+    """The factors with their levels, by the condition's name: `hesitation: A, noise: quiet`."""
 
     def label(self, condition: str) -> str:
-        """How a condition is shown in its session; one that is of no design is shown as it is."""
+        """A condition's label in its session; a condition outside the design is shown by its name."""
         return self.labels.get(condition, condition)
 
     def described(self, condition: str) -> str:
-        """The same with its factors, where there is room."""
+        """The same with its factors, for places with room."""
         return self.descriptions.get(condition) or self.label(condition)
 
     def shown(self, condition: str) -> str:
-        """How a condition is shown outside its session: empty in a hidden study."""
+        """A condition's label outside its session: empty in a hidden study."""
         return "" if self.hidden else self.label(condition)
 
 
@@ -96,7 +96,7 @@ def _join(levels: tuple[Level, ...], *, named: bool = True) -> str:
 
 
 class StateWord(NamedTuple):
-    """How a state is shown."""
+    """The look of a state."""
 
     glyph: str
     word: str
@@ -122,16 +122,16 @@ STATES: dict[ParticipantState, StateWord] = {
 OUTCOMES = {"complete": "✓ complete", "aborted": "■ aborted", "excluded": "- excluded"}
 STATE_WIDTH = 13
 NAME_WIDTH = 12
-"""Cells for a pseudonym at most."""
+"""The most cells for a pseudonym."""
 NEXT = "→"
 LEAST_WHY = 12
-"""Cells below which a reason says nothing."""
+"""Cells below which a reason is useless."""
 BAR = 12
 """Cells of the longest bar of the plan."""
 
 
 def participant_rows(standing: StudyStanding, width: int) -> list[ListRow]:
-    """One row for each participant, in their order: next, name, state, runs, slot, strata, and why."""
+    """One row for each participant in order: next, name, state, runs, slot, strata, and the reason."""
     people = standing.participants
     names = min(NAME_WIDTH, max((cell_width(clean(each.participant)) for each in people), default=4))
     slots = max((len(f"{each.slot}") for each in people if each.slot is not None), default=0)
@@ -166,12 +166,12 @@ def _participant_row(each: ParticipantStanding, next: str, width: int, columns: 
 
 
 def _runs_text(each: ParticipantStanding) -> str:
-    """`1 of 2 runs`; empty where everybody has one."""
+    """`1 of 2 runs`; empty if everybody has one run."""
     return f"{runs_done(each)} of {each.runs} runs" if each.runs > 1 else ""
 
 
 def runs_done(each: ParticipantStanding) -> int:
-    """How many of the participant's runs are complete."""
+    """The number of the participant's completed runs."""
     return len({entry.run for entry in each.sessions if entry.outcome == "complete"})
 
 
@@ -189,7 +189,7 @@ def session_line(entry: SessionEntry, conditions: Conditions) -> str:
 
 
 def begun_text(started: str) -> str:
-    """`2026-11-21 14:15`, as it was there."""
+    """`2026-11-21 14:15`, in the local time of the session."""
     try:
         return f"{datetime.fromisoformat(started):%Y-%m-%d %H:%M}"
     except ValueError:
@@ -200,7 +200,7 @@ def begun_text(started: str) -> str:
 
 
 def plan_rows(standing: StudyStanding, conditions: Conditions, width: int) -> list[ListRow]:
-    """How far each cell of the plan is; of a hidden study only the strata."""
+    """The progress of each cell of the plan; in a hidden study only the strata."""
     cells = [_Cell(_cell_name(cell, conditions), cell.complete, cell.open, _planned(cell)) for cell in standing.cells]
     if conditions.hidden:
         cells = _totals(standing.cells)
@@ -211,7 +211,7 @@ def plan_rows(standing: StudyStanding, conditions: Conditions, width: int) -> li
     for cell in cells:
         if widest <= max(8, width - 36):
             rows.append(_row(_cell_line(cell, widest), width))
-        else:  # cut, two cells could look alike
+        else:  # cut names could look alike
             rows.append(_row(((f" {cell.name}", "plain"),), width))
             rows.append(_row(_cell_line(cell._replace(name=""), 2), width))
     if conditions.hidden:
@@ -220,7 +220,7 @@ def plan_rows(standing: StudyStanding, conditions: Conditions, width: int) -> li
 
 
 class _Cell(NamedTuple):
-    """A line of the plan; `planned` is 0 where nobody knows how many will come of it."""
+    """A line of the plan. `planned` is 0 if the number is unknown."""
 
     name: str
     complete: int
@@ -234,12 +234,12 @@ def _cell_name(cell: CellStanding, conditions: Conditions) -> str:
 
 
 def _planned(cell: CellStanding) -> int:
-    """How many are wanted of a cell: with strata, nobody knows how many of each will come."""
+    """The planned number of a cell. With strata it is unknown how many of each will come."""
     return 0 if cell.strata else cell.planned
 
 
 def _totals(cells: Sequence[CellStanding]) -> list[_Cell]:
-    """Over the conditions of each stratum."""
+    """The totals of each stratum over its conditions."""
     found: dict[tuple[str, ...], list[CellStanding]] = {}
     for cell in cells:
         found.setdefault(tuple(cell.strata.values()), []).append(cell)
@@ -255,7 +255,7 @@ def _totals(cells: Sequence[CellStanding]) -> list[_Cell]:
 
 
 def _cell_line(cell: _Cell, names: int) -> StyledLine:
-    """`de  calm   ███░░░   3 of 6, 1 open`: a bar of the plan, and the same in numbers."""
+    """`de  calm   ███░░░   3 of 6, 1 open`: a bar, and the same in numbers."""
     most = cell.planned or max(1, cell.complete + cell.open)
     length = min(BAR, most if cell.planned else cell.complete + cell.open)
     done, begun = (min(length, round(count * length / most)) for count in (cell.complete, cell.complete + cell.open))
@@ -284,7 +284,7 @@ def due_rows(standing: StudyStanding, width: int) -> list[ListRow]:
 
 
 def person_rows(each: ParticipantStanding, conditions: Conditions, width: int) -> list[ListRow]:
-    """The participant under the cursor: state, strata, what hinders them, their sessions."""
+    """The participant under the cursor: state, strata, obstacles, and sessions."""
     state = STATES[each.state]
     strata = " · ".join(f"{clean(name)} {clean(value)}" for name, value in each.strata.items())
     slot = f"slot {each.slot}" if each.slot is not None else "no slot yet"
@@ -301,7 +301,7 @@ def person_rows(each: ParticipantStanding, conditions: Conditions, width: int) -
 
 
 def rehearsal_rows(standing: StudyStanding, width: int) -> list[ListRow]:
-    """Sessions that do not count, in a number: they matter to nobody's plan."""
+    """The number of sessions that do not count. They do not affect the plan."""
     if not standing.rehearsals:
         return []
     if (running := running_rehearsal(standing)) is not None:
@@ -315,7 +315,7 @@ def rehearsal_rows(standing: StudyStanding, width: int) -> list[ListRow]:
 
 
 def problem_rows(problems: Sequence[str], width: int) -> list[ListRow]:
-    """Why nothing can be started: every finding, over as many lines as it needs."""
+    """Why nothing can be started: every diagnostic, on as many lines as it needs."""
     rows = [_row(((" The study has errors: nothing can be started.", "fault"),), width), _row((), width)]
     for finding in problems:
         for at, line in enumerate(wrap(finding, max(30, width - 5))):
@@ -329,7 +329,7 @@ def _row(line: StyledLine, width: int) -> ListRow:
 
 
 def find_participant(standing: StudyStanding, name: str) -> ParticipantStanding | None:
-    """Somebody by their pseudonym."""
+    """The participant with this pseudonym."""
     return next((each for each in standing.participants if each.participant == name), None)
 
 
@@ -340,11 +340,11 @@ def open_entry(each: ParticipantStanding) -> SessionEntry | None:
 
 
 def running_rehearsal(standing: StudyStanding, participant: str = "") -> SessionEntry | None:
-    """The rehearsal that runs now, with this participant or with anybody."""
+    """The running rehearsal, of this participant or of anybody."""
     running = (entry for entry in standing.rehearsals if entry.status == "running")
     return next((entry for entry in running if participant in ("", entry.participant)), None)
 
 
 def running_people(standing: StudyStanding) -> Iterator[ParticipantStanding]:
-    """Those whose session runs now."""
+    """The participants whose session runs now."""
     return (each for each in standing.participants if each.state == "running")

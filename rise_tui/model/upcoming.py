@@ -1,7 +1,7 @@
-"""What comes next if nobody does anything; and if nothing does, what is waited for. Pure.
+"""What comes next if nobody does anything, or else what is waited for. Pure.
 
-Only what the engine's state says for certain: a timer that runs, an act that will end, a task that waits its turn, the
-rule that would take the event. Nothing here guesses at what a person will do.
+It uses only what the engine's state says for certain: a running timer, an act that will end, a task that waits its
+turn, the rule that would take the event. It never guesses what a person will do.
 """
 
 from __future__ import annotations
@@ -21,46 +21,46 @@ from rise_tui.model.wait_explanations import due_at
 
 
 class UpcomingStep(NamedTuple):
-    """One thing that will happen by itself."""
+    """One thing that will happen without anybody's action."""
 
     when: str
-    """`timer`, `end` (of the acts that run), `turn` (a task that waits), or `filler`."""
+    """`timer`, `end` (of the running acts), `turn` (of a waiting task), or `filler`."""
     seconds: float | None
-    """Until then: exact for a timer, otherwise probable; None when nobody knows."""
+    """Seconds until then: exact for a timer, otherwise probable; None when unknown."""
     target: str = ""
     """The state that a rule goes to."""
     starts: tuple[str, ...] = ()
-    """Acts that then start for certain."""
+    """Acts that then certainly start."""
     may_start: tuple[str, ...] = ()
-    """Acts that may start, by a condition or by chance."""
+    """Acts that may start, depending on a condition or on chance."""
     rule: str = ""
     ends_rule: bool = False
-    """The rule is then over."""
+    """Whether the rule then ends."""
     condition: str = ""
-    """A timer's transition is taken only if this holds then."""
+    """The condition that must then hold for a timer's transition."""
 
 
 class Upcoming(NamedTuple):
-    """What comes by itself, the soonest first; and what is waited for, now or after the first step."""
+    """What comes without anybody's action, the soonest first, and what is waited for, now or after the first step."""
 
     steps: tuple[UpcomingStep, ...] = ()
     keys: tuple[KeyBinding, ...] = ()
-    """By which the wizard can go on: now, or, when the first step enters a state that only waits, then."""
+    """The keys with which the wizard can continue: now, or after a first step into a state that only waits."""
     after_first: bool = False
-    """`keys` and `other` are about the state after the first step."""
+    """`keys` and `waits_for` are about the state after the first step."""
     waits_for: str = ""
-    """What else is waited for, when it is nothing that a key brings about."""
+    """What else is waited for, if no key brings it about."""
     any_rule_runs: bool = False
     """Whether any rule runs."""
 
 
 def find_upcoming(store: Store) -> Upcoming:
-    """What comes by itself and what is waited for."""
+    """What comes without anybody's action, and what is waited for."""
     view, scenario = store.view, store.scenario
     stack = view.running_rules()
     steps = [*_timer_steps(store, stack), *_filler_steps(store), *_steps_after_acts(store, stack)]
     steps = [step for step in steps if not _reenters_state(store, step)]
-    # Of what comes at one time the task that waits is first: it was there before anything that a rule starts then.
+    # At the same time, the waiting task comes first: it was there before anything that a rule then starts.
     steps.sort(key=lambda step: (float("inf") if step.seconds is None else step.seconds, step.when != "turn"))
     first = steps[0] if steps else None
     if first is not None and first.target and not (first.starts or first.may_start or first.ends_rule):
@@ -74,7 +74,7 @@ def find_upcoming(store: Store) -> Upcoming:
 
 
 def _reenters_state(store: Store, step: UpcomingStep) -> bool:
-    """Whether a rule only enters anew the state in which it is, as one does that follows somebody with its gaze."""
+    """Whether a rule only enters its present state again, like a rule that follows somebody with its gaze."""
     return step.when == "end" and step.target == store.view.rules[step.rule].state
 
 
@@ -86,13 +86,13 @@ def _timer_steps(store: Store, stack: list[str]) -> Iterator[UpcomingStep]:
             if due is None:
                 continue
             seconds_left = due - store.now()
-            if seconds_left > -1.0:  # later than that it was not taken, because its condition did not hold
+            if seconds_left > -1.0:  # later, its condition did not hold
                 condition = transition.condition.text if transition.condition is not None else ""
                 yield _rule_step(store, name, transition, "timer", max(0.0, seconds_left))._replace(condition=condition)
 
 
 def _filler_steps(store: Store) -> Iterator[UpcomingStep]:
-    """One that starts by itself after a cue."""
+    """A filler that starts automatically after a cue."""
     after, cue = store.scenario.fillers.auto_after, store.view.cue
     if after is None or cue is None or cue.answered is not None or cue.filled is not None or store.view.running:
         return
@@ -104,7 +104,7 @@ def _filler_steps(store: Store) -> Iterator[UpcomingStep]:
 
 
 def _steps_after_acts(store: Store, stack: list[str]) -> Iterator[UpcomingStep]:
-    """What a rule does when the act that started last ends as it should, and the task whose turn it then is."""
+    """What a rule does when the act that started last succeeds, and the task whose turn then comes."""
     seconds_left = _seconds_left(store)
     if (ending := _transition_at_end(store, stack)) is not None:
         yield _rule_step(store, *ending, "end", seconds_left)
@@ -129,7 +129,7 @@ def _transition_at_end(store: Store, stack: list[str]) -> tuple[str, Transition]
 
 
 def _transition_at_own_end(store: Store, stack: list[str], task: TaskView) -> tuple[str, Transition] | None:
-    """As above, for an act that the rule started itself and whose end it waits for as its own."""
+    """The same for an act that the rule started itself and whose own end it waits for."""
     rule = task.source.removeprefix("rule:")
     for transition in transitions_of(store.scenario, rule, store.view.rules[rule].state) if rule in stack else ():
         if (
@@ -142,7 +142,7 @@ def _transition_at_own_end(store: Store, stack: list[str], task: TaskView) -> tu
 
 
 def _seconds_left(store: Store) -> float | None:
-    """Seconds until all acts that run will probably have ended; None when nobody knows, or none runs."""
+    """Seconds until all running acts will probably have ended; None when unknown, or if none runs."""
     longest = 0.0
     for task in store.running_tasks:
         if task.function == "say":
@@ -157,7 +157,7 @@ def _seconds_left(store: Store) -> float | None:
 
 
 def _rule_step(store: Store, name: str, transition: Transition, when: str, seconds: float | None) -> UpcomingStep:
-    """What a transition of the state in which a rule is brings about."""
+    """The effect of a transition from a rule's present state."""
     states = store.scenario.rules[name].states
     target = states.get(transition.target or "")
     functions = list(functions_in(transition.block))
@@ -177,7 +177,7 @@ def _rule_step(store: Store, name: str, transition: Transition, when: str, secon
 
 
 def _find_keys(store: Store, transitions: Iterable[Transition], busy: Iterable[str]) -> tuple[KeyBinding, ...]:
-    """The keys by which the wizard can bring one of these transitions about, each once."""
+    """The keys with which the wizard can trigger one of these transitions, each once."""
     memory, busy = store.memory, frozenset(busy)
     keys = (key for transition in transitions for key in store.study_keys.keys_for(transition, memory, busy))
     return tuple({key.key: key for key in keys}.values())
@@ -194,25 +194,25 @@ def _other_wait_text(store: Store, transitions: Iterable[Transition]) -> str:
 
 
 class QueuedTask(NamedTuple):
-    """A task, as far as waiting is concerned."""
+    """A task, for estimates of waiting times."""
 
     typical_seconds: float | None
-    """How long it usually takes; None when nobody knows."""
+    """Its usual duration; None when unknown."""
     elapsed_seconds: float = 0.0
-    """For a running one, in seconds."""
+    """For a running task, in seconds."""
     in_turn: bool = True
-    """It runs alone among its kind (Blocking and Interrupt); a None act runs beside it."""
+    """Whether it takes turns with its kind (Blocking and Interrupt). A None act runs beside others."""
 
     @property
     def seconds_left(self) -> float | None:
-        """Seconds; negative when it is overdue."""
+        """Seconds; negative if it is overdue."""
         return None if self.typical_seconds is None else self.typical_seconds - self.elapsed_seconds
 
 
 def estimate_starts(running: Iterable[QueuedTask], waiting: Iterable[QueuedTask]) -> list[float | None]:
-    """Seconds until each waiting task probably starts, in order; None where something before it has no typical time.
+    """Seconds until each waiting task probably starts, in order; None if an earlier task has no typical time.
 
-    A task that is overdue may end at any moment. A None act that waits starts when what runs has ended, or before.
+    An overdue task may end at any moment. A waiting None act starts when the running acts have ended, or before.
     """
     start: float | None = 0.0
     for task in running:
@@ -225,7 +225,7 @@ def estimate_starts(running: Iterable[QueuedTask], waiting: Iterable[QueuedTask]
 
 
 def _next_start(start: float | None, task: QueuedTask) -> float | None:
-    """When the next task starts, if this one starts then or runs already."""
+    """When the next task starts, if this one starts then or already runs."""
     if not task.in_turn:
         return start
     return None if start is None or task.seconds_left is None else start + max(0.0, task.seconds_left)

@@ -1,4 +1,4 @@
-"""Why a rule stays where it stands: for each way out what it waits for, what of that is true, and what one can do."""
+"""Why a rule stays in its state: for each transition, what it waits for, which parts are true, and what one can do."""
 
 from __future__ import annotations
 
@@ -32,11 +32,11 @@ from rise_tui.rendering.text import (
 PART = 8
 """Cells before a part of a condition."""
 READABLE = 84
-"""Cells beyond which a row's two ends would be too far apart for the eye."""
+"""Cells beyond which a row's two ends would be too far apart to read together."""
 
 
 def key_owner(store: Store) -> str:
-    """Who can press a key that is named: `you`, or whoever has control (`key`)."""
+    """Who can press a named key: `you`, or whoever has control (`key`)."""
     return "key" if store.blocked_reason("change") else "you"
 
 
@@ -47,7 +47,7 @@ class WaitExplanations:
         self._store = store
 
     def rows(self, rule: Rule, state: State, view: RuleView, width: int) -> list[ListRow]:
-        """Each way out in the file's order, in which the engine looks at them too."""
+        """One row for each transition in the file's order, in which the engine also examines them."""
         if not state.transitions:
             return [ListRow("", crop(((" no transition: the rule ends here", "muted"),), width), selectable=False)]
         memory = self._store.memory
@@ -64,7 +64,7 @@ class WaitExplanations:
         return rows
 
     def kept_rows(self, width: int) -> list[ListRow]:
-        """Events that are kept until a rule waits for them, whichever rule that will be."""
+        """Events that are kept until any rule waits for them."""
         store = self._store
         rows = []
         for kept in store.view.kept.values():
@@ -83,7 +83,7 @@ class WaitExplanations:
         return rows
 
     def changes_with_time(self, state: State) -> bool:
-        """Whether what is said changes by the clock alone."""
+        """Whether the text changes with the clock alone."""
         awaited = (find_awaited_act(self._store.scenario, transition) for transition in state.transitions)
         timed = any(transition.after is not None for transition in state.transitions)
         return timed or any(name is not None and self._store.act(name).running for name in awaited)
@@ -108,7 +108,7 @@ class WaitExplanations:
         return [ListRow(f"now:{index}", line), ListRow("", crop(more, width), selectable=False)]
 
     def _progress_spans(self, index: int, transition: Transition, view: RuleView) -> StyledLine:
-        """How far it is: the time left, or what the awaited act does."""
+        """The progress: the time left, or what the awaited act does."""
         now = self._store.now()
         if transition.after is not None:
             due = due_at(index, transition, view)
@@ -132,15 +132,14 @@ class WaitExplanations:
         return ((f"  {state.glyph} {state.word}", state.role), (took, "plain"))
 
     def _held_up_spans(self, transition: Transition) -> StyledLine:
-        """Which part of what must hold does not."""
+        """The part of the `held` condition that is false."""
         parts = split_condition(transition.held).parts if transition.held is not None else ()
         truths = (truth_of(part, self._store.memory) for part in parts)
         values = next((truth.values for truth in truths if not truth.holds), "")
         return ((f"  held up: {clean(values)}" if values else "  held up", "wait"),)
 
     def _key_labels(self, transition: Transition) -> list[str]:
-        """The keys by which the wizard can bring the event about; an act that runs already needs none. The rule's own
-        act, nobody else can start."""
+        """The keys with which the wizard can raise the event; none for a running act, or the rule's own act."""
         keys = list(dict.fromkeys(key.label for key in self._store.study_keys.keys_raising(transition.event)))
         name = find_awaited_act(self._store.scenario, transition) if transition.ended is None else None
         if name is not None and not self._store.act(name).running and not self._store.act(name).waiting:
@@ -152,7 +151,7 @@ class WaitExplanations:
     def _condition_rows(
         self, id: str, word: str, condition: Expression, memory: Mapping[str, Any], width: int
     ) -> list[ListRow]:
-        """Each part, after `word`, with the present values, its truth, and the keys that would make it true."""
+        """Each part, after `word`, with its present values, its truth, and the keys that would make it true."""
         joint, parts = split_condition(condition)
         truths = [truth_of(part, memory) for part in parts]
         texts = max(cell_len(clean(truth.text)) for truth in truths)
@@ -184,7 +183,7 @@ class WaitExplanations:
         return rows
 
     def _preempted_text(self, rule: Rule, state: State, index: int, memory: Mapping[str, Any]) -> str:
-        """Who would take the event instead: one event is taken by one transition of one rule."""
+        """The transition that would take the event instead: one event is taken by one transition of one rule."""
         event = state.transitions[index].event
         if event is None:
             return ""
@@ -199,7 +198,7 @@ class WaitExplanations:
 
 
 def due_at(index: int, transition: Transition, view: RuleView) -> float | None:
-    """Session time at which a transition's time is up; None while nothing is counted for it."""
+    """Session time at which a transition's time is over; None while nothing is counted for it."""
     after, countdown = transition.after, view.countdowns.get(index)
     if countdown is not None:
         return countdown.since + countdown.seconds if countdown.seconds is not None else None
@@ -209,5 +208,5 @@ def due_at(index: int, transition: Transition, view: RuleView) -> float | None:
 
 
 def _repeats_value(part: Expression, truth: Truth) -> bool:
-    """A part that is nothing but a key says with its truth what its value is."""
+    """Whether a part is only a key, so that its truth already shows its value."""
     return truth.values in (f"{part.bare_key} is true", f"{part.bare_key} is false")

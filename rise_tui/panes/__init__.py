@@ -1,1 +1,1 @@
-"""The console's lists and panes. Each reads the store, paints rows, and posts what the wizard asks for."""
+"""The console's lists and panes. Each reads the store, paints rows, and posts the wizard's requests."""

@@ -26,7 +26,7 @@ class ActionDetails(StaticLines):
 
 
 class ActPane(ListPane):
-    """The act that started last, or the one that the wizard selected since; free speech too, while it is the newest."""
+    """The act that started last, or that the wizard selected since; free speech while that is the newest."""
 
     SCOPE = "act"
     BINDINGS = bindings_in("act")
@@ -49,7 +49,7 @@ class ActPane(ListPane):
     def repaint(self) -> None:
         super().repaint()
         newest = running_action(self.store)
-        if newest and not self.row_list.has_focus:  # with the focus, the wizard looks around
+        if newest and not self.row_list.has_focus:  # with the focus, the wizard moves the cursor
             self.row_list.select(newest)
         self._show_details()
 

@@ -1,4 +1,4 @@
-"""What people and the robot did, newest last, on request with all that rules did; 100,000 rows scroll like ten."""
+"""What people and the robot did, newest last, optionally with everything that rules did. Fast with 100,000 rows."""
 
 from __future__ import annotations
 
@@ -32,11 +32,11 @@ LETTERS = {
     "s": ("save", "log.save"),
     "t": ("go to time", "log.time"),
 }
-"""What the letters do over the details of a task, and the action of each."""
+"""The keys in the details of a task, and the action of each."""
 SLICE_SECONDS = 0.004
-"""For so long the log is searched in one turn of the loop."""
+"""Seconds for which the log is searched in one turn of the loop."""
 PAINT_SECONDS = 0.2
-"""Seconds between two paintings while a search goes on."""
+"""Seconds between two repaints during a search."""
 
 
 class LogPane(Pane):
@@ -55,14 +55,14 @@ class LogPane(Pane):
         self._search: RowSearch | None = None
         self._slicer = TimeSlicer(self._search_further, SLICE_SECONDS)
         self._painted = 0.0
-        """When the log was last painted; monotonic."""
+        """When the log was last painted, on the monotonic clock."""
         self.own_rows_shown = False
-        """Whether the rules' own rows are shown as well."""
+        """Whether the rules' own rows are also shown."""
         self._saving = False
         self._rebuild_count = store.log.rebuild_count
-        """Of what is shown."""
+        """The rebuild count of the shown lists."""
         self._checked_count = 0
-        """How many of the tasks that have changed after their end were looked at."""
+        """How many of the tasks that have changed after their end were checked."""
 
     @property
     def row_view(self) -> TaskLog:
@@ -73,19 +73,19 @@ class LogPane(Pane):
 
     @property
     def _unfiltered_rows(self) -> list[int]:
-        """Those that there are, before any filter."""
+        """The rows before any filter."""
         return self.store.log.all if self.own_rows_shown else self.store.log.main
 
     def show_own_rows(self, unfolded: bool) -> None:
-        """Show what rules did for themselves, or hide it."""
+        """Show or hide what rules did on their own."""
         if unfolded != self.own_rows_shown:
             self.own_rows_shown = unfolded
             self.repaint()
 
-    # --- what it says -------------------------------------------------------------------------------------------------
+    # --- text ---------------------------------------------------------------------------------------------------------
 
     def make_line(self, row: int, width: int) -> StyledLine:
-        """One row, with what the filter finds in it marked."""
+        """One row, with the filter's matches marked."""
         task = self._task_at(row)
         if task is None:
             what = f"task {task_of(row)}" if task_of(row) is not None else "this note"
@@ -94,15 +94,15 @@ class LogPane(Pane):
         try:
             return mark_line(line, self.filter)
         except InvalidFilter:
-            return line  # the search over what this row is made of says so
+            return line  # the search over the rows reports it
 
     def _searched_text(self, row: int) -> str | None:
-        """What a filter looks at; None for a row that is in the journal only."""
+        """The text that a filter searches; None for a row that is only in the journal."""
         task = self._task_at(row)
         return search_text(task, task_state(task)) if task is not None else None
 
     def subtitle(self) -> StyledLine:
-        """What is hidden or filtered, and whether the newest row is followed."""
+        """What is hidden or filtered, and whether the log follows the newest row."""
         log = self.task_log
         role: TextRole = "muted" if log.following else "wait"
         state = "following" if log.following else f"paused, {log.unseen} new" if log.unseen else "paused"
@@ -121,7 +121,7 @@ class LogPane(Pane):
             return own
         return (*own, ("  ", "plain"), (state if log.count else "nothing yet", role))
 
-    # --- what is shown ------------------------------------------------------------------------------------------------
+    # --- drawing ------------------------------------------------------------------------------------------------------
 
     def repaint(self) -> None:
         restart, rows = self._rebuild_count != self.store.log.rebuild_count, self._unfiltered_rows
@@ -141,7 +141,7 @@ class LogPane(Pane):
         self._slicer.cancel()
 
     def _check_changed(self) -> None:
-        """Tasks that have changed since they were looked at may match by now, some even after their end."""
+        """Check tasks again that have changed since the search saw them, some even after their end."""
         changed = self.store.changed_tasks
         if self._search is not None:
             for task_id in changed[self._checked_count :]:
@@ -153,7 +153,7 @@ class LogPane(Pane):
         self._checked_count = len(changed)
 
     def _search_further(self) -> int:
-        """A few rows more, so that a key never waits (console.md 9.2); gives how many, 0 at the end."""
+        """Search a few more rows, so that a key never waits (console.md 9.2); returns how many, 0 at the end."""
         looked = 0
         if self._search is not None:
             try:
@@ -161,7 +161,7 @@ class LogPane(Pane):
             except InvalidFilter as broken:
                 self._give_up_search(broken)
         if self._slicer.busy and (not looked or monotonic() - self._painted > PAINT_SECONDS):
-            self._show_found_rows()  # else whoever repaints does it
+            self._show_found_rows()  # otherwise another repaint does it
         return looked
 
     def _give_up_search(self, broken: InvalidFilter) -> None:
@@ -181,7 +181,7 @@ class LogPane(Pane):
 
     @on(RowView.CursorMoved)
     def _cursor_moved(self, event: RowView.CursorMoved) -> None:
-        """The selected task's reason in full: there may be no room for it in its row."""
+        """Show the selected task's reason in full, because its row may have no room for it."""
         event.stop()
         task = self.selected_task
         if task is not None and task.reason:
@@ -217,7 +217,7 @@ class LogPane(Pane):
                 self.open_bar(self.save_bar, suggested_file_name(self.store.now()))
 
     def _open_details(self) -> None:
-        """Everything about the selected task; the arrows go on to its neighbours."""
+        """Show everything about the selected task. The arrows go on to its neighbours."""
         if self.selected_task is None:
             self.post_message(ShowNotice("no task is selected"))
             return
@@ -270,7 +270,7 @@ class LogPane(Pane):
         self.go_to_time(moment)
 
     def _save(self, name: str) -> None:
-        """Write the rows as they are shown now; the name can be bettered until it could be used."""
+        """Write the rows as they are shown now. The name can be corrected until it works."""
         if not self._saving:
             self._saving = True
             self.run_worker(self._save_rows(name), group="save")
@@ -285,7 +285,7 @@ class LogPane(Pane):
             self._close_bar(self.save_bar)
 
     def go_to_time(self, moment: float | None) -> None:
-        """The row that was submitted nearest to this session time; None: follow the newest."""
+        """Go to the row that was submitted nearest to this session time; None: follow the newest."""
         ids = self.task_log.ids
         if moment is None or not ids:
             self.task_log.follow_newest()

@@ -1,4 +1,4 @@
-"""What leaves the log: rows on the clipboard of the wizard's terminal, or in a file. No widget here."""
+"""Exports from the log: rows to the clipboard of the wizard's terminal, or to a file. No widgets."""
 
 from __future__ import annotations
 
@@ -19,12 +19,12 @@ from rise_tui.model.store import Store
 from rise_tui.rendering.text import format_clock
 
 CLIPBOARD_BYTES = 75_000
-"""More than this, many terminals drop without a word."""
+"""Bytes. Many terminals silently drop more than this."""
 COLUMNS = (
     *("task", "submitted", "started", "ended", "waited", "took", "source", "function", "calling_type", "behavior"),
     *("status", "reason", "mistake", "cue", "key", "robot", "voice", "filler"),
 )
-"""Times are seconds of the session, `waited` and `took` durations in seconds; what did not happen is `n/a`."""
+"""Times are seconds of the session; `waited` and `took` are durations in seconds. What did not happen is `n/a`."""
 TABLE_SUFFIXES, JSON_LINES_SUFFIXES = (".tsv", ".txt"), (".jsonl", ".ndjson")
 
 
@@ -33,7 +33,7 @@ class ExportFailed(RiseError):
 
 
 def task_columns(task: TaskView) -> dict[str, Any]:
-    """A task by COLUMNS; None for what did not happen."""
+    """A task's values for COLUMNS; None for what did not happen."""
     waited = task.started - task.submitted if task.started is not None else None
     took = task.ended - task.started if task.ended is not None and task.started is not None else None
     times = (task.submitted, task.started, task.ended, waited, took)
@@ -72,7 +72,7 @@ def json_lines(tasks: Iterable[TaskView]) -> Iterator[str]:
 
 
 def clipboard_text(lines: Iterable[str]) -> str:
-    """The lines as one text. Raises ExportFailed, and then has not made the rest."""
+    """The lines as one text. Raises ExportFailed at the size limit, before it makes the rest."""
     taken, size = [], 0
     for line in lines:
         size += len(line.encode("utf-8", "replace")) + 1
@@ -84,7 +84,7 @@ def clipboard_text(lines: Iterable[str]) -> str:
 
 
 def clipboard_remark(environment: Mapping[str, str]) -> str:
-    """What may keep a copied text from arriving, and what to do; empty when nothing is known to."""
+    """What may stop a copied text from arriving, and what to do; empty if nothing is known."""
     if environment.get("TMUX") or environment.get("TERM", "").startswith("tmux"):
         return "; if nothing arrives: tmux set -g set-clipboard on"
     if environment.get("STY") or environment.get("TERM", "").startswith("screen"):
@@ -95,15 +95,15 @@ def clipboard_remark(environment: Mapping[str, str]) -> str:
 
 
 def export_folder(session: str) -> Path:
-    """Where a name without a folder is saved: with the session's record, or else in the current folder."""
+    """The folder for a name without one: the session's own, or else the current folder."""
     folder = Path(session)
     return folder if session and folder.is_dir() and os.access(folder, os.W_OK) else Path()
 
 
 def save_tasks(name: str, tasks: Iterable[TaskView], folder: Path) -> Path:
-    """Write the tasks to a new file that only its owner can read; returns its full path.
+    """Write the tasks to a new file that only its owner can read, and return its full path.
 
-    `folder`: for names without one. Blocks: not for a loop. Raises ExportFailed.
+    `folder`: for names without one. It blocks, so keep it off a loop. Raises ExportFailed.
     """
     path = folder / Path(name.strip()).expanduser() if name.strip() else Path()
     ending = path.suffix.casefold()
@@ -132,32 +132,32 @@ def _round(value: float | None) -> float | None:
 
 
 def _cell_text(value: Any) -> str:
-    """A value that stays in its cell, whatever is in it."""
+    """A value that stays in its cell, whatever it contains."""
     if value is None or value == "":
         return "n/a"
     return str(value).replace("\\", "\\\\").replace("\t", "\\t").replace("\n", "\\n").replace("\r", "\\r")
 
 
 class Saved(NamedTuple):
-    """What became of a file."""
+    """The result of saving a file."""
 
     written: bool
     notice: str
 
 
 def rows_of(store: Store, ids: Iterable[int]) -> Iterator[TaskView]:
-    """What these rows of the log show, but for what is only in the record."""
+    """The tasks of these rows, except those that are only in the record."""
     tasks = (store.log.task_at(row, store.view) for row in ids)
     return (task for task in tasks if task is not None)
 
 
 def copy_row(app: App[Any], task: TaskView) -> str:
-    """Put one row on the clipboard of the terminal, without a table's head."""
+    """Put one row on the terminal's clipboard, without a table's head."""
     return _copy_lines(app, table_lines([task], head=False), "the row")
 
 
 def copy_rows(app: App[Any], store: Store, ids: Sequence[int]) -> str:
-    """Put these rows on the clipboard of the terminal, as a table."""
+    """Put these rows on the terminal's clipboard, as a table."""
     return _copy_lines(app, table_lines(rows_of(store, ids)), _rows_text(len(ids)), _missing_text(store))
 
 
@@ -171,12 +171,12 @@ def _copy_lines(app: App[Any], lines: Iterator[str], what: str, missing: str = "
 
 
 def suggested_file_name(now: float) -> str:
-    """A name that says when (`now`: session time); it goes into the session's folder."""
+    """A file name with the date and the session time `now`. The file goes into the session's folder."""
     return f"rise-log_{datetime.now():%Y-%m-%d}_{format_clock(now).replace(':', '-')}.tsv"
 
 
 async def save_rows(store: Store, name: str, ids: Sequence[int]) -> Saved:
-    """Write these rows as they are now to a file of this name."""
+    """Write these rows as they are now to a file with this name."""
     tasks = list(rows_of(store, ids))
     try:
         path = await asyncio.to_thread(save_tasks, name, tasks, export_folder(store.attach_reply.folder))
@@ -186,7 +186,7 @@ async def save_rows(store: Store, name: str, ids: Sequence[int]) -> Saved:
 
 
 def _missing_text(store: Store) -> str:
-    """What is not among the rows, and how to get it."""
+    """What is missing from the rows, and how to get it."""
     return (
         f"; {store.forgotten_text}: rise-engine export {Path(store.attach_reply.folder).name}"
         if store.forgotten_text

@@ -1,4 +1,4 @@
-"""The working memory: values with their types, unfolded where they have parts, changed in place, and undone."""
+"""The working memory: values with their types, unfolded if they have parts, edited in place, with undo."""
 
 from __future__ import annotations
 
@@ -42,7 +42,7 @@ from rise_tui.screens.detail import DetailScreen
 from rise_tui.widgets.memory_editor import PresentValue, RowEditor
 
 ADD = "\0add"
-"""The row that adds a key; keyboards without Insert reach it with Enter."""
+"""The row that adds a key. Keyboards without Insert reach it with Enter."""
 LEAST_VALUE = 8
 """Cells that a value keeps beside a long key."""
 MOST_PARTS = 200
@@ -62,7 +62,7 @@ class MemoryColumns(NamedTuple):
 
     @classmethod
     def from_width(cls, width: int, longest: int) -> MemoryColumns:
-        """`longest`: cells of the longest key. Keys get what they need as long as values keep some room."""
+        """The columns for a width. `longest`: cells of the longest key. Keys get their room while values keep some."""
         kind, when = 8, 6
         source = 0 if width < 56 else min(20, width // 5)
         rest = width - kind - when - source - 4
@@ -87,7 +87,7 @@ class MemoryPane(ListPane):
         self.editor = RowEditor()
         self._unfolded: set[JsonPath] = set()
         self._paths: dict[str, JsonPath] = {}
-        """What each row stands for."""
+        """The path of each row."""
         self._editing: JsonPath = ()
 
     def body_widgets(self) -> Sequence[Widget]:
@@ -114,7 +114,7 @@ class MemoryPane(ListPane):
         return MemoryColumns.from_width(width, max(map(cell_width, self._entries()), default=0))
 
     def _entries(self) -> dict[str, MemoryView]:
-        """The keys of the memory, and behind them the tables."""
+        """The keys of the memory, then the tables."""
         tables = self.store.scenario.tables.items()
         return {
             **self.store.view.memory,
@@ -134,7 +134,7 @@ class MemoryPane(ListPane):
             yield from self._child_rows((*path, step), inner, columns)
 
     def _row(self, path: JsonPath, value: Any, columns: MemoryColumns, entry: MemoryView | None = None) -> ListRow:
-        """A key, or with no `entry` a part of its value."""
+        """The row of a key or, without `entry`, of a part of its value."""
         name = path_text(path)
         row_id = _row_id(path)
         self._paths[row_id] = path
@@ -172,7 +172,7 @@ class MemoryPane(ListPane):
         )
 
     def _value_at(self, path: JsonPath) -> Any:
-        """The value of a row at this moment. Raises NoSuchPath."""
+        """The present value of a row. Raises NoSuchPath."""
         entry = self._entries().get(str(path[0]))
         if entry is None:
             raise NoSuchPath(path_text(path))
@@ -205,7 +205,7 @@ class MemoryPane(ListPane):
             self._delete(path)
 
     def _ask_to_save(self) -> None:
-        from rise_tui.panes.save_start_values import ask_to_save_start_values  # with the editing of files, seldom used
+        from rise_tui.panes.save_start_values import ask_to_save_start_values  # imports the file editing, rarely used
 
         self.run_worker(Later(ask_to_save_start_values, self), group="keep", exclusive=True)
 
@@ -240,7 +240,7 @@ class MemoryPane(ListPane):
         self.repaint()
 
     def _fold(self, path: JsonPath) -> None:
-        """This value, or else the one that it is a part of."""
+        """Fold this value, or else the one that contains it."""
         while path and path not in self._unfolded:
             path = path[:-1]
         if path:
@@ -249,7 +249,7 @@ class MemoryPane(ListPane):
             self.repaint()
 
     def _show_in_full(self, path: JsonPath) -> None:
-        """A value in full: its row may have no room for it."""
+        """Show a value in full, because its row may have no room for it."""
 
         def rows(width: int) -> list[ListRow]:
             entry = self._entries().get(str(path[0]))
@@ -282,7 +282,7 @@ class MemoryPane(ListPane):
         )
 
     def _present_value(self, key: str) -> PresentValue:
-        """What a key, or the part that is being edited, has at this moment."""
+        """The present value of a key, or of the part that is being edited."""
         path: JsonPath = self._editing or (key,)
         entry = self.store.view.memory.get(str(path[0]))
         try:

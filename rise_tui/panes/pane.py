@@ -1,4 +1,4 @@
-"""What all lists and panes have in common: a title bar that shows the focus, rows, and a filter."""
+"""The common base of all lists and panes: a title bar that shows the focus, rows, and a filter."""
 
 from __future__ import annotations
 
@@ -31,7 +31,7 @@ PaneTab = tuple[str, str]
 
 
 class TitleBar(StaticLines):
-    """A pane's title, or the tabs of its group; brighter while the pane has the focus."""
+    """A pane's title, or the tabs of its group. It is brighter while the pane has the focus."""
 
     DEFAULT_CSS = """
     TitleBar { background: $rise-bar; }
@@ -44,7 +44,7 @@ class TitleBar(StaticLines):
         self._pane = pane
         self._right: StyledLine = ()
         self._tab_spans: list[tuple[int, int, str]] = []
-        """From which cell to which each pane's tab is."""
+        """The first and last cell of each pane's tab."""
 
     def show_tabs(self, tabs: tuple[PaneTab, ...]) -> None:
         self.tabs = tabs
@@ -63,7 +63,7 @@ class TitleBar(StaticLines):
             column += len(text)
         note: StyledLine = (*right, (" ", "plain")) if right else ()
         if line_width(spans) + line_width(note) > self.size.width:
-            # Tabs before notes, but not before what must be seen.
+            # Tabs come before notes, but not before notes that must be seen.
             if any(role == "wait" for _, role in right):
                 spans, self._tab_spans = [span for span in spans if span[1] == "accent"], []
             else:
@@ -82,16 +82,16 @@ class TitleBar(StaticLines):
 class Pane(Vertical):
     """A list or pane of the console.
 
-    What it says is decided in `make_rows` (the log: `make_line`), in `subtitle` (at the right of its title) and in
-    EMPTY; what its keys do, in `carry_out`.
+    Its text comes from `make_rows` (in the log: `make_line`), `subtitle` (right of its title) and EMPTY. Its keys are
+    handled in `carry_out`.
     """
 
     SCOPE: ClassVar[KeyScope]
     TITLE: ClassVar[str]
     PARTS: ClassVar[frozenset[StorePart]]
-    """What in the store it shows."""
+    """The parts of the store that it shows."""
     EMPTY: ClassVar[str] = ""
-    """What it says when there is nothing to show."""
+    """The text when there is nothing to show."""
 
     DEFAULT_CSS = """
     Pane { height: 1fr; width: 1fr; }
@@ -101,9 +101,9 @@ class Pane(Vertical):
         super().__init__(id=self.SCOPE)
         self.store = store
         self.filter: Filter | None = None
-        """The last one that could be used; None when every row is shown."""
+        """The last valid filter; None while every row is shown."""
         self.filter_problem = ""
-        """Why what is typed now cannot be used as a filter."""
+        """Why the typed text cannot be used as a filter."""
         self.title = TitleBar(self.SCOPE, self.TITLE)
         self._filled = False
         self.filter_bar = PromptBar("find ", "words, !not, /regular expression; esc clears")
@@ -119,7 +119,7 @@ class Pane(Vertical):
             yield from self._contents()
 
     def mount_contents(self) -> None:
-        """Make what it consists of, unless that has been done: a pane that nobody sees at the start does without."""
+        """Create the pane's contents, once. A pane that is hidden at the start has none yet."""
         if not self._filled:
             self._filled = True
             self.mount(*self._contents())
@@ -132,32 +132,32 @@ class Pane(Vertical):
         return [self.row_view]
 
     def is_affected_by(self, changed: set[StorePart]) -> bool:
-        """Whether it may have to be repainted after this has changed."""
+        """Whether it may need a repaint after this change."""
         return bool(changed & self.PARTS)
 
     @abstractmethod
     def repaint(self) -> None:
-        """Make the pane's rows anew from the store; only what differs reaches the terminal."""
+        """Make the pane's rows again from the store. Only what differs reaches the terminal."""
 
     def subtitle(self) -> StyledLine:
-        """What stands at the right of the title."""
+        """The text right of the title."""
         return ()
 
     def show_title(self) -> None:
         self.title.show_note(self.subtitle())
 
     def carry_out(self, action: str) -> None:
-        """Carry out one of the pane's actions from the registry, where it has any."""
+        """Carry out one of the pane's actions from the registry, if it has any."""
 
     def action_do(self, action: str) -> None:
-        """As `carry_out`, but what ends or deletes something waits until the wizard can have seen the row it hits."""
+        """Like `carry_out`, but ending or deleting waits until the wizard can have seen the affected row."""
         if self.row_view.was_just_displaced and "delete" in BY_ID[action].keys:
             self.post_message(ShowNotice("the list has just changed; press again"))
         else:
             self.carry_out(action)
 
     def leave_transient(self) -> bool:
-        """Esc: leave the pane's transient state. False when there is none."""
+        """Handle Esc: leave the pane's transient state. False if there is none."""
         if self.filter is not None or self.filter_bar.is_open:
             self.close_filter(keep=False)
             return True
@@ -173,11 +173,11 @@ class Pane(Vertical):
 
     @property
     def filter_text(self) -> str:
-        """What the rows are filtered by; empty when all are shown."""
+        """The text of the filter; empty if all rows are shown."""
         return self.filter.text if self.filter is not None else ""
 
     def set_filter(self, text: str) -> None:
-        """Filter by what was typed, now or in an earlier session. When it cannot be used, the last one stays."""
+        """Filter by a text from now or an earlier session. If it is not valid, the last filter stays."""
         try:
             found = Filter(text)
         except InvalidFilter as broken:
@@ -187,11 +187,11 @@ class Pane(Vertical):
         self.repaint()
 
     def refuse_filter(self, broken: InvalidFilter) -> None:
-        """The filter has turned out to be unusable while it was used."""
+        """Drop a filter that turned out to be unusable."""
         self.filter_problem, self.filter = str(broken), None
 
     def filter_note(self, shown: int, total: int, more: str = "") -> StyledLine:
-        """What the title says about the filter: `find word  3 of 12`; `more` follows the numbers."""
+        """The title's text about the filter: `find word  3 of 12`; `more` follows the numbers."""
         if self.filter_problem:
             return ((f"{self.filter_problem}  ", "wait"), (f"{shown} of {total}{more}", "wait"))
         return ((f"find {self.filter_text}  {shown} of {total}{more}", "wait"),)
@@ -200,7 +200,7 @@ class Pane(Vertical):
         self.open_bar(self.filter_bar, self.filter_text)
 
     def open_bar(self, bar: PromptBar, text: str = "") -> None:
-        """Open a bar at the pane's foot, beginning with `text`."""
+        """Open a bar at the bottom of the pane, beginning with `text`."""
         if not bar.is_attached:
             self.mount(bar)
         bar.open(text)
@@ -271,7 +271,7 @@ class ListPane(Pane):
         self.row_list.show(rows)
 
     def filter_rows(self, rows: list[ListRow]) -> list[ListRow]:
-        """The rows that the filter lets through, with what it found marked."""
+        """The rows that the filter shows, with matches marked."""
         if self.filter is None:
             return rows
         try:
@@ -281,5 +281,5 @@ class ListPane(Pane):
             return rows
 
     def mark_matches(self, rows: list[ListRow]) -> list[ListRow]:
-        """All the rows, with what the filter finds in them marked: for a picture, which would be none with gaps."""
+        """All rows, with the filter's matches marked. A picture would make no sense with gaps."""
         return [row._replace(line=mark_line(row.line, self.filter)) for row in rows]

@@ -1,4 +1,4 @@
-"""One rule: where it stands, why it stays there, and its states with their transitions as a graph."""
+"""One rule: its state, why it stays there, and its states with their transitions as a graph."""
 
 from __future__ import annotations
 
@@ -23,22 +23,21 @@ from rise_tui.rendering.text import ListRow, StyledLine, crop, format_clock, hea
 from rise_tui.widgets.row_list import RowList
 
 CLOCK_SECONDS = 1.0
-"""Seconds between two looks at what the clock alone changes."""
+"""Seconds between two updates of what the clock alone changes."""
 ROWS_AHEAD = 4
-"""Rows below the present state that should be in view with it."""
+"""Rows below the present state that should be visible with it."""
 USUAL_SHARE = 0.6
-"""The reasons keep room for this share of a rule's states; only the others move the graph."""
+"""The reasons have room for this share of a rule's states. Only the other states move the graph."""
 TINY_HEIGHT = 5
-"""Rows up to which there is room for reasons alone."""
+"""Rows up to which there is room for reasons only."""
 LEAST_GRAPH = 2
-"""Rows that the graph keeps in a pane where there is little room: the reasons come first."""
+"""Rows that the graph keeps in a small pane, where the reasons come first."""
 GAP_HEIGHT = 12
-"""Rows of the pane from which on an empty one stands between the reasons and the graph."""
+"""Rows of the pane from which an empty row separates the reasons from the graph."""
 
 
 class StateList(RowList):
-    """The rule's states below the reasons: the cursor comes here from the last reason, and goes back from the first
-    state."""
+    """The rule's states below the reasons. The cursor moves between the last reason and the first state."""
 
     def __init__(self, above: RowList) -> None:
         super().__init__(id="rule-graph")
@@ -61,7 +60,7 @@ class StateList(RowList):
 
 
 class ReasonList(RowList):
-    """Where the rule stands, and why; below its last way out the cursor goes on to the states."""
+    """The rule's state, and why it stays there. After its last transition the cursor goes on to the states."""
 
     def action_step(self, direction: int) -> None:
         below = self.continuation
@@ -92,13 +91,13 @@ class RulePane(ListPane):
         self.row_list.continuation = self.graph
         self._layout_made: tuple[Rule, GraphLayout] | None = None
         self._usual_count: tuple[Rule, int, int] | None = None
-        """The rule and the width for which it was counted, and the rows that the reasons of most states need."""
+        """The rule and the width of the count, and the rows that the reasons of most states need."""
         self._in_view: tuple[str, str | None] | None = None
-        """The rule and state that was last brought into view; after that the wizard may scroll."""
+        """The rule and state that was last scrolled into view. After that, the wizard may scroll."""
 
     @property
     def _shown_rule(self) -> Rule | None:
-        """Before any has run, and as long as none is selected: the one that the study's first key for a rule starts."""
+        """The shown rule. With none run or selected: the one that the study's first key for a rule starts."""
         rules = self.store.scenario.rules
         name = self.store.shown_rule or next(iter(self.store.view.running_rules()), "")
         first = next((key.behavior for key in self.store.scenario.keys.values() if key.function == RULE), "")
@@ -111,7 +110,7 @@ class RulePane(ListPane):
         self.set_interval(CLOCK_SECONDS, self._repaint_by_clock)
 
     def _repaint_by_clock(self) -> None:
-        """Repaint what the clock alone changes, when it is to be seen and there is such a thing."""
+        """Repaint what the clock alone changes, if there is any and it is visible."""
         rule = self._shown_rule
         if rule is None or not self.display or not self.size.height or self.store.gone_reason:
             return
@@ -121,7 +120,7 @@ class RulePane(ListPane):
             self.repaint()
 
     def make_rows(self, width: int) -> list[ListRow]:
-        """What must always be in view: where the rule stands, and why it stays there."""
+        """The rows that must always be visible: the rule's state, and why it stays there."""
         rule = self._shown_rule
         if rule is None:
             return []
@@ -171,7 +170,7 @@ class RulePane(ListPane):
     # --- the graph --------------------------------------------------------------------------------------------------
 
     def _show_graph(self, rule: Rule, view: RuleView, width: int) -> None:
-        """Lay it out when the rule or the width is another; only rows that differ are repainted."""
+        """Lay the graph out again if the rule or the width has changed. Only rows that differ are repainted."""
         if self._layout_made is None or self._layout_made[0] is not rule or self._layout_made[1].width != width:
             self._layout_made = rule, lay_out_graph(rule, width)
         layout = self._layout_made[1]
@@ -180,7 +179,7 @@ class RulePane(ListPane):
         self.graph.show(self.mark_matches(draw_state_graph(layout, now)))
 
     def _bring_into_view(self) -> None:
-        """Scroll only when the present state, or what may follow right below it, would be out of sight."""
+        """Scroll only if the present state, or what may follow right below it, would be invisible."""
         height, top = self.graph.size.height, self.graph.scroll_offset.y
         index = next((row for row in range(self.graph.count) if self.graph.row_at(row).id.startswith(HERE)), 0)
         ahead = min(ROWS_AHEAD, height // 3)
@@ -188,7 +187,7 @@ class RulePane(ListPane):
             self.graph.scroll_to(y=0 if index < height - ahead else index - height // 3, animate=False)
 
     def _share_room(self, rule: Rule) -> None:
-        """Give the reasons the rows that most states of this rule need, so that the graph seldom moves."""
+        """Give the reasons the rows that most states of this rule need, so that the graph rarely moves."""
         room = self.size.height - 1
         gap = int(room > GAP_HEIGHT)
         need = max(self._usual_rows(rule), self.row_list.count)
@@ -231,7 +230,7 @@ class RulePane(ListPane):
             self.post_message(RequestStart(KeyAction("raiseEventTopic", event)))
 
     def _ask_to_start(self) -> None:
-        """Whether the rule is to start in the state under the cursor."""
+        """Ask whether to start the rule in the state under the cursor."""
         rule, state = self._shown_rule, self.graph.current_id.partition(":")[2]
         if rule is None or state not in rule.states:
             self.post_message(ShowNotice("no state is selected"))

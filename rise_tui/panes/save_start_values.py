@@ -1,4 +1,4 @@
-"""Writing the memory as it is into the scenario's file, after asking."""
+"""Writes the present memory into the scenario's file, after asking."""
 
 from __future__ import annotations
 
@@ -17,13 +17,13 @@ from rise_tui.rendering.text import clean, crop, plain_text
 from rise_tui.screens.dialog import Dialog, DialogChoice
 
 _SET_AT_START = ("condition", "study")
-"""Sources of what a condition has set."""
+"""Sources of values that come from a condition or the study."""
 MOST_NAMED = 8
-"""Changes that the question names."""
+"""Changes that the question lists."""
 
 
 def saveable_memory(scenario: Scenario, memory: Mapping[str, MemoryView]) -> dict[str, Any]:
-    """The memory without what other sessions have from elsewhere: what the engine keeps, and what makes a condition.
+    """The memory without values that other sessions get elsewhere: the engine's own, and those of a condition.
 
     These keep their start values, if they have any.
     """
@@ -36,7 +36,7 @@ def saveable_memory(scenario: Scenario, memory: Mapping[str, MemoryView]) -> dic
 
 
 async def ask_to_save_start_values(pane: Pane) -> None:
-    """Ask over `pane` whether later sessions are to begin with the memory as it is now; then write it."""
+    """Ask over `pane` whether later sessions should begin with the present memory; then write it."""
     scenario = pane.store.scenario
     try:
         path = await asyncio.to_thread(memory_file_path, scenario)

@@ -1,4 +1,4 @@
-"""What runs and what waits, in order, and when it will probably start or end; the order can be changed."""
+"""The running and waiting tasks in order, and when they will probably start or end. The order can be changed."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from rise_tui.rendering.text import ListRow, StyledLine, StyledSpan, fixed_span,
 from rise_tui.screens.detail import DetailScreen
 
 NARROW = 56
-"""Below this width, only what is left of a running task's time."""
+"""Below this width, only a running task's remaining time is shown."""
 WIDE = 74
 """From this width on there is room for who started a task."""
 
@@ -46,7 +46,7 @@ class SchedulerPane(ListPane):
         return QueuedTask(typical, max(0.0, elapsed), task.calling_type != "None")
 
     def _time_left_span(self, task: TaskView) -> StyledSpan:
-        """For a running task: how long it has run, of how long it usually takes, and what is left of that."""
+        """For a running task: its elapsed, usual and remaining time."""
         queued = self._queued_task(task)
         if queued.typical_seconds is None or queued.seconds_left is None:
             return f"for {format_duration(queued.elapsed_seconds)}", "plain"

@@ -1,4 +1,4 @@
-"""The control area: acts and rules with their keys and states. A name never changes its place."""
+"""The control area: acts and rules with their keys and states. A name never moves."""
 
 from __future__ import annotations
 
@@ -44,22 +44,22 @@ from rise_tui.widgets.row_list import RowView
 
 STATE_WIDTH = 10
 RUNNING_NAME_WIDTH = 24
-"""Cells for the name of what runs now, in the title of the acts."""
+"""Cells for the name of the running act, in the title of the acts."""
 WIDE = 46
-"""From this width on there is room for an act's progress and typical duration, and a rule's state."""
+"""From this width on there is room for an act's progress and typical duration, and for a rule's state."""
 
 
 def _mark_expected(state: StateLabel, is_expected: bool) -> StateLabel:
-    """What a running rule waits for says so, unless there is something to say about it now."""
+    """Mark what a running rule waits for, unless its present state matters more."""
     return EXPECTED if is_expected and state not in (RUNNING, WAITING, SENT, ARMED) else state
 
 
 class StartListPane(ListPane):
-    """What the two lists share."""
+    """The common base of both lists."""
 
     FUNCTION: str
     EXPECTATION_PARTS: ClassVar[frozenset[StorePart]]
-    """What matters only where it changes what the running rules wait for."""
+    """Parts that matter only if they change what the running rules wait for."""
 
     def __init__(self, store: Store) -> None:
         super().__init__(store)
@@ -69,11 +69,11 @@ class StartListPane(ListPane):
 
     @abstractmethod
     def expected_names(self) -> frozenset[str]:
-        """The names of the list that a running rule waits for."""
+        """The names in the list that a running rule waits for."""
 
     @abstractmethod
     def stop_message(self, name: str) -> Message:
-        """What stops an act or a rule, or says that there is nothing to stop."""
+        """The message that stops an act or a rule, or that says that there is nothing to stop."""
 
     def is_affected_by(self, changed: set[StorePart]) -> bool:
         if changed & (self.PARTS - self.EXPECTATION_PARTS):
@@ -122,7 +122,7 @@ class ActsPane(StartListPane):
         return self.store.expected_inputs().acts
 
     def subtitle(self) -> StyledLine:
-        """What the robot does now, wherever the list stands; the number of acts when it does nothing."""
+        """What the robot does now, even if its row is not visible; the number of acts when it does nothing."""
         view = self.store.view
         if not view.running:
             return ((f"{len(self.store.scenario.acts)}", "muted"),)
@@ -171,7 +171,7 @@ class ActsPane(StartListPane):
         return "hold" if settings.hold else "fill" if settings.filler else ""
 
     def _time_text(self, name: str, wide: bool) -> str:
-        """Running: elapsed and typical; otherwise, where there is room, how long it typically takes."""
+        """While it runs, elapsed and typical time; otherwise, if there is room, the typical time."""
         task, typical = newest_task(self.store, name), self.store.typical_seconds(name)
         if task is not None and task.status == "ACTIVE":
             elapsed = format_seconds(self.store.now() - (task.started or 0.0))

@@ -1,4 +1,4 @@
-"""What the terminal shows, cell by cell, so that only cells that differ are sent. Pure: knows no screen.
+"""What the terminal shows, cell by cell, so that only different cells are sent. Pure: knows no screen.
 
 Textual paints regions: opening a small dialog sends every cell of the terminal again, 27 kB at 120x40.
 """
@@ -15,15 +15,15 @@ from rich.style import Style
 from textual.strip import Strip
 
 GAP = 8
-"""Equal cells between two that differ cost less than moving the cursor, up to this many."""
+"""Up to this many equal cells between two different ones cost less than moving the cursor."""
 SECOND = "\0"
-"""How the second cell of a wide character begins, so that it differs whenever the character does."""
+"""The beginning of a wide character's second cell, so that it differs whenever the character does."""
 
 Cell: TypeAlias = tuple[str, Style | None]
 
 
 class CellRun(NamedTuple):
-    """Cells to write, beginning at a place."""
+    """Cells to write from a position."""
 
     x: int
     y: int
@@ -31,7 +31,7 @@ class CellRun(NamedTuple):
 
 
 class CellBuffer:
-    """What was written so far. Whoever disturbs the terminal calls `forget`."""
+    """What was written so far. Call `forget` after anything else has written to the terminal."""
 
     def __init__(self) -> None:
         self._rows: list[list[Cell | None]] = []
@@ -39,20 +39,20 @@ class CellBuffer:
 
     @property
     def is_known(self) -> bool:
-        """Whether anything was written since it was forgotten."""
+        """Whether anything was written since the last `forget`."""
         return self._size != (0, 0)
 
     def forget(self) -> None:
-        """Nothing is known any more: the next update is written whole."""
+        """Forget everything: the next update is written in full."""
         self._rows, self._size = [], (0, 0)
 
     def resize(self, width: int, height: int) -> None:
-        """A window of another size shows who knows what."""
+        """Forget everything if the size has changed, because the window's contents are then unknown."""
         if self._size != (width, height):
             self._rows, self._size = [[None] * width for _ in range(height)], (width, height)
 
     def put(self, x: int, y: int, strip: Strip) -> list[CellRun]:
-        """Take in what is to stand at a place; returns what has to be written for it."""
+        """Take in new content at a position; returns what must be written for it."""
         if not 0 <= y < len(self._rows):
             return []
         row = self._rows[y]
@@ -62,7 +62,7 @@ class CellBuffer:
 
 
 def cells_of(strip: Iterable[Segment]) -> list[Cell]:
-    """One entry for each cell; marks that take none belong to the cell before."""
+    """One entry for each cell. Marks without a width belong to the cell before."""
     cells: list[Cell] = []
     for text, style, control in strip:
         if control:
@@ -81,7 +81,7 @@ def cells_of(strip: Iterable[Segment]) -> list[Cell]:
 
 
 def strip_of(cells: Iterable[Cell]) -> Strip:
-    """Cells as they are written."""
+    """Cells as a strip to write."""
     return Strip(
         [
             Segment("".join(text for text, _ in run if not text.startswith(SECOND)), style)
@@ -91,7 +91,7 @@ def strip_of(cells: Iterable[Cell]) -> Strip:
 
 
 def differing_spans(before: Sequence[Cell | None], after: Sequence[Cell]) -> list[tuple[int, int]]:
-    """Where two rows differ, from and to; pieces that stand near each other are one."""
+    """The spans in which two rows differ. Spans that are close together become one."""
     found: list[tuple[int, int]] = []
     for x, (old, new) in enumerate(zip(before, after, strict=True)):
         if old == new:

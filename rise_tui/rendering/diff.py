@@ -1,4 +1,4 @@
-"""Of what was painted again, only the cells that the terminal does not show already."""
+"""Reduces a repaint to the cells that the terminal does not show yet."""
 
 from __future__ import annotations
 
@@ -15,14 +15,14 @@ from rise_tui.rendering.style_codes import shorten_styles
 
 
 class DiffUpdate(CompositorUpdate):
-    """Of an update, only the cells that the terminal does not show already.
+    """An update, reduced to the cells that the terminal does not show yet.
 
-    The stock updates write every cell of every region that was painted again: opening or closing any dialog writes the
-    whole screen, 27 kB at 120x40, and so does a change of focus; leaving a row writes all of it.
+    The stock updates write every cell of every repainted region. Opening or closing any dialog, and any change of
+    focus, writes the whole screen, 27 kB at 120x40; leaving a row writes all of it.
     """
 
     def __init__(self, update: LayoutUpdate | ChopsUpdate, cells: CellBuffer, size: Size) -> None:
-        """`cells`: what the terminal of this size shows; takes in what is written."""
+        """`cells`: the contents of a terminal of this size; it takes in what is written."""
         self._update, self._cells, self._size = update, cells, size
 
     def render_segments(self, console: Console) -> str:
@@ -45,7 +45,7 @@ def _runs_of_lines(update: LayoutUpdate, cells: CellBuffer) -> Iterator[CellRun]
 
 
 def _runs_of_chops(update: ChopsUpdate, cells: CellBuffer) -> Iterator[CellRun]:
-    """A chop is a piece of a line between two borders of widgets; a span is what of the line is to be painted."""
+    """The runs of a partial update. A chop is a piece of a line between two borders; a span is the part to paint."""
     for y, start, end in update.spans:
         for (x, strip), chop_end in zip(update.chops[y].items(), update.chop_ends[y], strict=False):
             left, right = max(x, start), min(chop_end, end)

@@ -1,7 +1,7 @@
-"""Keys one after the other: each goes to what the one before has opened, however soon it came.
+"""Handles keys one after the other: each goes to what the previous key has opened, however soon it came.
 
-Textual gives a key to the widget that has the focus when the key arrives. Over a slow line several keys come in one
-piece; then `/` and the letters behind it would all go to the list in which `/` opens a line to type in.
+Textual gives a key to the widget with the focus when the key arrives. Over a slow line several keys come in one piece.
+Then `/` and the letters after it would all go to the list in which `/` opens a line.
 """
 
 from __future__ import annotations
@@ -16,25 +16,25 @@ from textual.app import App
 from textual.message_pump import MessagePump
 
 LOOK_SECONDS = 0.004
-"""Seconds between two looks whether a screen has opened, or work is done."""
+"""Seconds between two checks whether a screen has opened, or work is done."""
 MOST_LOOKS = 500
-"""How often it is looked at most whether what a key began is done. Looks and not seconds: on a busy machine everything
-takes longer, and a key that did not wait would go to the wrong field."""
+"""The most checks whether a key's effect is complete. The limit counts checks, not seconds: on a busy machine
+everything takes longer, and a key that did not wait would go to the wrong field."""
 ROUNDS = 3
-"""How often the way from the focus up to the app is gone: a key's message, that message's answer, and what it opens."""
+"""Walks from the focus up to the app: for a key's message, that message's answer, and what it opens."""
 
 
 @runtime_checkable
 class WorkingScreen(Protocol):
-    """A screen whose keys begin work that opens something when it is done."""
+    """A screen whose keys begin work that opens something at its end."""
 
     @property
     def is_working(self) -> bool:
-        """Whether such work goes on."""
+        """Whether such work is in progress."""
 
 
 class KeyQueue:
-    """Passes keys on in their order."""
+    """Passes keys on in order."""
 
     def __init__(self, app: App[Any], pass_on: Callable[[events.Key], Awaitable[None]]) -> None:
         self._app, self._pass_on = app, pass_on
@@ -47,7 +47,7 @@ class KeyQueue:
         return self._task is None
 
     def put(self, event: events.Key) -> None:
-        """Pass this one on when those before it have been carried out."""
+        """Pass this key on after those before it have been carried out."""
         self._keys.append(event)
         if self._task is None:
             self._task = asyncio.create_task(self._run())
@@ -68,14 +68,14 @@ class KeyQueue:
             self._task = None
 
     async def _carried_out(self) -> None:
-        """Return when the last key, and what it has begun, is done."""
+        """Return when the last key, and the work that it began, is done."""
         for _ in range(ROUNDS):
             await self._go_round()
-            while not self._is_ready:  # noqa: ASYNC110 - what is awaited here is no event
+            while not self._is_ready:  # noqa: ASYNC110 - no event announces this
                 await asyncio.sleep(LOOK_SECONDS)
 
     async def _go_round(self) -> None:
-        """Wait until everything from the focus up to the app has done what waits for it now."""
+        """Wait until everything from the focus up to the app has handled its present messages."""
         stack = self._app.screen_stack
         node: MessagePump | None = (self._app.focused or stack[-1]) if stack else None
         while node is not None:
@@ -87,7 +87,7 @@ class KeyQueue:
     @property
     def _is_ready(self) -> bool:
         stack = self._app.screen_stack
-        if not stack:  # the key has left the program
+        if not stack:  # the key has ended the program
             return True
         if not stack[-1]._is_mounted or any(isinstance(each, WorkingScreen) and each.is_working for each in stack):
             return False

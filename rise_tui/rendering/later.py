@@ -1,4 +1,4 @@
-"""Work for a Textual worker that begins when the worker does."""
+"""Work for a Textual worker that begins with the worker."""
 
 from __future__ import annotations
 
@@ -13,8 +13,8 @@ T = TypeVar("T")
 class Later(Generic[T]):
     """An async function and its arguments, to be awaited once.
 
-    A worker may be cancelled before it has begun, by the next one of its group. The coroutine itself would then be one
-    that nobody awaits, which Python reports on the terminal.
+    The next worker of its group may cancel a worker before it has begun. A coroutine object would then never be
+    awaited, which Python reports on the terminal.
     """
 
     def __init__(self, function: Callable[P, Coroutine[Any, Any, T]], *args: P.args, **options: P.kwargs) -> None:

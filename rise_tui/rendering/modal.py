@@ -1,4 +1,4 @@
-"""Dialogs: they close once, in a box with a title above and what its keys do below."""
+"""Dialogs that close only once, in a box with a title at the top and its keys at the bottom."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from textual.screen import ModalScreen, ScreenResultType
 class SingleDismissModal(ModalScreen[ScreenResultType], Generic[ScreenResultType]):
     """A modal screen whose second `dismiss` does nothing.
 
-    The stock one takes away whatever is on top: at a second key, before it has gone, the console below.
+    The stock one removes whatever is on top. A second key before it has gone would remove the console below.
     """
 
     def dismiss(self, result: ScreenResultType | None = None) -> AwaitComplete:
@@ -20,7 +20,7 @@ class SingleDismissModal(ModalScreen[ScreenResultType], Generic[ScreenResultType
 
 
 class TitledBox(Vertical):
-    """Fills with what is composed inside it; its dialog says how large it is (`#box`)."""
+    """Contains what is composed inside it. Its dialog sets its size (`#box`)."""
 
     DEFAULT_CSS = """
     TitledBox {
@@ -30,7 +30,7 @@ class TitledBox(Vertical):
     """
 
     def __init__(self, title: str, keys: str = "") -> None:
-        """`keys`: what the keys do, in a few words; empty where buttons say it."""
+        """`keys`: what the keys do, in a few words; empty if buttons show it."""
         super().__init__(id="box")
         self.border_title = f" {title} "
         self.border_subtitle = f" {keys} " if keys else None

@@ -1,7 +1,7 @@
-"""The codes of styles as a terminal needs them: only what changes from one piece of text to the next. Pure.
+"""Style codes for a terminal: only what changes from one piece of text to the next. Pure.
 
-Rich writes all of a style before each piece and takes all of it back behind it: of a list's moved cursor that is half
-of what goes over the wire.
+Rich writes a full style before each piece and resets it afterwards. For a moved cursor in a list, that is half of the
+bytes sent.
 """
 
 from __future__ import annotations
@@ -17,18 +17,18 @@ _SEEN_ON_BLANKS = frozenset("479")
 
 
 class _Style(NamedTuple):
-    """What one code asks for; empty: as the terminal has it."""
+    """The effect of a code; empty: the terminal's default."""
 
     attributes: str = ""
-    """Bold and the like."""
+    """Bold and similar."""
     foreground: str = ""
     background: str = ""
 
 
 def shorten_styles(codes: str) -> str:
-    """The same text with the same look, without codes that change nothing. Begins and ends without any style.
+    """The same text with the same look, without codes that change nothing. It begins and ends without a style.
 
-    The colour of a blank is not seen, and may be another.
+    The colour of a blank is invisible, and may differ.
     """
     first, *rest = _STYLE.split(codes)
     written, shown, wanted = [first], _Style(), _Style()
@@ -59,7 +59,7 @@ def _looks_alike_on_blanks(one: _Style, other: _Style) -> bool:
 
 
 def _change(shown: _Style, wanted: _Style) -> str:
-    """What leads from one style to another."""
+    """The codes from one style to another."""
     if shown == wanted:
         return ""
     if wanted == _Style():

@@ -1,6 +1,7 @@
-"""How the roles of `rise_tui.rendering.text` look: one place where meaning becomes colour, by theme variables only.
+"""The look of the roles of `rise_tui.rendering.text`: the one place where meaning becomes colour, through theme
+variables.
 
-Roles and grounds have attributes besides colours (`rise-<name>-style`): all that a theme without colours has.
+Roles and backgrounds also have attributes (`rise-<name>-style`), the only styles of a theme without colours.
 """
 
 from __future__ import annotations
@@ -21,7 +22,7 @@ class StyleSpec(NamedTuple):
 
     color: str
     background: str = ""
-    """Empty: that of the widget."""
+    """Empty: the widget's own."""
 
 
 STYLE_SPECS: dict[TextRole, StyleSpec] = {
@@ -37,26 +38,26 @@ STYLE_SPECS: dict[TextRole, StyleSpec] = {
     "match": StyleSpec("foreground"),
 }
 CURSOR_BACKGROUND, UNFOCUSED_CURSOR_BACKGROUND = "rise-cursor", "rise-cursor-away"
-"""The background of the cursor's row, where the keys go and where they do not."""
+"""The background of the cursor's row, with and without the focus."""
 
 
 class StyledLines(Widget):
     """A widget that paints lines of styled text.
 
-    The looks are not component classes: Textual works out each of those for each widget whenever it styles it, which
-    was a third of the time that a console took to appear.
+    The styles are not component classes. Textual computes those for each widget whenever it styles it, which took a
+    third of a console's start time.
     """
 
     _styles_by_background: dict[str, dict[TextRole, Style]] | None = None
-    """By the background, then by the role."""
+    """By background, then by role."""
 
     def notify_style_update(self) -> None:
-        """The theme or a class changed."""
+        """Forget the styles after a change of the theme or a class."""
         self._styles_by_background = None
         super().notify_style_update()
 
     def styles_on(self, background: str) -> dict[TextRole, Style]:
-        """How each role looks on the background that a theme variable names; empty: the widget's own."""
+        """The style of each role on the background of this theme variable; empty: the widget's own."""
         if self._styles_by_background is None:
             self._styles_by_background = {}
         if background not in self._styles_by_background:
@@ -77,7 +78,7 @@ class StyledLines(Widget):
         return styles
 
     def to_strip(self, line: StyledLine, width: int, background: str = "") -> Strip:
-        """A line in exactly `width` cells, on the background that a theme variable names."""
+        """A line in exactly `width` cells, on the background of this theme variable."""
         styles = self.styles_on(background)
         segments = [Segment(clean(text), styles[role]) for text, role in line if text]
         return Strip(segments).adjust_cell_length(width, styles["plain"]).simplify()

@@ -1,4 +1,4 @@
-"""An app that writes only the cells that differ, skips frames its terminal cannot take, and sees every key first."""
+"""An app that writes only different cells, skips frames that its terminal cannot take, and sees every key first."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ from rise_tui.rendering.terminal_reader import read_together
 from rise_tui.rendering.terminal_writer import TerminalWriter
 
 CATCH_UP_SECONDS = 0.05
-"""Seconds between two looks whether a terminal that lay behind takes more."""
+"""Seconds between two checks whether a slow terminal accepts more."""
 
 
 class TerminalApp(App[Any]):
@@ -36,28 +36,28 @@ class TerminalApp(App[Any]):
 
     @property
     def terminal_writer(self) -> TerminalWriter | None:
-        """The way to the terminal; None without one (tests)."""
+        """The connection to the terminal; None without one (tests)."""
         writer = getattr(self._driver, "terminal_writer", None)
         return writer if isinstance(writer, TerminalWriter) else None
 
     def forget_terminal(self) -> None:
-        """Nobody knows what the terminal shows: whatever is painted next is written whole."""
+        """Forget what the terminal shows: the next paint is written in full."""
         self._cells.forget()
 
     def repaint_everything(self) -> None:
-        """Write every cell again: something else has written to the terminal."""
+        """Write every cell again, after something else has written to the terminal."""
         self.forget_terminal()
         self.screen.refresh()
 
     def on_resize(self, event: events.Resize) -> None:
-        """A window that has its size again was another one meanwhile: it shows who knows what."""
+        """Repaint a window that has its old size again, because its contents are unknown after another size."""
         if event.size == self._size and self._cells.is_known:
             self.repaint_everything()
 
     def _display(self, screen: Screen[Any], renderable: RenderableType | None) -> None:
         if not isinstance(renderable, LayoutUpdate | ChopsUpdate) or self._batch_count:
             super()._display(screen, renderable)
-        elif self._is_behind:  # the newest state is painted when the terminal has taken what came before
+        elif self._is_behind:  # the newest state is painted when the terminal is ready
             self._catching_up = self._catching_up or self.set_interval(CATCH_UP_SECONDS, self._catch_up)
         else:
             super()._display(screen, DiffUpdate(renderable, self._cells, self.size))  # type: ignore[arg-type]
@@ -75,25 +75,25 @@ class TerminalApp(App[Any]):
     # --- keys -------------------------------------------------------------------------------------------------------
 
     def observe_key(self, event: events.Key, together: bool) -> None:
-        """Called once for each key, before anything acts on it, also for those that a binding or a dialog takes.
+        """Called once for each key, before anything acts on it, including keys for a binding or a dialog.
 
         `together`: whether it came in one piece with other keys, as a paste does.
         """
 
     def admits(self, event: events.Event) -> bool:
-        """Whether an event of the keyboard or the mouse may go on; asked once for each, keys having been observed."""
+        """Whether a keyboard or mouse event may go on. Called once for each; for keys after `observe_key`."""
         return True
 
     def handle_key_first(self, event: events.Key) -> bool:
-        """Carry out a key at once that nothing else could want; False: it goes its usual way."""
+        """Carry out a key immediately that nothing else could want; False: it goes its usual way."""
         return False
 
     def waits_for_keys(self, event: events.Key) -> bool:
-        """Whether a key may come to what an earlier one opens: then it waits until that is there."""
+        """Whether a key may be meant for what an earlier key opens. It then waits until that is open."""
         return False
 
     async def on_event(self, event: events.Event) -> None:
-        """An input event comes here once from the driver, and again when it bubbles up; only the first counts."""
+        """Handle an event. Input comes once from the driver, and again as it bubbles up; only the first counts."""
         if isinstance(event, events.InputEvent | events.Paste) and not event.is_forwarded:
             if isinstance(event, events.Key):
                 self.observe_key(event, read_together(event))

@@ -1,4 +1,4 @@
-"""The driver of the terminal: what it asks the terminal for, and who reads and writes."""
+"""The driver of the terminal: what it requests from the terminal, and who reads and writes."""
 
 from __future__ import annotations
 
@@ -11,10 +11,10 @@ from rise_tui.rendering.terminal_writer import TerminalWriter
 
 
 class TerminalDriver(LinuxDriver):
-    """Reads with a `TerminalReader`, writes to a `TerminalWriter`, and asks for clicks, drags and the wheel only.
+    """Reads with a `TerminalReader`, writes to a `TerminalWriter`, and requests only clicks, drags and the wheel.
 
-    Sweeping the pointer over a stock app costs 1.5 kB for each report of a movement; and a report that follows a key at
-    once would make that key one of several, which counts for nothing.
+    In a stock app, each reported pointer movement costs 1.5 kB. A report right after a key would also make that key one
+    of several, which does not count.
     """
 
     def __init__(self, *arguments: Any, **options: Any) -> None:
@@ -25,7 +25,7 @@ class TerminalDriver(LinuxDriver):
     def start_application_mode(self) -> None:
         self.terminal_writer.stop_hurrying()
         forget = getattr(self._app, "forget_terminal", None)
-        if forget is not None:  # a terminal that was left for a while shows something else
+        if forget is not None:  # the terminal may have changed in the meantime
             forget()
         super().start_application_mode()  # type: ignore[no-untyped-call]
 

@@ -1,4 +1,4 @@
-"""Reading what a terminal sends: like Textual's own reader, but of each key it knows whether others came with it."""
+"""Reads what a terminal sends. Unlike Textual's own reader, it knows for each key whether others came with it."""
 
 from __future__ import annotations
 
@@ -14,9 +14,9 @@ from textual.message import Message
 
 READ = 4096
 ALONE = 0.0003
-"""Seconds that are waited after a key for what may follow it: what is pasted comes at once, and fingers do not."""
+"""Seconds to wait after a key for others: pasted keys come immediately, typed ones do not."""
 POLL = constants.ESCAPE_DELAY + 0.005
-"""Seconds after which a sequence that was not completed is looked at: Esc alone is one."""
+"""Seconds after which an incomplete sequence is examined: Esc alone is one."""
 _TOGETHER = "_read_together"
 _FIRST = "_read_first"
 
@@ -27,15 +27,15 @@ def read_together(event: events.Key) -> bool:
 
 
 def read_first(event: events.Key) -> bool:
-    """Whether a key begins something: it came alone, first of those in one piece, or behind one that is no letter."""
+    """Whether a key begins something: it came alone, first in its piece, or after a key that is not a letter."""
     return event.__dict__.get(_FIRST, True) is True
 
 
 def mark_together(messages: Iterable[Message], together: bool, *, begins: bool = True) -> bool:
     """Mark the keys among some messages.
 
-    :param begins: whether the first of them begins something (`read_first`).
-    :returns: whether the next one would that comes in the same piece.
+    :param begins: whether the first key begins something (`read_first`).
+    :returns: whether the next key in the same piece would.
     """
     for message in messages:
         if isinstance(message, events.Key):
@@ -45,10 +45,10 @@ def mark_together(messages: Iterable[Message], together: bool, *, begins: bool =
 
 
 class TerminalReader:
-    """Reads one terminal, on a thread of its own, until it is told to stop or the terminal has gone.
+    """Reads one terminal, on its own thread, until it is stopped or the terminal has gone.
 
-    Textual's own reader does not tell what came in one read, so every key would have to wait until nothing more can
-    follow (25 ms); and it ends the whole console at a code that its parser trips over.
+    Textual's own reader does not tell what came in one read, so every key would have to wait for possible followers (25
+    ms). It also ends the whole console on a code that its parser cannot handle.
     """
 
     def __init__(self, fileno: int, deliver: Callable[[Message], None], stop: Event) -> None:
@@ -56,10 +56,10 @@ class TerminalReader:
         self._parser = XTermParser()
         self._decode = getincrementaldecoder("utf-8")(errors="replace").decode
         self._begins = True
-        """Whether the key that is read next begins something."""
+        """Whether the next key begins something."""
 
     def run(self) -> None:
-        """Read and deliver; returns at the end."""
+        """Read and deliver until the end."""
         while not self._stop.is_set():
             if self._has_more(POLL) and not self._read():
                 return
@@ -69,7 +69,7 @@ class TerminalReader:
         return bool(select.select((self._fileno,), (), (), seconds)[0])
 
     def _read(self) -> bool:
-        """False when the terminal has gone."""
+        """Read once and deliver. False when the terminal has gone."""
         try:
             data = os.read(self._fileno, READ)
         except OSError:
@@ -84,10 +84,10 @@ class TerminalReader:
         return bool(data)
 
     def _deliver_incomplete(self) -> None:
-        """What has waited in vain for the rest of a sequence."""
+        """Deliver what has waited in vain for the rest of a sequence."""
         messages = list(self._parser.tick())
         if any(isinstance(message, events.Key) and message.key != "escape" for message in messages):
-            # Escape and something else came at once: alt+enter is not Enter
+            # Escape and something else came together: alt+enter is not Enter
             mark_together(messages, True, begins=False)
         for message in messages:
             self._deliver(message)
@@ -95,6 +95,6 @@ class TerminalReader:
     def _parse(self, character: str) -> list[Message]:
         try:
             return list(self._parser.feed(character))
-        except Exception:  # a code that Textual's parser trips over, such as a character beyond Unicode
+        except Exception:  # a code that Textual's parser cannot handle, such as a character beyond Unicode
             self._parser = XTermParser()
             return []

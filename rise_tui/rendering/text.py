@@ -15,32 +15,33 @@ from rise_engine.base.typed_values import json_type_name as json_type_name
 from rise_engine.base.typed_values import parse_typed_value as parse_typed_value
 
 TextRole: TypeAlias = Literal["plain", "strong", "muted", "accent", "wait", "fault", "key", "alarm", "call", "match"]
-"""What a piece of text means; a theme decides how it looks. `fault` and `alarm` are the only red ones.
+"""The meaning of a piece of text; the theme decides its look. Only `fault` and `alarm` are red.
 
-`call` is an amber `alarm`: somebody has to know, and nothing is wrong. `match`: a filter found it here."""
+`call` is an amber `alarm`: somebody has to know, but nothing is wrong. `match`: a filter's match.
+"""
 
 StyledSpan: TypeAlias = tuple[str, TextRole]
 StyledLine: TypeAlias = tuple[StyledSpan, ...]
 
 
 class ListRow(NamedTuple):
-    """One row of a list: what it stands for, and its text."""
+    """One row of a list: its id, and its text."""
 
     id: str
     line: StyledLine
     selectable: bool = True
     full: str = ""
-    """What a filter looks at, where the line has no room for all of it."""
+    """The text for filters, if the line has no room for all of it."""
 
 
 def cell_width(text: str) -> int:
-    """How many cells a text takes."""
+    """The number of cells that a text takes."""
     return len(text) if text.isascii() else cell_len(text)
 
 
-@lru_cache(2048)  # columns of a list repeat themselves
+@lru_cache(2048)  # columns of a list repeat their texts
 def fit(text: str, width: int, *, right: bool = False) -> str:
-    """The text in exactly `width` cells; what does not fit ends in `…`."""
+    """The text in exactly `width` cells; a longer text ends in `…`."""
     if width <= 0:
         return ""
     text = clean(text)
@@ -53,12 +54,12 @@ def fit(text: str, width: int, *, right: bool = False) -> str:
 
 
 def shorten(text: str, width: int) -> str:
-    """The text in at most `width` cells; what does not fit ends in `…`."""
+    """The text in at most `width` cells; a longer text ends in `…`."""
     return fit(text, width).rstrip()
 
 
 def fit_end(text: str, width: int) -> str:
-    """As `fit`, but what does not fit is lost at the beginning: `…1, step 3`."""
+    """Like `fit`, but a longer text is cut at the beginning: `…1, step 3`."""
     text = clean(text)
     if width <= 0 or cell_len(text) <= width:
         return fit(text, width)
@@ -68,7 +69,7 @@ def fit_end(text: str, width: int) -> str:
 
 
 def fit_middle(text: str, width: int) -> str:
-    """As `fit`, but what does not fit is lost in the middle: names that begin alike stay apart (`partic…_name`)."""
+    """Like `fit`, but a longer text is cut in the middle, so that names that begin alike differ (`partic…_name`)."""
     text = clean(text)
     if width < 5 or cell_len(text) <= width:
         return fit(text, width)
@@ -80,7 +81,7 @@ def fit_middle(text: str, width: int) -> str:
 
 
 def fixed_span(text: str, width: int, role: TextRole = "plain", *, right: bool = False) -> StyledSpan:
-    """A piece of fixed width, as one column of a row."""
+    """A piece of fixed width, for one column of a row."""
     return fit(text, width, right=right), role
 
 
@@ -94,7 +95,7 @@ def plain_text(line: Iterable[StyledSpan]) -> str:
 
 
 def highlight_matches(line: StyledLine, matches: Iterable[tuple[int, int]]) -> StyledLine:
-    """The line with the characters of these places, in order, in the role `match`."""
+    """The line with the characters of these spans, in order, in the role `match`."""
     spans: list[StyledSpan] = []
     left = list(matches)
     column = 0
@@ -105,7 +106,7 @@ def highlight_matches(line: StyledLine, matches: Iterable[tuple[int, int]]) -> S
             spans += [(text[at:start], role), (text[start:end], "match")]
             at = end
             if left[0][1] > column + len(text):
-                break  # it goes on in the next piece
+                break  # it continues in the next piece
             del left[0]
         spans.append((text[at:], role))
         column += len(text)
@@ -113,7 +114,7 @@ def highlight_matches(line: StyledLine, matches: Iterable[tuple[int, int]]) -> S
 
 
 def crop(line: StyledLine, width: int) -> StyledLine:
-    """The line in at most `width` cells, ending in `…` when something is lost."""
+    """The line in at most `width` cells; it ends in `…` if something is cut."""
     if line_width(line) <= width:
         return line
     kept: list[StyledSpan] = []
@@ -129,7 +130,7 @@ def crop(line: StyledLine, width: int) -> StyledLine:
 
 
 def align_at_both_ends(left: StyledLine, right: StyledLine, width: int) -> StyledLine:
-    """Two pieces at the two ends of a row; the left one gives way."""
+    """Two pieces at the two ends of a row. The left one is cut."""
     right = crop(right, width)
     room = width - line_width(right)
     left = crop(left, max(0, room - 1))
@@ -137,14 +138,14 @@ def align_at_both_ends(left: StyledLine, right: StyledLine, width: int) -> Style
 
 
 def heading_line(name: str, state: StyledSpan, right: StyledLine, width: int) -> StyledLine:
-    """A name, its state, and a piece at the other end; the name gives way, the state never."""
+    """A name, its state, and a piece at the other end. The name is cut, the state never."""
     room = width - line_width(right) - cell_len(state[0]) - 4
     shown = fit(name, max(4, room)) if cell_len(clean(name)) > room else clean(name)
     return align_at_both_ends(((f" {shown}  ", "strong"), state), right, width)
 
 
 def wrap(text: str, width: int) -> list[str]:
-    """A text over as many lines as it needs; a word that is longer than a line is cut."""
+    """A text on as many lines as it needs. A word longer than a line is cut."""
     lines, line = [], ""
     for word in clean(text).split():
         if line and cell_len(line) + 1 + cell_len(word) > width:
@@ -156,7 +157,7 @@ def wrap(text: str, width: int) -> list[str]:
 
 
 def format_seconds(value: float) -> str:
-    """A duration: `0.4`, `12.3`, `3:05`, `1:02:07`; to a tenth below a minute."""
+    """A duration: `0.4`, `12.3`, `3:05`, `1:02:07`; to a tenth of a second below a minute."""
     value = max(0.0, value)
     if value < 59.95:
         return f"{value:.1f}"
@@ -166,12 +167,12 @@ def format_seconds(value: float) -> str:
 
 
 def format_duration(value: float) -> str:
-    """A duration with its unit where it needs one."""
+    """A duration, with its unit if it needs one."""
     return f"{format_seconds(value)} s" if value < 59.95 else format_seconds(value)
 
 
 def format_age(value: float) -> str:
-    """How long ago, in few cells: `3 s`, `12 min`, `2 h`."""
+    """An age in few cells: `3 s`, `12 min`, `2 h`."""
     value = max(0.0, value)
     if value < 60:
         return f"{int(value)} s"

@@ -1,7 +1,7 @@
-"""The themes, and all that is theirs alone: colours, and for roles and grounds without colour their attributes.
+"""The themes and their own settings: colours, and attributes for roles and backgrounds without a colour.
 
-One accent; red (orange where red and green look alike) only for stop and faults; amber for waiting. What a colour says
-stands in words too, so `mono` loses nothing.
+There is one accent. Red (orange where red and green look alike) is only for stop and faults, amber for waiting. Words
+repeat the meaning of each colour, so `mono` loses nothing.
 """
 
 from __future__ import annotations
@@ -23,7 +23,7 @@ ATTRIBUTES: Mapping[str, str] = MappingProxyType(
         "chosen": "bold",
     }
 )
-"""How roles and grounds look besides their colours. A theme variable `rise-<name>-style` changes one of them."""
+"""The attributes of roles and backgrounds besides their colours. A theme variable `rise-<name>-style` changes one."""
 
 CSS = """
 TitleBar { text-style: $rise-bar-style; }
@@ -34,8 +34,8 @@ Input > .input--cursor {
 }
 SettingsScreen Button.-chosen { text-style: $rise-chosen-style; }
 """
-"""What stands on a ground that only some themes have a colour for. (Textual's own cursor for themes on the terminal's
-ground is white on black.)"""
+"""Styles on backgrounds that only some themes have a colour for. (Textual's own cursor, in themes on the terminal's
+background, is white on black.)"""
 
 
 def _style_variables(names: Mapping[str, str]) -> dict[str, str]:
@@ -60,7 +60,7 @@ def _colored_theme(
     scrollbar: str,
     selection: str,
 ) -> Theme:
-    """A theme of RGB colours. `grounds`: of the screen, of what lies on it, and of dialogs."""
+    """A theme of RGB colours. `grounds`: the backgrounds of the screen, of the panes on it, and of dialogs."""
     background, surface, panel = grounds
     return Theme(
         name=f"rise-{name}",
@@ -163,11 +163,11 @@ COLORBLIND = _colored_theme(
     scrollbar="#3a444e",
     selection="#6fbaf2 35%",
 )
-"""Blue, yellow and orange, which look different to everybody: no two of them differ only in red and green."""
+"""Blue, yellow and orange, which everybody can tell apart: no two of them differ only in red and green."""
 
 
 def _uncolored_theme(name: str, wait: str, fault: str, on_alarm: str, styles: Mapping[str, str]) -> Theme:
-    """A theme on the terminal's own ground, whatever that is."""
+    """A theme on the terminal's own background."""
     own = "ansi_default"
     grounds = ("cursor", "cursor-away", "bar", "bar-focused")
     widgets = (
@@ -224,7 +224,7 @@ MONO = _uncolored_theme(
     "ansi_default",
     {**_PLAIN, "wait": "underline", "fault": "bold underline", "alarm": "bold reverse", "call": "bold reverse"},
 )
-"""No colours at all, on the terminal's own ground."""
+"""No colours at all, on the terminal's own background."""
 
 TERMINAL = _uncolored_theme(
     "terminal",
@@ -233,19 +233,19 @@ TERMINAL = _uncolored_theme(
     "ansi_bright_white",
     {**_PLAIN, "wait": "bold", "fault": "bold"},
 )
-"""The terminal's own colours, whatever they are. Magenta for waiting: of the sixteen, only it and red can be read on a
-white and on a black ground."""
+"""The terminal's own colours. Waiting is magenta: of the sixteen colours, only magenta and red are readable on white
+and on black."""
 
 THEMES = (DARK, LIGHT, CONTRAST, COLORBLIND, MONO, TERMINAL)
 WHITE, BLACK = "#ffffff", "#000000"
-"""Of a mark for cameras, in every theme: as different as a terminal can show."""
+"""The colours of a mark for cameras in every theme: the strongest contrast that a terminal can show."""
 NAMES = tuple(theme.name.removeprefix("rise-") for theme in THEMES)
-"""As the command line has them: dark, light, contrast, colorblind, mono, terminal."""
+"""The names for the command line: dark, light, contrast, colorblind, mono, terminal."""
 DEFAULT = "dark"
 
 
 def full_name(name: str) -> str:
-    """The name under which Textual knows a theme of ours."""
+    """Textual's name for one of our themes."""
     return f"rise-{name}" if name in NAMES else name
 
 

@@ -1,4 +1,4 @@
-"""Fields in which letters are text: many at once are a paste there, and elsewhere a row of commands that is refused."""
+"""Fields in which letters are text. Many letters at once are a paste there; elsewhere they are refused as commands."""
 
 from __future__ import annotations
 
@@ -6,9 +6,9 @@ from textual.widgets import Input
 
 
 class TakesText:
-    """Mixed into fields that are no `Input`."""
+    """Mixed into text fields other than `Input`."""
 
 
 def takes_text(widget: object) -> bool:
-    """Whether letters that are typed or pasted into it are text."""
+    """Whether letters that are typed or pasted into the widget are text."""
     return isinstance(widget, Input | TakesText)

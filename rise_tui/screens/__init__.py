@@ -1,1 +1,1 @@
-"""The screens: they hold the panes, wire them to the session, and know the layout."""
+"""The screens: they contain the panes, connect them to the session, and know the layout."""

@@ -1,7 +1,7 @@
-"""Before a session of a study: what will run, then the checks as one list. After it: the checks alone.
+"""Before a session of a study: what will run, then the checks as one list. After it: only the checks.
 
-Esc leaves at every step, and nothing has happened. One press of a key is one answer: a key that is held down answers
-nothing that was not read.
+Esc leaves at every step, and nothing has happened. One press of a key is one answer: a held key does not answer unread
+questions.
 """
 
 from __future__ import annotations
@@ -27,7 +27,7 @@ from rise_tui.widgets.row_list import RowList, RowView
 from rise_tui.widgets.static_lines import StaticLines
 
 REPEAT_SECONDS = 0.7
-"""A key that comes again within this time is held down: keyboards wait less before they repeat."""
+"""Seconds. A key that returns within this time is held down: keyboards repeat sooner than this."""
 INTRO_KEYS = "enter: {next} · esc: back, nothing starts"
 CHECK_KEYS = "y yes · n no · r again · s skip · ↑↓ choose · esc back"
 
@@ -36,14 +36,14 @@ class CheckMaker(Protocol):
     """Makes the checks of one session."""
 
     async def make(self, check: StudyCheck) -> CheckOutcome:
-        """Look; what asks somebody comes back as a question. Never raises."""
+        """Make a check. A check that needs an answer returns a question. Never raises."""
 
     def note(self, check: StudyCheck, report: CheckReport) -> None:
-        """Write down what came of it, without waiting."""
+        """Write down a result, without waiting."""
 
 
 class ChecksScreen(SingleDismissModal[tuple[CheckReport, ...] | None]):
-    """Answers with what came of all checks, once nothing is in the way and Enter was pressed; None: it was left."""
+    """The result: the reports of all checks, once nothing blocks and Enter was pressed; None: the wizard left."""
 
     DEFAULT_CSS = """
     ChecksScreen {
@@ -66,8 +66,8 @@ class ChecksScreen(SingleDismissModal[tuple[CheckReport, ...] | None]):
         wizard: str,
         intro: Sequence[StyledLine] = (),
     ) -> None:
-        """`go`: what Enter does at last, as `begin the session of P07 in REAL`. `wizard`: who answers, as records name
-        them. `intro`: what is read before the checks begin."""
+        """`go`: what Enter finally does, such as `begin the session of P07 in REAL`. `wizard`: who answers, by the name
+        in records. `intro`: the text before the checks."""
         super().__init__()
         self._title, self.checks, self._go, self._wizard = title, checks, go, wizard
         self._maker = maker
@@ -78,7 +78,7 @@ class ChecksScreen(SingleDismissModal[tuple[CheckReport, ...] | None]):
         self.answer_line = StaticLines(id="answer")
         self.reason_bar = PromptBar("reason for skipping: ", "goes into the record; esc cancels")
         self._answer = ""
-        """What the last key came to, when it came to nothing."""
+        """Why the last key had no effect, if it had none."""
         self._last_key, self._last_at = "", float("-inf")
         self._one_at_a_time = asyncio.Lock()
 
@@ -94,7 +94,7 @@ class ChecksScreen(SingleDismissModal[tuple[CheckReport, ...] | None]):
             self._begin_checks()
         self.call_after_refresh(self._draw)
 
-    # --- what is shown ----------------------------------------------------------------------------------------------
+    # --- drawing ----------------------------------------------------------------------------------------------------
 
     @on(RowView.Resized)
     def _draw(self) -> None:
@@ -130,7 +130,7 @@ class ChecksScreen(SingleDismissModal[tuple[CheckReport, ...] | None]):
         return CHECK_KEYS if self.checks.items else "esc: back, nothing starts"
 
     def say(self, sentence: str) -> None:
-        """Tell something until the next key."""
+        """Show a sentence until the next key."""
         self._answer = sentence
         self._draw()
 
@@ -184,13 +184,13 @@ class ChecksScreen(SingleDismissModal[tuple[CheckReport, ...] | None]):
             self.reason_bar.open()
 
     def action_leave(self) -> None:
-        """Esc: back, without anything having happened."""
+        """Handle Esc: leave, without any effect."""
         self.dismiss(None)
 
     # --- the checks -------------------------------------------------------------------------------------------------
 
     def _begin_checks(self) -> None:
-        """Questions are there at once; what looks by itself does so one after the other, in the order of the file."""
+        """Begin the checks. Questions appear immediately; automatic checks run one by one, in the order of the file."""
         for item in self.checks.items:
             if not item.is_kept:
                 self._begin(item)
@@ -217,7 +217,7 @@ class ChecksScreen(SingleDismissModal[tuple[CheckReport, ...] | None]):
             self._maker.note(item.check, report)
 
     def _select_open(self) -> None:
-        """Put the cursor on the next one that waits for somebody."""
+        """Put the cursor on the next check that waits for somebody."""
         self._draw()
         at = next((at for at, item in enumerate(self.checks.items) if item is self._selected), 0)
         if (index := self.checks.first_open(at)) is not None:

@@ -1,4 +1,4 @@
-"""Questions with a choice for each of several things, and keys that choose for all: a release, and a step back."""
+"""Questions with a choice for each of several items, and keys that choose for all: a release, and a step back."""
 
 from __future__ import annotations
 
@@ -30,19 +30,19 @@ from rise_tui.rendering.modal import TitledBox
 from rise_tui.screens.dialog import Dialog, DialogChoice
 
 LINES_AROUND = 12
-"""Rows of the terminal that the dialog needs beside its lines and choices."""
+"""Rows of the terminal that the dialog needs besides its lines and choices."""
 
 
 class Choice(NamedTuple):
-    """One thing to choose for."""
+    """One item to choose for."""
 
     name: str
     options: Sequence[str]
-    """What can be chosen; the first is what holds if nobody chooses."""
+    """The possible choices; the first is the default."""
 
 
 class ChoicesDialog(Dialog):
-    """Up and down select one thing, left and right choose for it; other keys choose for all."""
+    """A dialog in which up and down select an item, left and right choose for it, and other keys choose for all."""
 
     DEFAULT_CSS = """
     ChoicesDialog {
@@ -70,7 +70,7 @@ class ChoicesDialog(Dialog):
         no: str,
         repeat_keys: Sequence[str] = (),
     ) -> None:
-        """`all_keys`: for each key, the option that it chooses wherever there is such a one."""
+        """`all_keys`: for each key, the option that it chooses for every item that has this option."""
         super().__init__(title, lines, *answers, no=no, repeat_keys=repeat_keys)
         self._choices, self._all_keys, self._hint = choices, all_keys, hint
         self.selected = 0
@@ -78,7 +78,7 @@ class ChoicesDialog(Dialog):
 
     @abstractmethod
     def choice_lines(self, width: int, rows: int) -> list[str]:
-        """The things with what is chosen, in at most so many rows of this width."""
+        """The items with their chosen options, in at most `rows` rows of `width` cells."""
 
     def compose(self) -> ComposeResult:
         with TitledBox(self._title):
@@ -122,7 +122,7 @@ class ChoicesDialog(Dialog):
 
 
 def first_shown(selected: int, count: int, most: int) -> int:
-    """The first of `count` things to show, so that of `most` the selected one is in the middle."""
+    """The first of `count` items to show, so that the selected one is in the middle of `most`."""
     return max(0, min(selected - most // 2, count - most))
 
 
@@ -131,7 +131,7 @@ RELEASE_HINT = "all: e re-enter, w wait there, l leave   one: ↑ ↓, ← →"
 
 
 class ReleaseDialog(ChoicesDialog):
-    """Asks once for all rules; each is left stopped unless something else is chosen."""
+    """Asks once for all rules. Each stays stopped unless the wizard chooses otherwise."""
 
     def __init__(self, lines: Sequence[str], rules: Sequence[InterruptedRule], repeat_keys: Sequence[str]) -> None:
         super().__init__(
@@ -148,7 +148,7 @@ class ReleaseDialog(ChoicesDialog):
 
     @property
     def behavior(self) -> str:
-        """Of the task that releases the stop, as it is chosen now."""
+        """The behaviour of the task that releases the stop, with the present choices."""
         return release_behavior(self.chosen)
 
     def choice_lines(self, width: int, rows: int) -> list[str]:
@@ -160,7 +160,7 @@ NOTHING = "no memory key has changed since"
 
 
 class StepBackDialog(ChoicesDialog):
-    """Memory keys are taken back, and acts go on, unless something else is chosen."""
+    """Asks about a step back. By default memory keys are taken back, and acts go on."""
 
     def __init__(self, lines: Sequence[str], step: BackStep) -> None:
         choices = [Choice(key, (BACK, KEEP)) for key in step.keys]
@@ -178,7 +178,7 @@ class StepBackDialog(ChoicesDialog):
         self._step = step
 
     def behavior(self, answer: str) -> str:
-        """Of the task that makes the step, as it is chosen now."""
+        """The behaviour of the task that makes the step, with the present choices."""
         return step_behavior(self._step, self.chosen, enter=answer == "b")
 
     def choice_lines(self, width: int, rows: int) -> list[str]:

@@ -1,4 +1,4 @@
-"""Something to read in full, over the console: a task of the log, a long value. Its letters do what they say there."""
+"""A full text over the console: a task of the log, a long value. Its letters are the keys that it shows."""
 
 from __future__ import annotations
 
@@ -12,11 +12,11 @@ from rise_tui.rendering.text import ListRow
 from rise_tui.widgets.row_list import RowList, RowView
 
 REFRESH_SECONDS = 0.5
-"""How soon a row that has changed is shown."""
+"""Seconds until a changed row is shown."""
 
 
 class DetailScreen(SingleDismissModal[str]):
-    """Shows rows until it is left; the result is the letter that was pressed, empty for none."""
+    """Shows rows until the wizard leaves; the result is the pressed letter, empty for none."""
 
     DEFAULT_CSS = """
     DetailScreen {
@@ -33,9 +33,10 @@ class DetailScreen(SingleDismissModal[str]):
         letters: Sequence[tuple[str, str]] = (),
         step: Callable[[int], None] | None = None,
     ) -> None:
-        """`rows` makes them for a width. `letters`: keys with what they do, in a word or two.
+        """`rows` makes the rows for a width. `letters`: keys with what they do, in a word or two.
 
-        `step`: goes to the one before (-1) or after (1), at the left and right arrow; without it there are no others.
+        `step`: goes to the previous (-1) or next (1) text, with the left and right arrows; without it there is only
+        one.
         """
         super().__init__()
         self._title, self._make_rows = title, rows

@@ -1,4 +1,4 @@
-"""What dialogs are made of: a question before something that cannot be undone, and a form. Esc leaves both."""
+"""The base of all dialogs: a question before something that cannot be undone, and a form. Esc leaves both."""
 
 from __future__ import annotations
 
@@ -19,14 +19,14 @@ from rise_tui.rendering.modal import SingleDismissModal, TitledBox
 
 
 class DialogChoice(NamedTuple):
-    """One thing that can be answered."""
+    """A possible answer."""
 
     key: str
     title: str
 
 
 class FormDialog(SingleDismissModal[ScreenResultType], Generic[ScreenResultType]):
-    """Fields in rows, lines above them and a sentence below. Esc leaves it: each says what it then answers."""
+    """Fields in rows, with lines above them and a sentence below. Each subclass decides the result of Esc."""
 
     DEFAULT_CSS = """
     FormDialog {
@@ -45,18 +45,18 @@ class FormDialog(SingleDismissModal[ScreenResultType], Generic[ScreenResultType]
     """
 
     def row(self, label: str, field: Widget, id: str | None = None) -> ComposeResult:
-        """A field behind its label."""
+        """A field after its label."""
         with Horizontal(classes="row", id=id):
             yield Label(label)
             yield field
 
     def say(self, sentence: str) -> None:
-        """Tell what is missing, below the fields."""
+        """Show what is missing, below the fields."""
         self.query_one("#answer", Static).update(sentence)
 
 
 class Dialog(SingleDismissModal[str]):
-    """Asks; the result is the key of the answer that was chosen, empty for none."""
+    """Asks a question; the result is the key of the chosen answer, empty for none."""
 
     DEFAULT_CSS = """
     Dialog {
@@ -83,10 +83,10 @@ class Dialog(SingleDismissModal[str]):
         default: str = "",
         repeat_keys: Sequence[str] = (),
     ) -> None:
-        """`default` is the key of the answer that Enter takes; without it, Enter takes none.
+        """`default`: the key of the answer that Enter chooses; without it, Enter chooses none.
 
-        `repeat_keys`: the keys that opened the question; pressed once more they give the first answer. A key that is
-        held down repeats, and that is no second press.
+        `repeat_keys`: the keys that opened the question. Pressed again, they give the first answer. A held key that
+        repeats is not a second press.
         """
         super().__init__()
         self._repeat_keys, self._repeated_at = repeat_keys, float("-inf")
@@ -101,7 +101,7 @@ class Dialog(SingleDismissModal[str]):
                 yield from self.buttons()
 
     def buttons(self) -> Iterator[Button]:
-        """One for no answer, and one for each."""
+        """One button for no answer, and one for each answer."""
         yield Button(f"{self._no} (esc)", id="no", compact=True)
         for answer in self._answers:
             yield Button(f"{answer.title} ({answer.key})", id=_id(answer.key), name=answer.key, compact=True)
@@ -119,7 +119,7 @@ class Dialog(SingleDismissModal[str]):
             self._repeat_pressed(event.time)
 
     def _repeat_pressed(self, at: float) -> None:
-        """Wait as long as a held key would take to repeat, as the input does for acts that need two presses."""
+        """Wait as long as a held key needs to repeat, as for acts that need two presses."""
         is_held, self._repeated_at = at - self._repeated_at < HELD_KEY_SECONDS, at
         if self._second_press is not None:
             self._second_press.stop()
@@ -129,12 +129,12 @@ class Dialog(SingleDismissModal[str]):
         self.action_answer(self._answers[0].key)
 
     def action_answer(self, key: str) -> None:
-        """The first answer counts; keys that were still on their way do nothing."""
+        """Take the first answer. Later keys do nothing."""
         if not self._withdrawn:
             self.dismiss(key)
 
     def withdraw(self) -> bool:
-        """Close without an answer, at the latest when nothing lies above it. False when that was asked for already."""
+        """Close without an answer, at the latest when nothing covers it. False if this was already requested."""
         if self._withdrawn:
             return False
         self._withdrawn = True
@@ -143,7 +143,7 @@ class Dialog(SingleDismissModal[str]):
 
     def on_screen_resume(self) -> None:
         if self._withdrawn:
-            self.dismiss("")  # does something only once it lies on top
+            self.dismiss("")  # works only once it is on top
 
     @on(Button.Pressed)
     def _pressed(self, event: Button.Pressed) -> None:

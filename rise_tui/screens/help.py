@@ -1,4 +1,4 @@
-"""Every key and what it does, made from the registry and the scenario; typing searches."""
+"""The help: every key and what it does, from the registry and the scenario. Typing searches."""
 
 from __future__ import annotations
 
@@ -15,25 +15,25 @@ from rise_tui.rendering.text import ListRow, StyledLine, crop, fixed_span, wrap
 from rise_tui.screens.search_dialog import SearchDialog
 
 WIDE = 90
-"""From this width on keys and titles have room to breathe."""
+"""From this width on keys and titles have enough space."""
 
 COMMON: tuple[KeyScope, ...] = ("everywhere", "console")
 SCENARIO, IDEAS = "Keys of this scenario", "How it works"
 
 
 class HelpEntry(NamedTuple):
-    """One thing to know. However many lines it takes, it is found and shown as a whole."""
+    """One entry of the help. It is found and shown as a whole, however many lines it takes."""
 
     group: str
     keys: str
     title: str
     text: str
     is_blocked: bool = False
-    """It cannot be used now; the text says why."""
+    """Whether it cannot be used now; the text gives the reason."""
 
 
 def help_entries(store: Store, scope: KeyScope | None = None) -> Iterator[HelpEntry]:
-    """All of them: the focused pane's first, then what works everywhere, the ideas, the scenario's keys, the rest."""
+    """All entries: the focused pane's first, then global actions, the concepts, the scenario's keys, the rest."""
     titles = dict(KEY_SCOPES)
     if scope is not None:
         yield from (_action_entry(action, f"Here: {titles[scope]}", store) for action in actions_in(scope))
@@ -52,7 +52,7 @@ def help_entries(store: Store, scope: KeyScope | None = None) -> Iterator[HelpEn
 
 
 def study_help_entries() -> Iterator[HelpEntry]:
-    """Those of a study's screen, where no session runs."""
+    """The entries of a study's screen, where no session runs."""
     titles = dict(KEY_SCOPES)
     yield from (_action_entry(action, titles["study"], None) for action in actions_in("study"))
     yield from (_action_entry(BY_ID[id], titles["study"], None) for id in ON_STUDY_SCREEN)
@@ -61,7 +61,7 @@ def study_help_entries() -> Iterator[HelpEntry]:
 
 
 def edit_help_entries() -> Iterator[HelpEntry]:
-    """Those of the editor, where no key starts anything."""
+    """The entries of the editor, where no key starts anything."""
     titles = dict(KEY_SCOPES)
     yield from (_action_entry(action, titles["edit"], None) for action in actions_in("edit"))
     yield from (_action_entry(BY_ID[id], titles["edit"], None) for id in IN_EDITOR)
@@ -77,7 +77,7 @@ def _action_entry(action: ConsoleAction, group: str, store: Store | None) -> Hel
 
 
 def concepts() -> Iterator[tuple[str, str]]:
-    """What no single key explains: a word that stands on the screen, and what it means."""
+    """Words on the screen that no single key explains, and their meanings."""
     safe, lock, release = key_name("safe"), key_name("lock"), key_name("release")
     cue, filler, mistake, control = (key_name(id) for id in ("cue", "filler", "mistake", "control"))
     yield "^X", "Hold ctrl and press X. Short for ctrl+x."
@@ -117,7 +117,7 @@ STUDY_CONCEPTS = (
     ("rehearsal", "Debug, training and pilot sessions take no slot and never count."),
     ("hidden", "The study hides each condition until its session begins."),
 )
-"""Words that stand on the screen of a study."""
+"""Words on the screen of a study."""
 
 EDIT_CONCEPTS = (
     ("EDIT", "You change files. No key starts anything on a robot; the stop key stops a session of this study."),
@@ -127,11 +127,11 @@ EDIT_CONCEPTS = (
     ("wording", "One of several ways to say the same; each time one is picked by chance."),
     ("–", "Not set. The value that applies is shown beside it."),
 )
-"""Words that stand in the editor."""
+"""Words in the editor."""
 
 
 class HelpScreen(SearchDialog[None]):
-    """Opens over the console; Esc closes it."""
+    """The help over the console. Esc closes it."""
 
     def __init__(self, entries: Sequence[HelpEntry]) -> None:
         super().__init__("Help", "type to search · ↑↓ scroll · esc closes", "search keys, actions and words")
@@ -151,12 +151,12 @@ class HelpScreen(SearchDialog[None]):
 
 
 def searched_text(entry: HelpEntry) -> str:
-    """What of an entry a search looks at: all of it."""
+    """The text of an entry for the search: all of it."""
     return f"{entry.keys} {entry.title} {entry.group} {entry.text}"
 
 
 def help_rows(found: Sequence[HelpEntry], width: int, wanted: Filter | None = None) -> list[ListRow]:
-    """Groups under their titles, and each entry over as many lines as it needs."""
+    """Groups under their titles, with each entry on as many lines as it needs."""
     made: list[ListRow] = []
     for group, members in groupby(found, key=lambda entry: entry.group):
         if made:

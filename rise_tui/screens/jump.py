@@ -1,4 +1,4 @@
-"""Jump mode: a letter on every list, pane and tab; that letter goes there, and every other key leaves."""
+"""Jump mode: a letter on every list, pane and tab. The letter goes there; every other key leaves."""
 
 from __future__ import annotations
 
@@ -14,18 +14,18 @@ from rise_tui.rendering.text import StyledLine, StyledSpan, crop
 from rise_tui.widgets.static_lines import StaticLines
 
 LETTERS = {"acts": "a", "rules": "r", "rule": "u", "act": "c", "memory": "m", "log": "l", "scheduler": "s"}
-"""Always the same ones, so that fingers learn them."""
+"""The letters never change, so that wizards can learn them."""
 
 
 class TitleLabels(NamedTuple):
-    """What is written over one title bar."""
+    """The labels over one title bar."""
 
     region: Region
     line: StyledLine
 
 
 def label_line(titles: Sequence[tuple[str, str, bool]]) -> StyledLine:
-    """Letter, title and whether it is the one in front, for each tab. A letter takes one cell more than its spaces."""
+    """Letter and title of each tab; the front tab is emphasised. A letter takes one cell more than its spaces."""
     spans: list[StyledSpan] = []
     for letter, title, front in titles:
         spans += [(f"[{letter}]", "key"), (title.upper() if front else title.lower(), "strong" if front else "muted")]
@@ -33,7 +33,7 @@ def label_line(titles: Sequence[tuple[str, str, bool]]) -> StyledLine:
 
 
 class JumpScreen(SingleDismissModal[str]):
-    """The result is the pane to go to, or empty."""
+    """The labels over the console; the result is the pane to go to, or empty."""
 
     DEFAULT_CSS = """
     JumpScreen { background: transparent; }
@@ -41,7 +41,7 @@ class JumpScreen(SingleDismissModal[str]):
     """
 
     def __init__(self, labels: Iterable[TitleLabels], hints_region: Region) -> None:
-        """`labels`: one for each title bar. `hints_region`: where the key hints stand, which this says instead."""
+        """`labels`: one for each title bar. `hints_region`: the place of the key hints, which this text replaces."""
         super().__init__()
         usage: StyledLine = (("  press a letter to go there", "strong"), ("   esc", "key"), (" leaves", "plain"))
         self._labels = [*labels, TitleLabels(hints_region, crop(usage, hints_region.width))]
@@ -64,7 +64,7 @@ class JumpScreen(SingleDismissModal[str]):
 
     def on_mount(self) -> None:
         self._terminal_size = self.app.size
-        """The size of the terminal for which the labels stand right."""
+        """The terminal size for which the labels are in the right places."""
 
     def on_resize(self) -> None:
         if self.app.size != self._terminal_size:

@@ -1,4 +1,4 @@
-"""How a session ends: a word that is typed before it ends for good, and in a study how it counts."""
+"""The end of a session: a word to type before it ends permanently, and its outcome in a study."""
 
 from __future__ import annotations
 
@@ -19,13 +19,13 @@ from rise_tui.widgets.choice_field import ChoiceField, OpenChoice
 from rise_tui.widgets.prompt_bar import TextField
 
 CONFIRMING_WORD = "end"
-"""No key of any study ends a session, however it was meant: this is typed, and then Enter is pressed."""
+"""The word to type before Enter. No key of a study can end a session by accident."""
 TYPE_WORD = f"Type {CONFIRMING_WORD} and press enter:"
 NOT_THE_WORD = f"that is not the word {CONFIRMING_WORD}: the session goes on"
 
 
 class EndSessionDialog(FormDialog[bool]):
-    """Answers whether the session is to end; Esc leaves it and does nothing."""
+    """The result: whether to end the session. Esc leaves it and does nothing."""
 
     AUTO_FOCUS = "#word"
     BINDINGS: ClassVar[list[BindingType]] = [Binding("escape", "dismiss(False)", show=False)]
@@ -51,7 +51,7 @@ class EndSessionDialog(FormDialog[bool]):
 
 
 def end_session_dialog(store: Store, then: str = "") -> EndSessionDialog:
-    """Before the session ends for good. `then`: what comes after it, if not nothing."""
+    """The question before the session ends permanently. `then`: what comes after it; empty: nothing."""
     participant = participant_text(store)
     lines = [session_title(store), *running_lines(store), ""]
     lines += ["The robot stops, and the session ends permanently.", "It cannot be continued."]
@@ -71,14 +71,14 @@ NEEDS_REASON: tuple[OutcomeStatus, ...] = ("aborted", "excluded")
 
 
 class Outcome(NamedTuple):
-    """What was answered."""
+    """The answer."""
 
     status: OutcomeStatus
     reason: str
 
 
 class OutcomeDialog(FormDialog[Outcome | None]):
-    """Nothing is chosen to begin with; esc leaves, and nothing has happened."""
+    """Asks for the outcome. Nothing is chosen first. Esc leaves, and nothing has happened."""
 
     AUTO_FOCUS = "#outcome"
     BINDINGS: ClassVar[list[BindingType]] = [
@@ -95,8 +95,8 @@ class OutcomeDialog(FormDialog[Outcome | None]):
     """
 
     def __init__(self, title: str, lines: Sequence[str], *, ends: bool, corrects: bool = False) -> None:
-        """`ends`: a session is ended by this, which wants the word typed, as everywhere. `corrects`: somebody has said
-        another outcome before, so that each needs a reason."""
+        """`ends`: whether this ends a session, which always needs the typed word. `corrects`: whether there is an
+        earlier outcome, so that each choice needs a reason."""
         super().__init__()
         self._title, self._lines, self._ends = title, lines, ends
         self._need_reason = OUTCOMES if corrects else NEEDS_REASON

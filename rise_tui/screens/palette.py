@@ -1,6 +1,6 @@
-"""The command palette: type a few letters of anything that can be done, Enter does it.
+"""The command palette: type a few letters of a command, and Enter carries it out.
 
-What cannot be used now is there too, with the reason.
+It also lists what cannot be used now, with the reason.
 """
 
 from __future__ import annotations
@@ -39,13 +39,13 @@ class PaletteCommand(NamedTuple):
 
     title: str
     kind: str
-    """What it is, in a word: act, rule, event, theme, or the place of an action."""
+    """Its kind in a word: act, rule, event, theme, or the place of an action."""
     key: str
     help: str
     blocked_text: str
     run: Callable[[], None]
     theme: str = ""
-    """Shown while the cursor is on the line."""
+    """The theme to show while the cursor is on the line."""
 
 
 def palette_commands(
@@ -68,21 +68,21 @@ def palette_commands(
 
 
 def study_commands(run: Callable[[str], None]) -> Iterator[PaletteCommand]:
-    """What can be done on the screen of a study, where no session runs."""
+    """The commands of a study's screen, where no session runs."""
     shared = (BY_ID[id] for id in ON_STUDY_SCREEN if id not in ("palette", "theme"))
     for action in (*actions_in("study"), *shared):
         yield PaletteCommand(action.title, "", first_key_label(action), action.help, "", partial(run, action.id))
 
 
 def edit_commands(run: Callable[[str], None]) -> Iterator[PaletteCommand]:
-    """What can be done in the editor of a study's files."""
+    """The commands of the editor of a study's files."""
     shared = (BY_ID[id] for id in IN_EDITOR if id not in ("palette", "theme"))
     for action in (*actions_in("edit"), *shared):
         yield PaletteCommand(action.title, "", first_key_label(action), action.help, "", partial(run, action.id))
 
 
 def _expected_events(store: Store, start: Callable[[KeyAction], None]) -> Iterator[PaletteCommand]:
-    """Events that a running rule waits for and that no act or rule raises itself when it ends."""
+    """Events that a running rule waits for and that no act or rule raises itself at its end."""
     topics = store.expected_inputs().events
     own = {name + ending for name in (*store.scenario.acts, *store.scenario.rules) for ending in ENDINGS}
     why = why_blocked(store, "start")
@@ -124,26 +124,26 @@ def _scenario_commands(store: Store, start: Callable[[KeyAction], None]) -> Iter
 
 
 def _author_title(key: KeyBinding | None) -> str:
-    """What the author calls it, as words to be found by."""
+    """The author's title, as words to search for."""
     return f": {key.title}" if key is not None and key.title else ""
 
 
 def theme_commands(choose: Callable[[str], None]) -> Iterator[PaletteCommand]:
-    """One line for each theme; moving over it shows it."""
+    """One line for each theme; moving over it shows the theme."""
     for theme in themes.THEMES:
         name = theme.name.removeprefix("rise-")
         yield PaletteCommand(name, THEME, "", "use this theme", "", partial(choose, theme.name), theme.name)
 
 
 class PaletteHit(NamedTuple):
-    """A command that fits, and where in its title."""
+    """A matching command, and the places of the match in its title."""
 
     command: PaletteCommand
     spans: Sequence[tuple[int, int]] = ()
 
 
 def search_commands(all_of_them: Iterable[PaletteCommand], typed: str) -> list[PaletteHit]:
-    """What fits to what was typed, the best first; all of them in their order when nothing usable is typed."""
+    """The matches of the typed text, the best first; all commands in order if the text is empty or not valid."""
     try:
         wanted = Filter(typed)
         if not wanted:
@@ -157,17 +157,17 @@ def search_commands(all_of_them: Iterable[PaletteCommand], typed: str) -> list[P
             elif wanted.matches(f"{command.kind} {command.title}  {command.help}"):
                 ranked.append(((1,), PaletteHit(command)))
         return [hit for _, hit in sorted(ranked, key=lambda each: each[0])]
-    except InvalidFilter:  # half of an expression
+    except InvalidFilter:  # an unfinished expression
         return [PaletteHit(command) for command in all_of_them]
 
 
 TITLE_WIDTH = 30
 KEY_WIDTH = 7
-"""The longest are `space` and `bksp`."""
+"""Cells. The longest keys are `space` and `bksp`."""
 
 
 class Palette(SearchDialog[PaletteCommand]):
-    """Moving over a theme shows it; Esc leaves everything as it was."""
+    """The palette on the screen. Moving over a theme shows it; Esc leaves everything unchanged."""
 
     DEFAULT_CSS = """
     Palette #box { max-width: 92; height: auto; }
@@ -211,7 +211,7 @@ class Palette(SearchDialog[PaletteCommand]):
 
     @property
     def current(self) -> PaletteCommand | None:
-        """What Enter would do."""
+        """The command that Enter would carry out."""
         return self._hits[self.list.cursor].command if 0 <= self.list.cursor < len(self._hits) else None
 
     def _preview(self) -> None:

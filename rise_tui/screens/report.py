@@ -1,6 +1,6 @@
-"""What happened in a session that has ended, to read before the next one; Esc goes on at once.
+"""The report of a session that has ended, to read before the next one. Esc leaves immediately.
 
-It is made beside the loop, while this screen is there already: whoever does not want to read it does not wait for it.
+The report is made off the loop while this screen is already shown, so nobody has to wait for it.
 """
 
 from __future__ import annotations
@@ -33,14 +33,14 @@ class ReportOf(NamedTuple):
 
 
 class ReadingList(RowList):
-    """Lines to read: pages scroll, because nothing in it can be chosen."""
+    """Lines to read. Page keys scroll, because no line can be selected."""
 
     def action_page(self, direction: int) -> None:
         self.scroll_relative(y=direction * max(1, self.size.height - 2), animate=False)
 
 
 class ReportScreen(SingleDismissModal[None]):
-    """Shows the report of one session, or of one of several."""
+    """Shows the report of one session, and can switch between several."""
 
     DEFAULT_CSS = """
     ReportScreen {
@@ -52,9 +52,9 @@ class ReportScreen(SingleDismissModal[None]):
 
     def __init__(self, sessions: Sequence[ReportOf], make: Callable[[str], Document]) -> None:
         """
-        :param sessions: whose report can be read, the one that is shown first at the end.
+        :param sessions: the sessions whose reports can be read; the last one is shown first.
         :param make: the report of a session by its folder's name; it may take long, and raises RiseError with a
-            sentence. It is called beside the loop.
+            sentence. It is called off the loop.
         """
         super().__init__()
         self._sessions, self._make = list(sessions), make
@@ -64,7 +64,7 @@ class ReportScreen(SingleDismissModal[None]):
 
     @property
     def text(self) -> str:
-        """What can be read."""
+        """The text of the report."""
         return self.list.text
 
     def compose(self) -> ComposeResult:
@@ -90,7 +90,7 @@ class ReportScreen(SingleDismissModal[None]):
     async def _read(self, folder: str) -> None:
         try:
             self._document = await asyncio.to_thread(self._make, folder)
-        except Exception as error:  # whatever it is: nobody is to lose the screen of a study over a report
+        except Exception as error:  # any error: a report must not close the screen of a study
             self._show(["", *(f" {line}" for line in wrap(f"there is no report: {error}", self._width - 2))])
             return
         await self._lay_out(self._document)
@@ -141,7 +141,7 @@ class ReportScreen(SingleDismissModal[None]):
         event.prevent_default()
 
     def _go_to_section(self, direction: int) -> None:
-        """To where the next section, or the one before, begins."""
+        """Go to the beginning of the next section, or of the previous one."""
         lines = self.list.text.split("\n")
         starts = [0, *(at - 1 for at, line in enumerate(lines) if at > 0 and _underlines(line, lines[at - 1]))]
         now = round(self.list.scroll_y)
@@ -157,6 +157,6 @@ class ReportScreen(SingleDismissModal[None]):
 
 
 def _underlines(line: str, before: str) -> bool:
-    """Whether a line is the rule below a section's title, which is as long as the title."""
+    """Whether a line underlines a section's title: it is as long as the title."""
     rule = line.strip()
     return bool(rule) and set(rule) == {RULE} and len(rule) == len(before.strip())

@@ -1,4 +1,4 @@
-"""A box with a line to type in and a list that follows it: what help and palette have in common."""
+"""A box with a line to type in and a list that follows it: the common base of help and palette."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ from rise_tui.widgets.row_list import RowList, RowView
 
 
 class FoundList(RowList, can_focus=False):
-    """The list. The keys stay with the line above; its cursor is where Enter goes."""
+    """The list. The keys stay with the line above; Enter goes to the list's cursor."""
 
     DEFAULT_CSS = """
     FoundList { background: $panel; }
@@ -29,7 +29,7 @@ class FoundList(RowList, can_focus=False):
 
 
 class SearchDialog(SingleDismissModal[ScreenResultType], Generic[ScreenResultType]):
-    """Esc closes it; the result is what was chosen, or None."""
+    """A box to search in. Esc closes it; the result is the chosen item, or None."""
 
     DEFAULT_CSS = """
     SearchDialog {
@@ -55,10 +55,10 @@ class SearchDialog(SingleDismissModal[ScreenResultType], Generic[ScreenResultTyp
 
     @abstractmethod
     def draw(self) -> None:
-        """Show what fits to what is typed."""
+        """Show the matches of the typed text."""
 
     def typed_filter(self) -> Filter | None:
-        """What is typed; None while that is nothing, or cannot be used yet."""
+        """The typed text as a filter; None while it is empty or not valid."""
         try:
             return Filter(self.search.value) or None
         except InvalidFilter:
@@ -86,4 +86,4 @@ class SearchDialog(SingleDismissModal[ScreenResultType], Generic[ScreenResultTyp
 
     @abstractmethod
     def carry_out_key(self, key: str) -> bool:
-        """Do what a key asks for that is not typed; False: it is typed."""
+        """Carry out a key that is not text; False: it is text."""

@@ -1,4 +1,4 @@
-"""Settings: where the scenario is, which robot and mode, and for whom. Only applying does anything: a new session."""
+"""Settings: scenario, robot, mode and participant. Only applying has an effect: a new session."""
 
 from __future__ import annotations
 
@@ -34,13 +34,13 @@ MODES = ("debug", "real")
 
 
 def condition_labels(conditions: Mapping[str, Condition]) -> dict[str, str]:
-    """What the choice of a condition shows, by its words: the conditions, and first none."""
+    """The labels for the choice of a condition, by name; the first is none."""
     none = "none" if conditions else "none: scenario.toml has no [conditions.NAME]"
     return {"": none} | {name: condition.label or name for name, condition in conditions.items()}
 
 
 class SettingsScreen(FormDialog[tuple[Scenario, SessionOptions] | None]):
-    """Answers with a scenario that loads, once the wizard has confirmed to start anew with it."""
+    """The result: a valid scenario, once the wizard has confirmed a new session with it."""
 
     DEFAULT_CSS = """
     SettingsScreen {
@@ -66,11 +66,11 @@ class SettingsScreen(FormDialog[tuple[Scenario, SessionOptions] | None]):
         paths = {kind: settings.paths.get(kind) or scenario.paths.get(kind, "") for kind in PATH_KINDS}
         robots = names if robot in names else [*names, robot]
         self._current = ScenarioSummary(robots, robot, mode, paths, store.scenario.conditions)
-        """What runs now."""
+        """The present session."""
         self._in_file = self._current
-        """What the fields said before anybody changed them, for the folder that is in its field."""
+        """The first values of the fields, for the folder in its field."""
         self._folder_read = settings.folder
-        """The folder for which the fields were filled in."""
+        """The folder whose values fill the fields."""
         self._apply_next = False
         self.changes, self.findings = Static("", markup=False), Static("", markup=False)
 
@@ -81,7 +81,7 @@ class SettingsScreen(FormDialog[tuple[Scenario, SessionOptions] | None]):
                 yield from self.row(kind, TextField(self._current.paths[kind], id=kind, select_on_focus=False))
             yield from self.row("robot", ChoiceField(tuple(self._current.robots), self._current.robot, id="robot"))
             yield from self.row("mode", ChoiceField(MODES, self._current.mode, id="mode"))
-            # These two begin empty: what was so in the session before would be wrong in a new one.
+            # These two begin empty: the values of the last session would be wrong in a new one.
             hint = "the next participant; may be empty"
             yield from self.row("participant", TextField(placeholder=hint, id="participant", select_on_focus=False))
             labels = condition_labels(self._current.conditions)
@@ -99,7 +99,7 @@ class SettingsScreen(FormDialog[tuple[Scenario, SessionOptions] | None]):
     @on(Input.Changed)
     @on(ChoiceField.Changed)
     def _show_changes(self) -> None:
-        """What applying would do, as long as nothing is applied."""
+        """Show what applying would do, until it is applied."""
         chosen = self.chosen_options()
         lines = [f"  {what}: {before or '-'} → {after or '-'}" for what, before, after in self._differences(chosen)]
         of = participant_text(self._store)
@@ -116,7 +116,7 @@ class SettingsScreen(FormDialog[tuple[Scenario, SessionOptions] | None]):
         return clean(" · ".join(filter(None, (chosen.participant, condition))) or "nobody named")
 
     def _differences(self, chosen: SessionOptions) -> list[tuple[str, str, str]]:
-        """What is chosen that is not so now: name, now, then."""
+        """What is chosen and differs from now: name, now, then."""
         pairs = [("folder", self._settings.folder, self._folder)]
         if self._is_running_folder(self._folder):
             pairs = []
@@ -133,7 +133,7 @@ class SettingsScreen(FormDialog[tuple[Scenario, SessionOptions] | None]):
         return bool(folder) and expand_home(folder) == expand_home(self._settings.folder)
 
     def chosen_options(self) -> SessionOptions:
-        """What the fields say: exactly what is shown runs. Paths as the scenario has them stay the scenario's."""
+        """The options from the fields: exactly what is shown runs. The scenario's own paths stay the scenario's."""
         folder = self._folder
         paths = {kind: self.query_one(f"#{kind}", TextField).value.strip() for kind in PATH_KINDS}
         before = self._settings.paths if self._is_running_folder(folder) else {}
@@ -156,7 +156,7 @@ class SettingsScreen(FormDialog[tuple[Scenario, SessionOptions] | None]):
             self.run_worker(Later(self._fill_fields, self._folder), exclusive=True, group="fields")
 
     async def _fill_fields(self, folder: str) -> None:
-        """Another scenario has its own paths, robot and mode."""
+        """Fill the fields with another scenario's paths, robot and mode."""
         running = self._is_running_folder(folder)
         found = self._current if running else await asyncio.to_thread(read_summary, folder)
         if folder != self._folder:
@@ -188,13 +188,13 @@ class SettingsScreen(FormDialog[tuple[Scenario, SessionOptions] | None]):
         if not folder:
             self.findings.update("refused; nothing has changed:\nenter a folder")
             return
-        self._apply_next = folder != self._folder_read  # then it is being read: first shown, then applied
+        self._apply_next = folder != self._folder_read  # then it is being read: show it, then apply it
         self.findings.update("reading …")
         if not self._apply_next:
             self.run_worker(Later(self._load, self.chosen_options()), exclusive=True, group="load")
 
     async def _load(self, settings: SessionOptions) -> None:
-        """Show what is wrong with the scenario; when nothing is, ask."""
+        """Show what is wrong with the scenario, or ask for confirmation."""
         found = await asyncio.to_thread(self._launcher.load_scenario, settings)
         if isinstance(found, ScenarioProblems):
             self.findings.update("\n".join(["refused; nothing has changed:", *found.lines]))

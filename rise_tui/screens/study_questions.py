@@ -1,4 +1,4 @@
-"""What is asked before a session of a study: what is rehearsed, and who sits at the console."""
+"""The questions before a session of a study: what to rehearse, and who sits at the console."""
 
 from __future__ import annotations
 
@@ -26,11 +26,11 @@ PURPOSES: dict[str, str] = {
     "pilot": "with a person, on the robot, as if it counted",
 }
 THEIRS = "theirs"
-"""The row for the condition that the participant would get."""
+"""The row for the participant's own condition."""
 
 
 class RehearsalDialog(FormDialog[SessionRequest | None]):
-    """Left and right choose what for, up and down the condition; Enter goes on."""
+    """Asks for a rehearsal. Left and right choose its purpose, up and down its condition; Enter goes on."""
 
     AUTO_FOCUS = "#conditions"
     BINDINGS: ClassVar[list[BindingType]] = [Binding("escape", "dismiss(None)", show=False)]
@@ -42,8 +42,8 @@ class RehearsalDialog(FormDialog[SessionRequest | None]):
     """
 
     def __init__(self, participant: str, purposes: Sequence[Purpose], names: Sequence[str], shown: Conditions) -> None:
-        """`names`: every condition of the design. In a hidden study the participant's own is not offered: it would be
-        known before their session."""
+        """`names`: every condition of the design. A hidden study does not offer the participant's own condition,
+        because the wizard would know it before the session."""
         super().__init__()
         self._participant, self._names, self._shown = participant, names, shown
         self.purpose = ChoiceField(tuple(purposes), purposes[0], id="purpose")
@@ -79,7 +79,7 @@ class RehearsalDialog(FormDialog[SessionRequest | None]):
 
 
 class WizardNameDialog(FormDialog[str]):
-    """Answers with the name; empty: it was left."""
+    """The result: the name; empty: the wizard left."""
 
     AUTO_FOCUS = "#name"
     BINDINGS: ClassVar[list[BindingType]] = [
@@ -89,7 +89,7 @@ class WizardNameDialog(FormDialog[str]):
     ]
 
     def __init__(self, name: str, offered: Sequence[str] = ()) -> None:
-        """`name`: what stands there to begin with. `offered`: the wizards that the study names."""
+        """`name`: the first text of the field. `offered`: the wizards that the study names."""
         super().__init__()
         self._offered = tuple(offered)
         self.field = TextField(name, id="name", placeholder="a short name, such as anna", select_on_focus=False)

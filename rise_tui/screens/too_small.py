@@ -1,4 +1,4 @@
-"""What a window shows that is too small for a console: what is needed, and that stopping still works."""
+"""The screen of a window that is too small for a console: the size that it needs, and that stopping still works."""
 
 from __future__ import annotations
 
@@ -15,16 +15,16 @@ from rise_tui.widgets.static_lines import StaticLines
 
 REFRESH_SECONDS = 0.5
 LEAST_SIZE = (70, 20)
-"""Columns and rows below which nothing could be read."""
+"""Columns and rows below which nothing is readable."""
 
 
 def is_too_small(width: int, height: int) -> bool:
-    """Whether a terminal has no room for a console."""
+    """Whether a terminal is too small for a console."""
     return width < LEAST_SIZE[0] or height < LEAST_SIZE[1]
 
 
 def too_small_lines(size: Size, store: Store | None) -> list[StyledLine]:
-    """Sentences in whatever room there is, the most important first."""
+    """Sentences in the available room, the most important first."""
     alarms = current_alarms(store, key_name) if store is not None else []
     head: list[StyledLine] = [crop(alarms[0].head, size.width)] if alarms else []
     stop, leave = key_name("stop"), key_name("quit")
@@ -38,7 +38,7 @@ def too_small_lines(size: Size, store: Store | None) -> list[StyledLine]:
 
 
 class TooSmallScreen(SingleDismissModal[None]):
-    """Lies over everything until the window is large enough."""
+    """Covers everything until the window is large enough."""
 
     DEFAULT_CSS = """
     TooSmallScreen { background: $background; }
@@ -46,7 +46,7 @@ class TooSmallScreen(SingleDismissModal[None]):
     """
 
     def __init__(self, store: Store | None) -> None:
-        """`store`: of the session that runs, if one does."""
+        """`store`: of the running session; None without one."""
         super().__init__()
         self._store = store
         self.lines = StaticLines()
@@ -62,7 +62,7 @@ class TooSmallScreen(SingleDismissModal[None]):
         if is_too_small(*size):
             self.lines.show(*too_small_lines(size, self._store))
         else:
-            self.dismiss(None)  # does nothing below a question, which is answered first
+            self.dismiss(None)  # has no effect below a question, which is answered first
 
     def on_resize(self) -> None:
         self._draw()

@@ -19,16 +19,16 @@ from rise_tui.widgets.static_lines import StaticLines
 FRESH_SECONDS = 60.0
 WIDTH = 60
 FOLLOW_SECONDS = 0.5
-"""How soon a box follows what it points at, when an alarm moves that."""
+"""Seconds until a box follows its part of the screen when an alarm moves it."""
 
 
 class TourStep(NamedTuple):
-    """One box, and the id of the part of the screen at which it points."""
+    """One box, and the id of the part of the screen that it points at."""
 
     part: str
     title: str
     template: str
-    """Names keys by their actions: `{stop}`."""
+    """The text, with keys by their actions: `{stop}`."""
 
     @property
     def text(self) -> str:
@@ -69,17 +69,17 @@ STEPS = (
         "name, {quit} leaves: the session goes on without you, or ends if you say so.",
     ),
 )
-"""In the order of a wizard's questions."""
+"""The boxes, in the order of a wizard's questions."""
 
 
 def is_tour_due(store: Store) -> bool:
-    """Whether a first run is the moment for it: a wizard's own session that has only just begun."""
+    """Whether this is a good moment for the tour: a wizard's own session that has only just begun."""
     quiet = not (store.gone_reason or store.attach_reply.is_recorded or store.view.tasks or store.view.stop.latched)
     return quiet and store.has_control and store.attach_reply.role == "wizard" and store.now() <= FRESH_SECONDS
 
 
 class TourScreen(SingleDismissModal[None]):
-    """Enter or right goes on, left goes back, Esc ends it. No other key does anything, but stopping and leaving."""
+    """Shows the tour. Enter or right goes on, left goes back, Esc ends it. Otherwise only stopping and leaving work."""
 
     DEFAULT_CSS = """
     TourScreen { background: transparent; }
@@ -87,7 +87,7 @@ class TourScreen(SingleDismissModal[None]):
     """
 
     def __init__(self, part_of: Callable[[str], Region], room: Callable[[], Region]) -> None:
-        """`part_of`: where a part stands on the screen. `room`: where a box may stand; an alarm is never covered."""
+        """`part_of`: the place of a part on the screen. `room`: the place for boxes; an alarm is never covered."""
         super().__init__()
         self._part_of, self._room = part_of, room
         self._step_number = 0
@@ -132,7 +132,7 @@ class TourScreen(SingleDismissModal[None]):
 
 
 def box_lines(step: TourStep, number: int, width: int) -> tuple[StyledLine, ...]:
-    """Title, text, and what the keys do, in a frame."""
+    """Title, text, and keys, in a frame."""
     inner = width - 4
     keys = "enter next · ← back · esc ends the tour" if number < len(STEPS) else "enter ends the tour · ← back"
     title: StyledLine = (
@@ -148,9 +148,9 @@ def box_lines(step: TourStep, number: int, width: int) -> tuple[StyledLine, ...]
 
 
 def place_box(part: Region, size: Size, room: Region) -> tuple[Offset, Offset, str]:
-    """Where the box stands, where its pointer, and which way that points. Both stay within the room.
+    """The place of the box, the place of its pointer, and the pointer's direction. Both stay within the room.
 
-    Under a part that stands above the room, over one below it, and otherwise beside it or within it.
+    The box goes below a part above the room, above a part below it, and otherwise beside or inside the part.
     """
     x = min(max(part.x + 2, room.x), max(room.x, room.right - size.width))
     tip = min(max(part.x + 4, x), x + size.width - 3)

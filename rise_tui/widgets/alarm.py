@@ -1,4 +1,4 @@
-"""The bars that cannot be missed: red for a stop, a disk, a link, a robot, an engine, an act; amber for control."""
+"""The bars that nobody can miss: red for a stop, a disk, a link, a robot, an engine, an act; amber for control."""
 
 from __future__ import annotations
 
@@ -16,13 +16,14 @@ from rise_tui.rendering.text import StyledLine, crop, plain_text
 from rise_tui.widgets.static_lines import StoreLines
 
 LEAST_ROWS = 5
-"""Lines that a failed act may take on the smallest terminal: which, why, two for what was not said, the keys."""
+"""Lines for a failed act on the smallest terminal: which act, why, two for what was not said, the keys."""
 ROW_SHARE = 4
-"""Of the rows at most one in so many: the band above says the first sentence too, and the panes must be seen."""
+"""A failed act takes at most one row of this many: the band above also has its first sentence, and panes stay
+visible."""
 
 
 class ShadowBar(StoreLines):
-    """Shown while the cues of a recorded session are played to a second wizard, whose keys reach nobody."""
+    """Shown while a second wizard, whose keys reach nobody, gets the cues of a recorded session."""
 
     DEFAULT_CSS = """
     ShadowBar { height: 1; background: $accent 25%; display: none; }
@@ -37,7 +38,7 @@ class ShadowBar(StoreLines):
 
 
 class AlarmBar(StoreLines):
-    """Shown while something holds that every wizard must know."""
+    """Shown while something is wrong that every wizard must know."""
 
     DEFAULT_CSS = """
     AlarmBar { height: 3; background: $error 18%; display: none; }
@@ -45,7 +46,7 @@ class AlarmBar(StoreLines):
     """
 
     counts = False
-    """Whether what it shows changes with every second."""
+    """Whether its text changes every second."""
 
     def draw(self) -> None:
         found = current_alarms(self.store, key_name)
@@ -57,8 +58,7 @@ class AlarmBar(StoreLines):
 
 
 class AttentionBar(StoreLines):
-    """Lines of one row each: somebody asks for control, or has taken it; a robot that works, but not wholly; a camera
-    that does not record."""
+    """One-row lines: somebody asks for or has taken control, a robot works only partly, a camera does not record."""
 
     DEFAULT_CSS = """
     AttentionBar { height: 1; background: $warning 18%; display: none; }
@@ -89,7 +89,7 @@ def _control_line(store: Store) -> StyledLine:
 
 
 def _recorders_line(store: Store, width: int) -> StyledLine:
-    """Red over the whole row."""
+    """Broken recorders, in red over the whole row."""
     said = broken_recorders_text(store)
     return ((f" {said} " + " " * (width - cell_len(said) - 2), "alarm"),) if said else ()
 
@@ -100,7 +100,7 @@ def _degraded_line(store: Store) -> StyledLine:
 
 
 class FailureBar(StoreLines):
-    """An act that failed, and what was not said: it stays until somebody answers it, or the act is done after all."""
+    """A failed act, and what was not said. It stays until somebody answers it, or the act is repeated."""
 
     DEFAULT_CSS = """
     FailureBar { height: auto; background: $error 18%; display: none; }
@@ -116,7 +116,7 @@ class FailureBar(StoreLines):
         self.show(*shown)
 
     def on_click(self, event: events.Click) -> None:
-        """Each key in the last line can be clicked, with the words after it."""
+        """Make each key in the last line clickable, with the words after it."""
         if event.y != len(self.lines) - 1:
             return
         line = plain_text(self.lines[-1])

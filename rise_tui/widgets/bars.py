@@ -1,4 +1,4 @@
-"""The console's own bars: status, speech, notice, the study's keys, key hints. Those that alarm are in `alarm`."""
+"""The console's own bars: status, speech, notice, the study's keys, key hints. The alarm bars are in `alarm`."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ from rise_tui.widgets.static_lines import StaticLines, StoreLines
 NARROW = 100
 NOTICE_LINES = 3
 GONE_ACTIONS = ("quit", "filter", "next-pane", "help")
-"""What there is to do besides when nothing runs any more."""
+"""The remaining actions when nothing runs any more."""
 FILLER = 18
 """Cells for the name of the next filler among the hints."""
 
@@ -37,7 +37,7 @@ NOTICE_GLYPHS: dict[str, tuple[str, TextRole]] = {
 
 
 class StatusLine(StoreLines):
-    """Always on top: what runs, in which mode, on which robot, since when, and whether keys start anything."""
+    """The top line: what runs, in which mode, on which robot, since when, and whether keys start anything."""
 
     DEFAULT_CSS = """
     StatusLine { background: $rise-bar; }
@@ -48,9 +48,9 @@ class StatusLine(StoreLines):
 
 
 class NoticeLine(StoreLines):
-    """One sentence: a rejection, a fault, an answer to a key; else that it is time for a filler.
+    """One sentence: a rejection, a fault, an answer to a key, or that a filler is due.
 
-    What has no room in one line takes two or three: nobody can ask for the end of a sentence that was cut off.
+    A longer sentence takes two or three lines, because nobody could ask for a cut end.
     """
 
     def draw(self) -> None:
@@ -66,7 +66,7 @@ class NoticeLine(StoreLines):
 
 
 def notice_lines(notice: Notice, width: int) -> list[StyledLine]:
-    """A sentence behind the glyph of its level, over at most NOTICE_LINES lines; what then is left is cut off."""
+    """A sentence after the glyph of its level, on at most NOTICE_LINES lines; the rest is cut."""
     glyph, role = NOTICE_GLYPHS[notice.level]
     pieces = wrap(notice.text, max(20, width - 3)) if width else [notice.text]
     if len(pieces) > NOTICE_LINES:
@@ -76,7 +76,7 @@ def notice_lines(notice: Notice, width: int) -> list[StyledLine]:
 
 
 class KeyHints(StaticLines):
-    """The keys of the focused pane and those that always work; each can be clicked."""
+    """The keys of the focused pane and those that always work. Each can be clicked."""
 
     DEFAULT_CSS = """
     KeyHints { background: $rise-bar; }
@@ -88,7 +88,7 @@ class KeyHints(StaticLines):
 
     def draw(self, own: Sequence[ConsoleAction], common: Sequence[ConsoleAction], store: Store) -> None:
         if store.gone_reason:
-            own = [action for action in own if not why_unavailable(action, store)]  # what is left is to read
+            own = [action for action in own if not why_unavailable(action, store)]  # only reading is left
             common = [BY_ID[id] for id in GONE_ACTIONS]
         pieces = [
             (_hint(action, store, word), action.id)
@@ -98,7 +98,7 @@ class KeyHints(StaticLines):
         self.show_pieces(pieces)
 
     def draw_typing(self, store: Store, enter: str) -> None:
-        """While a text field has the focus no key starts anything, but the stop key stops. `enter`: what Enter does."""
+        """Draw the hints for a text field: no key starts anything, but the stop key works. `enter`: what Enter does."""
         self.show_pieces(
             [
                 (_stop_hint(store), "stop"),
@@ -109,7 +109,7 @@ class KeyHints(StaticLines):
         self.show((*self.lines[0], ("  typing: keys start nothing", "muted")))
 
     def draw_saying(self, store: Store, effect: SpeechEffect, why_not: str) -> None:
-        """While free speech is typed: what each of the two keys that say it would do."""
+        """Draw the hints for free speech: what each of its two keys would do."""
         room = max(12, (self.size.width - 44) // 2)
         queued, at_once = (fit(text, min(len(text), room)) for text in effect)
         if effect.at_once.partition(" ")[2] == effect.queued.removeprefix("waits for "):
@@ -126,7 +126,7 @@ class KeyHints(StaticLines):
         self.show_pieces([(_stop_hint(store), "stop"), (speech_hint, ""), *((piece, "") for piece in rest)])
 
     def show_pieces(self, pieces: Sequence[tuple[list[StyledSpan], str]]) -> None:
-        """As many as there is room for, and help always; those with an action's id can be clicked."""
+        """Show as many pieces as fit, and always help. Pieces with an action's id can be clicked."""
         spans: list[StyledSpan] = []
         self._targets.clear()
         kept = sum(line_width(piece) for piece, action in pieces if action == "help")
@@ -147,12 +147,12 @@ class KeyHints(StaticLines):
 
 
 def next_filler_name(store: Store) -> str | None:
-    """The filler that the key would say now."""
+    """The filler that the key would start now."""
     return next_filler(store.scenario, store.view.latest_act_of(filler_acts(store.scenario)))
 
 
 def _filler_offer(store: Store) -> StyledLine:
-    """`2.1 s since the cue: , says R_Filler_Hm`, once that is due, nothing runs, and it could be said."""
+    """`2.1 s since the cue: , says R_Filler_Hm`, if it is due, nothing runs, and it is possible."""
     since = filler_due(store.cue_clock, store.now(), store.scenario.fillers.offer_after)
     filler = next_filler_name(store)
     if since is None or filler is None or store.view.running or store.blocked_reason("start"):
@@ -163,7 +163,7 @@ def _filler_offer(store: Store) -> StyledLine:
 
 
 def _hint_word(action: ConsoleAction, store: Store, width: int) -> str:
-    """What the hint line says about an action; empty when it would mean nothing in this session."""
+    """The hint line's word for an action; empty if the action means nothing in this session."""
     if action.id == "filler":
         filler = next_filler_name(store) or ""
         if width < NARROW:  # `Hm` for `R_Filler_Hm`
@@ -194,7 +194,7 @@ def _key_and_text(key: str, what: str) -> list[StyledSpan]:
 
 
 class SpeechBand(StoreLines):
-    """The sentence that the robot says, on every size, and what comes next if nobody does anything."""
+    """The robot's sentence, in every terminal size, and what comes next if nobody does anything."""
 
     DEFAULT_CSS = """
     SpeechBand { height: 2; background: $surface; }
@@ -203,7 +203,7 @@ class SpeechBand(StoreLines):
     _sentence_rows = 1
 
     def fit_terminal(self, size: Size) -> None:
-        """Take as many lines as this session needs in a terminal of this size."""
+        """Take the lines that this session needs in a terminal of this size."""
         scenario = self.store.scenario
         self._sentence_rows = sentence_height(
             scenario, {**scenario.table_memory, **scenario.memory}, size.width, size.height
@@ -215,7 +215,7 @@ class SpeechBand(StoreLines):
 
 
 class KeyStrip(StoreLines):
-    """The study's own keys; each can be clicked."""
+    """The study's own keys. Each can be clicked."""
 
     DEFAULT_CSS = """
     KeyStrip { height: 1; background: $surface; }
@@ -225,7 +225,7 @@ class KeyStrip(StoreLines):
     _pieces: tuple[KeyStripPiece, ...] = ()
 
     def fit_terminal(self, size: Size) -> None:
-        """The same."""
+        """Take the lines that the study's keys need in a terminal of this size."""
         self._rows = key_strip_height(self.store.scenario, self.store.study_keys, size.width, size.height)
         self.styles.height = self._rows
         self.display = self._rows > 0

@@ -1,4 +1,4 @@
-"""One of a few words: a field of a form."""
+"""A field of a form with a few words to choose from."""
 
 from __future__ import annotations
 
@@ -14,13 +14,14 @@ from textual.widgets import Button
 from rise_tui.rendering.text import cell_width, clean, shorten
 
 CHOICE_ROOM = 62
-"""Cells for what can be chosen, in the narrowest terminal."""
+"""Cells for the choices in the narrowest terminal."""
 
 
 class ChoiceField(Horizontal, can_focus=True):
-    """One of a few words, and one stop for the tab key: left and right choose, a click too; Enter chooses nothing.
+    """One of a few words, and one stop for the Tab key. Left and right choose, and so does a click; Enter chooses
+    nothing.
 
-    Where all of them have no room beside each other, only the chosen one is shown, and which of how many it is.
+    If not all words fit side by side, only the chosen one is shown, with its number and the total.
     """
 
     DEFAULT_CSS = """
@@ -33,14 +34,14 @@ class ChoiceField(Horizontal, can_focus=True):
     """
 
     class Changed(Message):
-        """Another word is chosen."""
+        """The wizard chose another word."""
 
     def __init__(self, words: Sequence[str], chosen: str, *, id: str, labels: Mapping[str, str] | None = None) -> None:
         """
-        :param words: what can be chosen.
+        :param words: the choices.
         :param chosen: one of them.
         :param id: the widget's.
-        :param labels: by word, what is shown where that is not the word itself.
+        :param labels: by word, the shown text if it differs from the word.
         """
         super().__init__(id=id)
         self._words = tuple(words)
@@ -68,7 +69,7 @@ class ChoiceField(Horizontal, can_focus=True):
         return f"{'●' if word == self.value else '○'} {self._text(word)}"
 
     def set_words(self, words: Sequence[str], chosen: str, labels: Mapping[str, str] | None = None) -> None:
-        """Other words."""
+        """Replace the words."""
         if (tuple(words), chosen, dict(labels or {})) != (self._words, self.value, self._labels):
             self._words, self.value, self._labels = tuple(words), chosen, dict(labels or {})
             self.refresh(recompose=True)
@@ -78,7 +79,7 @@ class ChoiceField(Horizontal, can_focus=True):
     def _pressed(self, event: Button.Pressed) -> None:
         event.stop()
         self.focus()
-        if self._is_long:  # after the last one comes the first: a mouse has no other way back
+        if self._is_long:  # the first follows the last: a mouse has no other way back
             at = self._words.index(self.value) + 1 if self.value in self._words else 0
             self._choose(self._words[at % len(self._words)])
         else:
@@ -103,10 +104,10 @@ class ChoiceField(Horizontal, can_focus=True):
 
 
 class OpenChoice(ChoiceField):
-    """Nothing is chosen to begin with: then the first key for it chooses the first word."""
+    """A choice with nothing chosen first. The first key chooses the first word."""
 
     def on_key(self, event: events.Key) -> None:
         if self.value not in self._words and event.key in ("left", "right"):
             event.stop()
-            event.prevent_default()  # else the base class would go on to the next one
+            event.prevent_default()  # else the base class would move to the next word
             self._choose(self._words[0])

@@ -1,4 +1,4 @@
-"""A mark that a camera sees: the whole terminal in one colour, with the mark's number, for a moment."""
+"""A mark for cameras: the whole terminal in one colour, with the mark's number, for a moment."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from textual.widget import Widget
 from rise_tui.rendering.themes import BLACK, WHITE
 
 FLASH_SECONDS = 0.6
-"""How long it is shown: 15 pictures of a camera with 25 a second."""
+"""Seconds that it is shown: 15 pictures of a camera at 25 pictures a second."""
 _DIGITS = {
     "0": "### # # # # # ###",
     "1": " #  ##   #   #  ###",
@@ -23,14 +23,14 @@ _DIGITS = {
     "8": "### # # ### # # ###",
     "9": "### # # ###   # ###",
 }
-"""Five rows of three dots, one after the other with a blank between them."""
+"""Five rows of three dots, with a blank between rows."""
 _WIDTH, _HEIGHT = 3, 5
 
 
 def flash_rows(number: int, width: int, height: int) -> list[str]:
-    """The number in the middle of so many cells: `#` where it is painted, a blank elsewhere.
+    """The number in the middle of `width` times `height` cells: `#` for painted cells, blanks elsewhere.
 
-    A cell is twice as high as wide, so that a dot is twice as many cells wide as high.
+    A cell is twice as high as it is wide, so a dot is twice as many cells wide as high.
 
     >>> print("\\n".join(row.rstrip() for row in flash_rows(4, 8, 5)))
      ##  ##
@@ -56,14 +56,14 @@ def _row(digit: str, row: int) -> str:
 
 
 class Flash(Widget, can_focus=False):
-    """Lies over everything else of a screen, and takes no key: what is pressed meanwhile goes where it went before."""
+    """Covers everything else on a screen, but takes no keys: they go where they went before."""
 
     DEFAULT_CSS = """
     Flash { layer: flash; overlay: screen; width: 100%; height: 100%; }
     """
 
     def __init__(self, number: int, *, on_dark: bool) -> None:
-        """`on_dark`: whether what it lies over is dark; it must differ as much as it can."""
+        """`on_dark`: whether the screen below is dark, for the strongest contrast."""
         super().__init__()
         self.number = number
         ground, ink = (WHITE, BLACK) if on_dark else (BLACK, WHITE)

@@ -1,6 +1,6 @@
-"""Editing a key and its value in the row where it stands; the type shows while typing.
+"""Edits a key and its value in their row. The type shows while typing.
 
-When the value changes meanwhile, a second row says so, and Enter must be pressed once more.
+When the value changes in the meantime, a second row reports it, and Enter must be pressed again.
 """
 
 from __future__ import annotations
@@ -21,7 +21,7 @@ from rise_tui.widgets.static_lines import StaticLines
 
 
 class PresentValue(NamedTuple):
-    """A value as it is now, and who made it so."""
+    """A present value, and who set it."""
 
     text: str
     """Empty: there is none."""
@@ -29,7 +29,7 @@ class PresentValue(NamedTuple):
 
 
 class RowEditor(Vertical):
-    """Opens over one row of the memory."""
+    """An editor over one row of the memory."""
 
     DEFAULT_CSS = """
     RowEditor {
@@ -46,7 +46,7 @@ class RowEditor(Vertical):
 
     @dataclass
     class SaveRow(Message):
-        """The editor was closed; `key` is empty when nothing is to change."""
+        """The editor was closed. `key` is empty if nothing should change."""
 
         key: str
         value: Any
@@ -61,7 +61,7 @@ class RowEditor(Vertical):
         self._offered = ""
         self._before = PresentValue("")
         self._shown_conflict: PresentValue | None = None
-        """Another value than the one that was to be edited, which Enter was told about."""
+        """The conflicting value that Enter has already reported."""
         self._value_of: Callable[[str], PresentValue] = lambda key: PresentValue("")
 
     @property
@@ -86,9 +86,9 @@ class RowEditor(Vertical):
         key_width: int,
         value_width: int,
     ) -> None:
-        """Edit `editing` (empty: add a key) at row `y` of the pane; the columns are those of the list.
+        """Edit `editing` (empty: add a key) at row `y` of the pane, with the list's columns.
 
-        `value_of` gives what a key has at that moment; for a part of a value, its present state.
+        `value_of` returns the present value of a key, or of the edited part of a value.
         """
         self._editing, self._offered, self._value_of = editing, key, value_of
         self._before, self._shown_conflict = value_of(editing) if editing else PresentValue(""), None
@@ -107,7 +107,7 @@ class RowEditor(Vertical):
         return self._editing or (self._offered if typed == clean(self._offered) else typed.strip())
 
     def _conflicting_value(self) -> PresentValue | None:
-        """What the key has now, when that is not what was to be edited; None when nothing is in the way."""
+        """The key's present value, if it is no longer the one that was to be edited; None without a conflict."""
         key = self._key_meant
         if not key:
             return None
@@ -115,7 +115,7 @@ class RowEditor(Vertical):
         return None if now.text == self._before.text else now
 
     def draw(self) -> None:
-        """Show what the value would be, and whether the memory has changed while the editor is open."""
+        """Show what the value would be, and whether the memory has changed since the editor was opened."""
         _, kind, remark = parse_typed_value(self._value.value)
         self.type_line.show(_type_line(kind, remark, self.type_line.size.width) if remark else ((kind, "accent"),))
         now = self._conflicting_value()
@@ -167,7 +167,7 @@ class RowEditor(Vertical):
 
 
 def _type_line(kind: str, remark: str, width: int) -> StyledLine:
-    """The type and why it is not what it looks like, in as many words as there is room for."""
+    """The type, and why it is not what it looks like, in as many words as fit."""
     ways: tuple[StyledLine, ...] = (
         ((kind, "accent"), (f"  {remark}", "wait")),
         ((kind, "accent"), ("  not JSON", "wait")),

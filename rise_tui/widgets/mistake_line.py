@@ -1,4 +1,4 @@
-"""A line in which the wizard says what was wrong about what they did last. It has the focus: letters are its own."""
+"""A line in which the wizard says what was wrong about their last action. It has the focus for its own letters."""
 
 from __future__ import annotations
 
@@ -15,18 +15,18 @@ from rise_tui.rendering.text import StyledLine, StyledSpan, clean, crop, fit, li
 from rise_tui.widgets.static_lines import StoreLines
 
 WIDE = 100
-"""Cells from which on the choices stand apart; below it the name of what was done needs the room."""
+"""Cells from which the choices have space between them. Below this the name of the action needs the room."""
 OPEN_SECONDS = 4.0
-"""How long the line waits for a letter."""
+"""Seconds that the line waits for a letter."""
 
 
 def is_mark_key(key: str) -> bool:
-    """Whether the line takes a key for itself while it is open."""
+    """Whether the open line takes this key."""
     return key == "escape" or any(choice.key == key for choice in MISTAKE_MARKS)
 
 
 class MistakeLine(StoreLines, can_focus=True):
-    """Stands where the notice stands. A key that is none of its own closes it and does what it always does."""
+    """Replaces the notice. A key that is not its own closes it and has its usual effect."""
 
     DEFAULT_CSS = """
     MistakeLine { background: $rise-cursor; display: none; }
@@ -35,22 +35,22 @@ class MistakeLine(StoreLines, can_focus=True):
 
     @dataclass
     class ChooseMark(Message):
-        """This is what was wrong about the task."""
+        """What was wrong about the task."""
 
         task: int
         mark: str
 
     @dataclass
     class EndMarking(Message):
-        """The line has closed; the keys go back to what had them."""
+        """The line has closed. The focus returns to its former place."""
 
         back: Widget | None
-        """What had the focus before."""
+        """The widget that had the focus before."""
 
     def __init__(self, store: Store) -> None:
         super().__init__(store, id="mistake")
         self.marked = 0
-        """The task that is asked about."""
+        """The task in question."""
         self._back: Widget | None = None
         self._timer: Timer | None = None
 
@@ -59,7 +59,7 @@ class MistakeLine(StoreLines, can_focus=True):
         return self.has_class("-open")
 
     def open(self, task: int) -> None:
-        """About this task, which is being marked as wrong."""
+        """Ask about this task, which is being marked as wrong."""
         if not self.is_open:
             self._back = self.screen.focused
             self.add_class("-open")
@@ -70,7 +70,7 @@ class MistakeLine(StoreLines, can_focus=True):
         self._timer = self.set_timer(OPEN_SECONDS, self.close)
 
     def close(self) -> None:
-        """Give the keys back."""
+        """Close the line and return the focus."""
         if self._timer is not None:
             self._timer.stop()
             self._timer = None
@@ -97,7 +97,7 @@ class MistakeLine(StoreLines, can_focus=True):
         self.show(crop((*head, (fit(name, min(len(name), max(6, room))), "strong"), *choices), width))
 
     def on_key(self, event: events.Key) -> None:
-        """Its own letters, before they can mean anything else."""
+        """Handle the line's own letters before anything else can."""
         choice = next((choice for choice in MISTAKE_MARKS if choice.key == event.key), None)
         if choice is None and event.key != "escape":
             return

@@ -1,4 +1,4 @@
-"""Lines in which something is typed: a bare field, a bar at the foot of a pane, a remark for the record."""
+"""Lines to type in: a bare field, a bar at the bottom of a pane, a remark for the record."""
 
 from __future__ import annotations
 
@@ -23,15 +23,15 @@ class TextField(Input):
     TextField, TextField:focus { height: 1; border: none; padding: 0; background: $panel; }
     """
     BINDINGS: ClassVar[list[BindingType]] = [Binding("tab", "app.focus_next", show=False)]
-    """To the next field, while elsewhere on the console it goes to the next pane."""
+    """Tab goes to the next field; elsewhere on the console it goes to the next pane."""
 
     def validate_value(self, value: str) -> str:
-        """A pasted control character would reach the terminal as it is."""
+        """Remove control characters, which would reach the terminal unchanged."""
         return clean(value)
 
 
 class PromptBar(Horizontal):
-    """Hidden and empty until it is opened: every pane has one. Whoever opens it closes it; Esc and Enter are told."""
+    """A bar, hidden and empty until it is opened. Every pane has one. Messages tell its opener of Esc and Enter."""
 
     DEFAULT_CSS = """
     PromptBar {
@@ -43,7 +43,7 @@ class PromptBar(Horizontal):
 
     @dataclass
     class PromptMessage(Message):
-        """Something has happened in a bar."""
+        """An event in a bar."""
 
         bar: PromptBar
 
@@ -51,10 +51,10 @@ class PromptBar(Horizontal):
         """The text has changed."""
 
     class Accepted(PromptMessage):
-        """Enter."""
+        """The wizard pressed Enter."""
 
     class Cancelled(PromptMessage):
-        """Esc: it is given up."""
+        """The wizard pressed Esc."""
 
     def __init__(self, label: str, placeholder: str) -> None:
         super().__init__()
@@ -102,7 +102,7 @@ class PromptBar(Horizontal):
 
 
 class NoteLine(TextField):
-    """Stands where the notice stands while it is open. What was not taken is still there the next time."""
+    """Replaces the notice while it is open. Text that was not accepted returns the next time."""
 
     DEFAULT_CSS = """
     NoteLine, NoteLine:focus {
@@ -113,11 +113,11 @@ class NoteLine(TextField):
 
     @dataclass
     class SaveNote(Message):
-        """Closed; `text` is empty when nothing is to be noted."""
+        """The line was closed. `text` is empty if there is nothing to note."""
 
         text: str
         back: Widget | None
-        """What had the focus before."""
+        """The widget that had the focus before."""
 
     def __init__(self) -> None:
         super().__init__(placeholder="note for the record; enter adds it, esc cancels", select_on_focus=False)
@@ -128,7 +128,7 @@ class NoteLine(TextField):
         return self.has_class("-open")
 
     def open(self, text: str) -> None:
-        """Begin, with what was not taken the last time."""
+        """Open the line with the text that was not accepted last time."""
         if not self.is_open:
             self._back = self.screen.focused
             self.value = text

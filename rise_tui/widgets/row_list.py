@@ -1,4 +1,4 @@
-"""Lists painted row by row: a changed row costs that row, and only rows in view cost anything."""
+"""Lists that paint row by row: a changed row repaints only itself, and only visible rows cost anything."""
 
 from __future__ import annotations
 
@@ -19,11 +19,11 @@ from rise_tui.rendering.styled_lines import CURSOR_BACKGROUND, UNFOCUSED_CURSOR_
 from rise_tui.rendering.text import ListRow, plain_text
 
 DISPLACED_SECONDS = 0.7
-"""Seconds after the cursor's row has vanished in which nobody can have seen the row where the cursor now stands."""
+"""Seconds after the cursor's row has vanished in which nobody can have read the row now under the cursor."""
 
 
 class RowView(ScrollView, StyledLines, can_focus=True):
-    """A list with a cursor. Subclasses say how many rows there are and what is in each."""
+    """A list with a cursor. Subclasses provide the number of rows and the content of each."""
 
     DEFAULT_CSS = """
     RowView {
@@ -55,23 +55,23 @@ class RowView(ScrollView, StyledLines, can_focus=True):
         super().__init__(id=id)
         self.cursor = -1
         self.displaced_at = float("-inf")
-        """When the cursor's row last vanished, so that the cursor fell to another; monotonic."""
+        """When the cursor's row last vanished, so that the cursor moved to another, on the monotonic clock."""
         self.continuation: RowView | None = None
-        """A list below that cannot take the focus, and scrolls when there is nothing further on in this one."""
+        """A list below that cannot take the focus. It scrolls when this list has nothing further on."""
 
     @property
     def was_just_displaced(self) -> bool:
-        """True while the row under the cursor may be another than the wizard has seen."""
+        """Whether the wizard may not yet have seen the row under the cursor."""
         return monotonic() - self.displaced_at < DISPLACED_SECONDS
 
     @property
     @abstractmethod
     def count(self) -> int:
-        """How many rows there are."""
+        """The number of rows."""
 
     @abstractmethod
     def row_at(self, index: int) -> ListRow:
-        """What is in a row."""
+        """The content of a row."""
 
     @property
     def current_id(self) -> str:
@@ -85,7 +85,7 @@ class RowView(ScrollView, StyledLines, can_focus=True):
 
     @property
     def allow_vertical_scroll(self) -> bool:
-        """Also before the scrollbar of a list that has just become longer is laid out."""
+        """Allow scrolling even before the scrollbar of a list that has just grown is laid out."""
         return True
 
     def render_line(self, y: int) -> Strip:
@@ -118,7 +118,7 @@ class RowView(ScrollView, StyledLines, can_focus=True):
             self.scroll_to(y=index - height + 1, animate=False)
 
     def _find_selectable(self, index: int, direction: int) -> int | None:
-        """The first row from `index` on that the cursor may stand on."""
+        """The first row from `index` on that the cursor may be on."""
         indices = range(max(index, 0), self.count) if direction > 0 else range(index, -1, -1)
         return next((at for at in indices if self.row_at(at).selectable), None)
 
@@ -126,7 +126,7 @@ class RowView(ScrollView, StyledLines, can_focus=True):
         index = self._find_selectable(self.cursor + direction, direction)
         if index is not None:
             self.move_cursor(index)
-        else:  # nothing to select further on, but there may be more to read
+        else:  # nothing more to select, but perhaps more to read
             (self.continuation or self).scroll_relative(y=direction, animate=False)
 
     def action_page(self, direction: int) -> None:
@@ -140,7 +140,7 @@ class RowView(ScrollView, StyledLines, can_focus=True):
         self.scroll_to(y=0 if direction < 0 else self.count, animate=False)
 
     def _move_to_nearest(self, index: int, direction: int) -> None:
-        """The selectable row nearest to `index`, first looking further on, then back."""
+        """Move to the selectable row nearest to `index`, first further on, then back."""
         index = min(max(index, 0), self.count - 1)
         nearest = self._find_selectable(index, direction)
         nearest = self._find_selectable(index, -direction) if nearest is None else nearest
@@ -186,7 +186,7 @@ class RowList(RowView):
         return "\n".join(plain_text(row.line).rstrip() for row in self._rows)
 
     def show(self, rows: Sequence[ListRow]) -> None:
-        """Show these rows; only those that differ are repainted."""
+        """Show these rows. Only those that differ are repainted."""
         old, self._rows = self._rows, rows
         before, current = self.cursor, old[self.cursor].id if 0 <= self.cursor < len(old) else ""
         found = self._index_of(current) if current else None
@@ -202,7 +202,7 @@ class RowList(RowView):
             self._refresh_row(self.cursor)
 
     def select(self, row_id: str) -> None:
-        """Put the cursor on a row, if it is there."""
+        """Put the cursor on a row, if it exists."""
         if (index := self._index_of(row_id)) is not None:
             self.move_cursor(index, by_wizard=False)
 

@@ -1,4 +1,4 @@
-"""The say line: always one row; open, it is a field with what will be said above it."""
+"""The say line, always one row. When it is open, it is a field with the final text above it."""
 
 from __future__ import annotations
 
@@ -31,13 +31,13 @@ from rise_tui.widgets.prompt_bar import TextField
 from rise_tui.widgets.static_lines import StaticLines
 
 DONE_SECONDS = 5.0
-"""How long it is shown that something was said."""
+"""Seconds for which the line shows that something was said."""
 PROMPT = " say > "
 SAID = StateLabel("✓", "said", "plain")
 
 
 class SpeechField(TextField):
-    """Where speech is typed. What may follow stands behind it in grey; `tab` takes it."""
+    """The field for speech. A likely completion is shown after the text in grey; `tab` accepts it."""
 
     DEFAULT_CSS = """
     SpeechField, SpeechField:focus { height: 1; width: 1fr; border: none; padding: 0 1 0 0; background: $rise-cursor; }
@@ -52,12 +52,12 @@ class SpeechField(TextField):
 
     @dataclass
     class SubmitSpeech(Message):
-        """To be said: in its turn, or at once."""
+        """Say the text, in its turn or immediately."""
 
         at_once: bool
 
     class Postpone(Message):
-        """Not now; what was typed stays for later."""
+        """Close the field and keep its text for later."""
 
     def __init__(self, line: SpeechInput) -> None:
         super().__init__(select_on_focus=False, suggester=Suggestion(line))
@@ -85,13 +85,13 @@ class SpeechField(TextField):
         self.post_message(self.SubmitSpeech(at_once=False))
 
     def replace_text(self, text: str) -> None:
-        """Show this text, with the cursor behind it."""
+        """Show this text, with the cursor at its end."""
         self.value = text
         self.cursor_position = len(text)
 
 
 class Suggestion(Suggester):
-    """Stands behind what is typed."""
+    """The completion after the typed text."""
 
     def __init__(self, line: SpeechInput) -> None:
         super().__init__(use_cache=False, case_sensitive=True)
@@ -102,7 +102,7 @@ class Suggestion(Suggester):
 
 
 class SpeechInput(Vertical):
-    """Free speech: typed here, shown as it will be said, sent, and then what becomes of it."""
+    """Free speech: typed here, shown as it will be said, sent, and followed to its end."""
 
     DEFAULT_CSS = """
     SpeechInput {
@@ -117,7 +117,7 @@ class SpeechInput(Vertical):
 
     @dataclass
     class Speak(Message):
-        """Say this: `typed` as it stands in the field, `text` with the memory's values."""
+        """Say this: `typed` is the text in the field, `text` has the memory's values filled in."""
 
         typed: str
         text: str
@@ -125,7 +125,7 @@ class SpeechInput(Vertical):
 
     @dataclass
     class ReturnFocus(Message):
-        """Nothing is typed any more; `back` had the focus before."""
+        """Nothing is typed any more. `back` had the focus before."""
 
         back: Widget | None
 
@@ -159,7 +159,7 @@ class SpeechInput(Vertical):
         return speech_effect(self._store.scenario, self._store.view)
 
     def suggest(self, typed: str) -> str:
-        """How what is typed may go on."""
+        """A likely completion of the typed text."""
         return complete_speech(typed, self.history.said, self._sentences, self._store.view.memory)
 
     def open(self) -> None:
@@ -170,20 +170,20 @@ class SpeechInput(Vertical):
         self.draw()
 
     def accept(self, typed: str) -> None:
-        """It is on its way: the field is free for the next."""
+        """Add the sent text to the history and free the field."""
         self.history.add(typed)
         if self.field.value == typed:
             self.field.value = ""
         self._close()
 
     def restore(self, typed: str) -> None:
-        """It was not taken: it is there again when the line is opened, unless something else was begun."""
+        """Restore a text that was not accepted, unless something else was begun."""
         if not self.field.value:
             self.field.replace_text(typed)
         self.draw()
 
     def draw(self) -> None:
-        """What will be said, or what becomes of what was."""
+        """Draw what will be said, or the state of what was."""
         width = self.size.width
         if self.is_open:
             self.prompt.show(((PROMPT, "accent"),))
@@ -200,7 +200,7 @@ class SpeechInput(Vertical):
         return (("  will say  ", "muted"), (f"“{text}”", "strong"))
 
     def _status_line(self) -> StyledLine:
-        """Sent, waiting, running or just said; else the draft, or how to begin."""
+        """The line's text: sent, waiting, running or just said; else the draft, or how to begin."""
         store = self._store
         sent = next((sent for sent in reversed(store.sent.values()) if sent.function == "say"), None)
         if sent is not None:

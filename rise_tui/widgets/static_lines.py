@@ -1,4 +1,4 @@
-"""Lines of fixed height that change often: a change repaints the lines that differ, without any layout."""
+"""Lines of fixed height that change often. A change repaints the lines that differ, without a new layout."""
 
 from __future__ import annotations
 
@@ -22,10 +22,10 @@ class StaticLines(StyledLines):
     """
 
     class DrawAgain(Message):
-        """The width changed: lines that depend on it should be made anew."""
+        """The width has changed: make lines that depend on it again."""
 
         def can_replace(self, message: Message) -> bool:
-            """Of several that wait one is enough: whoever makes one line anew makes them all."""
+            """Keep one of several waiting messages: drawing once makes all lines again."""
             return isinstance(message, StaticLines.DrawAgain)
 
     def __init__(self, *, id: str | None = None) -> None:
@@ -33,7 +33,7 @@ class StaticLines(StyledLines):
         self.lines: tuple[StyledLine, ...] = ()
 
     def show(self, *lines: StyledLine) -> None:
-        """Paint these lines; only those that differ are repainted."""
+        """Show these lines. Only those that differ are repainted."""
         old, self.lines = self.lines, lines
         for y in range(max(len(old), len(lines))):
             before = old[y] if y < len(old) else ()
@@ -43,7 +43,7 @@ class StaticLines(StyledLines):
 
     @property
     def text(self) -> str:
-        """The characters shown."""
+        """The shown characters."""
         return "\n".join(plain_text(line) for line in self.lines)
 
     def render_line(self, y: int) -> Strip:
@@ -62,4 +62,4 @@ class StoreLines(StaticLines):
 
     @abstractmethod
     def draw(self) -> None:
-        """Make the lines anew from the store."""
+        """Make the lines again from the store."""

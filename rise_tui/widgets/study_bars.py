@@ -15,7 +15,7 @@ READING = "reading the study …"
 
 
 class StudyHead(StaticLines):
-    """The study's title, its mode, and who sits here."""
+    """The study's title, its mode, and the wizard's name."""
 
     DEFAULT_CSS = """
     StudyHead { background: $rise-bar; }
@@ -37,7 +37,7 @@ class StudyHead(StaticLines):
 
 
 class SubHead(StaticLines):
-    """The title of a list, and a note at its right."""
+    """The title of a list, and a note on its right."""
 
     DEFAULT_CSS = """
     SubHead { background: $rise-bar; }
@@ -49,7 +49,7 @@ class SubHead(StaticLines):
 
 
 class StudyNotice(StaticLines):
-    """One sentence; what has no room in one line takes two or three."""
+    """One sentence. A longer one takes two or three lines."""
 
     def __init__(self) -> None:
         super().__init__()
@@ -57,7 +57,7 @@ class StudyNotice(StaticLines):
 
     @property
     def is_about_reading(self) -> bool:
-        """Whether it says that the study is being read."""
+        """Whether the sentence says that the study is being read."""
         return self._sentence == READING
 
     def draw(self, sentence: str, level: Level = "info") -> None:
@@ -68,7 +68,7 @@ class StudyNotice(StaticLines):
 
 
 class StudyHints(KeyHints):
-    """The keys of a study's screen; each can be clicked."""
+    """The keys of a study's screen. Each can be clicked."""
 
     def draw(self) -> None:  # type: ignore[override]
         actions = [*actions_in("study"), *(BY_ID[id] for id in ("filter", "palette", "help", "quit"))]

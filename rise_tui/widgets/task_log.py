@@ -1,4 +1,4 @@
-"""The log's rows: made only when they come into view."""
+"""The log's rows, made only when they become visible."""
 
 from __future__ import annotations
 
@@ -15,22 +15,22 @@ from rise_tui.widgets.row_list import RowView
 
 
 class TaskLog(RowView):
-    """A window on a list of rows (see `model.log_rows`)."""
+    """A view of a list of rows (see `model.log_rows`)."""
 
     class FollowChanged(Message):
-        """It follows, or has stopped following, the newest task."""
+        """The log follows, or no longer follows, the newest task."""
 
     def __init__(self, make_line: Callable[[int, int], StyledLine], *, id: str | None = None) -> None:
-        """`make_line`: what a row says in so many cells."""
+        """`make_line`: the text of a row in a number of cells."""
         super().__init__(id=id)
         self._make_line = make_line
         self.following = True
         self.ids: Sequence[int] = ()
-        """The rows shown."""
+        """The shown rows."""
         self._shown = 0
         self._seen = 0
         self._lines: dict[int, StyledLine] = {}
-        """The lines that were in view at the last `show`, by index."""
+        """The visible lines at the last `show`, by index."""
 
     @property
     def count(self) -> int:
@@ -38,7 +38,7 @@ class TaskLog(RowView):
 
     @property
     def unseen(self) -> int:
-        """Tasks that came while it was paused."""
+        """The number of tasks that arrived while it was paused."""
         return max(0, self._shown - self._seen)
 
     def row_at(self, index: int) -> ListRow:
@@ -57,7 +57,7 @@ class TaskLog(RowView):
     def show(self, ids: Sequence[int], *, restart: bool = False) -> None:
         """Show these rows, ascending. A list that was shown before has only grown at its end, unless `restart`.
 
-        Of another list, what was in view stays in view, and the cursor stays on its task.
+        With another list, the visible rows stay visible, and the cursor stays on its task.
         """
         if restart or ids is not self.ids:
             self._show_other_list(ids)
@@ -70,7 +70,7 @@ class TaskLog(RowView):
         self._repaint_changed(scrolled=self.scroll_offset.y != top)
 
     def _show_other_list(self, ids: Sequence[int]) -> None:
-        """Another list. The one before may have been emptied by its owner."""
+        """Show another list. Its owner may have emptied the previous one."""
         old, top, unseen = self.ids, self.scroll_offset.y, self.unseen
         selected = old[self.cursor] if 0 <= self.cursor < min(self._shown, len(old)) else None
         first = old[top] if 0 <= top < min(self._shown, len(old)) else None
@@ -84,7 +84,7 @@ class TaskLog(RowView):
         self.refresh()
 
     def _repaint_changed(self, *, scrolled: bool) -> None:
-        """Only rows that look different reach the terminal. `scrolled`: all of them are painted anyway."""
+        """Repaint only rows that look different. `scrolled`: all of them are painted anyway."""
         top, width = self.scroll_offset.y, self.row_width
         before, self._lines = self._lines, {}
         for index in range(top, min(self._shown, top + self.size.height)):
@@ -102,7 +102,7 @@ class TaskLog(RowView):
             super().action_edge(direction)
 
     def go_to(self, index: int) -> None:
-        """Put the cursor on a row, in the middle of the view."""
+        """Put the cursor on a row, and the row in the middle of the view."""
         self.move_cursor(index, by_wizard=False)
         self.scroll_to(y=max(0, index - self.size.height // 2), animate=False)
 

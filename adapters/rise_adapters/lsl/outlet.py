@@ -19,19 +19,19 @@ from rise_engine.ports.outlet import OutletPlan
 from rise_engine.run.recording.marker_feed import MarkerFeed, MarkerStream
 
 CONFIG_PLACES = ("lsl_api.cfg", "~/lsl_api/lsl_api.cfg", "/etc/lsl_api/lsl_api.cfg")
-"""Where the library looks for a lab's settings, after the variable `LSLAPICFG`
+"""The places where the library looks for a lab's settings, after the variable `LSLAPICFG`
 (https://labstreaminglayer.readthedocs.io/info/lslapicfg.html)."""
 KEPT_SECTIONS = ("lab", "ports", "tuning")
-"""What of these holds here, too: by another session id, the lab's programs would not see the stream."""
+"""The lab's sections that stay. With another session id, the lab's programs would not see the stream."""
 CLOCK_LOOKS = 20
-"""How often the two clocks are compared: the quickest look counts."""
+"""How often the two clocks are compared. The fastest comparison counts."""
 
 
 async def send_markers(plan: OutletPlan, finish: Event) -> None:
     """Send a session's markers (`rise_engine.ports.outlet.OutletRunner`).
 
-    Once in a process: the library reads its settings only once. Raises AdapterError, and EngineGone when there is no
-    such session, or its engine goes without an end.
+    Call it once in a process, because the library reads its settings only once. Raises AdapterError, and EngineGone
+    when there is no such session, or its engine goes without an end.
     """
     pylsl = _load_library()
 
@@ -46,11 +46,11 @@ async def send_markers(plan: OutletPlan, finish: Event) -> None:
 
 
 class LslOutlet:
-    """One outlet of one string channel without a rate, as all markers are
+    """One outlet of one string channel without a rate, the usual form for markers
     (`rise_engine.run.recording.marker_feed.MarkerOutlet`)."""
 
     def __init__(self, pylsl: Any, stream: MarkerStream, *, only_here: bool) -> None:
-        """`only_here`: take connections from this computer only, where the system lets that be said."""
+        """`only_here`: accept connections only from this computer, if the system supports this."""
         info = pylsl.StreamInfo(
             stream.name, stream.type, 1, pylsl.IRREGULAR_RATE, pylsl.cf_string, source_id=stream.source_id
         )
@@ -68,11 +68,11 @@ class LslOutlet:
         return bool(self._outlet.have_consumers())
 
     def close(self) -> None:
-        del self._outlet  # which is how pylsl takes it away
+        del self._outlet  # this is how pylsl removes it
 
 
 def library_settings(scope: str) -> str:
-    """The library's settings for a stream of that scope: the lab's own ones, but for how far it is seen."""
+    """The library's settings for a stream of that scope: the lab's own, except for the stream's visibility."""
     settings = configparser.ConfigParser(strict=False, interpolation=None)
     settings.optionxform = str  # type: ignore[assignment,method-assign]  # its names have capitals
     places = [os.environ.get("LSLAPICFG", ""), *CONFIG_PLACES]
@@ -84,7 +84,7 @@ def library_settings(scope: str) -> str:
         if section not in KEPT_SECTIONS:
             settings.remove_section(section)
     ours: dict[str, dict[str, str]] = {"multicast": {"ResolveScope": scope}, "log": {"level": "-1"}}
-    if scope == "machine":  # else it listens on every network once more
+    if scope == "machine":  # otherwise it also listens on every network
         ours["ports"] = {"IPv6": "disable"}
     for section, values in ours.items():
         if not settings.has_section(section):
@@ -100,7 +100,7 @@ def library_settings(scope: str) -> str:
 
 
 def clock_offset(local_clock: Any) -> float:
-    """Seconds from this computer's monotonic clock to the library's. On Linux both are the same one, and it is 0."""
+    """Seconds from this computer's monotonic clock to the library's. On Linux they are the same clock: 0."""
     looks = []
     for _ in range(CLOCK_LOOKS):
         before = time.monotonic()
@@ -112,15 +112,15 @@ def clock_offset(local_clock: Any) -> float:
 
 
 def bind_to_loopback() -> bool:
-    """Let this process's open ports take what comes over the loopback only. False where the system cannot.
+    """Restrict this process's open ports to the loopback. False if the system cannot.
 
-    The scope `machine` of the library says who is told of a stream; its ports are open to every network all the same.
+    The library's scope `machine` decides who hears of a stream, but its ports are open to every network.
     """
     if not sys.platform.startswith("linux"):
         return False
     found = False
     for descriptor in Path("/proc/self/fd").iterdir():
-        with suppress(OSError, ValueError):  # no socket, or closed meanwhile
+        with suppress(OSError, ValueError):  # not a socket, or closed in the meantime
             opened = socket.socket(fileno=int(descriptor.name))
             try:
                 if opened.family in (socket.AF_INET, socket.AF_INET6):
@@ -133,7 +133,7 @@ def bind_to_loopback() -> bool:
 
 def _load_library() -> ModuleType:
     try:
-        pylsl = import_module("pylsl")  # an extra; it looks for its library at once
+        pylsl = import_module("pylsl")  # an extra; its import loads its library
     except ImportError:
         raise AdapterError('markers for the Lab Streaming Layer need pylsl: pip install "rise-tui[lsl]"') from None
     except (RuntimeError, OSError) as error:

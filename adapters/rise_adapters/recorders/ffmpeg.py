@@ -1,7 +1,7 @@
-"""Cameras and microphones of this computer, by the program ffmpeg (https://ffmpeg.org/ffmpeg.html).
+"""Cameras and microphones of this computer, through the program ffmpeg (https://ffmpeg.org/ffmpeg.html).
 
-What is recorded is Matroska: its file can be read up to its last second also when the program is killed, which an MP4
-file cannot. The program ends by SIGINT, with which it completes the file.
+It records Matroska, which stays readable up to its last second even when the program is killed; an MP4 file does not.
+SIGINT makes the program complete the file and end.
 """
 
 from __future__ import annotations
@@ -21,10 +21,10 @@ from rise_engine.ports.recorder import (
 from rise_engine.scenario.model import Json
 
 BEGIN_SECONDS = 4.0
-"""For which `start` waits for the first sign that something is recorded; afterwards, it is a matter of growth."""
+"""Seconds that `start` waits for the first sign of a recording. After that, `status` watches the file's growth."""
 _INPUT_FORM = 'input = ["-f", "v4l2", "-i", "/dev/video0"]'
 _MATROSKA = ("-flush_packets", "1", "-cluster_time_limit", "1000", "-f", "matroska")
-"""Written every second: without it every 5 s, in which nobody could tell whether it has stalled."""
+"""Write every second. Otherwise it is every 5 s, in which nobody could tell whether the recording has stalled."""
 _OWN = ("-y", "-n", "-progress", "-nostdin", "-stdin")
 
 
@@ -35,10 +35,10 @@ class FfmpegRecorder:
 
     def __init__(self, name: str, options: Mapping[str, Json]) -> None:
         """
-        :param name: of the recorder; a part of the file's name.
+        :param name: the recorder's name, a part of the file's name.
         :param options: `input` (arguments with `-i`), `output` (arguments for the codecs), `kind` (video, audio),
             `program`.
-        :raises RecorderError: with every finding.
+        :raises RecorderError: with all mistakes.
         """
         self.name = name
         read = OptionReader(options, ("input", "output", "kind", "program"))
@@ -58,7 +58,7 @@ class FfmpegRecorder:
         self._began = asyncio.Event()
 
     async def prepare(self, plan: RecordingPlan) -> str:
-        """Whether the program is there, and which version."""
+        """Check that the program exists; returns its version."""
         self.plan = plan
         version = RecordingProgram(self.program)
         said: list[str] = []
@@ -94,7 +94,7 @@ class FfmpegRecorder:
         return str(path)
 
     async def status(self) -> RecorderStatus:
-        """Its file's size, and what the program says about its progress."""
+        """The size of its file, and the program's own report of its progress."""
         run, path = self._run, self._path
         assert run is not None and path is not None
         if not run.runs:
@@ -120,7 +120,7 @@ class FfmpegRecorder:
         return str(path)
 
     async def close(self) -> None:
-        """Nothing of it goes on."""
+        """Make sure that nothing continues."""
         if self._run is not None:
             self._run.close()
 

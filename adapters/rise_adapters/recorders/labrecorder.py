@@ -1,9 +1,8 @@
 """LabRecorder, which records the streams of a lab (LSL) to one XDF file, over its remote control: lines on TCP.
 
-https://github.com/labstreaminglayer/App-LabRecorder. What its answers are worth: `OK` (without the end of a line) says
-that a command was read, whatever comes of it, and nothing asks how it stands. So the file is looked at. Its remote
-control writes the name that it is given in lower case, and renames an existing file, so that each recording gets a new
-name.
+https://github.com/labstreaminglayer/App-LabRecorder. Its answer `OK` (without a line end) means only that it has read a
+command, and no command asks for its state. This module therefore checks the file. The remote control turns the given
+name into lower case, and renames an existing file, so each recording gets a new name.
 """
 
 from __future__ import annotations
@@ -21,24 +20,24 @@ from rise_engine.scenario.model import Json
 
 USUAL_PORT = 22345
 ANSWER_SECONDS = 2.0
-"""For one answer."""
+"""Seconds to wait for one answer."""
 UPDATE_SECONDS = 2.0
-"""From asking it to look for streams until it has found those that are there."""
+"""Seconds from the request to look for streams until the existing ones are found."""
 FILE_SECONDS = 1.5
-"""For which `start` waits for the file."""
+"""Seconds that `start` waits for the file."""
 
 
 class LabRecorder:
-    """One LabRecorder. Each call has a connection of its own."""
+    """One LabRecorder. Each call opens its own connection."""
 
     kind: MediaKind = "streams"
     stalled_after = 12.0  # without fast streams it writes every 5 to 10 s
 
     def __init__(self, name: str, options: Mapping[str, Json]) -> None:
         """
-        :param name: of the recorder; a part of the file's name.
-        :param options: `host`, `port`, and for one on another computer `folder`, where the file lies there.
-        :raises RecorderError: with every finding.
+        :param name: the recorder's name, a part of the file's name.
+        :param options: `host`, `port`, and on another computer `folder`, the file's folder there.
+        :raises RecorderError: with all mistakes.
         """
         self.name = name
         read = OptionReader(options, ("host", "port", "folder"))
@@ -53,14 +52,14 @@ class LabRecorder:
         self._stopped = True
 
     async def prepare(self, plan: RecordingPlan) -> str:
-        """Whether it answers; it looks for streams."""
+        """Check that it answers, and let it look for streams."""
         self.plan = plan
         await self._send("update")
         self._updated_at = asyncio.get_running_loop().time()
         return f"LabRecorder at {self.host}:{self.port}"
 
     async def start(self) -> str:
-        """Record every stream into a new file, and see that there is one."""
+        """Record every stream into a new file, and check that the file exists."""
         place = Path(self.folder) if self.folder else self.plan.folder
         stem = recording_stem(self.plan, self.name).lower()
         path = new_path(place, stem, ".xdf")
@@ -81,7 +80,7 @@ class LabRecorder:
         return self._path
 
     async def status(self) -> RecorderStatus:
-        """How large its file is; of one on another computer, only whether LabRecorder still answers."""
+        """The size of its file. On another computer, only whether LabRecorder still answers."""
         if self._is_here:
             return RecorderStatus(True, bytes=size_of(Path(self._path)) or 0, path=self._path)
         _, writer = await self._connect()
@@ -99,7 +98,7 @@ class LabRecorder:
         return self._path
 
     async def close(self) -> None:
-        """LabRecorder stays."""
+        """Do nothing: LabRecorder keeps running."""
 
     @property
     def _is_here(self) -> bool:
@@ -119,7 +118,7 @@ class LabRecorder:
         )
 
     async def _send(self, *commands: str) -> None:
-        """Send commands, one after the other, each when the one before was read. Raises RecorderError."""
+        """Send commands one after the other, each once the previous one was read. Raises RecorderError."""
         reader, writer = await self._connect()
         try:
             for command in commands:

@@ -1,8 +1,8 @@
-"""OBS Studio, over its WebSocket server (obs-websocket 5, part of OBS since 28).
+"""OBS Studio, through its WebSocket server (obs-websocket 5, part of OBS since 28).
 
-Its protocol: https://github.com/obsproject/obs-websocket. OBS names its file
-itself and tells it in the event `RecordStateChanged`. That event is no time of the first frame. OBS listens on every
-network of the computer, so that it has a password; that is read from a file, since study.toml is given to others.
+Its protocol: https://github.com/obsproject/obs-websocket. OBS names its file itself and reports the name in the event
+`RecordStateChanged`. The time of that event is not the time of the first frame. OBS listens on every network of the
+computer, so it has a password. This module reads it from a file, because study.toml is passed on to others.
 """
 
 from __future__ import annotations
@@ -26,9 +26,9 @@ if TYPE_CHECKING:
 
 USUAL_URL = "ws://127.0.0.1:4455"
 ANSWER_SECONDS = 3.0
-"""For one answer."""
+"""Seconds to wait for one answer."""
 FILE_SECONDS = 1.5
-"""For which `stop` waits until OBS says that its file is complete."""
+"""Seconds that `stop` waits until OBS reports that its file is complete."""
 _OUTPUT_EVENTS = 1 << 6
 _HELLO, _IDENTIFY, _IDENTIFIED, _EVENT, _REQUEST, _RESPONSE = 0, 1, 2, 5, 6, 7
 _AUTHENTICATION_FAILED = 4009
@@ -37,16 +37,16 @@ _LARGEST_MESSAGE = 4_000_000
 
 
 class ObsRecorder:
-    """One OBS. When the connection is cut, the next call connects again: OBS goes on recording meanwhile."""
+    """One OBS. If the connection is cut, the next call connects again. OBS continues to record in the meantime."""
 
     kind: MediaKind = "video"
     stalled_after = 3.0
 
     def __init__(self, name: str, options: Mapping[str, Json]) -> None:
         """
-        :param name: of the recorder.
+        :param name: the recorder's name.
         :param options: `url`, `password_file`.
-        :raises RecorderError: with every finding.
+        :raises RecorderError: with all mistakes.
         """
         read = OptionReader(options, ("url", "password_file"))
         self.url = read.text("url", USUAL_URL)
@@ -64,17 +64,17 @@ class ObsRecorder:
         self._recording, self._complete = asyncio.Event(), asyncio.Event()
 
     async def prepare(self, plan: RecordingPlan) -> str:
-        """Connect; which OBS it is, and which scene it shows."""
+        """Connect; returns the version of OBS and its present scene."""
         version = await self._ask("GetVersion")
         scene = await self._ask("GetCurrentProgramScene")
         name = scene.get("sceneName") or scene.get("currentProgramSceneName") or ""
         return f"OBS {clean(str(version.get('obsVersion', '')))}, scene {clean(str(name))}"
 
     async def start(self) -> str:
-        """Record. What OBS records already is none of this session's."""
+        """Record. If OBS already records, that recording does not belong to this session."""
         self._recording.clear()
         self._path = ""
-        self._is_ours = True  # also when no answer comes: it may have begun
+        self._is_ours = True  # even without an answer: it may have begun
         if refusal := _refusal("StartRecord", await self._call("StartRecord")):
             self._is_ours = False
             raise RecorderError(refusal)
@@ -84,7 +84,7 @@ class ObsRecorder:
         return self._path
 
     async def status(self) -> RecorderStatus:
-        """What OBS says about its recording."""
+        """OBS's report of its recording."""
         found = await self._ask("GetRecordStatus", again=True)
         milliseconds = found.get("outputDuration")
         return RecorderStatus(
@@ -95,7 +95,7 @@ class ObsRecorder:
         )
 
     async def stop(self) -> str:
-        """End the recording, and wait until its file is complete. One that somebody else has begun goes on."""
+        """End the recording, and wait until its file is complete. A recording that somebody else has begun goes on."""
         if not self._is_ours:
             return ""
         self._complete.clear()
@@ -107,7 +107,7 @@ class ObsRecorder:
         return self._path
 
     async def close(self) -> None:
-        """Leave; OBS stays."""
+        """Disconnect; OBS keeps running."""
         if self._reading is not None:
             self._reading.cancel()
         if self._http is not None:
@@ -117,14 +117,14 @@ class ObsRecorder:
     # --- the protocol -----------------------------------------------------------------------------------------------
 
     async def _ask(self, request: str, *, again: bool = False) -> dict[str, Any]:
-        """What OBS answers. `again`: over a new connection, too, if this one is cut. Raises RecorderError."""
+        """OBS's answer. `again`: try again with a new connection if this one is cut. Raises RecorderError."""
         found = await self._call(request, again=again)
         if refusal := _refusal(request, found):
             raise RecorderError(refusal)
         return _table(found.get("responseData"))
 
     async def _call(self, request: str, *, again: bool = False) -> dict[str, Any]:
-        """What OBS answers, a refusal too."""
+        """OBS's answer, even if it is a refusal."""
         socket = await self._connected()
         number = str(next(self._numbers))
         answer = self._answers[number] = asyncio.get_running_loop().create_future()
@@ -146,7 +146,7 @@ class ObsRecorder:
         if self._socket is not None and not self._socket.closed and self._reading and not self._reading.done():
             return self._socket
         try:
-            from aiohttp import ClientError, ClientSession, ClientTimeout  # of an extra that may not be installed
+            from aiohttp import ClientError, ClientSession, ClientTimeout  # an extra that may not be installed
         except ImportError:
             raise RecorderError('OBS is reached by a package that is missing: pip install "rise-tui[obs]"') from None
         await self.close()
@@ -192,7 +192,7 @@ class ObsRecorder:
             ) from None
 
     async def _read(self, socket: ClientWebSocketResponse) -> None:
-        """Answers go to who asked, events are noted; when the connection ends, nobody waits any longer."""
+        """Pass answers to their callers and note events. When the connection ends, nobody waits any longer."""
         from aiohttp import WSMsgType
 
         try:
@@ -222,7 +222,7 @@ class ObsRecorder:
 
 
 def challenge_answer(password: str, salt: str, challenge: str) -> str:
-    """What proves the password to OBS: base64(SHA-256(base64(SHA-256(password + salt)) + challenge)).
+    """The proof of the password for OBS: base64(SHA-256(base64(SHA-256(password + salt)) + challenge)).
 
     >>> challenge_answer("supersecretpassword", "lM1GncleQOaCu9lT1yeUZhFYnqhsLLP1G5lAGo3ixaI=",
     ...                  "+IxH4CnCiqpX1rM9scsNynZzbOe4KhDeYcTNS3PDaeY=")
@@ -248,7 +248,7 @@ async def _receive(socket: ClientWebSocketResponse, wanted: int) -> object:
 
 
 def _refusal(request: str, answer: dict[str, Any]) -> str:
-    """Why OBS does not do what it was asked for; empty: it does."""
+    """Why OBS refuses a request; empty: it does not."""
     status = _table(answer.get("requestStatus"))
     if status.get("result") is True:
         return ""

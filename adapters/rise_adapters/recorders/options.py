@@ -1,4 +1,4 @@
-"""Options of a recorder in study.toml: every finding at once, a line each, which begins with the option."""
+"""Options of a recorder in study.toml. All mistakes come together, each in a line that begins with the option."""
 
 from __future__ import annotations
 
@@ -10,19 +10,19 @@ from rise_engine.scenario.model import Json
 
 
 class OptionReader:
-    """Reads the options of one recorder, and gathers what is wrong with them until `finish`."""
+    """Reads the options of one recorder, and collects all mistakes until `finish`."""
 
     def __init__(self, options: Mapping[str, Json], known: tuple[str, ...]) -> None:
         """
         :param options: as study.toml has them.
-        :param known: every option that there is.
+        :param known: all existing options.
         """
         self.options = options
         self.problems = [f"`{key}` is not an option of this recorder{did_you_mean(key, known)}" for key in options
                          if key not in known]  # fmt: skip
 
     def text(self, key: str, usual: str = "", *, needed: str = "") -> str:
-        """A text. `needed`: how it is written, when it must be there."""
+        """A text. `needed`: if it must be given, an example of it."""
         value = self.options.get(key, usual)
         if key not in self.options and needed:
             self.problems.append(f"`{key}` is missing: {needed}")
@@ -32,7 +32,7 @@ class OptionReader:
         return str(value)
 
     def texts(self, key: str, form: str, *, needed: bool = False) -> list[str]:
-        """A list of texts; `form`: how it is written."""
+        """A list of texts; `form`: an example of it."""
         value = self.options.get(key, [])
         if isinstance(value, list) and all(isinstance(each, str) and each for each in value):
             if needed and not value:
@@ -50,7 +50,7 @@ class OptionReader:
         return usual
 
     def choice(self, key: str, known: tuple[str, ...]) -> str:
-        """One of these, usually the first."""
+        """One of these words; the first is the default."""
         value = self.options.get(key, known[0])
         if value in known:
             return str(value)
@@ -58,10 +58,10 @@ class OptionReader:
         return known[0]
 
     def refuse(self, problem: str) -> None:
-        """Something else is wrong; a sentence that begins with the option."""
+        """Add another mistake, as a sentence that begins with the option."""
         self.problems.append(problem)
 
     def finish(self) -> None:
-        """Raises RecorderError with everything that is wrong."""
+        """Raise RecorderError with all mistakes, if there are any."""
         if self.problems:
             raise RecorderError(*self.problems)

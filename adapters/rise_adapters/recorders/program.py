@@ -1,4 +1,4 @@
-"""A program that records until it is asked to end, as by Ctrl-C."""
+"""A program that records until it is asked to end with SIGINT, as by Ctrl-C."""
 
 from __future__ import annotations
 
@@ -19,11 +19,11 @@ from rise_engine.ports.recorder import RecorderError, RecordingPlan
 
 
 def new_path(folder: Path, stem: str, suffix: str = "") -> Path:
-    """A path in a folder at which nothing lies yet: the second is called `..._2`.
+    """A new path in a folder; the second one is called `..._2`.
 
-    :param folder: where it is to be.
-    :param stem: how its name begins.
-    :param suffix: how it ends, with its dot.
+    :param folder: the folder.
+    :param stem: the beginning of its name.
+    :param suffix: its ending, with the dot.
     """
     number = 1
     while True:
@@ -34,16 +34,16 @@ def new_path(folder: Path, stem: str, suffix: str = "") -> Path:
 
 
 def recording_stem(plan: RecordingPlan, name: str) -> str:
-    """How the file of a recorder is called: the session's name and its own.
+    """The name of a recorder's file: the session's name and the recorder's own.
 
-    :param plan: what is recorded.
-    :param name: of the recorder.
+    :param plan: the recording's plan.
+    :param name: the recorder's name.
     """
     return re.sub(r"[^A-Za-z0-9._-]", "-", f"{plan.session}_{name}")
 
 
 def size_of(path: Path) -> int | None:
-    """Bytes of a file, or of all that lie in a folder; None: there is nothing."""
+    """Bytes of a file, or of everything in a folder; None: there is nothing."""
     try:
         if path.is_dir():
             return sum(each.stat().st_size for each in path.rglob("*") if each.is_file())
@@ -53,9 +53,9 @@ def size_of(path: Path) -> int | None:
 
 
 END_SECONDS = 3.0
-"""After SIGINT, for the program to complete its file."""
+"""Seconds after SIGINT, for the program to complete its file."""
 TERMINATE_SECONDS = 0.5
-"""After SIGTERM, and after SIGKILL."""
+"""Seconds after SIGTERM, and after SIGKILL."""
 _PARENT_DEATH_SIGNAL = 1  # PR_SET_PDEATHSIG, prctl(2)
 _C_LIBRARY = ctypes.CDLL(None) if sys.platform == "linux" else None
 _KEPT_LINES = 20
@@ -63,12 +63,11 @@ _LINE_BYTES = 2_000
 
 
 class RecordingProgram:
-    """One run of a program, in the process group of whoever started it. What it writes is read all the time."""
+    """One run of a program, in the process group of its starter. Its output is read all the time."""
 
     def __init__(self, name: str) -> None:
         """
-        :param name: what sentences call it.
-        """
+        :param name: its name in sentences."""
         self.name = name
         self.process: Process | None = None
         self.lines: list[str] = []
@@ -78,10 +77,10 @@ class RecordingProgram:
         self._readers: list[asyncio.Task[None]] = []
 
     async def start(self, arguments: Sequence[str], on_line: Callable[[str], object] = lambda line: None) -> None:
-        """Start it. Its files are their owner's alone.
+        """Start it. Only the owner can read its files.
 
         :param arguments: the program and its arguments.
-        :param on_line: gets each line of its standard output.
+        :param on_line: receives each line of its standard output.
         :raises RecorderError: it cannot be started.
         """
         try:
@@ -105,7 +104,7 @@ class RecordingProgram:
         return self.process is not None and not self.gone.is_set()
 
     def ending(self) -> str:
-        """How it has ended, in a sentence, with the last thing that it said."""
+        """How it ended, in a sentence with its last line."""
         status = self.process.returncode if self.process is not None else None
         said = self.lines[-1] if self.lines else ""
         how = f"{self.name} has ended"
@@ -117,7 +116,7 @@ class RecordingProgram:
         return f"{how}: {said}" if said else how
 
     async def end(self) -> bool:
-        """Ask it to end, and see to it; four seconds at most. Whether it did so when it was asked."""
+        """Ask it to end, and force it after that; four seconds at most. Returns whether it ended when it was asked."""
         process = self.process
         if process is None:
             return True
@@ -136,7 +135,7 @@ class RecordingProgram:
         return not asked or (process.returncode is not None and process.returncode != -signal.SIGKILL)
 
     def close(self) -> None:
-        """Kill it if it still runs, and let go of its pipes."""
+        """Kill it if it still runs, and close its pipes."""
         for reader in self._readers:
             reader.cancel()
         if self.process is not None:
@@ -144,10 +143,10 @@ class RecordingProgram:
 
     async def _wait(self) -> None:
         assert self.process is not None
-        # `Process.wait` would also wait for whoever else holds its pipes open, on some versions of Python.
+        # On some versions of Python, `Process.wait` would also wait for other programs that hold its pipes open.
         while self.process.returncode is None:  # noqa: ASYNC110
             await asyncio.sleep(0.05)
-        await asyncio.wait(self._readers[:2], timeout=TERMINATE_SECONDS)  # what it said last
+        await asyncio.wait(self._readers[:2], timeout=TERMINATE_SECONDS)  # its last lines
         self.gone.set()
 
     def _keep(self, line: str) -> None:
@@ -155,7 +154,7 @@ class RecordingProgram:
 
 
 async def _read_lines(stream: asyncio.StreamReader, on_line: Callable[[str], object]) -> None:
-    """Give each line that says anything; of one that never ends, the beginning."""
+    """Pass on each line that is not empty. If a line never ends, pass on its beginning."""
     rest = b""
     while chunk := await stream.read(_LINE_BYTES):
         *lines, rest = (rest + chunk).replace(b"\r", b"\n").split(b"\n")
@@ -168,7 +167,8 @@ async def _read_lines(stream: asyncio.StreamReader, on_line: Callable[[str], obj
 
 
 def _end_with_parent() -> None:
-    """In the new process, before it becomes the program: on Linux it is asked to end when whoever started it dies, even
-    by SIGKILL, so that it records nobody any longer. Elsewhere the engine's process sees to that, while it lives."""
+    """Runs in the new process before it becomes the program. On Linux, the kernel then sends it SIGINT when its starter
+    dies, even by SIGKILL, so that it no longer records anybody. Elsewhere the engine's process does this while it
+    lives."""
     if _C_LIBRARY is not None:
         _C_LIBRARY.prctl(_PARENT_DEATH_SIGNAL, signal.SIGINT, 0, 0, 0)

@@ -1,12 +1,12 @@
 """Bags of ROS 2 (https://github.com/ros2/rosbag2), in one of two ways.
 
-- A program of our own, `ros2 bag record`: works with every release; it ends by SIGINT, with which it writes the bag's
-  metadata.yaml.
-- A recorder that runs already (`node = "/rosbag2_recorder"`), over its services `record` and `stop`, which Jazzy has
-  since rosbag2 0.26.10. On Jazzy it stays paused after a stop, so that the next bag would be empty: it is resumed after
-  `record`, and asked whether it is paused.
+- A program of our own, `ros2 bag record`: works with every release. SIGINT makes it write the bag's metadata.yaml and
+  end.
+- A recorder that already runs (`node = "/rosbag2_recorder"`), through its services `record` and `stop`, which Jazzy has
+  since rosbag2 0.26.10. On Jazzy it stays paused after a stop, so that the next bag would be empty. It is therefore
+  resumed after `record`, and asked whether it is paused.
 
-A bag is a new folder. Its file grows in pieces: messages are gathered until a chunk is full.
+A bag is a new folder. Its file grows in steps, because messages are collected until a chunk is full.
 """
 
 from __future__ import annotations
@@ -34,19 +34,19 @@ if TYPE_CHECKING:
 
 STALLED_AFTER = 30.0
 ANSWER_SECONDS = 2.0
-"""For one answer of a service."""
+"""Seconds to wait for one answer of a service."""
 FOUND_SECONDS = 3.0
-"""For which a recorder's services are looked for."""
+"""Seconds to look for a recorder's services."""
 METADATA_SECONDS = 2.0
-"""From `stop` until metadata.yaml is there."""
+"""Seconds from `stop` until metadata.yaml exists."""
 METADATA = "metadata.yaml"
 _OPTIONS = ("node", "topics", "arguments", "program", "ros", "ros_arguments")
 
 
 def open_rosbag2(name: str, options: Mapping[str, Json]) -> Recorder:
-    """The recorder of bags that these options are about.
+    """The recorder of bags for these options.
 
-    :param name: of the recorder; a part of the bag's name.
+    :param name: the recorder's name, a part of the bag's name.
     :param options: `topics` (empty: all), `arguments` (of `ros2 bag record`), `program`; or `node`, `ros`,
         `ros_arguments`.
     :raises RecorderError: with every finding.
@@ -88,7 +88,7 @@ class BagByProgram:
         self._path: Path | None = None
 
     async def prepare(self, plan: RecordingPlan) -> str:
-        """Whether the program is there."""
+        """Check that the program exists."""
         self.plan = plan
         trial = RecordingProgram(f"{self.program} bag record")
         said: list[str] = []
@@ -114,7 +114,7 @@ class BagByProgram:
         return str(path)
 
     async def status(self) -> RecorderStatus:
-        """The size of all that lies in the bag."""
+        """The total size of the bag."""
         run, path = self._run, self._path
         assert run is not None and path is not None
         if not run.runs:
@@ -134,13 +134,13 @@ class BagByProgram:
         return str(path)
 
     async def close(self) -> None:
-        """Nothing of it goes on."""
+        """Make sure that nothing continues."""
         if self._run is not None:
             self._run.close()
 
 
 class BagOverServices:
-    """A recorder that runs already."""
+    """A recorder that already runs."""
 
     kind: MediaKind = "bag"
     stalled_after = STALLED_AFTER
@@ -152,15 +152,15 @@ class BagOverServices:
         self._is_ours = False
 
     async def prepare(self, plan: RecordingPlan) -> str:
-        """Whether it is there and can be told to record."""
+        """Check that it exists and accepts requests."""
         self.plan = plan
         await self._call("is_paused", "IsPaused")
         return f"the bag recorder {self.node} over {self._opened.about}"
 
     async def start(self) -> str:
-        """Record into a new bag, and see that it takes messages."""
+        """Record into a new bag, and check that it receives messages."""
         path = self._path = new_path(self.plan.folder, recording_stem(self.plan, self.name))
-        self._is_ours = True  # also when no answer comes
+        self._is_ours = True  # even without an answer
         answer = await self._call("record", "Record", {"uri": str(path)})
         if answer.get("return_code"):
             self._is_ours = False
@@ -174,20 +174,20 @@ class BagOverServices:
         return str(path)
 
     async def status(self) -> RecorderStatus:
-        """The size of the bag, where it lies on this computer; and whether the recorder takes messages."""
+        """The size of a bag on this computer, and whether the recorder accepts messages."""
         paused = (await self._call("is_paused", "IsPaused")).get("paused") is True
         size = size_of(self._path) if self._path is not None else None
         return RecorderStatus(not paused, bytes=size, path=str(self._path or ""))
 
     async def stop(self) -> str:
-        """End the bag, and wait for its metadata. One that somebody else has begun goes on."""
+        """End the bag, and wait for its metadata. A bag that somebody else has begun goes on."""
         path = self._path
         if not self._is_ours or path is None:
             return ""
         problem: RecorderError | None = None
         try:
             await self._call("stop", "Stop")
-        except RecorderError as error:  # its answer has another type in later releases, and may not be understood
+        except RecorderError as error:  # its answer has another type in later releases
             problem = error
         if size_of(path) is None:
             if problem is not None:
@@ -200,7 +200,7 @@ class BagOverServices:
         raise problem or RecorderError(f"the bag has no {METADATA}: {_reindex(path)}")
 
     async def close(self) -> None:
-        """Leave; the recorder stays."""
+        """Disconnect; the recorder keeps running."""
         transport, self._transport = self._transport, None
         if transport is not None:
             transport.close()
@@ -211,8 +211,8 @@ class BagOverServices:
         return self._transport
 
     async def _call(self, service: str, type: str, request: Message | None = None) -> Message:
-        """What a service of the recorder answers. Raises RecorderError."""
-        from rise_adapters.ros2.transport.selection import open_transport  # loads what speaks ROS
+        """The answer of a service of the recorder. Raises RecorderError."""
+        from rise_adapters.ros2.transport.selection import open_transport  # imports a transport for ROS
 
         try:
             if self._transport is None:

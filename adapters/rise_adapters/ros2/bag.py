@@ -1,16 +1,17 @@
-"""The format `mcap`: a folder of each session with `metadata.yaml` and one MCAP file, as `ros2 bag` makes and opens it.
+"""The format `mcap`: a folder for each session with `metadata.yaml` and one MCAP file, as `ros2 bag` makes and opens
+it.
 
 The messages are those that the session's node publishes while it runs (`rise_adapters.ros2.record_messages`), on the
-same topics, so that a bag can be played to whatever listens to a session. Every part of the file has a check sum: by
-them readers find a byte that has changed (https://mcap.dev/spec).
+same topics, so a bag can be played to any listener of a session. Every part of the file has a checksum, with which
+readers find a changed byte (https://mcap.dev/spec).
 
-Times in the file are those of the wall clock at the session's start, and from there on session time, with what lay
-between the parts of a recovered session added. At the levels that tell no times of day they begin in 1970.
+Times in the file begin with the wall clock at the session's start and continue with session time, plus the gaps between
+the parts of a recovered session. At levels without times of day they begin in 1970.
 
-`metadata.yaml` of a bag, version 9, as ROS 2 Jazzy and later write it
+`metadata.yaml` is of version 9, as ROS 2 Jazzy and later write it
 (https://github.com/ros2/rosbag2/blob/jazzy/rosbag2_storage/src/rosbag2_storage/yaml.hpp).
 
-Written without a library: every text is in double quotes, as JSON has it, which YAML 1.2 reads the same.
+It is written without a library. Every text is in double quotes, as in JSON, which YAML 1.2 reads the same.
 """
 
 from __future__ import annotations
@@ -54,12 +55,12 @@ if TYPE_CHECKING:
 
 VERSION = 9
 DISTRIBUTION = "jazzy"
-"""Whose layout it is."""
+"""The distribution whose layout it is."""
 _FOREVER = "{sec: 9223372036, nsec: 854775807}"
 
 
 class TopicFacts(Struct, frozen=True):
-    """What metadata.yaml says of a topic."""
+    """The facts of a topic for metadata.yaml."""
 
     name: str
     type: str
@@ -75,10 +76,10 @@ def bag_metadata(
     """The text of metadata.yaml.
 
     :param file: the name of the bag's one file.
-    :param topics: in the order of the file.
-    :param start: of the first message, in nanoseconds since 1970.
-    :param duration: in nanoseconds.
-    :param custom_data: what is said of it besides.
+    :param topics: the topics in the order of the file.
+    :param start: the time of the first message, in nanoseconds since 1970.
+    :param duration: the duration in nanoseconds.
+    :param custom_data: further entries.
     """
     count = sum(topic.messages for topic in topics)
     times = [f"starting_time: {{nanoseconds_since_epoch: {start}}}", f"duration: {{nanoseconds: {duration}}}"]
@@ -118,7 +119,7 @@ def bag_metadata(
 
 
 def qos_profile(depth: int) -> str:
-    """How a topic of a session is offered: reliable, and its latest messages also to who comes late."""
+    """The quality of service of a session's topic: reliable, and its latest messages also for late subscribers."""
     return "\n".join(
         [
             "- history: keep_last",
@@ -144,11 +145,11 @@ _SEPARATOR = "=" * 80
 
 
 def message_schema(catalog: InterfaceCatalog, type: str) -> str:
-    """The definition of a message of `rise_interfaces`, with its comments, and then those of the types that it needs.
+    """The definition of a message of `rise_interfaces`, with its comments, and then the definitions of its types.
 
-    :param catalog: where definitions come from.
+    :param catalog: the source of definitions.
     :param type: `rise_interfaces/msg/Record`.
-    :raises PortError: a type is not known.
+    :raises PortError: a type is unknown.
     """
     parts = [(RISE_INTERFACES / "msg" / f"{type.rpartition('/')[2]}.msg").read_text("utf-8").strip()]
     for nested in _nested(catalog, type):
@@ -158,7 +159,7 @@ def message_schema(catalog: InterfaceCatalog, type: str) -> str:
 
 
 def _nested(catalog: InterfaceCatalog, type: str) -> list[str]:
-    """Every type that a type contains, each once, what is needed first first."""
+    """Every type that a type contains, each once, the required ones first."""
     found: dict[str, None] = {}
     pending = [type]
     while pending:
@@ -170,7 +171,7 @@ def _nested(catalog: InterfaceCatalog, type: str) -> list[str]:
 
 
 def _short(name: str) -> str:
-    """As definitions name a type: `std_msgs/Header`."""
+    """A type's name in definitions: `std_msgs/Header`."""
     return name.replace("/msg/", "/")
 
 
@@ -180,7 +181,7 @@ TOPICS = (
     (f"/{TASK_STATE}", TASK_STATE_TYPE, TASKS_LATCHED),
     (f"/{RULE_STATE}", RULE_STATE_TYPE, RULES_LATCHED),
 )
-"""Name, type, and how many of the latest messages a late subscriber of it gets when it is played."""
+"""Name, type, and how many of the latest messages a late subscriber gets when it is played."""
 SECOND = 1_000_000_000
 
 
@@ -211,14 +212,14 @@ def _catalog() -> InterfaceCatalog:
     """The types that this program has, whatever workspace is sourced. Raises ExportError."""
     catalog = InterfaceCatalog(environment={})
     try:
-        import rosbags as rosbags  # has the standard types; an extra
+        import rosbags as rosbags  # an extra with the standard types
     except ImportError:
         raise ExportError('the format mcap needs rosbags, for the types of ROS: pip install "rise-tui[bag]"') from None
     return catalog
 
 
 def _write_session(writer: Writer, catalog: InterfaceCatalog, data: SessionData, file: str) -> str:
-    """Write it all; returns the text of the bag's metadata.yaml."""
+    """Write the whole session; returns the text of the bag's metadata.yaml."""
     writer.start(profile="ros2", library="rise-tui")
     channels = {topic: _register(writer, catalog, topic, type, depth) for topic, type, depth in TOPICS}
     counts: Counter[str] = Counter()
@@ -234,7 +235,7 @@ def _write_session(writer: Writer, catalog: InterfaceCatalog, data: SessionData,
         last = max(last, at)
     facts = [msgspec.structs.replace(channel.facts, messages=counts[topic]) for topic, channel in channels.items()]
     text = bag_metadata(file, facts, first, last - first, _custom_data(data))
-    writer.add_metadata("rosbag2", {"serialized_metadata": text})  # which is read where the file lies alone
+    writer.add_metadata("rosbag2", {"serialized_metadata": text})  # read if the file is alone
     writer.finish()  # type: ignore[no-untyped-call]
     return text
 
@@ -263,7 +264,7 @@ def _timed(data: SessionData) -> Iterator[tuple[int, AnyRecord]]:
 
 
 def _start(data: SessionData) -> int:
-    """When the session began, in nanoseconds since 1970; 0 where that is not told."""
+    """The session's start, in nanoseconds since 1970; 0 if it is not given."""
     try:
         return round(datetime.fromisoformat(data.facts.started).timestamp() * 1e6) * 1000
     except ValueError:

@@ -1,4 +1,4 @@
-"""The session's one connection to ROS 2: its robot, and what it shows to other nodes.
+"""The session's one connection to ROS 2: its robot, and its interface for other nodes.
 
 It implements `rise_engine.ports.bridge.Bridge`.
 """
@@ -34,15 +34,15 @@ from rise_engine.session.folder import without_home
 _LOG = logging.getLogger(__name__)
 
 WATCH_SECONDS = 0.5
-"""How often it is looked whether the connection still stands."""
+"""Seconds between checks of the connection."""
 DEFAULT_NODE_NAME = "rise"
-"""What the engine's node is called, unless `__node` says otherwise."""
+"""The name of the engine's node, unless `__node` sets another."""
 INTERFACE_TYPES = (
     "rise_interfaces/action/DomainTask_Goal",
     "rise_interfaces/srv/GetMemory_Request",
     "rise_interfaces/msg/Record",
 )
-"""Without these there is nothing that other nodes could see."""
+"""Without these, other nodes can see nothing of the session."""
 
 
 class Ros2Bridge:
@@ -58,8 +58,8 @@ class Ros2Bridge:
         *,
         rosout: bool = True,
     ) -> None:
-        """`reconnect` opens another transport like the first, after that was lost; it may raise AdapterError. `rosout`:
-        whether what happens is told on /rosout, too."""
+        """`reconnect` opens a transport like the lost one, or raises AdapterError. `rosout`: also report events on
+        /rosout."""
         self.about = f"ROS 2 by {transport.about}"
         self._transport = transport
         self._profile = profile
@@ -73,13 +73,13 @@ class Ros2Bridge:
         self._watcher = asyncio.get_running_loop().create_task(self._watch_connection())
 
     def robot(self, clock: Clock) -> Robot:
-        """The robot of the profile that the bridge was opened with, by the session's `clock`."""
+        """The robot of the bridge's profile, on the session's `clock`."""
         assert self._profile is not None, "the bridge was opened without a robot"
         self._robot = Ros2Robot(self._profile, clock, self._transport, self._mappings)
         return self._robot
 
     def join(self, hub: SessionHub) -> None:
-        """Show the session of `hub` to other nodes, and take their tasks. Raises PortError."""
+        """Show the session of `hub` to other nodes, and accept their tasks. Raises PortError."""
         self._hub = hub
         self._open_interface(self._neighbours)
 
@@ -94,7 +94,7 @@ class Ros2Bridge:
         neighbours.announce_serving(self._hub.engine.scenario.title, Path(self._hub.folder).name)
 
     async def close(self) -> None:
-        """End the goals of other nodes, publish what is still to be said, and leave ROS."""
+        """End the goals of other nodes, publish the rest, and leave ROS."""
         self._watcher.cancel()
         self._neighbours.close()
         if self._interface is not None:
@@ -102,7 +102,7 @@ class Ros2Bridge:
         self._transport.close()
 
     async def _watch_connection(self) -> None:
-        """A middleware that was shut down under the session is started again; the robot has noticed by itself."""
+        """Start a middleware again that was shut down during the session. The robot has noticed this itself."""
         reported = ""
         while True:
             await asyncio.sleep(WATCH_SECONDS)
@@ -130,7 +130,7 @@ class Ros2Bridge:
                 if self._hub is not None and not self._hub.engine.ended:
                     self._open_interface(NeighbourSessions(fresh, self._neighbours.announcement))
                 self._record_note("ROS is reached again")
-            except PortError as error:  # it may have gone again already
+            except PortError as error:  # it may already have gone again
                 self._record_note(f"the new connection to ROS does not work: {error}")
             before.close()
 
@@ -142,13 +142,13 @@ class Ros2Bridge:
 
 async def open_bridge(wire: RosConnection, profile: RobotProfile | None) -> Ros2Bridge:
     """Connect (`rise_engine.ports.bridge.BridgeOpener`)."""
-    _, arguments = parameters_as_options(wire.arguments, DEFAULT_NODE_NAME, {})  # the command line has taken its own
+    _, arguments = parameters_as_options(wire.arguments, DEFAULT_NODE_NAME, {})  # the command line has read its own
     share: list[Path] = []
     if profile is not None:
         try:
             share = [Path(each) for each in read_options(profile).share]
         except PortError:
-            raise AdapterError(*mapping_problems(profile)) from None  # also what is wrong elsewhere in it
+            raise AdapterError(*mapping_problems(profile)) from None  # with all other mistakes in it
 
     connect = partial(open_transport, wire.transport, arguments, node=DEFAULT_NODE_NAME, share=share)
     transport = await connect()
@@ -169,7 +169,7 @@ async def open_bridge(wire: RosConnection, profile: RobotProfile | None) -> Ros2
 
 
 def session_parameters(hub: SessionHub) -> dict[str, ReadableParameter]:
-    """A session's settings as parameters of its node. A real session tells no login."""
+    """A session's settings as parameters of its node. A real session reveals no login."""
     about = hub.summary()
     path = without_home if about.mode == "real" else str
     return {

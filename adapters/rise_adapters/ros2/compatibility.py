@@ -1,10 +1,10 @@
-"""Whether what a robot has on ROS fits what its profile says: one answer, in one set of sentences, for the session
-(before every goal, and while it looks after the robot), for `rise-engine doctor`, and for whoever asks next.
+"""Whether what a robot has on ROS fits its profile. The session (before every goal, and while it watches the robot),
+`rise-engine doctor` and all others get the same answer in the same sentences.
 
-ROS 2 itself says nothing when the two ends of a name do not fit. Another version of a type is filled with whatever
-bytes come; another quality of service, another type or another vendor's middleware is silence, although the other
-program can be seen. So each end that somebody has on the names of an action is compared with this side's: its type
-by name and by hash (REP-2016), whose software carries it, and its quality of service.
+ROS 2 itself reports nothing when the two ends of a name do not fit. Another version of a type is filled with whatever
+bytes arrive. Another quality of service, another type or another vendor's middleware means silence, although the other
+program is visible. This module therefore compares each end on the names of an action with this side's: its type by name
+and by hash (REP-2016), its vendor's software, and its quality of service.
 """
 
 from __future__ import annotations
@@ -37,18 +37,18 @@ SHORT_MISFITS = {
     OTHER_MIDDLEWARE: "uses other middleware; set RMW_IMPLEMENTATION",
     OTHER_QUALITY: "wants another quality of service",
 }
-"""What a whole robot is or does of which nothing fits, as short as a small screen needs it."""
+"""What is wrong with a whole robot if nothing of it fits, short enough for a small screen."""
 MISFIT_KINDS = tuple(SHORT_MISFITS)
 
 SAME_RELEASE = "build its interface package from the same release on both sides, and start both again"
 
 
 class Misfit(Struct, frozen=True):
-    """Something of the other side that does not fit."""
+    """Something on the other side that does not fit."""
 
     kind: str
     name: str
-    """What it is about, the full name of an action or topic, with which the sentence begins."""
+    """Its subject, the full name of an action or topic, with which the sentence begins."""
     statement: str
     """The rest of the sentence, without a full stop."""
     remedy: str
@@ -59,21 +59,21 @@ class Misfit(Struct, frozen=True):
 
 
 class EndpointComparison(Struct):
-    """What was found of the other side of one action of a profile."""
+    """What was found on the other side for one action of a profile."""
 
     unusable: list[Misfit] = []
-    """Because of these nothing may be sent to it, or nothing sent would arrive."""
+    """Misfits that forbid sending anything, or would keep everything sent from arriving."""
     unheard: list[Misfit] = []
-    """Because of these some of what it says would not be heard; what is sent arrives."""
+    """Misfits that would keep some of its messages from arriving here; sent messages do arrive."""
     seen: list[str] = []
-    """Whose programs have any of it, for a person; empty when nobody has."""
+    """The programs that have any part of it, for a person; empty when nobody has."""
     programs: frozenset[bytes] = frozenset()
-    """The programs that offer any of an action (`RemoteEndpoint.program`), as far as they can be told apart."""
+    """The programs that offer a part of an action (`RemoteEndpoint.program`), as far as they can be distinguished."""
     unannounced: bool = False
-    """It does not say which version of its types it has, or that is not known of this side's: nobody can compare."""
+    """It does not announce the version of its types, or this side's is unknown: they cannot be compared."""
     complete: bool = False
-    """Everything that it must have to be of use has been seen, and so was compared. (Discovery brings one after the
-    other, and the middleware may let messages pass before it lists who they come from.)"""
+    """Every necessary part of it has been seen, and so was compared. (Discovery finds them one by one, and the
+    middleware may deliver messages before it lists their senders.)"""
 
     @property
     def misfits(self) -> list[Misfit]:
@@ -81,7 +81,7 @@ class EndpointComparison(Struct):
 
 
 def compare(transport: Transport, mapping: ActionMapping) -> EndpointComparison:
-    """Compare what is there now with what the profile says of one action."""
+    """Compare what is there now with the profile's statements about one action."""
     found = _compare_topic(transport, mapping) if mapping.kind == "topic" else _compare_servers(transport, mapping)
     found.unusable, found.unheard = list(dict.fromkeys(found.unusable)), list(dict.fromkeys(found.unheard))
     found.seen = list(dict.fromkeys(found.seen))
@@ -89,7 +89,7 @@ def compare(transport: Transport, mapping: ActionMapping) -> EndpointComparison:
 
 
 def describe_absence(comparison: EndpointComparison, mapping: ActionMapping, full: str) -> str:
-    """Why nothing of an action can be reached, where `compare` found nothing wrong: a sentence that names `full`."""
+    """Why nothing of an action can be reached although `compare` found nothing wrong: a sentence that names `full`."""
     if comparison.seen:
         return f"{full} is seen at {_join_names(comparison.seen)}, and cannot be reached: {_why_unreachable(mapping)}"
     return f"nothing {'listens to' if mapping.kind == 'topic' else 'offers'} {full}"
@@ -101,12 +101,12 @@ def describe_several_servers(count: int, full: str) -> str:
 
 
 def describe_uncompared(full: str) -> str:
-    """The sentence about an other side that does not say what its types are."""
+    """The sentence about a side that does not announce its types."""
     return f"{full} does not say which version of its types it has, so the two sides cannot be compared"
 
 
 def describe_misfits(misfits: Iterable[Misfit]) -> str:
-    """One text for a person of what is wrong, each cause once, with what to do."""
+    """One text for a person about all misfits, each cause once, with its remedy."""
     names: dict[tuple[str, str], list[str]] = {}
     for misfit in misfits:
         names.setdefault((misfit.statement, misfit.remedy), []).append(misfit.name)
@@ -120,7 +120,7 @@ def describe_misfits(misfits: Iterable[Misfit]) -> str:
 
 
 def _compare_servers(transport: Transport, mapping: ActionMapping) -> EndpointComparison:
-    """Of an action, which is three services and two topics; or of one service."""
+    """Compare an action's three services and two topics, or one service."""
     full, is_action = transport.resolve(mapping.name), mapping.kind == "action"
     found = EndpointComparison()
     types = action_types(mapping.type) if is_action else {}
@@ -179,7 +179,7 @@ def _compare_topic(transport: Transport, mapping: ActionMapping) -> EndpointComp
         else:
             misfits.append(misfit)
     found.complete = bool(found.seen)
-    if not fits:  # else these are somebody's who listens, too, as `ros2 topic echo` does
+    if not fits:  # otherwise these only listen, too, like `ros2 topic echo`
         found.unusable += misfits
     return found
 
@@ -213,8 +213,8 @@ def _type_misfit(
     wanted: str,
     found: EndpointComparison,
 ) -> Misfit | None:
-    """`full`: the mapping's name, in full. `wanted`: what of its type this end has to carry. That it does not say more
-    goes to `found`."""
+    """Compare one end's type. `full`: the mapping's full name. `wanted`: the part of its type that this end must carry.
+    Missing announcements are noted in `found`."""
     verb = "taken" if mapping.kind == "topic" else "offered"
     if end.type != wanted:
         there = ros_type(end.type) or "something that is not a ROS type"
@@ -223,7 +223,7 @@ def _type_misfit(
     own = transport.type_hash(wanted)
     if not own or not end.hash:
         found.unannounced = True
-    elif end.hash not in (own, transport.type_hash(_service_of(wanted))):  # some middleware announces the service's
+    elif end.hash not in (own, transport.type_hash(_service_of(wanted))):  # some announce the service's hash
         what = mapping.type if wanted.startswith(mapping.type) else ros_type(wanted)
         statement = f"is {verb}{_describe_owner(end)} with another version of {what}"
         return Misfit(OTHER_VERSION, full, statement, SAME_RELEASE)
@@ -231,12 +231,12 @@ def _type_misfit(
 
 
 def _service_of(type: str) -> str:
-    """The service that this is the request or the response of; other types as they are."""
+    """The service of this request or response; other types unchanged."""
     return type.removesuffix("_Request").removesuffix("_Response")
 
 
 def ros_type(type: str) -> str:
-    """Of a part of an action or service, the type that people write."""
+    """The type that people write, for a part of an action or service."""
     type = _service_of(type)
     for ending in ("_SendGoal", "_GetResult", "_FeedbackMessage"):
         type = type.removesuffix(ending)
@@ -244,12 +244,12 @@ def ros_type(type: str) -> str:
 
 
 class QosConflict(Struct, frozen=True):
-    """Why a reader hears nothing of a writer."""
+    """Why a reader receives nothing from a writer."""
 
     offered: str
-    """How the writer offers it, in words ..."""
+    """The writer's offer in words ..."""
     wanted: str
-    """... and how the reader wants it."""
+    """... and the reader's request."""
     for_reader: str
     """What to write on the reader's side, or ..."""
     for_writer: str
@@ -262,8 +262,7 @@ _VOLATILE = QosConflict("as volatile", _LATCHED, 'durability = "volatile"', 'dur
 
 
 def qos_conflict(offered: QoS | None, wanted: QoS | None) -> QosConflict | None:
-    """Why a reader that wants `wanted` hears nothing of a writer that offers `offered`; None: it hears, or that is not
-    known."""
+    """Why a reader that wants `wanted` hears nothing from a writer that offers `offered`; None: it does, or unknown."""
     if offered is None or wanted is None:
         return None
     if wanted.reliable and not offered.reliable:
@@ -294,7 +293,7 @@ def describe_node(name: str) -> str:
 
 
 def _describe_owner(end: RemoteEndpoint) -> str:
-    """Whose it is. (That is announced separately, and may come later or never.)"""
+    """The owner. (It is announced separately, and perhaps later or never.)"""
     return f" by {describe_node(end.node)}" if end.node else ""
 
 

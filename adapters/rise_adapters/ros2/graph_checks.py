@@ -1,6 +1,5 @@
-"""What can be told from the ROS graph about programs that do not fit together, as sentences for a person: for
-`rise-engine doctor`, and for nodes that hear what others publish (`compatibility` does it for the actions of a robot).
-"""
+"""Sentences for a person about programs on the ROS graph that do not fit together. They serve `rise-engine doctor`, and
+nodes that listen to others (`compatibility` covers the actions of a robot)."""
 
 from __future__ import annotations
 
@@ -19,8 +18,8 @@ DOCTOR_NODE_NAME = "rise_doctor"
 
 
 def names_elsewhere(transport: Transport, mapping: ActionMapping) -> list[str]:
-    """The full names under which others offer an action of the mapping's type (listen to a topic of it). None are known
-    of services, which a transport does not list."""
+    """The full names under which others offer an action of the mapping's type, or listen to a topic of it. A transport
+    does not list services, so for them there are none."""
     own = transport.resolve(mapping.name)
     names: list[str] = []
     for topic in transport.topics():
@@ -37,8 +36,8 @@ def names_elsewhere(transport: Transport, mapping: ActionMapping) -> list[str]:
 
 
 def other_clients(transport: Transport, action: str) -> list[str]:
-    """The nodes of others that may send goals to an action (its full name), as far as they say who they are. The doctor
-    only looks, and what has this node's name is its predecessor, which has just gone."""
+    """Other nodes that may send goals to an action (its full name), as far as they announce themselves. The doctor only
+    listens; a node with its own name is its predecessor, which has just gone."""
     return [
         node
         for node in transport.client_nodes(action_topic(action, SEND_GOAL))
@@ -48,12 +47,12 @@ def other_clients(transport: Transport, action: str) -> list[str]:
 
 
 def describe_other_client(node: str, action: str) -> str:
-    """The sentence about somebody who may move the robot, too."""
+    """The sentence about somebody else who may move the robot."""
     return f"{describe_node(node)} may send goals to {action}, too; the record of this session does not contain these"
 
 
 def describe_strangers(transport: Transport) -> list[str]:
-    """A sentence about each program that can be seen but not be talked to as ROS wants it."""
+    """A sentence about each program that is visible but cannot be reached as ROS requires."""
     return [
         f"{describe_node(who)} uses {vendors.vendor_name(vendor)}: topics may arrive, services and actions "
         f"{'do' if vendors.services_cross(transport.vendor, vendor) == 'no' else 'may'} not. "
@@ -63,7 +62,7 @@ def describe_strangers(transport: Transport) -> list[str]:
 
 
 def describe_other_versions(transport: Transport, topic: str, type: str) -> list[str]:
-    """Who publishes a topic with another version of `type` than this side's: a sentence for each."""
+    """A sentence for each node that publishes a topic with another version of `type` than this side's."""
     own, full = transport.type_hash(type), transport.resolve(topic)
     return [
         f"{describe_node(end.node)} publishes {full} with another version of {type} than this node listens for: what "
@@ -74,8 +73,7 @@ def describe_other_versions(transport: Transport, topic: str, type: str) -> list
 
 
 def describe_topic_misfits(transport: Transport, topic: str) -> list[str]:
-    """Of what other nodes have on one topic, who does not hear whom, and who would hear garbage: a sentence for each
-    pair."""
+    """A sentence for each pair of other nodes on a topic that do not hear each other, or would receive garbage."""
     found: dict[str, None] = {}
     for publisher in transport.publisher_endpoints(topic):
         for listener in transport.subscriber_endpoints(topic):

@@ -1,10 +1,10 @@
 """A program's own settings as ROS parameters, the same on both transports.
 
-What `--ros-args -p name:=value` and `--params-file FILE` give becomes options of the program's command line, before
-that is read (`parameters_as_options`): so there is one place where an option is declared, checked and explained. What
-is unknown is refused with the nearest name, as an unknown option is. What ROS knows and RISE does not do, simulated
-time and overrides of the quality of service, is refused with a sentence; where a file gives it to all nodes, it is
-passed over with that sentence as a note.
+`--ros-args -p name:=value` and `--params-file FILE` become options of the program's command line before that is read
+(`parameters_as_options`). Each option is therefore declared, checked and explained in one place. An unknown parameter
+is refused with the nearest name, like an unknown option. Parameters that ROS knows and RISE does not support, simulated
+time and overrides of the quality of service, are refused with a sentence. If a file sets them for all nodes, they are
+skipped with that sentence as a note.
 """
 
 from __future__ import annotations
@@ -35,30 +35,30 @@ class GivenParameter(Struct, frozen=True):
 
     name: str
     value: Any
-    """A text, or a list of them: what it means is up to the option. (So the participant 007 stays 007.)"""
+    """A text, or a list of texts. The option decides its meaning, so that the participant 007 stays 007."""
     for_all_nodes: bool = False
-    """It stands in a file for whatever nodes there are (`/**`): one that does not know it passes it over."""
+    """Whether a file gives it to all nodes (`/**`). A node that does not know it skips it."""
 
 
 class ParameterOption(Struct, frozen=True):
-    """An option of a command line that can be given as a parameter, too."""
+    """An option of a command line that can also be given as a parameter."""
 
     flag: str
     """`--dwell`"""
     switch: bool = False
-    """It takes no value."""
+    """Whether it takes no value."""
     opposite: str = ""
-    """Of a switch: the flag that says no (`--no-record`); empty: to leave it out says it."""
+    """For a switch: the flag that turns it off (`--no-record`); empty: leaving the switch out turns it off."""
     repeatable: bool = False
-    """It can be given several times: the parameter is a list."""
+    """Whether it can be given several times; the parameter is then a list."""
 
 
-# --- what is given --------------------------------------------------------------------------------------------------
+# --- given parameters -----------------------------------------------------------------------------------------------
 
 
 def split_parameters(arguments: Sequence[str], node: str) -> tuple[list[GivenParameter], tuple[str, ...]]:
-    """The parameters among ROS's arguments that are meant for `node` (its name, without namespace), in the order in
-    which they count, the last most; and the other arguments. Raises PortError."""
+    """The parameters for `node` (its name, without namespace) among ROS's arguments, and the other arguments. A later
+    parameter overrides an earlier one. Raises PortError."""
     own, namespace = _read_node_and_namespace(arguments, node)
     full = f"{namespace.rstrip('/')}/{own}"
     given: list[GivenParameter] = []
@@ -87,8 +87,8 @@ def split_parameters(arguments: Sequence[str], node: str) -> tuple[list[GivenPar
 def parameters_as_options(
     arguments: Sequence[str], node: str, options: Mapping[str, ParameterOption], written: Sequence[str] = ()
 ) -> tuple[list[str], tuple[str, ...]]:
-    """Parameters as options of the command line, to stand before what is `written` there, which counts more; and ROS's
-    other arguments. Raises PortError."""
+    """Parameters as options of the command line, and ROS's other arguments. The options go before those `written`
+    there, which override them. Raises PortError."""
     given, others = split_parameters(arguments, node)
     chosen: dict[str, Any] = {}
     for each in given:
@@ -101,7 +101,7 @@ def parameters_as_options(
             chosen[name] = each.value
         elif not each.for_all_nodes and name != SIM_TIME:
             raise PortError(f"the parameter {each.name} is unknown{did_you_mean(name, [*options, SIM_TIME])}")
-    # Of an option the last one counts; but of one that can be given several times, all do.
+    # Of an option the last value counts, unless it can be given several times.
     flags = {word.partition("=")[0] for word in written}
     words: list[str] = []
     for name, value in chosen.items():
@@ -112,7 +112,7 @@ def parameters_as_options(
 
 
 def _why_unfollowed(name: str, value: Any) -> str:
-    """Why this program does not do what a parameter says that every node of ROS takes; empty: nothing of the kind."""
+    """Why this program does not follow a parameter that every node of ROS has; empty: it has no such objection."""
     if name == SIM_TIME and _read_truth(value) is not False:
         return (
             f"the parameter {name} is {value}, and this program does not follow /clock: people take part, and the "
@@ -144,13 +144,13 @@ def _option_words(name: str, option: ParameterOption, value: Any) -> Iterator[st
 
 
 def _read_truth(value: Any) -> bool | None:
-    """As YAML 1.1, which ROS reads."""
+    """Read a truth value as in YAML 1.1, which ROS uses."""
     word = value.casefold() if isinstance(value, str) else ""
     return True if word in ("true", "yes", "on", "y") else False if word in ("false", "no", "off", "n") else None
 
 
 def _read_node_and_namespace(arguments: Sequence[str], node: str) -> tuple[str, str]:
-    """The name of the node and its namespace, after the rules that are among the arguments."""
+    """The node's name and namespace, after the rules among the arguments."""
     found: dict[str, str] = {}
     rest = iter(arguments)
     for argument in rest:
@@ -170,7 +170,7 @@ def _read_file(path: Path, full: str) -> Iterator[GivenParameter]:
     if not read:
         return
     found = list(_find_sections(read, "", str(path)))
-    # What is said of this node counts more than what is said of all.
+    # What names this node overrides what names all nodes.
     for pattern, section in sorted(found, key=lambda each: "*" not in each[0]):
         if _matches_node(pattern, full):
             for name, value in _flatten(section, ""):
@@ -192,7 +192,7 @@ def _find_sections(table: Any, where: str, path: str) -> Iterator[tuple[str, dic
 
 
 def _matches_node(pattern: str, full: str) -> bool:
-    """`*` is one part of a name, `**` any number of parts."""
+    """Whether a pattern matches a node: `*` is one part of a name, `**` any number of parts."""
     parts = ["(/[^/]+)*" if part == "**" else "/[^/]+" if part == "*" else re.escape(f"/{part}")
              for part in pattern.strip("/").split("/")]  # fmt: skip
     return re.fullmatch("".join(parts), full) is not None
@@ -207,8 +207,8 @@ def _flatten(table: Mapping[str, Any], prefix: str) -> Iterator[tuple[str, Any]]
 
 
 def _read_yaml(text: str, where: str) -> Any:
-    """Its structure, with texts for all that is no list and no table. The extra `dds` comes with one reader of YAML,
-    ROS with another."""
+    """The structure of a YAML text, with texts for everything except lists and tables. The extra `dds` brings one YAML
+    reader, ROS another."""
     try:
         try:
             yaml = import_module("yaml")
@@ -217,11 +217,11 @@ def _read_yaml(text: str, where: str) -> Any:
             return import_module("ruamel.yaml").YAML(typ="base", pure=True).load(text)
     except ModuleNotFoundError:
         raise PortError("parameters need a reader of YAML: pip install 'rise-tui[dds]', or source ROS") from None
-    except Exception as error:  # both have many
+    except Exception as error:  # both readers raise many kinds
         raise PortError(f"--ros-args: {where} is not YAML: {' '.join(str(error).split())}") from None
 
 
-# --- what others see ------------------------------------------------------------------------------------------------
+# --- readable parameters --------------------------------------------------------------------------------------------
 
 
 class ReadableParameter(Struct, frozen=True):
@@ -232,14 +232,14 @@ class ReadableParameter(Struct, frozen=True):
 
 
 NO_SIM_TIME = {SIM_TIME: ReadableParameter(False, "always false: people take part, and the record is in their time")}
-"""Every node of ROS has this one."""
+"""Every ROS node has this parameter."""
 
 
 class ParameterServices:
     """Answers `ros2 param` for one node."""
 
     def __init__(self, transport: Transport, settings: Callable[[], Mapping[str, ReadableParameter]]) -> None:
-        """`settings` is asked at each request. Raises PortError."""
+        """`settings` is called at each request. Raises PortError."""
         self._read_own = settings
         for name, type, take_request in (
             ("list_parameters", "ListParameters", self._list),
@@ -304,15 +304,15 @@ _TYPE_AND_FIELD = {
     str: (4, "string_value"),
     list: (9, "string_array_value"),
 }
-"""Of a value in Python: its ParameterType, and the field of a ParameterValue that holds it."""
+"""The ParameterType of a Python value, and the field of a ParameterValue that contains it."""
 
 
 def parameter_type(value: ParameterValue) -> int:
-    """As rcl_interfaces/msg/ParameterType numbers them; 0: it is not set."""
+    """The number of rcl_interfaces/msg/ParameterType; 0: not set."""
     return _TYPE_AND_FIELD.get(type(value), (0, ""))[0]
 
 
 def parameter_value(value: ParameterValue) -> Message:
-    """As a rcl_interfaces/msg/ParameterValue."""
+    """The value as a rcl_interfaces/msg/ParameterValue."""
     kind, field = _TYPE_AND_FIELD.get(type(value), (0, ""))
     return {"type": kind, field: value} if kind else {}

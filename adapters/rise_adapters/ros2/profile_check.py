@@ -1,6 +1,5 @@
-"""What there is to say about a robot's profile before anything is connected (an entry point of the group
-`rise.checks`): for `rise-engine check`, which loads nothing else of ROS.
-"""
+"""Checks a robot's profile without a connection (an entry point of the group `rise.checks`), for `rise-engine check`,
+which imports nothing else of ROS."""
 
 from __future__ import annotations
 
@@ -16,8 +15,8 @@ from rise_engine.scenario.model import RobotProfile
 
 
 def check_profile(profile: RobotProfile) -> list[ProfileFinding]:
-    """What there is to say about a profile without a connection (`rise-engine check`): also what a session, which takes
-    the types from where the check takes them, is refused for."""
+    """The diagnostics about a profile without a connection, for `rise-engine check`. They include everything for which
+    a session would be refused, because both read the same types."""
     try:
         options = read_options(profile)
     except PortError:
@@ -30,12 +29,12 @@ def check_profile(profile: RobotProfile) -> list[ProfileFinding]:
 
 
 def _field_reader(share: Sequence[str]) -> ReadFields | None:
-    """The types as the transport has them that a session would use here; None: there is none."""
+    """The types of the transport that a session would use here; None: there is none."""
     missing = why_unavailable()
     if not missing["rclpy"]:
         return InstalledTypes().fields
     if missing["dds"]:
         return None
-    from rise_adapters.ros2.transport.interfaces import InterfaceCatalog  # needs rosbags, which is an extra
+    from rise_adapters.ros2.transport.interfaces import InterfaceCatalog  # needs the extra rosbags
 
     return InterfaceCatalog(share).fields

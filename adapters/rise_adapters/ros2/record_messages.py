@@ -1,4 +1,4 @@
-"""Records as messages of `rise_interfaces`, the same on the topics of a session and in a bag of a recorded one."""
+"""Records as messages of `rise_interfaces`, the same on a session's topics and in the bag of a recorded session."""
 
 from __future__ import annotations
 
@@ -17,11 +17,11 @@ RULE_STATE_TYPE = "rise_interfaces/msg/RuleState"
 RECORDS_LATCHED = 1000
 TASKS_LATCHED = 100
 RULES_LATCHED = 100
-"""Or twice as many as the scenario has rules."""
+"""Or twice the number of the scenario's rules."""
 
 
 def record_message(record: AnyRecord, session: str, header: Message) -> Message:
-    """A `rise_interfaces/msg/Record`. `session`: its name; `header`: as `make_header` gives it."""
+    """A `rise_interfaces/msg/Record`. `session`: its name; `header`: the result of `make_header`."""
     return {
         "header": header,
         "session": session,
@@ -62,13 +62,13 @@ def rule_state_message(name: str, status: str, rule: RuleRecord | RuleView, head
 
 
 def wall_to_nanoseconds(wall: str) -> int:
-    """The time of a record's label, in nanoseconds since 1970; 0 when it has none."""
+    """The time of a record's label, in nanoseconds since 1970; 0 without one."""
     if not wall:
         return 0
     return round(datetime.fromisoformat(wall).timestamp() * 1e6) * 1000
 
 
 def make_header(since_1970: int) -> Message:
-    """The std_msgs/msg/Header of a moment, which is given in nanoseconds."""
+    """The std_msgs/msg/Header of a time in nanoseconds."""
     seconds, rest = divmod(since_1970, 1_000_000_000)
     return {"stamp": {"sec": seconds, "nanosec": rest}}

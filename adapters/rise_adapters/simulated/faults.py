@@ -1,25 +1,25 @@
-"""Faults on request: what a rehearsal or a test asks the simulated robot to do wrong.
+"""Faults on request: mistakes that a rehearsal or a test asks the simulated robot to make.
 
 ==========================  ========================================================================================
-`Speech=reject`             the robot refuses every Speech
+`Speech=reject`             the robot rejects every Speech
 `Speech=fail`               every Speech fails half-way
-`Speech=abort`              the robot gives up every Speech half-way by itself, as after a protective stop
+`Speech=abort`              the robot itself gives up every Speech half-way, as after a protective stop
 `Speech=slow:3`             every Speech takes 3 times as long
 `Speech=hang`               Speech never ends and never confirms a cancel; its part is unconfirmed, then held
-`Speech=slow-accept:2`      the robot says only after 2 s that it takes a Speech, and begins then
-`Speech=slow-reject:2`      ... or that it refuses it
-`Speech=lost-accept`        it takes it and does it, and that answer is lost
-`Speech=late-begin:2`       it takes it at once, and begins 2 s later
-`Speech=refuse-cancel`      it does not let itself be stopped, and says so; its part is held until it has ended
-`Speech=ignore-cancel`      ... and says nothing
-`Speech=slow-cancel:2`      it says that it stops, and has stopped 2 s later
-`Speech=die-on-goal`        its program is gone as a Speech comes (`die-on-goal:5`: for 5 s)
-`Speech=die-on-cancel`      ... as one is to be stopped (`die-on-cancel:5`: for 5 s)
-`Speech=fail@2`             only the second Speech of the session (`@N` goes with every kind)
+`Speech=slow-accept:2`      the robot accepts a Speech only after 2 s, and begins then
+`Speech=slow-reject:2`      ... or rejects it after 2 s
+`Speech=lost-accept`        it accepts a Speech and carries it out, but that answer is lost
+`Speech=late-begin:2`       it accepts a Speech immediately, and begins 2 s later
+`Speech=refuse-cancel`      it refuses to stop, and reports this; its part is held until the Speech has ended
+`Speech=ignore-cancel`      ... and reports nothing
+`Speech=slow-cancel:2`      it confirms that it stops, and has stopped 2 s later
+`Speech=die-on-goal`        its program dies when a Speech arrives (`die-on-goal:5`: for 5 s)
+`Speech=die-on-cancel`      ... when a Speech should stop (`die-on-cancel:5`: for 5 s)
+`Speech=fail@2`             only the second Speech of the session (`@N` is possible with every kind)
 `*=slow:2`                  every action
 `vanish@12.5`               the link is lost at session time 12.5 s
-`vanish@12.5-20`            ... and comes back at 20 s
-`inactive@12.5-20`          the robot is there, and takes nothing from 12.5 s to 20 s, as an inactive lifecycle node
+`vanish@12.5-20`            ... and returns at 20 s
+`inactive@12.5-20`          the robot is there, but accepts nothing from 12.5 s to 20 s, like an inactive lifecycle node
 ==========================  ========================================================================================
 """
 
@@ -52,7 +52,7 @@ FaultKind: TypeAlias = Literal[
 ]
 FAULT_KINDS: tuple[FaultKind, ...] = get_args(FaultKind)
 OF_CANCELS: tuple[FaultKind, ...] = ("refuse-cancel", "ignore-cancel", "slow-cancel", "die-on-cancel")
-"""What goes wrong only when the action is to be stopped."""
+"""Faults that show only when the action should stop."""
 LinkFaultKind: TypeAlias = Literal["vanish", "inactive"]
 
 _AMOUNTS: dict[FaultKind, tuple[str, bool]] = {
@@ -62,7 +62,7 @@ _AMOUNTS: dict[FaultKind, tuple[str, bool]] = {
     },
     **{kind: (f"seconds, as in {kind}:5", False) for kind in ("die-on-goal", "die-on-cancel")},
 }
-"""What stands behind the colon of some kinds, and whether it must."""
+"""The value after the colon of some kinds, and whether it is required."""
 _FORM = (
     "write ACTION=KIND (each also with @N), where KIND is one of "
     f"{', '.join(f'{kind}:N' if _AMOUNTS.get(kind, ('', False))[1] else kind for kind in FAULT_KINDS)}; "
@@ -74,35 +74,35 @@ _ACTION = re.compile(r"(?P<action>[^=@]+)=(?P<kind>[^:@]*)(?::(?P<amount>[^@]*))
 
 
 class ActionFault(Struct, frozen=True):
-    """What goes wrong with one kind of action."""
+    """A fault of one kind of action."""
 
     action: str
     """The action's name, or `*`."""
     kind: FaultKind
     amount: float | None = None
-    """For `slow`: how many times longer it takes. Of the others that have one, seconds."""
+    """For `slow`: the factor. For the others that have one: seconds."""
     nth: int | None = None
-    """Which goal of that action, counted from 1; null: each."""
+    """Which goal of that action, counted from 1; None: each."""
 
     def applies_to(self, action: str, count: int) -> bool:
-        """Whether it concerns the `count`-th goal of `action`."""
+        """Whether it applies to the `count`-th goal of `action`."""
         return self.action in ("*", action) and self.nth in (None, count)
 
 
 class LinkFault(Struct, frozen=True):
-    """The link to the robot is lost from `at` until `back` (seconds of session time; null: for good)."""
+    """The link to the robot is lost from `at` until `back` (seconds of session time; None: permanently)."""
 
     at: float
     back: float | None = None
     kind: LinkFaultKind = "vanish"
-    """inactive: the link stands, and the robot takes nothing."""
+    """inactive: the link works, but the robot accepts nothing."""
 
 
 Fault: TypeAlias = ActionFault | LinkFault
 
 
 def parse_fault(text: str, profile: RobotProfile) -> Fault:
-    """Read one request. Raises ValueError with a sentence that says what is wrong and what was probably meant."""
+    """Read one fault. Raises ValueError with a sentence about the mistake and what was probably meant."""
     if text.startswith(("vanish", "inactive")):
         return _parse_link_fault(text)
     match = _ACTION.fullmatch(text)

@@ -1,8 +1,8 @@
-"""The simulated robot: believable durations, deterministic, and wrong on request (see `faults`).
+"""The simulated robot: believable durations, deterministic, and with faults on request (see `faults`).
 
-Options of a profile (`[options]`), all optional: `latency` seconds until a goal is accepted (0.02), `stopping` seconds
-until a cancel is confirmed (0.05), `variation` how much durations vary at random, as a part of them (0, at most 0.5).
-The same seed and the same goals in the same order give the same durations.
+Options of a profile (`[options]`), all optional: `latency`, seconds until a goal is accepted (0.02); `stopping`,
+seconds until a cancel is confirmed (0.05); `variation`, the random variation of durations as a fraction (0, at most
+0.5). The same seed and the same goals in the same order give the same durations.
 """
 
 from __future__ import annotations
@@ -25,15 +25,15 @@ from rise_engine.scenario.model import ActionSpec, RobotProfile
 _OPTIONS = {"latency": (0.02, 60.0), "stopping": (0.05, 60.0), "variation": (0.0, 0.5)}
 """Name -> default, largest value."""
 _TICK = 0.001
-"""Seconds that keep two reports about one goal apart, so that their order never depends on a tie."""
+"""Seconds between two reports about one goal, so that their order never depends on a tie."""
 _CANCEL_SECONDS = 4.0
-"""How long a goal may take to stop; then its action ends, and the goal is open. As a robot on ROS 2 has it."""
+"""Seconds that a goal may take to stop; then its action ends, and the goal is open. A robot on ROS 2 has the same."""
 _HELD_SECONDS = 5.0
-"""How long a new action waits for a part that is held. As a robot on ROS 2 has it."""
+"""Seconds that a new action waits for a held part. A robot on ROS 2 has the same."""
 
 
 class _SimulatedGoal(Struct):
-    """One goal that runs."""
+    """One running goal."""
 
     type: str
     fault: ActionFault | None
@@ -55,7 +55,7 @@ class SimulatedRobot:
     """Implements `rise_engine.ports.robot.RobotWithOpenGoals`; the class itself is the `Driver`."""
 
     def __init__(self, profile: RobotProfile, clock: Clock, seed: int, faults: tuple[str, ...] = ()) -> None:
-        """Raises ValueError with a sentence when an option or a fault cannot be understood."""
+        """Raises ValueError with a sentence for an invalid option or fault."""
         options = _read_options(profile)
         self._latency, self._stopping = options["latency"], options["stopping"]
         self._variation = options["variation"]
@@ -68,9 +68,9 @@ class SimulatedRobot:
         self._goals: dict[str, _SimulatedGoal] = {}
         self._counts: Counter[str] = Counter()
         self._links_down: list[str] = []
-        """Why nothing reaches the robot, once for each fault that has cut it off."""
+        """Why nothing reaches the robot, one entry for each fault that has cut it off."""
         self._inactive = ""
-        """Why it takes nothing."""
+        """Why it accepts nothing."""
         self._report: ReportCallback = _ignore
         self._timers: list[Timer] = []
         self._last_seen: float | None = None
@@ -79,11 +79,11 @@ class SimulatedRobot:
             for action, spec in profile.actions.items()
             if spec.supported and not spec.engine and not _carrier_without_stop(spec)
         }
-        """By action, what confirms a stop, one part for each channel that it uses: `pepper/speech`."""
+        """By action, the parts that confirm a stop, one for each of its channels: `pepper/speech`."""
         self._open: dict[str, OpenGoal] = {}
-        """What goes on, or may, although its action has ended for the session. By the action's name."""
+        """Goals that go on, or may, although their actions have ended for the session, by the action's name."""
         self._stop_report: StopReport | None = None
-        """The last answer to a stop, while not everything has confirmed; another one follows when that changes."""
+        """The last answer to a stop, while not everything has confirmed. Another one follows when that changes."""
 
     # --- the port -----------------------------------------------------------------------------------------------
 
@@ -115,7 +115,7 @@ class SimulatedRobot:
             self._begin(goal.action, running, seconds)
 
     def _begin_if_free(self, action: str, seconds: float) -> None:
-        """The part was held when the action was started."""
+        """Begin a goal whose part was held when the action was started, if the part is free now."""
         goal = self._goals[action]
         if holding := self._holding_part(goal.type):
             reason = f"held: {describe_open_goals([holding])}"
@@ -125,7 +125,7 @@ class SimulatedRobot:
 
     def _begin(self, action: str, running: _SimulatedGoal, seconds: float) -> None:
         for each in [name for name, goal in self._open.items() if goal.type == running.type and not goal.holds]:
-            self._close(each)  # what was published there last is replaced
+            self._close(each)  # replaces the last publication there
         running.begun = True
         fault = running.fault
         amount = (fault.amount if fault is not None else None) or 0.0
@@ -180,14 +180,14 @@ class SimulatedRobot:
         for action in tuple(self._goals):
             self.cancel(action)
         self._stop_report = None
-        # After the cancels that it causes or finds under way, so that the answer is true when it is given.
+        # After the cancels that it causes or finds in progress, so that the answer is true when it is given.
         self._timers.append(self._call_after(self._stopping + _TICK, self._report_stop))
 
     def adopt(self, goals: Sequence[StartAction]) -> None:
-        """Nothing is left of them: this robot ends with its engine."""
+        """Do nothing: this robot ends with its engine, so nothing is left."""
 
     def cancel_open_goals(self, part: str) -> None:
-        """What did not stop when it was asked does not stop now."""
+        """Do nothing: goals that did not stop when they were asked do not stop now."""
 
     def release_open_goals(self, part: str) -> None:
         for action in [action for action, goal in self._open.items() if part in ("", goal.part)]:
@@ -209,7 +209,7 @@ class SimulatedRobot:
             timer.cancel()
         self._timers.clear()
 
-    # --- what happens later -------------------------------------------------------------------------------------
+    # --- later events -------------------------------------------------------------------------------------------
 
     def _call_after(self, seconds: float, callback: Callable[..., None], *args: Any) -> Timer:
         return self._clock.call_at(self._clock.now() + seconds, partial(callback, *args))
@@ -220,7 +220,7 @@ class SimulatedRobot:
         self._report(ActionReport(action=action, status="accepted"))
 
     def _end(self, ending: ActionReport) -> None:
-        """The robot is done with it."""
+        """End a goal on the robot."""
         goal = self._goals.pop(ending.action, None)
         if ending.action in self._open:
             self._close(ending.action)
@@ -231,7 +231,7 @@ class SimulatedRobot:
         self._repeat_stop_report()
 
     def _repeat_stop_report(self) -> None:
-        """When not everything had confirmed the last stop: has that changed?"""
+        """Report a stop again if something has changed since it was not fully confirmed."""
         if self._stop_report is not None:
             self._report_stop(before=self._stop_report)
 
@@ -258,10 +258,10 @@ class SimulatedRobot:
     def _carrier_without_stop(self, type: str) -> str:
         return _carrier_without_stop(self._profile.actions[type])
 
-    # --- what the robot may still be doing ----------------------------------------------------------------------
+    # --- open goals ---------------------------------------------------------------------------------------------
 
     def _give_up(self, action: str) -> None:
-        """It was to stop, and has not: its action ends, and its part is held."""
+        """End the action of a goal that did not stop in time, and hold its part."""
         goal = self._goals.get(action)
         if goal is None:
             return
@@ -275,7 +275,7 @@ class SimulatedRobot:
     def _leave_open(
         self, action: str, goal: _SimulatedGoal, reason: str, ending: ActionReport, *, holds: bool = True
     ) -> None:
-        """People hear of what goes on before they hear that its action has ended."""
+        """Leave a goal open. People hear of this before they hear of the end of its action."""
         parts = sorted(self._parts.get(goal.type, ())) or [f"{self._profile.name}/{goal.type}"]
         part = "+".join([parts[0], *(each.rpartition("/")[2] for each in parts[1:])])
         self._open[action] = OpenGoal(part, action, goal.type, reason, holds, goal.accepted)
@@ -287,7 +287,7 @@ class SimulatedRobot:
         self._report_standing()
 
     def _holding_part(self, type: str) -> OpenGoal | None:
-        """What holds one of the parts that such an action needs."""
+        """The open goal that holds a part which such an action needs."""
         needed = self._parts.get(type, set())
         held = (goal for goal in self._open.values() if goal.holds and needed & self._parts.get(goal.type, set()))
         return next(held, None)
@@ -305,7 +305,7 @@ class SimulatedRobot:
         self._report(RobotChanged(status=status, detail=detail, open=tuple(self._open.values())))
 
     def _die(self, seconds: float) -> None:
-        """The robot's program ends, for so many seconds; 0: for good."""
+        """End the robot's program for `seconds`; 0: permanently."""
         self._cut_link("the robot's program ended (simulated fault)")
         if seconds:
             self._timers.append(self._call_after(seconds, self._restore_link))
@@ -341,8 +341,8 @@ class SimulatedRobot:
 
 
 def _carrier_without_stop(spec: ActionSpec) -> Literal["", "service", "topic"]:
-    """What carries an action that nothing stops (docs/reference/robots.md); empty when something does, when the
-    profile says that this is no danger, or when the robot does not have the action."""
+    """What carries an action that nothing can stop (docs/reference/robots.md). Empty if something can, if the profile
+    declares it safe, or if the robot does not have the action."""
     carrier = spec.carrier
     if not spec.supported or spec.engine or carrier.get("unstoppable") is True:
         return ""
@@ -355,7 +355,7 @@ def _read_options(profile: RobotProfile) -> dict[str, float]:
     values = {}
     simulated = profile.driver == "simulated"
     for name, (default, largest) in _OPTIONS.items():
-        # In debug mode this robot stands in for one with another driver, whose options are none of ours.
+        # In debug mode this robot replaces one with another driver, whose options do not apply here.
         value = profile.options.get(name, default) if simulated else default
         if isinstance(value, bool) or not isinstance(value, int | float) or not 0 <= value <= largest:
             raise ValueError(f"the robot profile {profile.name!r}: {name} must be a number from 0 to {largest:g}")
@@ -370,4 +370,4 @@ def _read_options(profile: RobotProfile) -> dict[str, float]:
 
 
 def _ignore(report: object) -> None:
-    """Nobody listens before `connect` and after `close`."""
+    """Do nothing: nobody listens before `connect` and after `close`."""

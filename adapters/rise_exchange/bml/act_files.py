@@ -1,4 +1,4 @@
-"""Acts that came from BML as files of a scenario."""
+"""Writes acts that came from BML as files of a scenario."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from rise_engine.syntax.toml import toml_key
 def act_file_text(act: Act, origin: str) -> str:
     """The text of a file with one act.
 
-    :param origin: the name of the file that it was made from.
+    :param origin: the name of its source file.
     """
     lines = [
         f"<!-- Made from {origin.replace('--', '- -').rstrip('-')} (BML 1.0). -->",

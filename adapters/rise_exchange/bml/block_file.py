@@ -1,4 +1,4 @@
-"""A file of BML, read as BML 1.0 writes it: one block, its namespaces resolved, what is no BML told with its place."""
+"""Reads a file of BML 1.0: one block, with its namespaces resolved. Everything else is reported with its place."""
 
 from __future__ import annotations
 
@@ -31,12 +31,12 @@ _BML = frozenset({NAMESPACE, EXTENSIONS})
 
 
 class BmlElement(list["BmlElement"]):
-    """An element of a block: a list of its children."""
+    """An element of a block, as a list of its children."""
 
     def __init__(self, element: Element, file: XmlFile, scope: dict[str, str], draft: bool) -> None:
         """
-        :param scope: the namespaces that its parents have given prefixes to.
-        :param draft: whether the file is one of a draft, whose elements need no namespace.
+        :param scope: the namespaces that its parents have declared, by prefix.
+        :param draft: whether the file follows a draft, in which elements need no namespace.
         """
         scope = {**scope, **_declared(element)}
         prefix, _, local = element.tag.rpartition(":")
@@ -46,13 +46,13 @@ class BmlElement(list["BmlElement"]):
         self.written = element
         self.file = file
         self.text = element.text
-        """What stands before its first child."""
+        """The text before its first child."""
         self.attributes: dict[str, str] = {}
-        """Those without namespace, which are BML's."""
+        """The attributes without a namespace, which are BML's."""
         self.own: dict[str, str] = {}
-        """Those in our namespace."""
+        """The attributes in our namespace."""
         self.foreign: list[str] = []
-        """The names of all others."""
+        """The names of all other attributes."""
         for name, value in element.attributes.items():
             prefix, colon, attribute = name.rpartition(":")
             if name == "xmlns" or prefix == "xmlns":
@@ -66,7 +66,7 @@ class BmlElement(list["BmlElement"]):
         super().__init__(BmlElement(child, file, scope, draft) for child in element)
 
     def get(self, name: str) -> str | None:
-        """The value of an attribute of BML."""
+        """The value of a BML attribute."""
         return self.attributes.get(name)
 
     @property
@@ -75,7 +75,7 @@ class BmlElement(list["BmlElement"]):
 
     @property
     def tail(self) -> str:
-        """What stands behind it, before the next element."""
+        """The text after it, before the next element."""
         return self.written.tail
 
     @property
@@ -83,15 +83,15 @@ class BmlElement(list["BmlElement"]):
         return self.file.element_location(self.written)
 
     def value_location(self, name: str) -> SourceLocation:
-        """Where the value of an attribute stands."""
+        """The location of an attribute's value."""
         return self.file.value_location(self.written, name)
 
     def attribute_location(self, name: str) -> SourceLocation:
-        """Where the name of an attribute stands."""
+        """The location of an attribute's name."""
         return self.file.attribute_location(self.written, name)
 
     def all_text(self) -> str:
-        """Its text, with that of all that stands in it."""
+        """Its text, with the text of everything inside it."""
         return self.text + "".join(child.all_text() + child.tail for child in self)
 
 
@@ -106,9 +106,9 @@ def _declared(element: Element) -> dict[str, str]:
 
 
 def read_block(source: SourceFile, findings: ConversionFindings) -> BmlElement | None:
-    """The block that a file holds; None, after a finding, when it holds none.
+    """The block in a file; None, after a diagnostic, when there is none.
 
-    What is no BML 1.0 is an error; what a draft had, and what stands in other namespaces, is a loss.
+    Anything that is not BML 1.0 is an error. What a draft had, and other namespaces, are losses.
     """
     file = read_xml(source, findings.diagnostics)
     if file is None:
@@ -151,7 +151,7 @@ class _FormChecker:
         self.check_no_text(root)
 
     def check_inside(self, element: BmlElement) -> None:
-        """A behaviour, or a constraint."""
+        """Check a behaviour or a constraint."""
         words = BEHAVIORS.get(element.tag)
         if not element.is_bml:
             return

@@ -1,4 +1,4 @@
-"""Behaviours of BML as actions: what is done, by which table of names, and what of it gets lost."""
+"""Converts behaviours of BML to actions, by the table of names, and reports what is lost."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ _UNSAID = {
     "offsetDirection": "it looks at the target itself",
     "mode": "which hand it takes is the robot's choice",
 }
-"""Attributes that acts have nothing for, and what becomes of them."""
+"""Attributes without a counterpart in acts, and what happens to them."""
 _NO_ACTION = {
     "faceFacs": "no action moves single muscles of a face; use a lexeme",
     "locomotion": "no action moves the robot from its place",
@@ -34,7 +34,7 @@ _NO_ACTION = {
 
 
 class CallReader:
-    """Reads what behaviours do. What is wrong with them, and what acts cannot do, are findings."""
+    """Reads what behaviours do. Mistakes in them, and what acts cannot do, become diagnostics."""
 
     def __init__(self, names: BmlNames, times: BlockTimes, findings: ConversionFindings) -> None:
         self._names = names
@@ -42,7 +42,7 @@ class CallReader:
         self._findings = findings
 
     def read(self, behavior: PlannedBehavior) -> ActionCall | None:
-        """The action that BML's core describes; None, after a finding, when it describes none."""
+        """The action that BML's core describes; None, after a diagnostic, when there is none."""
         element = behavior.element
         self._refuse_inner_points(element)
         self._lose_foreign(element)
@@ -64,7 +64,7 @@ class CallReader:
         return None
 
     def read_own(self, element: BmlElement) -> tuple[ActionCall, ...]:
-        """The calls of an action in our namespace: one, or several in `<Variants>`; none after a finding."""
+        """The calls of an action in our namespace: one, or several in `<Variants>`; none after a diagnostic."""
         if element.tag == "Variants":
             return tuple(call for child in element for call in self.read_own(child))
         spec = self._names.robot.actions.get(element.tag)
@@ -89,7 +89,7 @@ class CallReader:
                 self._error(FORM, child, str(error))
         return (ActionCall(spec.name, parameters),)
 
-    # --- what is done -----------------------------------------------------------------------------------------------
+    # --- actions ----------------------------------------------------------------------------------------------------
 
     def _speech(self, behavior: PlannedBehavior) -> ActionCall | None:
         element = behavior.element
@@ -101,7 +101,7 @@ class CallReader:
                 near = did_you_mean(child.tag, ("text", "description"))
                 self._error(FORM, child, f"`<{child.tag}>` cannot stand in `<speech>`{near}")
         words = _one_line(" ".join("".join(self._words(each)) for each in holders))
-        if any(len(each) for each in holders):  # where a mark stood, there may be two blanks
+        if any(len(each) for each in holders):  # a mark may leave two blanks
             words = " ".join(words.split())
         marked = next((each for each in self._descriptions(element) if each.get("type") == SSML_TYPE), None)
         if marked is not None and len(marked) == 1 and marked[0].tag == "speak":
@@ -115,7 +115,7 @@ class CallReader:
         return ActionCall("Speech", parameters)
 
     def _words(self, holder: BmlElement) -> Iterator[str]:
-        """The words in a text. Marks and prosody are no words."""
+        """The words of a text, without marks and prosody."""
         yield holder.text
         for child in holder:
             if child.is_bml and child.tag in MARKS:
@@ -154,7 +154,7 @@ class CallReader:
             return None
         target = element.get("target")
         if target is None:
-            return None  # BML needs it, and that has been said
+            return None  # BML requires it, which was reported
         point = self._names.targets.get(target)
         if point is None:
             self._findings.diagnostics.error(NAME, element.value_location("target"), self._names.unknown_target(target))
@@ -192,7 +192,7 @@ class CallReader:
         return ActionCall("Wait", {"duration": _literal(milliseconds(length))})
 
     def _by_part(self, behavior: PlannedBehavior) -> ActionCall | None:
-        """A face or a posture, whose lexeme stands in an element of its own."""
+        """A face or a posture, whose lexeme is in a child element."""
         element = behavior.element
         kind: LexemeKind = "face" if element.tag.startswith("face") else "posture"
         wanted = "lexeme" if kind == "face" else "pose"
@@ -214,10 +214,10 @@ class CallReader:
     def _by_lexeme(
         self, behavior: PlannedBehavior, kind: LexemeKind, holder: BmlElement, attribute: str = "lexeme"
     ) -> ActionCall | None:
-        """What a lexeme stands for."""
+        """The action of a lexeme."""
         lexeme = holder.get(attribute)
         if lexeme is None:
-            return None  # BML needs it, and that has been said
+            return None  # BML requires it, which was reported
         self._lose_unsaid(holder, ())
         found = self._names.find_lexeme(kind, lexeme)
         if found is None:
@@ -237,7 +237,7 @@ class CallReader:
     # --- times ------------------------------------------------------------------------------------------------------
 
     def _add_duration(self, behavior: PlannedBehavior, parameters: dict[str, Template], repetitions: str = "1") -> bool:
-        """Put an action's length into its parameters; False, after a finding, when it cannot be kept."""
+        """Add an action's length to its parameters; False, after a diagnostic, when it cannot be kept."""
         if behavior.end is None or behavior.element.tag in ("gaze", "pointing"):
             return True
         length: Decimal | None = self._times.duration(behavior)
@@ -262,13 +262,13 @@ class CallReader:
                 message = f"`{point}` cannot be kept: an act's action has a start and an end, and no point between them"
                 self._findings.diagnostics.error(TIME, element.attribute_location(point), message)
 
-    # --- what gets lost ---------------------------------------------------------------------------------------------
+    # --- losses -----------------------------------------------------------------------------------------------------
 
     def _descriptions(self, element: BmlElement) -> Iterator[BmlElement]:
         return (child for child in element if child.is_bml and child.tag == "description")
 
     def _lose_foreign(self, element: BmlElement) -> None:
-        """What stands in a behaviour that is not BML's core."""
+        """Report the parts of a behaviour that are not BML's core."""
         for child in element:
             known = (DESCRIPTION_TYPE, SSML_TYPE) if element.tag == "speech" else (DESCRIPTION_TYPE,)
             if child.is_bml and child.tag == "description" and child.get("type") not in known:
@@ -278,7 +278,7 @@ class CallReader:
                 self._findings.lose(child.location, f"`<{child.written.tag}>`: nobody here knows what it means")
 
     def _lose_unsaid(self, element: BmlElement, more: tuple[str, ...]) -> None:
-        """Attributes that acts have nothing for."""
+        """Report attributes without a counterpart in acts."""
         for name, becomes in _UNSAID.items():
             if name in element.attributes and (name != "mode" or element.tag == "gesture" or name in more):
                 self._lose(element, name, becomes)
@@ -299,7 +299,7 @@ class CallReader:
 
 
 def _literal(text: str) -> Template:
-    """A text in which nothing is a memory value."""
+    """A text without memory values."""
     return parse_template(text.replace("{", "{{").replace("}", "}}"))
 
 

@@ -1,4 +1,4 @@
-"""An action as BML 1.0's core says it, as far as the core can (docs/reference/bml.md has the table)."""
+"""An action in BML 1.0's core, as far as the core can express it (docs/reference/bml.md has the table)."""
 
 from __future__ import annotations
 
@@ -15,9 +15,9 @@ from rise_exchange.bml.names import BmlNames, TargetPoint
 from rise_exchange.bml.sync import read_seconds, seconds_text
 
 FillTemplate: TypeAlias = Callable[[Template], str]
-"""What stands for a parameter in whose text memory values are."""
+"""Returns the text for a parameter that contains memory values."""
 MODES = {"left": "LEFT_HAND", "right": "RIGHT_HAND"}
-"""Of `<pointing>`, for the `hand` of `PointAt`."""
+"""The modes of `<pointing>`, for the `hand` of `PointAt`."""
 
 
 class CoreBehavior(Struct, frozen=True):
@@ -26,15 +26,15 @@ class CoreBehavior(Struct, frozen=True):
     tag: str
     attributes: dict[str, str]
     text: str | None = None
-    """What is said."""
+    """The spoken text."""
     ssml: str | None = None
     """The same, with its markup."""
     seconds: str | None = None
-    """How long it lasts, where the action says so."""
+    """Its duration, if the action gives one."""
 
 
 def core_behavior(call: ActionCall, names: BmlNames, fill: FillTemplate) -> CoreBehavior | None:
-    """What BML's core has for an action; None, when it has nothing."""
+    """The core's behaviour for an action; None when there is none."""
     written = {name: fill(template) for name, template in call.parameters.items()}
     match call.type:
         case "Speech":
@@ -58,14 +58,14 @@ def core_behavior(call: ActionCall, names: BmlNames, fill: FillTemplate) -> Core
 
 
 def target_name(written: Mapping[str, str], names: BmlNames) -> str:
-    """The name of a point: its own, or one that says where it is."""
+    """The name of a point: its own, or one made from its coordinates."""
     point = point_of(written)
     known = names.target_of(point)
     return known if known is not None else "_".join(("at", point.x, point.y, point.z, *filter(None, (point.frame,))))
 
 
 def point_of(written: Mapping[str, str]) -> TargetPoint:
-    """The point that the parameters of an action say."""
+    """The point in an action's parameters."""
     x, y, z = (written.get(f"point{axis}", "") for axis in "xyz")
     return TargetPoint(x, y, z, written.get("frame", ""))
 
@@ -78,7 +78,7 @@ def _by_lexeme(type: str, written: Mapping[str, str], names: BmlNames) -> CoreBe
     seconds = seconds_text(written.get("duration", ""))
     attributes = {"lexeme": lexeme}
     repetitions = written.get("repetitions", "1")
-    if seconds is not None and type == "Animation":  # what one of them takes
+    if seconds is not None and type == "Animation":  # the duration of one
         times = read_seconds(repetitions)
         each = read_seconds(seconds)
         seconds = None if times is None or each is None else f"{(times * each).normalize():f}"
@@ -89,7 +89,7 @@ def _by_lexeme(type: str, written: Mapping[str, str], names: BmlNames) -> CoreBe
 
 
 def length_of(seconds: Decimal, repetitions: str) -> Decimal | None:
-    """The seconds of each of several repetitions; None, when that is no finite decimal."""
+    """The seconds of each of several repetitions; None when that is not a finite decimal."""
     times = read_seconds(repetitions)
     if not times:
         return None

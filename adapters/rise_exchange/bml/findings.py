@@ -1,4 +1,4 @@
-"""What is said before anything is written: what refuses a conversion, and what gets lost in it."""
+"""What is reported before anything is written: reasons to refuse a conversion, and losses."""
 
 from __future__ import annotations
 
@@ -11,15 +11,15 @@ from rise_engine.scenario.model import SourceLocation
 TIME = "bml-time"
 """The code of errors: a time that an act cannot keep exactly."""
 NAME = "bml-name"
-"""The code of errors: a target or lexeme that nobody has told of."""
+"""The code of errors: an unknown target or lexeme."""
 NO_ACTION = "bml-no-action"
-"""The code of errors: a behaviour that no action is."""
+"""The code of errors: a behaviour without an action for it."""
 FORM = "bml-form"
 """The code of errors: this is not BML 1.0."""
 
 
 class BmlLoss(Struct, frozen=True):
-    """Something of one format that the other does not have, with the reason.
+    """Something in one format that the other does not have, with the reason.
 
     >>> str(BmlLoss(SourceLocation("hello.xml", 3, 5), "acts have no prosody"))
     'hello.xml:3:5: lost: acts have no prosody'
@@ -29,25 +29,25 @@ class BmlLoss(Struct, frozen=True):
     message: str
 
     def __str__(self) -> str:
-        """One line, with nothing in it that a terminal would obey."""
+        """One line, without control characters for a terminal."""
         return clean(f"{self.location}: lost: {self.message}")
 
 
 class ConversionFindings:
-    """Collects what refuses a conversion and what it loses; nothing stops at the first one."""
+    """Collects the reasons to refuse a conversion and its losses. It does not stop at the first one."""
 
     def __init__(self) -> None:
         self.diagnostics = Diagnostics()
-        """What refuses it."""
+        """The reasons to refuse it."""
         self._losses: list[BmlLoss] = []
 
     def lose(self, location: SourceLocation, message: str) -> None:
-        """Name something that the other format does not have."""
+        """Add something that the other format does not have."""
         self._losses.append(BmlLoss(location, message))
 
     @property
     def losses(self) -> list[BmlLoss]:
-        """In reading order, each once."""
+        """The losses in reading order, each once."""
         return sorted(set(self._losses), key=_reading_order)
 
 

@@ -1,4 +1,4 @@
-"""What a lab's BML calls things: its targets, as points, and its lexemes, as what the robot does (`--names FILE`)."""
+"""A lab's names in BML: its targets, as points, and its lexemes, as what the robot does (`--names FILE`)."""
 
 from __future__ import annotations
 
@@ -25,18 +25,18 @@ _TYPES: dict[LexemeKind, tuple[str, ...]] = {
     "posture": ("Animation",),
     "face": ("Emotion", "SocialExpression", "Animation"),
 }
-"""What a lexeme can be here; a text alone means the first."""
+"""The action types that a lexeme can stand for; a text alone means the first."""
 _USUAL: dict[LexemeKind, dict[str, tuple[str, str]]] = {
     "head": {"NOD": ("Animation", "head_nod"), "SHAKE": ("Animation", "head_shake")},
     "gesture": {},
     "posture": {},
     "face": {"RAISE_BROWS": ("Animation", "eyebrows_raise"), "LOWER_BROWS": ("Animation", "eyebrows_lower")},
 }
-"""BML 1.0's lexemes that say just what an action of every robot does."""
+"""BML 1.0's lexemes with an exact counterpart in every robot's actions."""
 
 
 class TargetPoint(Struct, frozen=True):
-    """Where a target is, as `LookAt` and `PointAt` have it: texts in metres."""
+    """The place of a target for `LookAt` and `PointAt`: texts in metres."""
 
     x: str
     y: str
@@ -46,7 +46,7 @@ class TargetPoint(Struct, frozen=True):
 
     @property
     def numbers(self) -> tuple[Decimal, Decimal, Decimal, str] | None:
-        """By which two points are the same; None where the memory says one of them."""
+        """The numbers for comparing two points; None if one of them comes from the memory."""
         try:
             return Decimal(self.x), Decimal(self.y), Decimal(self.z), self.frame
         except InvalidOperation:
@@ -54,7 +54,7 @@ class TargetPoint(Struct, frozen=True):
 
 
 class BmlNames(Struct, frozen=True):
-    """The names that are known."""
+    """The known names."""
 
     robot: RobotProfile
     targets: dict[str, TargetPoint] = {}
@@ -62,7 +62,7 @@ class BmlNames(Struct, frozen=True):
     """By kind and lexeme, the action's type and its `value`."""
 
     def find_lexeme(self, kind: LexemeKind, lexeme: str) -> tuple[str, str] | None:
-        """What the robot does: by the file, by BML's usual names, by the robot's own."""
+        """The robot's action, from the file, BML's usual names, or the robot's own."""
         given = self.lexemes[kind].get(lexeme) or _USUAL[kind].get(lexeme)
         if given is not None:
             return given
@@ -77,29 +77,29 @@ class BmlNames(Struct, frozen=True):
         )
 
     def lexeme_of(self, type: str, value: str) -> tuple[LexemeKind, str]:
-        """How BML calls what an action does: by the file, by BML's usual names, else by the robot's own name."""
+        """BML's name for an action, from the file, BML's usual names, or else the robot's own."""
         for table in (self.lexemes, _USUAL):
             for kind in KINDS:
-                for lexeme, meant in table[kind].items() if kind != "posture" else ():  # a movement is no posture
+                for lexeme, meant in table[kind].items() if kind != "posture" else ():  # a movement is not a posture
                     if meant == (type, value) and self.find_lexeme(kind, lexeme) == meant:
                         return kind, lexeme
         return ("gesture" if type == "Animation" else "face"), value
 
     def target_of(self, point: TargetPoint) -> str | None:
-        """The name of a point, where it has one."""
+        """The name of a point, if it has one."""
         wanted = point.numbers
         return next(
             (name for name, each in self.targets.items() if wanted is not None and each.numbers == wanted), None
         )
 
     def unknown_lexeme(self, kind: LexemeKind, lexeme: str) -> str:
-        """What to say about a lexeme that nobody knows."""
+        """The message about an unknown lexeme."""
         known = [*self.lexemes[kind], *_USUAL[kind], *(value for _, value in self._own_names(kind))]
         near = did_you_mean(lexeme, dict.fromkeys(known))
         return f"nobody has said what `{lexeme}` is here{near}; give it a line under [{kind}] in the file of --names"
 
     def unknown_target(self, target: str) -> str:
-        """What to say about a target that nobody knows."""
+        """The message about an unknown target."""
         near = did_you_mean(target, self.targets)
         return (
             f"nobody has said where `{target}` is{near}; give it a line under [targets] in the file of --names: "
@@ -114,10 +114,10 @@ class BmlNames(Struct, frozen=True):
 
 
 def read_names(source: SourceFile, robot: RobotProfile, diagnostics: Diagnostics) -> BmlNames:
-    """Read a file of names; what is wrong with it is a finding.
+    """Read a file of names. Mistakes become diagnostics.
 
     :param source: the TOML file.
-    :param robot: whose actions the names stand for.
+    :param robot: the robot whose actions the names stand for.
     """
     file = read_toml(source, diagnostics)
     if file is None:

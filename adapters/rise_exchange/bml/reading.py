@@ -1,4 +1,4 @@
-"""A block of BML 1.0 as an act: exactly, or not at all."""
+"""Converts a block of BML 1.0 to an act, exactly or not at all."""
 
 from __future__ import annotations
 
@@ -22,19 +22,19 @@ from rise_exchange.bml.vocabulary import BEHAVIORS, DESCRIPTION_TYPE, END, START
 _BETWEEN_IDS = re.compile(r"[,;\s:]")
 _BLANKS = re.compile(r"\s+")
 _HERE = "\ue000"
-"""Stands for a memory value, which may be any: a character of XML that no text has."""
+"""A placeholder for any memory value: a character that no XML text contains."""
 
 
 class ReadAct(Struct, frozen=True):
-    """What a block has become."""
+    """The act of a block."""
 
     act: Act
     calling_type: CallingType
-    """By its composition: MERGE does not wait for others, APPEND does."""
+    """From its composition: MERGE does not wait for others, APPEND does."""
 
 
 def read_act(source: SourceFile, names: BmlNames, findings: ConversionFindings) -> ReadAct | None:
-    """Read a block; None when something in it cannot be kept. What refuses it and what is lost goes into `findings`."""
+    """Read a block; None when something in it cannot be kept. Reasons to refuse it and losses go into `findings`."""
     before = findings.diagnostics.errors
     root = read_block(source, findings)
     if root is None:
@@ -44,7 +44,7 @@ def read_act(source: SourceFile, names: BmlNames, findings: ConversionFindings) 
 
 
 def read_actions(source: SourceFile, names: BmlNames) -> dict[str, Action]:
-    """Those actions of a block that can be read, by actionID, whatever the rest of it is."""
+    """The readable actions of a block, by actionID, whatever the rest of it is."""
     findings = ConversionFindings()
     root = read_block(source, findings)
     if root is None:
@@ -60,12 +60,12 @@ class _BlockReader:
         self.behaviors: dict[str, PlannedBehavior] = {}
         """By id."""
         self.required: set[str] = set()
-        """The ids of those without which the whole block fails."""
+        """The ids of behaviours without which the whole block fails."""
         self.constraints: list[BmlElement] = []
         self.actions: dict[str, Action] = {}
         """By actionID."""
         self.waits: dict[Beginning, str] = {}
-        """The actionIDs of waits that were put in."""
+        """The actionIDs of added waits."""
         self.times = BlockTimes(self.behaviors, root.get("id") or "", findings)
         self.calls = CallReader(names, self.times, findings)
 
@@ -94,15 +94,15 @@ class _BlockReader:
         act = Act(name, tuple(self.actions.values()), location=self.root.location)
         return ReadAct(act, "None" if composition == "MERGE" else "Blocking")
 
-    # --- what there is ----------------------------------------------------------------------------------------------
+    # --- the block --------------------------------------------------------------------------------------------------
 
     def plan(self, element: BmlElement, *, required: bool) -> None:
-        """Take note of a behaviour or a constraint."""
+        """Note a behaviour or a constraint."""
         if element.is_bml and element.tag == "constraint":
             self.constraints.append(element)
             return
         if element.is_bml and element.tag not in BEHAVIORS:
-            return  # a finding of its form
+            return  # reported as a mistake of form
         if not element.is_bml and not element.is_own:
             message = f"`<{element.written.tag}>` is in a namespace of its own; nobody here knows what it does"
             self.findings.diagnostics.error(NO_ACTION, element.location, message)
@@ -141,7 +141,7 @@ class _BlockReader:
             self.actions[action] = Action(action, calls, wait_for, proceeds, element.location)
 
     def read_calls(self, behavior: PlannedBehavior) -> tuple[ActionCall, ...]:
-        """What a behaviour of BML does: by our own description, where it has one, else by BML's core."""
+        """What a BML behaviour does: from our own description if it has one, else from BML's core."""
         described = next(
             (
                 child[0]
@@ -163,7 +163,7 @@ class _BlockReader:
         return calls
 
     def check_description(self, behavior: PlannedBehavior, call: ActionCall, location: SourceLocation) -> None:
-        """A finding where somebody has changed the behaviour, and not the description of the same in it."""
+        """Report a behaviour that somebody has changed without changing its description."""
         core = core_behavior(call, self.names, _any_value)
         differs = _difference(behavior, core, self.times) if core is not None else "what it does"
         if differs:
@@ -173,10 +173,10 @@ class _BlockReader:
             )
             self.findings.diagnostics.error(FORM, behavior.element.location, message)
 
-    # --- what waits for what ----------------------------------------------------------------------------------------
+    # --- waits ------------------------------------------------------------------------------------------------------
 
     def wait_for(self, beginnings: tuple[Beginning, ...], location: SourceLocation) -> tuple[str, ...]:
-        """The actionIDs that an action waits for; a wait for so many seconds is an action of its own."""
+        """The actionIDs that an action waits for. A wait for a number of seconds is a separate action."""
         found: list[str] = []
         for beginning in beginnings:
             behind = [self.action_id(self.behaviors[id]) for id in beginning.behind]
@@ -200,12 +200,12 @@ class _BlockReader:
 
 
 def _any_value(template: Template) -> str:
-    """A parameter's text, with a stand-in for what the memory says."""
+    """A parameter's text with placeholders for memory values."""
     return "".join(part if isinstance(part, str) else _HERE for part in template.parts)
 
 
 def _difference(behavior: PlannedBehavior, core: CoreBehavior, times: BlockTimes) -> str:
-    """In what a behaviour is not what its description says; empty: in nothing."""
+    """How a behaviour differs from its description; empty: it does not."""
     element = behavior.element
     if element.tag != core.tag:
         return "what it does"
@@ -225,9 +225,9 @@ def _difference(behavior: PlannedBehavior, core: CoreBehavior, times: BlockTimes
 
 
 def _fits(written: str | None, expected: str) -> bool:
-    """Whether a text is the expected one, in which memory values may be any."""
+    """Whether a text is the expected one, with any memory values."""
     if written is None or _HERE not in expected:
         return written == expected
     pieces = (r"\s*".join(map(re.escape, _BLANKS.split(piece))) for piece in expected.split(_HERE))
-    pattern = ".*".join(pieces)  # a value that is empty leaves blanks beside each other
+    pattern = ".*".join(pieces)  # an empty value leaves adjacent blanks
     return re.fullmatch(pattern, written, re.DOTALL) is not None

@@ -1,7 +1,7 @@
-"""A RELAX NG schema of BML 1.0's core, made of `rise_exchange.bml.vocabulary` (`rise-engine schema --kind bml`).
+"""A RELAX NG schema of BML 1.0's core, made from `rise_exchange.bml.vocabulary` (`rise-engine schema --kind bml`).
 
-It is for editors. Files are read by `rise_exchange.bml.block_file`, which knows the same table and says in sentences,
-with line and column, what is wrong. What stands in other namespaces is allowed everywhere, as the standard has it.
+It is for editors. `rise_exchange.bml.block_file` reads files. It uses the same table, and reports mistakes in sentences
+with line and column. Other namespaces are allowed everywhere, as in the standard.
 """
 
 from __future__ import annotations
@@ -88,7 +88,7 @@ def block_schema_text() -> str:
 
 
 def _define(name: str, words: ElementWords, content: Iterable[str]) -> str:
-    """An element, with its attributes and what stands in it."""
+    """An element with its attributes and its content."""
     namespace = f' ns="{EXTENSIONS}"' if name == "faceFacs" else ""
     lines = [f'      <attribute name="{each}" ns=""/>' for each in words.required]
     for each in words.optional:

@@ -1,4 +1,4 @@
-"""Points in time as BML 1.0 writes them: `2.5`, `greet:end + 0.5` (its section on synchronisation)."""
+"""Times in BML 1.0: `2.5`, `greet:end + 0.5` (its section on synchronisation)."""
 
 from __future__ import annotations
 
@@ -17,19 +17,19 @@ _MILLISECONDS = 1000
 
 
 class SyncTime(Struct, frozen=True):
-    """A time: so many seconds after a sync point of a behaviour, or after the block's beginning."""
+    """A time: seconds after a sync point of a behaviour, or after the block's beginning."""
 
     offset: Decimal
-    """Seconds; less than 0 for a time before."""
+    """Seconds; negative for an earlier time."""
     behavior: str = ""
     """Its id; empty: the block's beginning."""
     point: str = ""
     block: str = ""
-    """The id of the block, where it is written."""
+    """The id of the block, if it is written."""
 
 
 def parse_sync(text: str) -> SyncTime | None:
-    """Read a time; None when it is none.
+    """Read a time; None when it is not one.
 
     >>> parse_sync("greet:end + 0.5")
     SyncTime(offset=Decimal('0.5'), behavior='greet', point='end', block='')
@@ -45,7 +45,7 @@ def parse_sync(text: str) -> SyncTime | None:
 
 
 def milliseconds(seconds: Decimal) -> str:
-    """Seconds as actions have them.
+    """Seconds as an action's milliseconds.
 
     >>> milliseconds(Decimal("0.4"))
     '400'
@@ -54,7 +54,7 @@ def milliseconds(seconds: Decimal) -> str:
 
 
 def seconds_text(milliseconds: str) -> str | None:
-    """Milliseconds of an action as BML has them; None when they are no number that can be written exactly.
+    """An action's milliseconds as BML's seconds; None when they are not a number that can be written exactly.
 
     >>> seconds_text("400")
     '0.4'
@@ -65,7 +65,7 @@ def seconds_text(milliseconds: str) -> str | None:
 
 
 def read_seconds(text: str) -> Decimal | None:
-    """A length of time; None when it is none."""
+    """A length of time; None when it is not one."""
     return Decimal(text.strip()) if _NUMBER.fullmatch(text.strip()) else None
 
 

@@ -1,8 +1,8 @@
-"""When the behaviours of a block begin, as what an act's actions wait for.
+"""Converts the starts of a block's behaviours to what an act's actions wait for.
 
-An action begins when all that it waits for has ended, and lasts as long as it takes. So a time can be kept exactly when
-it is the block's beginning, the end of behaviours, or the beginning of another behaviour, and so many seconds later.
-Everything else is refused, with the sentence that says why (docs/reference/bml.md).
+An action begins when everything that it waits for has ended, and lasts as long as it takes. A time can therefore be
+kept exactly if it is the block's beginning, the end of behaviours, or the beginning of another behaviour, plus a number
+of seconds. All other times are refused with the reason (docs/reference/bml.md).
 """
 
 from __future__ import annotations
@@ -21,18 +21,18 @@ from rise_exchange.bml.vocabulary import END, INNER_POINTS, MARKS, START
 
 _SURE = "an act can wait for the end of an action, and then some seconds; it knows no point within one"
 _LONGEST_CIRCLE = 20
-"""Behaviours that a sentence names."""
+"""The most behaviours that a sentence names."""
 
 
 class Beginning(Struct, frozen=True):
-    """So many seconds after the last of some behaviours has ended; without any, after the block's beginning."""
+    """Seconds after the end of the last of some behaviours; without any, after the block's beginning."""
 
     behind: tuple[str, ...] = ()
     seconds: Decimal = Decimal(0)
 
 
 class PlannedBehavior(Struct):
-    """A behaviour, and what the block says of its times."""
+    """A behaviour, and the block's statements about its times."""
 
     id: str
     element: BmlElement
@@ -45,12 +45,12 @@ class PlannedBehavior(Struct):
 
 
 class BlockTimes:
-    """Works out when each behaviour begins."""
+    """Finds out when each behaviour begins."""
 
     def __init__(self, behaviors: Mapping[str, PlannedBehavior], block: str, findings: ConversionFindings) -> None:
         """
-        :param behaviors: by id.
-        :param block: the block's own id, which may stand before those of its behaviours.
+        :param behaviors: the behaviours by id.
+        :param block: the block's own id, which may precede those of its behaviours.
         """
         self._behaviors = behaviors
         self._block = block
@@ -58,9 +58,9 @@ class BlockTimes:
         self._known: dict[str, tuple[Beginning, ...] | None] = {}
 
     def beginnings(self, id: str) -> tuple[Beginning, ...] | None:
-        """What a behaviour waits for: all of these; None, after a finding, for what cannot be kept."""
+        """What a behaviour waits for: all of these; None, after a diagnostic, when its start cannot be kept."""
         open_ids = [id]
-        while open_ids:  # what it waits for is worked out before
+        while open_ids:  # first what it waits for
             behavior = self._behaviors[open_ids[-1]]
             wanted = next((each for each in self._waited_for(behavior) if each not in self._known), None)
             if behavior.id in self._known:
@@ -84,9 +84,9 @@ class BlockTimes:
         return [time.behavior for time in times if time.behavior in self._behaviors]
 
     def duration(self, behavior: PlannedBehavior) -> Decimal | None:
-        """The seconds from its start to its `end`, where that is a length that does not depend on others.
+        """The seconds from its start to its `end`, if that length does not depend on others.
 
-        None without an `end`, and, after a finding, for an `end` that depends on something else.
+        None without an `end`, and, after a diagnostic, for an `end` that depends on something else.
         """
         if behavior.end is None:
             return None
@@ -176,7 +176,7 @@ class BlockTimes:
         return time if self._is_of_block(time, location) else None
 
     def _is_of_block(self, time: SyncTime, location: SourceLocation) -> bool:
-        """Whether a time is one of this block; a finding, if not."""
+        """Whether a time belongs to this block; reports it if not."""
         if time.block in ("", self._block):
             return True
         if time.block in self._behaviors:
@@ -210,9 +210,9 @@ def _marks_in(element: BmlElement) -> list[BmlElement]:
 def read_constraint(
     element: BmlElement, behaviors: Mapping[str, PlannedBehavior], refuse: Callable[[SourceLocation, str], None]
 ) -> None:
-    """Put what a `<constraint>` says into the behaviours that it is about.
+    """Add a `<constraint>` to the behaviours that it concerns.
 
-    :param refuse: takes what cannot be kept.
+    :param refuse: called for what cannot be kept.
     """
     for relation in element:
         syncs = [each for each in relation if each.is_bml and each.get("ref") is not None]
@@ -237,7 +237,7 @@ def _read_relation(
     *,
     exact: bool,
 ) -> None:
-    """One `<sync>` that is at the time of `reference`, or, if not `exact`, not before it."""
+    """Read one `<sync>` that is at the time of `reference` or, if not `exact`, not before it."""
     written, wanted = sync.get("ref") or "", reference.get("ref") or ""
     moved, time = parse_sync(written), parse_sync(wanted)
     location = sync.value_location("ref")

@@ -1,8 +1,8 @@
 """The words of BML 1.0: its elements with their attributes, sync points and contents, as a table.
 
 Source: the standard's wiki, "BML 1.0 Standard" (www.mindmakers.org/projects/bml-1-0/wiki), sections on blocks, on
-synchronisation and on each behaviour. The reader knows BML by this table, and `rise_exchange.bml.schema` makes the
-schema of it. What older drafts had besides, and what is found in files, stands in `DRAFT_ATTRIBUTES` and `MARKS`.
+synchronisation and on each behaviour. The reader uses this table, and `rise_exchange.bml.schema` makes the schema from
+it. Further words of older drafts and existing files are in `DRAFT_ATTRIBUTES` and `MARKS`.
 """
 
 from __future__ import annotations
@@ -10,18 +10,18 @@ from __future__ import annotations
 from msgspec import Struct
 
 NAMESPACE = "http://www.bml-initiative.org/bml/bml-1.0"
-"""Of BML 1.0's core."""
+"""The namespace of BML 1.0's core."""
 EXTENSIONS = "http://www.bml-initiative.org/bml/coreextensions-1.0"
-"""Of its core extensions."""
+"""The namespace of its core extensions."""
 DRAFT_NAMESPACES = ("", "http://www.mindmakers.org/projects/BML")
-"""Of files that were written before BML 1.0, and go on being written so."""
+"""The namespaces of files from before BML 1.0, and of later files in that style."""
 OWN_NAMESPACE = "urn:rise:act"
-"""Of what acts have and BML has not."""
+"""The namespace of what acts have and BML does not."""
 DESCRIPTION_TYPE = "application/x-rise+xml"
-"""The `type` of a `<description>` that holds an action of an act (BML 1.0: additional behaviour descriptions)."""
+"""The `type` of a `<description>` that contains an action of an act (BML 1.0: additional behaviour descriptions)."""
 SSML_TYPE = "application/ssml+xml"
 PRIORITY = "1"
-"""Of our descriptions: any is better than the core, and there is one."""
+"""The priority of our descriptions: any value is higher than the core's, and there is only one."""
 
 COMPOSITIONS = ("MERGE", "APPEND", "REPLACE")
 START, END = "start", "end"
@@ -32,14 +32,14 @@ class ElementWords(Struct, frozen=True):
     """What an element of BML can have."""
 
     required: tuple[str, ...] = ()
-    """Attributes that it must have."""
+    """Required attributes."""
     optional: tuple[str, ...] = ()
-    """Further attributes, besides sync points and `id`."""
+    """Further attributes, except sync points and `id`."""
     points: tuple[str, ...] = ()
     """Its sync points between start and end."""
     children: tuple[str, ...] = ()
     text: bool = False
-    """Whether it holds text."""
+    """Whether it contains text."""
 
 
 BEHAVIORS: dict[str, ElementWords] = {
@@ -59,7 +59,7 @@ BEHAVIORS: dict[str, ElementWords] = {
     "speech": ElementWords((), (), (), ("text",)),
     "wait": ElementWords((), ("duration", "max-wait")),
 }
-"""The behaviours, each with an `id`, `start` and `end`, and with descriptions in it."""
+"""The behaviours. Each also has an `id`, `start` and `end`, and may contain descriptions."""
 PARTS: dict[str, ElementWords] = {
     "text": ElementWords(children=("sync",), text=True),
     "lexeme": ElementWords(("lexeme",), ("amount",)),
@@ -69,7 +69,7 @@ PARTS: dict[str, ElementWords] = {
     "before": ElementWords(("ref",), (), (), ("sync",)),
     "after": ElementWords(("ref",), (), (), ("sync",)),
 }
-"""What stands in behaviours and constraints; a `<sync>` has an `id` in a text and a `ref` in a constraint."""
+"""The parts of behaviours and constraints. A `<sync>` has an `id` in a text and a `ref` in a constraint."""
 BLOCK = ElementWords(("id",), ("characterId", "composition"), (), (*BEHAVIORS, "required", "constraint"))
 INNER_POINTS = frozenset(point for words in BEHAVIORS.values() for point in words.points)
 """Sync points that actions do not have."""
@@ -83,8 +83,8 @@ DRAFT_ATTRIBUTES: dict[str, tuple[str, ...]] = {
     "head": ("type", "repeats"),
     "speech": ("language", "voice", "type", "text"),
 }
-"""Of files in a draft's namespace: read over, and named as lost."""
+"""Attributes in files of a draft's namespace. They are skipped, and reported as lost."""
 MARKS = ("sync", "tm")
 """Points in a text; `tm` in drafts."""
 PROSODY = ("pitchaccent", "boundary", "emphasis", "prosody", "rate")
-"""What drafts have in a text on how it sounds."""
+"""The elements in drafts' texts for how the text sounds."""

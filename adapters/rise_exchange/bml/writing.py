@@ -1,8 +1,8 @@
-"""An act as a block of BML 1.0: what other programs can do of it in the core, all of it for ourselves.
+"""Converts an act to a block of BML 1.0. The core has what other programs can do of it; our own parts have everything.
 
-What BML has no words for stands in a `<description>` of our own type within the behaviour (BML 1.0 has descriptions for
-just that: a program that does not know the type takes the core), or in an element of our namespace. Which actions need
-one is found by reading the block again: those that come back as they were need none.
+What BML cannot express is in a `<description>` of our own type within the behaviour (BML 1.0 has descriptions for this:
+a program that does not know the type uses the core), or in an element of our namespace. To find out which actions need
+one, the block is read again: actions that come back unchanged need none.
 """
 
 from __future__ import annotations
@@ -26,7 +26,7 @@ from rise_exchange.bml.vocabulary import DESCRIPTION_TYPE, NAMESPACE, OWN_NAMESP
 _ID = re.compile(r"[A-Za-z_]\w*", re.ASCII)
 _NOT_IN_ID = re.compile(r"\W", re.ASCII)
 _NOT_XML = re.compile("[\x00-\x08\x0b\x0c\x0e-\x1f\ud800-\udfff\ufffe\uffff]")
-"""Characters that memory values may have, and no XML."""
+"""Characters that are possible in memory values, but not in XML."""
 _COMPOSITION: Mapping[CallingType, str] = {"None": "MERGE", "Blocking": "APPEND"}
 _SSML_NAMESPACE = "http://www.w3.org/2001/10/synthesis"
 _SAFE = {"\n": "&#10;", "\t": "&#9;", "\r": "&#13;"}
@@ -35,11 +35,11 @@ _SAFE = {"\n": "&#10;", "\t": "&#9;", "\r": "&#13;"}
 def write_act(
     act: Act, calling_type: CallingType, memory: Mapping[str, Json], names: BmlNames, findings: ConversionFindings
 ) -> str:
-    """The text of a block. What other programs will not do of the act goes into `findings`, as lost.
+    """The text of a block. Parts of the act that other programs will not do go into `findings` as losses.
 
-    :param calling_type: the act's usual one, which is the block's composition.
-    :param memory: the start values, which stand where the act has memory values.
-    :param names: how points and movements are called.
+    :param calling_type: the act's usual calling type, which becomes the block's composition.
+    :param memory: the start values, which replace the act's memory values.
+    :param names: the names of points and movements.
     """
     writer = _BlockWriter(act, calling_type, memory, names)
     plain = writer.text(frozenset())
@@ -57,7 +57,7 @@ def _is_same(action: Action, read: Action | None) -> bool:
 
 
 def _note_losses(action: Action, read: Action | None, writer: _BlockWriter, findings: ConversionFindings) -> None:
-    """What another program will not do of an action."""
+    """Report what another program will not do of an action."""
 
     def lose(message: str) -> None:
         findings.lose(action.location, f"`{writer.act.name}`, action {action.id}: {message}")
@@ -88,7 +88,7 @@ def _note_losses(action: Action, read: Action | None, writer: _BlockWriter, find
 
 
 def _slot_loss(name: str, template: Template, memory: Mapping[str, Json]) -> str:
-    """What is said of a parameter with memory values in it."""
+    """The loss for a parameter that contains memory values."""
     try:
         filled = template.fill(memory)
     except MissingValueError as error:
@@ -108,11 +108,11 @@ class _BlockWriter:
         self.block_id = _make_ids([act.name])[act.name]
 
     def core(self, call: ActionCall) -> CoreBehavior | None:
-        """What BML's core has for an action, with the start values of the memory in it."""
+        """The core's behaviour for an action, with the memory's start values."""
         return core_behavior(call, self.names, self.fill)
 
     def points(self) -> dict[str, TargetPoint]:
-        """The points that the act has, by the names that stand for them in the block."""
+        """The act's points, by their names in the block."""
         found: dict[str, TargetPoint] = {}
         for action in self.act.actions:
             written = {name: self.fill(template) for name, template in action.calls[0].parameters.items()}
@@ -121,12 +121,12 @@ class _BlockWriter:
         return found
 
     def fill(self, template: Template) -> str:
-        """A parameter's text with the start values; a key without one stands there in its braces."""
+        """A parameter's text with the start values; a key without one stays in its braces."""
         parts = tuple(self.with_value(part) for part in template.parts)
         return _NOT_XML.sub("", Template(template.text, parts).fill(self.memory))
 
     def with_value(self, part: str | MemorySlot) -> str | MemorySlot:
-        """A part of a template; a text, if the memory has no value for it."""
+        """A part of a template; a text if the memory has no value for it."""
         if isinstance(part, MemorySlot):
             try:
                 part.read(self.memory)
@@ -135,11 +135,11 @@ class _BlockWriter:
         return part
 
     def text(self, described: frozenset[str]) -> str:
-        """The block; actions in `described` have a description of our own."""
+        """The text of the block; actions in `described` get our own description."""
         lines: list[str] = []
         inside = False
         for action in self.act.actions:
-            if action.continue_on_failure == inside:  # all others are required
+            if action.continue_on_failure == inside:  # all other actions are required
                 lines.append("  </required>" if inside else "  <required>")
                 inside = not inside
             lines += self.behavior(action, "    " if inside else "  ", action.id in described)
@@ -187,7 +187,7 @@ class _BlockWriter:
         ]
 
     def own_action(self, action: Action, timing: str, indent: str) -> list[str]:
-        """An action as acts have it, in our namespace."""
+        """An action in an act's own form, in our namespace."""
         timing = f" {timing}" if timing else ""
         if len(action.calls) == 1:
             return _own_call(action.calls[0], timing, indent)
@@ -195,7 +195,7 @@ class _BlockWriter:
         return [f"{indent}<rise:Variants{timing}>", *calls, f"{indent}</rise:Variants>"]
 
     def constraint(self, action: Action) -> list[str]:
-        """What several wait for: not before any of them has ended."""
+        """The constraint for an action that waits for several: not before any of them has ended."""
         sync = f'<sync ref="{self.ids[action.id]}:start"/>'
         relations = [f'    <after ref="{self.ids[each]}:end">{sync}</after>' for each in action.wait_for]
         return ["  <constraint>", *relations, "  </constraint>"]
@@ -210,13 +210,13 @@ def _own_call(call: ActionCall, timing: str, indent: str) -> list[str]:
 
 
 def _with_namespace(ssml: str) -> str:
-    """SSML in its own namespace, where it names none: in BML, that would be BML's."""
+    """SSML in its own namespace if it names none; otherwise it would be in BML's."""
     head, bracket, rest = ssml.partition(">")
     return ssml if "xmlns" in head else f'{head[:6]} xmlns="{_SSML_NAMESPACE}"{head[6:]}{bracket}{rest}'
 
 
 def _make_ids(names: Iterable[str]) -> dict[str, str]:
-    """Ids of XML that can stand in times, by the name that they are for."""
+    """Valid XML ids for times, by the names that they stand for."""
     found: dict[str, str] = {}
     for name in names:
         plain = name if _ID.fullmatch(name) else "a" + _NOT_IN_ID.sub("_", name)

@@ -1,4 +1,4 @@
-"""`rise-engine convert` and `rise-engine import`: each of their commands is loaded when it is asked for."""
+"""`rise-engine convert` and `rise-engine import`. Each of their commands is imported when it is needed."""
 
 from __future__ import annotations
 

@@ -94,7 +94,7 @@ def _file_name(act: str) -> str:
 
 
 def _save(files: dict[Path, str]) -> None:
-    """Write new files, all of them or none. Ends the command when they are there already, or cannot be written."""
+    """Write new files, all of them or none. Ends the command when they exist already, or cannot be written."""
     there = [path for path in files if path.exists()]
     if there:
         exit_with_usage(f"there is a file {there[0]} already; nothing is written over")
@@ -115,13 +115,13 @@ def _save(files: dict[Path, str]) -> None:
 
 
 class _NewAct(Struct, frozen=True):
-    """An act that is to be written."""
+    """An act to write."""
 
     read: ReadAct
     origin: str
-    """The file of BML."""
+    """The BML file."""
     name: str
-    """Of its own file, relative to the scenario's folder."""
+    """The name of its own file, relative to the scenario's folder."""
 
 
 @click.command("from-bml")
@@ -159,7 +159,7 @@ def from_bml(files: tuple[str, ...], folder: str, names_file: str | None, strict
     _tell_findings(findings, strict=strict)
     after = _files(path, acts)
     try:
-        sound_scenario(load(path, held=after))  # or what BML says cannot stand in this scenario
+        sound_scenario(load(path, held=after))  # or the act does not fit this scenario
     except Refused as refused:
         raise refused.with_hint("nothing was written") from None
     before = {name: data for name in after if (data := _content(path / name)) is not None}
@@ -176,7 +176,7 @@ def from_bml(files: tuple[str, ...], folder: str, names_file: str | None, strict
 def _read_acts(
     files: tuple[str, ...], folder: Path, scenario: Scenario, names: BmlNames, findings: ConversionFindings
 ) -> list[_NewAct]:
-    """The acts of all files. One that the scenario has already, and a file that is there already, are findings."""
+    """The acts of all files. An act or a file that already exists is a diagnostic."""
     known = dict.fromkeys(scenario.acts, "in the scenario")
     acts_path = PurePosixPath(scenario.paths.get("acts") or DEFAULT_PATHS["acts"])
     if (folder / acts_path).exists() and not (folder / acts_path).is_dir():
@@ -205,7 +205,7 @@ def _read_acts(
 
 
 def _files(folder: Path, acts: list[_NewAct]) -> dict[str, bytes]:
-    """The files of the acts, and scenario.toml with the calling types that are not the usual one."""
+    """The files of the acts, and scenario.toml with the calling types that differ from the usual one."""
     after = {act.name: act_file_text(act.read.act, Path(act.origin).name).encode() for act in acts}
     settings = "".join(calling_type_setting(act.read.act.name) for act in acts if act.read.calling_type == "None")
     if settings:
@@ -223,7 +223,7 @@ def _content(path: Path) -> bytes | None:
 
 
 def _read_source(file: str, findings: ConversionFindings) -> SourceFile | None:
-    """A file that was named on the command line; None after a finding."""
+    """A file from the command line; None after a diagnostic."""
     return FileReader(Path(), findings.diagnostics).read(Path(file))
 
 
@@ -234,7 +234,7 @@ def _read_names_option(file: str | None, robot: RobotProfile, findings: Conversi
 
 
 def _tell_findings(findings: ConversionFindings, *, strict: bool) -> None:
-    """Say what refuses the conversion and what it loses; ends the command when it is refused."""
+    """Report why the conversion is refused and what it loses; ends the command when it is refused."""
     found = [*findings.diagnostics.sorted(), *findings.losses]
     errors, losses = findings.diagnostics.errors, len(findings.losses)
     lost = f"{pluralize(losses, 'thing')} lost"

@@ -83,7 +83,7 @@ def _chosen(scenario: Scenario, names: tuple[str, ...]) -> list[Rule]:
 
 
 def _report_limits(scenario: Scenario, rules: list[Rule], *, strict: bool) -> None:
-    """Say what is lost and what is refused; ends the command when nothing is to be written."""
+    """Report losses and refusals; ends the command when nothing should be written."""
     refused, lost, found = 0, 0, []
     for rule in rules:
         refusals = find_refusals(scenario, rule)
@@ -99,7 +99,7 @@ def _report_limits(scenario: Scenario, rules: list[Rule], *, strict: bool) -> No
 
 
 def _file_names(rules: list[Rule]) -> list[str]:
-    """A file for each rule, named so that every file system takes it, none like another."""
+    """A file name for each rule, valid on every file system and unique."""
     names: list[str] = []
     for rule in rules:
         stem = re.sub(r"[^\w. -]", "_", rule.name)[:100].strip(". ") or "rule"
@@ -169,7 +169,7 @@ def _refuse_errors(errors: list[Diagnostic]) -> None:
 
 
 def _write_new(folder: Path, made: MadeRules, title: str, text: str) -> Path:
-    """A whole study, or nothing."""
+    """Write a whole study, or nothing."""
     files = new_study_files(made, made.chart.name or title, text)
     held = {name: content.encode() for name, content in files.items()}
     _refuse_errors(load(folder, held=held).errors)
@@ -183,8 +183,8 @@ def _write_new(folder: Path, made: MadeRules, title: str, text: str) -> Path:
 
 
 def _write_into(folder: Path, made: MadeRules, text: str) -> Path:
-    """The rules file in a study that is there, or nothing."""
-    before = load(folder)  # with errors it may still be whole with the new rules: a key may name them already
+    """Write the rules file into an existing study, or nothing."""
+    before = load(folder)  # errors may vanish with the new rules: a key may already name them
     rules = before.scenario.paths["rules"] if before.scenario is not None else DEFAULT_PATHS["rules"]
     target = folder / rules / file_name(made)
     if (folder / rules).is_file():
@@ -211,7 +211,7 @@ def _write_into(folder: Path, made: MadeRules, text: str) -> Path:
 
 
 def _write_whole(path: Path, text: str) -> None:
-    """The whole file or nothing of it. Ends the command when it cannot be written."""
+    """Write the whole file or nothing. Ends the command when it cannot be written."""
     try:
         path.parent.mkdir(parents=True, exist_ok=True)
         write_whole(path, text.encode(), beside=path.with_name(f".{path.name}.part"), private=False)

@@ -46,7 +46,7 @@ def woz4u(file: str, output: str, title: str | None) -> None:
     pepper = load(folder, held={"scenario.toml": b'robot = "pepper"'}).robot
     study = make_study(title or path.stem, read, pepper, lambda name: _said_file(path.parent, name))
     loaded = load(folder, held={name: text.encode() for name, text in study.files.items()})
-    if loaded.scenario is None:  # what an item says cannot be said so
+    if loaded.scenario is None:  # an item's text is not valid
         raise Refused(findings=loaded.errors)
     _write(folder, study)
     print_lines(*study.says, "", "Not taken over, or to be looked at:", *(f"- {each}" for each in study.left_out))
@@ -54,7 +54,7 @@ def woz4u(file: str, output: str, title: str | None) -> None:
 
 
 def _read(path: Path) -> str:
-    """:raises ExchangeError: the file cannot be read."""
+    """Read the file. :raises ExchangeError: it cannot be read."""
     try:
         if path.stat().st_size > _LARGEST:
             raise ExchangeError(f"{path} is larger than {_LARGEST // 1_000_000} MB")
@@ -66,7 +66,7 @@ def _read(path: Path) -> str:
 
 
 def _said_file(folder: Path, name: str) -> str | None:
-    """A text file beside the configuration, never one outside of its folder."""
+    """A text file beside the configuration, never one outside its folder."""
     path = folder / name
     if why_not_read(folder, name) or not path.is_file() or path.stat().st_size > _LARGEST:
         return None
@@ -77,7 +77,7 @@ def _said_file(folder: Path, name: str) -> str | None:
 
 
 def _write(folder: Path, study: ImportedStudy) -> None:
-    """The whole folder or nothing. Ends the program when it cannot be written."""
+    """Write the whole folder or nothing. Ends the program when it cannot be written."""
     try:
         write_new_folder(folder, study.files)
     except StudyError as error:

@@ -1,6 +1,6 @@
-"""A statechart as SCXML 1.0 has it (https://www.w3.org/TR/scxml/, section 3): states, transitions, executable content.
+"""A statechart of SCXML 1.0 (https://www.w3.org/TR/scxml/, section 3): states, transitions, executable content.
 
-Only what can become rules is here; `rise_exchange.scxml.reading` refuses the rest while it reads.
+It contains only what can become rules; `rise_exchange.scxml.reading` refuses the rest.
 """
 
 from __future__ import annotations
@@ -15,11 +15,11 @@ from rise_exchange.scxml.script import Script
 
 StateKind = Literal["scxml", "state", "parallel", "final", "history"]
 ERROR = "error.execution"
-"""The event of something that could not be carried out (3.12.2)."""
+"""The event for something that could not be carried out (3.12.2)."""
 
 
 class RaiseNode(Struct, frozen=True):
-    """`<raise>`, `<send target="#_internal">`, and what the standard raises by itself: into the internal queue."""
+    """`<raise>`, `<send target="#_internal">`, and events that the standard itself raises: into the internal queue."""
 
     event: str
 
@@ -28,11 +28,11 @@ class AssignNode(Struct, frozen=True):
     """`<assign>`, or one statement of a `<script>`."""
 
     name: str | None
-    """The variable; None: what stands there names none, and the assignment fails."""
+    """The variable; None: its name is not valid, and the assignment fails."""
     value: Script
     location: SourceLocation
     declares: bool = False
-    """In a script, an assignment makes the variable that it names."""
+    """Whether it creates its variable, as an assignment in a script does."""
 
 
 class IfNode(Struct, frozen=True):
@@ -47,7 +47,7 @@ class ForEachNode(Struct, frozen=True):
 
     array: Script
     item: str | None
-    """None: no name of a variable stands there, and the loop fails."""
+    """None: it is not a variable's name, and the loop fails."""
     index: str | None
     body: Content
     location: SourceLocation
@@ -66,9 +66,9 @@ class SendPlace(Struct, frozen=True):
     """From 1, in the order of the file."""
     event: str
     seconds: float
-    """0: at once, but behind the internal queue."""
+    """0: immediately, but after the internal queue."""
     id: str
-    """What `<cancel>` names; may be empty."""
+    """The name for `<cancel>`; may be empty."""
     location: SourceLocation
 
 
@@ -79,14 +79,14 @@ class CancelNode(Struct, frozen=True):
 
 
 class CallNode(Struct, frozen=True):
-    """`<send type="x-rise">`: a function of a rule, `startCommunicationRobotAct` and the like."""
+    """`<send type="x-rise">`: a function of a rule, such as `startCommunicationRobotAct`."""
 
     function: str
     argument: str
 
 
 class FailNode(Struct, frozen=True):
-    """What is known to fail: it raises an error event, and perhaps ends the block in which it stands."""
+    """Content that is known to fail: it raises an error event, and perhaps ends its block."""
 
     event: str
     ends_block: bool
@@ -94,7 +94,7 @@ class FailNode(Struct, frozen=True):
 
 Node: TypeAlias = RaiseNode | AssignNode | IfNode | ForEachNode | SendNode | CancelNode | CallNode | FailNode
 Content: TypeAlias = tuple[Node, ...]
-"""A block of executable content: an error in it leaves out the rest of it (4.9)."""
+"""A block of executable content; an error skips the rest of it (4.9)."""
 
 
 class ChartTransition(Struct, eq=False):
@@ -102,37 +102,37 @@ class ChartTransition(Struct, eq=False):
 
     source: ChartState
     events: tuple[str, ...] | None
-    """Event descriptors without `.*` at their end, `*` as it is; None: eventless."""
+    """Event descriptors without a final `.*`, `*` unchanged; None: eventless."""
     condition: Script | None
     target_ids: tuple[str, ...]
     internal: bool
     content: Content
     order: int
-    """Its place among the transitions of the document."""
+    """Its position among the transitions of the document."""
     location: SourceLocation
     targets: tuple[ChartState, ...] = ()
     """Empty: targetless."""
 
 
 class ChartState(Struct, eq=False):
-    """A state, also a parallel, final or history one; the root is the `<scxml>` element itself."""
+    """A state, including parallel, final and history states; the root is the `<scxml>` element itself."""
 
     id: str
     kind: StateKind
     parent: ChartState | None
     order: int
-    """Its place in document order; the root has 0."""
+    """Its position in document order; the root has 0."""
     location: SourceLocation
     children: list[ChartState] = []
-    """Without histories."""
+    """Its children without histories."""
     histories: list[ChartState] = []
     on_entry: list[Content] = []
     on_exit: list[Content] = []
     transitions: list[ChartTransition] = []
     initial: ChartTransition | None = None
-    """Of a compound state; of a history, where it leads as long as nothing is remembered."""
+    """For a compound state: its initial transition. For a history: its transition while nothing is remembered."""
     is_deep: bool = False
-    """Of a history."""
+    """For a history."""
 
     @property
     def is_atomic(self) -> bool:
@@ -143,14 +143,14 @@ class ChartState(Struct, eq=False):
         return bool(self.children) and self.kind in ("state", "scxml")
 
     def ancestors(self, below: ChartState | None = None) -> Iterator[ChartState]:
-        """The states around it, the innermost first; up to, but without, `below`."""
+        """The states around it, the innermost first, up to but without `below`."""
         state = self.parent
         while state is not None and state is not below:
             yield state
             state = state.parent
 
     def is_inside(self, other: ChartState) -> bool:
-        """Whether it is a descendant of another state, and not that state itself."""
+        """Whether it is a descendant of another state (not that state itself)."""
         return any(state is other for state in self.ancestors())
 
 
@@ -159,7 +159,7 @@ class ChartVariable(Struct, frozen=True):
 
     name: str
     value: Script | None
-    """None: it is there, and undefined."""
+    """None: it exists, but is undefined."""
     location: SourceLocation
 
 
@@ -167,7 +167,7 @@ class Chart(Struct):
     """A whole document."""
 
     name: str
-    """Empty where the document has none."""
+    """Empty if the document has none."""
     root: ChartState
     states: dict[str, ChartState]
     variables: list[ChartVariable]
@@ -177,4 +177,4 @@ class Chart(Struct):
     notes: list[str]
     """What was left out, for a person."""
     outside: tuple[str, ...] = ()
-    """Further events that come from outside, beside those that the chart names."""
+    """Further events from outside, in addition to those that the chart names."""

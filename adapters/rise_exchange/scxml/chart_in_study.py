@@ -1,4 +1,4 @@
-"""The rules of a chart in the folder of a study: where they go, and whether they get along with what is there."""
+"""Places the rules of a chart in the folder of a study, and checks that they fit what is already there."""
 
 from __future__ import annotations
 
@@ -14,22 +14,22 @@ from rise_exchange.scxml.content_translation import FunctionLine, Lines
 from rise_exchange.scxml.rules_of_chart import MadeRules
 
 MADE_FROM = "made from "
-"""What the head of a rules file that was made from a chart begins with."""
+"""The beginning of the head of a rules file that was made from a chart."""
 _KEYS = "1234567890"
 
 
 def file_name(made: MadeRules) -> str:
-    """The name of the rules file: that of the rule, with what is no letter or digit as `_`."""
+    """The name of the rules file: the rule's name, with `_` for everything except letters and digits."""
     return f"{re.sub(r'[^a-z0-9]+', '_', made.name.lower()).strip('_') or 'chart'}.xml"
 
 
 def is_made_file(text: str) -> bool:
-    """Whether a rules file was made from a chart, and may be made anew."""
+    """Whether a rules file was made from a chart, and may be made again."""
     return re.match(rf"<!--\s*{MADE_FROM}", text) is not None
 
 
 def outside_events(made: MadeRules) -> list[str]:
-    """The events that the rules wait for, and that neither they raise or send nor the acts that they start."""
+    """The events that the rules wait for and that neither they nor their acts raise or send."""
     own = {*made.raised, *(helper.place.event for helper in made.helpers)}
     ends = tuple(f"{act}_" for act in called_acts(made))
     return [event for event in made.awaited if event not in own and not event.startswith(ends)]
@@ -53,8 +53,8 @@ def _lines(block: Lines) -> Iterator[FunctionLine]:
 
 
 def new_study_files(made: MadeRules, title: str, rules: str) -> dict[str, str]:
-    """A study around the rules: a key that starts them, one for each event from outside as far as there are digits, and
-    the acts that they name; each says its name until somebody writes it.
+    """A study for the rules: a key that starts them, one key for each event from outside while there are digits, and
+    their acts. Each act says its name until somebody writes it.
 
     :param rules: the text of the rules file.
     """
@@ -81,9 +81,9 @@ def _acts_text(names: list[str]) -> str:
 
 
 def check_neighbours(made: MadeRules, scenario: Scenario, replaced: str, diagnostics: Diagnostics) -> None:
-    """Findings where the study would take part in what a chart has for itself: its variables, and what it raises.
+    """Report where the study would interfere with a chart's own variables and events.
 
-    :param replaced: the rules file that is made anew; what is in it does not count.
+    :param replaced: the rules file that is replaced; its content does not count.
     """
     own = {made.name, *(helper.rule for helper in made.helpers)}
     own |= {name for name, rule in scenario.rules.items() if rule.location.file == replaced}

@@ -1,7 +1,7 @@
-"""Executable content of a chart as functions of a rule, for what is known of the variables where it stands.
+"""Translates executable content of a chart to functions of a rule, for what is known of the variables at that place.
 
-The same code tells what is known behind a block, so that it can be followed through the whole flat chart
-(`rise_exchange.scxml.rules_of_chart`), and writes the block down once everything is known.
+The same code finds out what is known after a block, so that `rise_exchange.scxml.rules_of_chart` can follow this
+through the whole flat chart. Once everything is known, it writes the block.
 """
 
 from __future__ import annotations
@@ -56,16 +56,16 @@ class IfLines(Struct, frozen=True):
 
 Lines: TypeAlias = tuple[FunctionLine | IfLines, ...]
 Report: TypeAlias = Callable[[str, SourceLocation, str], None]
-"""Takes the code, the place and the sentence of a finding."""
+"""Receives the code, the place and the sentence of a diagnostic."""
 
 MAX_PENDING = 4
-"""How often what one `<send>` sends may be on its way at once: a rule waits for each."""
+"""How many events of one `<send>` may be pending at once; a rule waits for each."""
 _BOOLEAN: frozenset[Kind] = frozenset({"boolean"})
 
 
 class SendHelper(Struct, frozen=True):
-    """A rule that waits for what a `<send>` sends, and the key that is true while it waits. A `<send>` has as many as
-    it may need at once."""
+    """A rule that waits before a `<send>` takes effect, and the key that is true while it waits. A `<send>` has as many
+    as it may need at once."""
 
     place: SendPlace
     rule: str
@@ -73,12 +73,12 @@ class SendHelper(Struct, frozen=True):
 
     @property
     def start(self) -> Lines:
-        """Start it, and say so."""
+        """Lines that start it and set its key."""
         return (FunctionLine("assignValue", f"{self.key} = true"), FunctionLine("startInteractionRule", self.rule))
 
     @property
     def stop(self) -> Lines:
-        """Stop it, and say so."""
+        """Lines that stop it and clear its key."""
         return (FunctionLine("stopInteractionRule", self.rule), FunctionLine("assignValue", f"{self.key} = false"))
 
 
@@ -87,9 +87,9 @@ class ContentTranslator:
 
     def __init__(self, helpers: list[SendHelper], report: Report, follows_values: bool = False) -> None:
         """
-        :param helpers: the rules for what is sent later.
-        :param report: where findings go.
-        :param follows_values: whether the values of variables are followed, and not only their kinds.
+        :param helpers: the rules for delayed sends.
+        :param report: receives diagnostics.
+        :param follows_values: whether to follow the values of variables, not only their kinds.
         """
         self.helpers: dict[SendPlace, list[SendHelper]] = {}
         for helper in helpers:
@@ -102,7 +102,7 @@ class ContentTranslator:
         """Those of them that go into the internal queue."""
 
     def blocks(self, blocks: tuple[Content, ...], known: Knowledge) -> tuple[Lines, Knowledge]:
-        """Several blocks after one another, and what is known behind them."""
+        """Translate several blocks in sequence; returns their lines and what is known after them."""
         lines: Lines = ()
         for block in blocks:
             more, known, _ = self.content(list(block), known)
@@ -110,7 +110,7 @@ class ContentTranslator:
         return lines, known
 
     def content(self, nodes: list[Node], known: Knowledge) -> tuple[Lines, Knowledge, bool]:
-        """The rest of a block: what it does, what is known behind it, and whether an error ends it."""
+        """Translate the rest of a block; returns its lines, what is known after it, and whether an error ends it."""
         lines: list[FunctionLine | IfLines] = []
         while nodes:
             node = nodes.pop(0)
@@ -154,7 +154,7 @@ class ContentTranslator:
         raise AssertionError(node)
 
     def fail(self, event: str) -> FunctionLine:
-        """Raise an event."""
+        """Raise an event, and note it."""
         self.raised.add(event)
         self.raised_inside.add(event)
         return FunctionLine("raiseEventTopic", f"/{event}")
@@ -184,13 +184,13 @@ class ContentTranslator:
     def cancel(self, id: str, known: Knowledge) -> tuple[Lines, Knowledge]:
         lines: Lines = ()
         for place in self.helpers:
-            if place.id == id and place.seconds:  # what is in the external queue already stays there (6.3)
+            if place.id == id and place.seconds:  # events already in the external queue stay there (6.3)
                 lines += self.stop(place, known)
                 known = {**known, pending_name(place): Possible(_BOOLEAN), waiting_name(place): Possible(_BOOLEAN)}
         return lines, known
 
     def stop(self, place: SendPlace, known: Knowledge) -> Lines:
-        """What is on its way is not sent."""
+        """Cancel pending events of a `<send>`."""
         if not known[waiting_name(place)].most:
             return ()
         return tuple(IfLines(((helper.key, helper.stop),)) for helper in self.helpers[place])
@@ -198,7 +198,7 @@ class ContentTranslator:
     # --- values ---
 
     def assign(self, node: AssignNode, known: Knowledge) -> tuple[Lines | None, Knowledge]:
-        """An assignment; no lines at all: it fails for certain."""
+        """Translate an assignment; None instead of lines: it certainly fails."""
         name = node.name
         if name is None or node.value.root is None:
             return None, known
@@ -214,7 +214,7 @@ class ContentTranslator:
             return (), {**known, name: REFUSED}
         constant = known_constant(node.value.root, known)
         if constant is not None and constant.kinds == {"list"}:
-            return (), {**known, name: constant}  # read only where a `<foreach>` goes through it
+            return (), {**known, name: constant}  # read only by a `<foreach>`
         try:
             said = say_value(node.value.root, known)
         except ChartRefusedError as error:
@@ -232,7 +232,7 @@ class ContentTranslator:
         return (FunctionLine("assignValue", f"{name} = {said.text}"),), {**known, name: value}
 
     def is_refused_name(self, name: str, location: SourceLocation) -> bool:
-        """Whether a variable cannot have this name in our memory; says so."""
+        """Whether our memory refuses this name of a variable; if so, it is reported."""
         try:
             is_key = name != "session" and Expression.parse(name).bare_key == name
             Assignment.parse(f"{name} = 1")
@@ -243,7 +243,7 @@ class ContentTranslator:
         return not is_key
 
     def entries(self, node: ForEachNode, known: Knowledge) -> list[Node] | str | None:
-        """A loop written out; `failed`: it fails for certain; None after a finding."""
+        """Write a loop out; `failed`: it certainly fails; None after a diagnostic."""
         if node.array.root is None or node.item is None:
             return "failed"
         array = known_constant(node.array.root, known)
@@ -256,7 +256,7 @@ class ContentTranslator:
                 self.report(error.code, node.array.location, str(error))
                 return None
             if not said.value.kinds & {"list", "refused"}:
-                return "failed"  # there is nothing to go through
+                return "failed"  # nothing to iterate over
             message = "which list this is is not known before the chart runs; only one that never changes can be taken"
             self.report("list-arithmetic", node.array.location, message)
             return None
@@ -274,9 +274,9 @@ class ContentTranslator:
     # --- choices ---
 
     def choose(self, node: IfNode, rest: list[Node], known: Knowledge) -> tuple[Lines, Knowledge, bool, bool]:
-        """An `<if>`. When an error ends one of its branches, the rest of the block moves into the others.
+        """Translate an `<if>`. If an error ends one of its branches, the rest of the block moves into the others.
 
-        :return: the lines, what is known, whether an error ends the block, and whether the rest is in it already.
+        :return: the lines, what is known, whether an error ends the block, and whether they already include the rest.
         """
         branches: list[tuple[str | None, Content]] = []
         before: list[FunctionLine | IfLines] = []
@@ -296,7 +296,7 @@ class ContentTranslator:
                 break
         if not branches:
             return tuple(before), known, False, False
-        if branches[0][0] is None:  # it is known which one
+        if branches[0][0] is None:  # the branch is known
             rest[:0] = list(branches[0][1])
             return tuple(before), known, False, False
         if branches[-1][0] is not None:
@@ -316,7 +316,7 @@ class ContentTranslator:
         return lines, behind, all(ends for *_, ends in done), used_rest
 
     def condition(self, script: Script, known: Knowledge) -> Said | None:
-        """A condition in our words; None: evaluating it is an error for certain."""
+        """A condition in our language; None: evaluating it is certainly an error."""
         if script.root is None:
             return None
         try:
@@ -331,16 +331,16 @@ class ContentTranslator:
 
 
 def pending_name(place: SendPlace) -> str:
-    """Under which name it is known how often what a `<send>` sends may be on its way; no variable has it."""
+    """The name for how many events of a `<send>` may be pending; no variable has this name."""
     return f"pending {place.number}"
 
 
 def waiting_name(place: SendPlace) -> str:
-    """Under which name it is known whether anything may be on its way, whoever else sends the same event."""
+    """The name for whether any event of it may be pending, whoever else sends the same event."""
     return f"waiting {place.number}"
 
 
 def joined(one: Knowledge, other: Knowledge) -> Knowledge:
-    """What is known where two ways meet."""
+    """What is known where two paths meet."""
     absent = Possible(frozenset({"undeclared"}))
     return {name: one.get(name, absent).joined(other.get(name, absent)) for name in {**one, **other}}

@@ -1,9 +1,9 @@
-"""A rule as an SCXML document (https://www.w3.org/TR/scxml/), with the datamodel `ecmascript`.
+"""Exports a rule as an SCXML document (https://www.w3.org/TR/scxml/), with the datamodel `ecmascript`.
 
-What a document expects of whoever runs it, and why it is written as it is: docs/reference/scxml.md. In short: states
-are flat; what a rule does goes to the event I/O processor `x-rise` (section 6.2); acts, other rules and the memory's
-changes come back as external events; an event that the rule raises for itself alone goes to its own external queue,
-behind what waits there, because our sessions have one queue of events.
+docs/reference/scxml.md describes what a document expects from its interpreter, and why. In short: states are flat. A
+rule's functions go to the event I/O processor `x-rise` (section 6.2). Acts, other rules and changes of the memory come
+back as external events. An event that the rule raises only for itself goes to its own external queue, after the events
+that wait there, because our sessions have one queue of events.
 """
 
 from __future__ import annotations
@@ -34,7 +34,7 @@ from rise_exchange.scxml.rule_analysis import RuleAnalysis
 
 NAMESPACE = "http://www.w3.org/2005/07/scxml"
 RISE_NAMESPACE = "urn:x-rise"
-"""Of what a document says besides for people and for a way back: `rise:name`, `rise:priority`, `rise:cond`."""
+"""The namespace of additions for people and for the way back: `rise:name`, `rise:priority`, `rise:cond`."""
 PROCESSOR = "x-rise"
 """The type of the event I/O processor that carries out functions."""
 
@@ -42,9 +42,9 @@ _MEMORY_EVENTS = "memory forgotten"
 
 
 def export_rule(scenario: Scenario, rule: Rule, *, seed: int = 1) -> str:
-    """The document of a rule that nothing speaks against (`rise_exchange.scxml.limits.find_refusals`).
+    """The document of a rule that is not refused (`rise_exchange.scxml.limits.find_refusals`).
 
-    :param seed: what the session's chance begins with.
+    :param seed: the seed of the session's random choices.
     """
     return _Document(scenario, rule, seed).text()
 
@@ -86,7 +86,7 @@ class _Document:
         return "\n".join(line.rstrip() for line in lines) + "\n"
 
     def _about(self) -> Iterator[str]:
-        """Where the document comes from, and what it does not have, for who opens it."""
+        """The document's origin and its losses, for readers."""
         yield f"The rule {self._rule.name} of {self._scenario.title}, made by rise-engine convert to-scxml."
         losses = find_losses(self._scenario, self._rule)
         if losses:
@@ -94,7 +94,7 @@ class _Document:
         yield from (f"- {loss.code}: {clean(loss.message)}" for loss in losses)
 
     def _datamodel(self, states: list[str], helpers: list[str]) -> Iterator[str]:
-        """Only what the states and helpers use."""
+        """The data that the states and helpers use."""
         said, code = "\n".join(states), "\n".join((*states, *helpers))
         data = {
             "seed": (text_code(str(self._seed)), "seed" in "".join(helpers)),
@@ -157,7 +157,7 @@ class _Document:
             yield from _element("transition", content, event=name, cond=both, target=target, rise__cond=said)
         elif transition.is_eventless:
             assert condition is not None
-            if target is None:  # it is taken when it becomes true, and not again before it has been false
+            if target is None:  # taken when it becomes true, and again only after it was false
                 yield from _flag_off(index, condition, [])
                 content = [f'<assign location="held[{index}]" expr="true"/>', *content]
                 condition = f"!held[{index}] && {_bracketed(condition)}"
@@ -167,7 +167,7 @@ class _Document:
             yield from _element("transition", content, event=events, cond=condition, target=target, rise__cond=said)
 
     def _while(self, state: str, index: int, transition: Transition) -> Iterator[str]:
-        """Counting begins when the condition begins to hold, and is broken off when it does not any more."""
+        """A `while` transition: counting begins when the condition becomes true, and ends when it becomes false."""
         assert transition.held is not None
         condition, said = condition_code(transition.held), transition.held.text
         yield from _flag_off(index, condition, [_cancel(state, index)])
@@ -176,8 +176,8 @@ class _Document:
         yield from _element("transition", begin, cond=f"!held[{index}] && {_bracketed(condition)}", rise__cond=said)
 
     def _countdown(self, state: str, index: int, after: Delay | None) -> list[str]:
-        """A delayed event to the document itself. Its number tells it from one that was cancelled too late, which
-        section 6.3 allows."""
+        """A delayed event to the document itself. Its number distinguishes it from one that was cancelled too late,
+        which section 6.3 allows."""
         assert after is not None
         name = _countdown_name(state, index)
         number = f"{_tag('param', name='countdown', expr=f'begin({index})')}/>"
@@ -259,7 +259,7 @@ class _Document:
 
 
 def _keeps_flag(transition: Transition) -> bool:
-    """Whether it is to be remembered that its condition has held."""
+    """Whether the document must remember that the condition held."""
     return transition.held is not None or (transition.is_eventless and transition.target is None)
 
 
@@ -293,13 +293,13 @@ def _cancel(state: str, index: int) -> str:
 
 
 def _call(function: str, parameters: dict[str, str]) -> str:
-    """A function of a task, for whoever carries it out."""
+    """A function of a task, for the interpreter."""
     params = "".join(f"{_tag('param', name=name, expr=code)}/>" for name, code in parameters.items())
     return f"{_tag('send', type=PROCESSOR, event=function)}>{params}</send>"
 
 
 def _seconds_text(seconds: float) -> str:
-    """A time as a stylesheet writes it, `1.5s`."""
+    """A time in CSS form, `1.5s`."""
     return f"{seconds:.6f}".rstrip("0").rstrip(".") + "s"
 
 
@@ -316,7 +316,7 @@ _QUOTES = {'"': "&quot;", "\n": "&#10;", "\r": "&#13;", "\t": "&#9;"}
 
 
 def _element(tag: str, content: list[str], /, **attributes: str | None) -> list[str]:
-    """An element with its content; none at all without attributes and content."""
+    """An element with its content; nothing without attributes and content."""
     if not content:
         return [f"{_tag(tag, **attributes)}/>"] if attributes else []
     return [f"{_tag(tag, **attributes)}>", *_indent(content), f"</{tag}>"]
@@ -327,7 +327,7 @@ def _indent(lines: Iterable[str]) -> Iterator[str]:
 
 
 def _comment(text: str) -> str:
-    """A comment, in which there can be no `--`."""
+    """A comment, which cannot contain `--`."""
     return f"<!-- {re.sub('-(?=-)', '- ', text)}{' ' if not text.endswith('-') else '. '}-->"
 
 
@@ -336,6 +336,6 @@ def _cdata(lines: list[str]) -> str:
 
 
 def _identifier(name: str) -> str:
-    """A name that is an identifier in every language; the whole one is `rise:name`."""
+    """A name that is an identifier in every language; `rise:name` has the full name."""
     found = re.sub(r"\W", "_", name, flags=re.ASCII)
     return found if re.match("[A-Za-z_]", found) else f"_{found}"

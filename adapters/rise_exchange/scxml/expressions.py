@@ -1,6 +1,7 @@
-"""Our condition language as ECMAScript: an expression of the document for each condition, formula and assignment.
+"""Translates our condition language to ECMAScript: one expression of the document for each condition, formula and
+assignment.
 
-As the language's own compiler does, each node is written for the way in which its parent reads it: as a truth, as a
+As in the language's own compiler, each node is written for the way in which its parent reads it: as a truth value, as a
 number, or as a value of its own type. The functions that it calls are those of `rise_exchange.scxml.helper_functions`.
 """
 
@@ -33,9 +34,9 @@ from rise_engine.expression.operators import LIST_FUNCTIONS
 from rise_engine.scenario.model import Scenario
 
 EXACT_WHOLE_NUMBERS = 2**53
-"""Up to here ECMAScript has every whole number; ours are exact beyond."""
+"""ECMAScript has every whole number up to this; ours are exact beyond it."""
 APPROXIMATE_FUNCTIONS = frozenset({"sin", "cos", "tan", "asin", "acos", "atan", "atan2", "exp", "ln", "log10", "pow"})
-"""Whose last digit ECMAScript leaves to the interpreter."""
+"""Functions whose last digit ECMAScript leaves to the interpreter."""
 _NOT_XML = re.compile("[\x00-\x08\x0b\x0c\x0e-\x1f\x7f-\x9f\u2028\u2029\ud800-\udfff\ufffe\uffff]")
 _CONSTANTS = {"pi": "Math.PI", "e": "Math.E", "r2d": "(180 / Math.PI)", "d2r": "(Math.PI / 180)"}
 _NUMERIC = {
@@ -57,13 +58,13 @@ def condition_code(expression: Expression) -> str:
 
 
 def delay_code(expression: Expression, unit: float | None) -> str:
-    """An expression that gives a computed time as SCXML writes it, or an empty text where it is none."""
+    """An expression for a computed time in SCXML's form; an empty text if the value is not a time."""
     unit_code = "" if unit is None else f", {number_code(unit)}"
     return f"computedDelay(() => {_stored(expression.root, finite=False)}{unit_code})"
 
 
 def assignment_code(assignment: Assignment, scenario: Scenario) -> str:
-    """An expression that gives the memory as it is after an assignment; it throws where the assignment fails."""
+    """An expression for the memory after an assignment; it throws if the assignment fails."""
     expression, target = assignment.expression, assignment.target
     word, known_keys = assignment.bare_word, scenario.known_keys  # a bare word that nothing sets can be a text
     if expression is None:
@@ -81,25 +82,25 @@ def assignment_code(assignment: Assignment, scenario: Scenario) -> str:
 
 
 def is_limited(assignment: Assignment, scenario: Scenario) -> bool:
-    """Whether the size of what is set has a limit (semantics.md 8.7)."""
+    """Whether the size of the new value is limited (semantics.md 8.7)."""
     gives_parts = assignment.expression is not None and assignment.expression.gives_parts
     reads_table = any(key.partition(".")[0] in scenario.tables for key in assignment.keys)
     return gives_parts or reads_table or assignment.target is not None
 
 
 def text_code(text: str) -> str:
-    """A text as a literal of ECMAScript that can stand in XML."""
+    """A text as a literal of ECMAScript that is valid in XML."""
     inner = json.dumps(text, ensure_ascii=False)[1:-1].replace('\\"', '"').replace("'", "\\'")
     return f"'{escape_for_xml(inner)}'"
 
 
 def json_code(value: Any) -> str:
-    """A JSON value, on one line, that can stand in XML."""
+    """A JSON value on one line that is valid in XML."""
     return escape_for_xml(json.dumps(value, ensure_ascii=False))
 
 
 def escape_for_xml(code: str) -> str:
-    """Code without the characters that no XML can hold, or that it would change: they stand in texts only."""
+    """Code without the characters that XML cannot contain, or would change; they only occur in texts."""
     return _NOT_XML.sub(lambda found: f"\\u{ord(found[0]):04x}", code)
 
 
@@ -205,7 +206,7 @@ def _value(node: Node) -> str:
 
 
 def _stored(node: Node, *, finite: bool = True) -> str:
-    """A value as the memory keeps it; not `finite`: whatever number it is."""
+    """A value as the memory keeps it; not `finite`: any number is allowed."""
     return f"kept({_value(node)})" if finite and not isinstance(node, Literal) else _value(node)
 
 
@@ -218,7 +219,7 @@ def _steps(part: Part) -> str:
 
 
 def _bracketed(write: Callable[[Node], str]) -> Callable[[Node], str]:
-    """Writes an operand in the brackets that it needs as part of something larger."""
+    """A function that writes an operand, in brackets if it needs them inside a larger expression."""
 
     def written(node: Node) -> str:
         code = write(node)

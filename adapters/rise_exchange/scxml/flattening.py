@@ -1,7 +1,7 @@
-"""A chart with hierarchy, parallel regions and histories as one flat machine.
+"""Flattens a chart with hierarchy, parallel regions and histories into one machine.
 
-A flat state is a configuration, with what the histories remember. What a transition of it does is the microstep of the
-standard (`rise_exchange.scxml.interpretation`), worked out beforehand; parallel regions become their product.
+A flat state is a configuration, together with what the histories remember. Its transitions do what the standard's
+microstep does (`rise_exchange.scxml.interpretation`), computed in advance. Parallel regions become their product.
 """
 
 from __future__ import annotations
@@ -40,25 +40,25 @@ from rise_exchange.scxml.interpretation import (
 from rise_exchange.scxml.script import ChartRefusedError, Constant, Script
 
 MAX_STATES = 200
-"""Flat states. Charts that people draw have tens; nobody can look through a rule with more."""
+"""Flat states. Charts drawn by people have tens; nobody can read a rule with more than this."""
 MAX_TRANSITIONS = 2_000
 _PLATFORM = ("done.", "error.", "done", "error")
 
 
 class FlatTransition(Struct, eq=False):
-    """A way out of a flat state."""
+    """A transition of a flat state."""
 
     event: str | None
     """None: without event."""
     conditions: tuple[Script, ...]
-    """All must hold."""
+    """All of them must hold."""
     leaving: tuple[Content, ...]
-    """What is carried out up to the transition itself."""
+    """The content up to and including the transition's own."""
     entering: tuple[Content, ...]
-    """What is carried out when states are entered."""
+    """The content for entering states."""
     target: FlatState
     location: SourceLocation
-    """Of the first of the chart's transitions that are taken."""
+    """The location of the first of the chart's transitions that are taken."""
 
 
 class FlatState(Struct, eq=False):
@@ -75,17 +75,17 @@ class FlatChart(Struct):
     """The flat machine."""
 
     states: list[FlatState]
-    """The one that is entered first comes first."""
+    """The initial state comes first."""
     first_blocks: tuple[Content, ...]
-    """What entering the first one does."""
+    """What entering the initial state does."""
     events: list[str]
-    """Every event that the chart can see."""
+    """Every event that the chart can receive."""
     widened: dict[str, list[str]]
-    """Event descriptors that stand for several events, with those; of `error`, perhaps none."""
+    """Event descriptors that stand for several events, with these events; for `error`, perhaps none."""
 
 
 def flatten(chart: Chart) -> FlatChart:
-    """Raises ChartRefusedError."""
+    """Flatten a chart. Raises ChartRefusedError."""
     return _Flattener(chart).flatten()
 
 
@@ -116,7 +116,7 @@ class _Flattener:
         return FlatChart(list(self.states.values()), first.entering, self.events, widened)
 
     def state_after(self, step: Microstep, taken: ChartTransition) -> FlatState:
-        """The flat state in which a step ends, made when it is new."""
+        """The flat state at the end of a step, created when it is new."""
         last = step.last
         if last is not None:
             key: tuple[object, ...] = ("over", last)
@@ -160,7 +160,7 @@ class _Flattener:
             self.add_choices(state, event)
 
     def add_choices(self, state: FlatState, event: str | None) -> bool:
-        """The ways out for an event. Returns whether one of them is taken in any case."""
+        """Add the transitions for an event. Returns whether one of them is always taken."""
         active = {each.id for each in state.configuration}
         choices = [
             [
@@ -203,9 +203,9 @@ _Choice = tuple[ChartTransition, Script | None]
 
 
 def _combinations(choices: list[list[_Choice]]) -> Iterator[tuple[list[ChartTransition], tuple[Script, ...]]]:
-    """What can be selected (selectTransitions): of each atomic state one transition or none, with all conditions that
-    hold then. The first whose conditions hold is the one that is selected: in each region the first that holds stands
-    before the others, and before none at all."""
+    """The possible selections (selectTransitions): for each atomic state one transition or none, with all conditions
+    that must then hold. The first whose conditions hold is selected. In each region the first transition that holds
+    comes before the others, and before none."""
 
     def go(
         index: int, chosen: dict[ChartTransition, Script | None], passed: frozenset[ChartTransition]
@@ -228,7 +228,7 @@ def _combinations(choices: list[list[_Choice]]) -> Iterator[tuple[list[ChartTran
 
 
 def _condition(transition: ChartTransition, active: set[str]) -> Script | None:
-    """What must hold, with the answers of `In`; None: nothing."""
+    """The condition with the answers of `In`; None: there is none."""
     if transition.condition is None:
         return None
     script = resolve_script(transition.condition, active)
@@ -237,7 +237,7 @@ def _condition(transition: ChartTransition, active: set[str]) -> Script | None:
 
 
 def _is_false(script: Script) -> bool:
-    """Whether a condition can never hold; one that cannot be evaluated counts as false (5.9.1)."""
+    """Whether a condition can never hold. One that cannot be evaluated counts as false (5.9.1)."""
     return script.root is None or (isinstance(script.root, Constant) and not script.root.value)
 
 
@@ -245,8 +245,8 @@ def _is_false(script: Script) -> bool:
 
 
 def events_of(chart: Chart) -> list[str]:
-    """Every event that a chart can see: what it raises and sends, what happens by itself in it, and what its
-    transitions name, which then may come from outside."""
+    """Every event that a chart can receive: those that it raises and sends, those that occur in it automatically, and
+    those in its transitions, which may come from outside."""
     found: dict[str, None] = {}
     for state in _all_states(chart.root):
         for content in (*state.on_entry, *state.on_exit, *(way.content for way in _ways(state))):
@@ -270,7 +270,7 @@ def events_of(chart: Chart) -> list[str]:
 
 
 def outside_events(chart: Chart) -> set[str]:
-    """The events that may come from outside: those that transitions name, and further ones that somebody has named."""
+    """The events that may come from outside: those in transitions, and further ones that the user named."""
     named = (name for transition in all_transitions(chart.root) for name in transition.events or ())
     return {name for name in named if name != "*" and not name.startswith(_PLATFORM)} | set(chart.outside)
 
@@ -308,6 +308,6 @@ def _ways(state: ChartState) -> list[ChartTransition]:
 
 
 def all_transitions(root: ChartState) -> Iterator[ChartTransition]:
-    """The transitions of a chart, those of initial and history states left out, in document order of their states."""
+    """The transitions of a chart, without those of initial and history states, in document order of their states."""
     for state in _all_states(root):
         yield from state.transitions

@@ -1,8 +1,8 @@
-"""What our condition language means, as functions of ECMAScript that go into the `<script>` of a document.
+"""Our condition language as functions of ECMAScript for the `<script>` of a document.
 
-Each says in JavaScript what a page says in words: truth, equality, missing keys and parts (semantics.md 8.2, 8.4), the
-setting of parts (8.5), lists and chance (8.6), limits (8.7), and times that are computed (5.5). A key or a part that is
-not there is `undefined`, which no value of a memory is. They use the document's data `memory`, `seed`, `countdown` and
+Each implements in JavaScript a rule of semantics.md: truth, equality, missing keys and parts (semantics.md 8.2, 8.4),
+the setting of parts (8.5), lists and chance (8.6), limits (8.7), and computed times (5.5). A missing key or part is
+`undefined`, which no value of a memory is. The functions use the document's data `memory`, `seed`, `countdown` and
 `countdowns`.
 """
 
@@ -374,7 +374,7 @@ _CALLED = re.compile(r"(?<![\w.'])(\w+)(?=[(,)])")
 HELPERS: dict[str, str] = {
     _NAME.findall(source)[0]: source.strip("\n") for source in re.split(r"\n\n(?=function )", _SOURCE.strip("\n"))
 }
-"""By name, the source of each function."""
+"""The source of each function, by name."""
 _USES = {
     name: frozenset(found for found in _CALLED.findall(source) if found in HELPERS) - {name}
     for name, source in HELPERS.items()
@@ -382,7 +382,7 @@ _USES = {
 
 
 def helpers_for(code: str) -> list[str]:
-    """The sources of all helpers that some code calls, and of those that they call, in the order of this page."""
+    """The sources of all helpers that the code calls, directly or indirectly, in this file's order."""
     wanted = {name for name in _CALLED.findall(code) if name in HELPERS}
     pending = list(wanted)
     while pending:

@@ -1,7 +1,7 @@
-"""One microstep of a chart, worked out beforehand: SCXML 1.0, appendix D, for a known configuration and history.
+"""One microstep of a chart, computed in advance: SCXML 1.0, appendix D, for a known configuration and history.
 
-What a step does is known as soon as it is known which transitions are taken; so each step of a chart becomes one
-transition of a rule (`rise_exchange.scxml.flattening`). Function names follow the appendix.
+The taken transitions determine what a step does, so each step of a chart becomes one transition of a rule
+(`rise_exchange.scxml.flattening`). Function names follow the appendix.
 """
 
 from __future__ import annotations
@@ -25,25 +25,24 @@ from rise_exchange.scxml.script import ArrayNode, Constant, InState, Operation, 
 Configuration = frozenset[ChartState]
 """The active states, without the root."""
 History = dict[ChartState, tuple[ChartState, ...]]
-"""What each history state remembers."""
+"""The states that each history state remembers."""
 
 
 class Microstep(Struct, frozen=True):
-    """What taking some transitions does."""
+    """The effect of taking some transitions."""
 
     configuration: Configuration
     history: History
     leaving: tuple[Content, ...]
-    """What is carried out when states are left, and by the transitions, in order; an error in one block leaves the
-    others as they are."""
+    """The content for leaving states and of the transitions, in order. An error in a block affects no others."""
     entering: tuple[Content, ...]
-    """What is carried out after that, when states are entered."""
+    """The content for entering states, which follows."""
     last: ChartState | None
-    """The final state of the chart itself that is entered: then everything has been left again. Else None."""
+    """The final state of the chart itself, if it is entered; then everything has been left again. Else None."""
 
 
 def first_step(root: ChartState) -> Microstep:
-    """Entering the chart."""
+    """The step that enters the chart."""
     assert root.initial is not None
     return _Step(root, frozenset(), {}).take([root.initial])
 
@@ -51,14 +50,14 @@ def first_step(root: ChartState) -> Microstep:
 def take(
     root: ChartState, configuration: Configuration, history: History, transitions: Sequence[ChartTransition]
 ) -> Microstep:
-    """Taking these transitions, which do not conflict, in a configuration."""
+    """The step that takes these transitions, which do not conflict, in a configuration."""
     return _Step(root, configuration, history).take(transitions)
 
 
 def without_conflicts(
     enabled: Iterable[ChartTransition], root: ChartState, configuration: Configuration, history: History
 ) -> tuple[ChartTransition, ...]:
-    """removeConflictingTransitions: of two that would leave one state, the inner one is taken, else the first."""
+    """removeConflictingTransitions: of two that would leave the same state, the inner one is taken, else the first."""
     step = _Step(root, configuration, history)
     filtered: list[ChartTransition] = []
     for one in dict.fromkeys(enabled):
@@ -74,7 +73,7 @@ def without_conflicts(
 
 
 def candidates(atomic: ChartState, event: str | None) -> list[ChartTransition]:
-    """The transitions that an atomic state could select for an event (None: without), the first that holds first."""
+    """The transitions that an atomic state could select for an event (None: without), in order of precedence."""
     return [
         transition
         for state in (atomic, *atomic.ancestors())
@@ -84,14 +83,14 @@ def candidates(atomic: ChartState, event: str | None) -> list[ChartTransition]:
 
 
 def matches(transition: ChartTransition, event: str | None) -> bool:
-    """Whether a transition waits for an event (3.12.1), or, for None, for none."""
+    """Whether a transition waits for an event (3.12.1) or, for None, for no event."""
     if transition.events is None or event is None:
         return transition.events is None and event is None
     return any(descriptor == "*" or f"{event}.".startswith(f"{descriptor}.") for descriptor in transition.events)
 
 
 def atomic_states(configuration: Configuration) -> list[ChartState]:
-    """Those of a configuration in document order."""
+    """The atomic states of a configuration in document order."""
     return [state for state in in_order(configuration) if state.is_atomic]
 
 
@@ -101,7 +100,7 @@ def in_order(states: Iterable[ChartState]) -> list[ChartState]:
 
 
 def is_legal(configuration: Configuration, root: ChartState) -> bool:
-    """Whether a configuration is one (3.11): one child of each compound state, all children of each parallel one."""
+    """Whether a configuration is legal (3.11): one child of each compound state, all children of each parallel one."""
     return all(
         (sum(child in configuration for child in state.children) == 1)
         if state.is_compound
@@ -123,7 +122,7 @@ class _Step:
         self.last: ChartState | None = None
 
     def take(self, transitions: Sequence[ChartTransition]) -> Microstep:
-        """microstep: leave, do what the transitions hold, enter. In document order (3.13)."""
+        """microstep: leave states, run the transitions, enter states, in document order (3.13)."""
         self.exit_states(transitions)
         for transition in sorted(transitions, key=lambda each: each.order):
             self.run(transition.content)
@@ -183,7 +182,7 @@ class _Step:
         )
 
     def effective_targets(self, transition: ChartTransition) -> list[ChartState]:
-        """getEffectiveTargetStates: with what histories stand for."""
+        """getEffectiveTargetStates: with the states that histories stand for."""
         found: dict[ChartState, None] = {}
         for target in transition.targets:
             if target.kind != "history":
@@ -196,7 +195,7 @@ class _Step:
         return list(found)
 
     def exit_interpreter(self) -> None:
-        """exitInterpreter: the chart has come to its end."""
+        """exitInterpreter: the chart has reached its end."""
         self.leave(list(reversed(in_order(self.configuration))))
 
     # --- entering ---
@@ -282,12 +281,12 @@ class _Step:
 
 
 def resolve_content(content: Content, active: set[str]) -> Content:
-    """Content with the answers of `In` in it, for these active states."""
+    """Content with the answers of `In` for these active states."""
     return tuple(_resolve_node(node, active) for node in content)
 
 
 def resolve_script(script: Script, active: set[str]) -> Script:
-    """A script with the answers of `In` in it."""
+    """A script with the answers of `In`."""
     return script if script.root is None else Script(script.text, _resolve(script.root, active), script.location)
 
 

@@ -1,4 +1,4 @@
-"""What SCXML cannot say of a rule: why it is refused, and what is lost, by name, before anything is written.
+"""The limits of SCXML for a rule: why it is refused, and what is lost, named before anything is written.
 
 docs/reference/scxml.md has a row for each code.
 """
@@ -24,7 +24,7 @@ REFUSALS = {
     "scxml-read-only": "the engine refuses to set this while a session runs",
     "scxml-name": "`__proto__` is no plain name in ECMAScript",
 }
-"""Why a rule has no document, by the code of the error."""
+"""Reasons why a rule has no document, by the code of the error."""
 LOSSES = {
     "routing": "who takes an event that several rules wait for",
     "kept": "events that are kept for a rule that waits later",
@@ -38,11 +38,11 @@ LOSSES = {
     "beginning": "a beginning in another state",
     "stopped": "the end of a rule in the middle of its functions",
 }
-"""What a document does not have of a rule, by code."""
+"""What a document leaves out of a rule, by code."""
 
 
 class Loss(Struct, frozen=True):
-    """Something that a document does not have of a rule.
+    """Something of a rule that a document leaves out.
 
     >>> str(Loss("chance", "other rules draw, too", SourceLocation("rules/a.xml", 3, 5)))
     'rules/a.xml:3:5: loss chance: other rules draw, too'
@@ -54,12 +54,12 @@ class Loss(Struct, frozen=True):
     location: SourceLocation
 
     def __str__(self) -> str:
-        """One line, with nothing in it that a terminal would obey."""
+        """One line, without control characters for a terminal."""
         return clean(f"{self.location}: loss {self.code}: {self.message}")
 
 
 def find_refusals(scenario: Scenario, rule: Rule) -> Diagnostics:
-    """Why a rule cannot be said in SCXML; empty when it can."""
+    """Why SCXML cannot express a rule; empty when it can."""
     found = Diagnostics()
     analysis = RuleAnalysis(scenario, rule)
 
@@ -211,7 +211,7 @@ def _other_sources_of_chance(analysis: RuleAnalysis) -> str:
 
 
 def _check_json(value: Json, where: str, location: SourceLocation, found: Diagnostics) -> None:
-    """Refuse what ECMAScript would read otherwise. Does not recurse, so any value can be looked at."""
+    """Refuse values that ECMAScript would read differently. It does not recurse, so any depth is possible."""
     pending = [value]
     while pending:
         each = pending.pop()

@@ -1,4 +1,4 @@
-"""Reading an SCXML 1.0 document (https://www.w3.org/TR/scxml/) into a chart. What cannot become rules is a finding."""
+"""Reads an SCXML 1.0 document (https://www.w3.org/TR/scxml/) into a chart. What cannot become rules is reported."""
 
 from __future__ import annotations
 
@@ -49,7 +49,7 @@ _CHILDREN: dict[str, tuple[str, ...]] = {
 
 
 def read_chart(source: SourceFile, diagnostics: Diagnostics) -> Chart | None:
-    """Read a document; None after findings that leave nothing to look at."""
+    """Read a document; None after diagnostics that leave nothing to check."""
     file = read_xml(source, diagnostics)
     if file is None:
         return None
@@ -67,7 +67,7 @@ class _ChartReader(ContentReader):
         self.states: dict[str, ChartState] = {}
         self.transitions: list[tuple[ChartTransition, Element]] = []
         self.initials: list[tuple[ChartState, Element, str]] = []
-        """The compound states and where they begin, as the attribute says; empty: nothing is said."""
+        """The compound states and their `initial` attribute; empty: it is not given."""
         self.variables: list[ChartVariable] = []
         self.order = 0
 
@@ -259,5 +259,5 @@ class _ChartReader(ContentReader):
 
 
 def _descriptor(text: str) -> str:
-    """An event descriptor without what adds nothing at its end (3.12.1)."""
+    """An event descriptor without a meaningless ending (3.12.1)."""
     return text.removesuffix(".*").removesuffix(".") or "*"

@@ -1,4 +1,4 @@
-"""Reading executable content of SCXML (section 4, 6.2 and 6.3): what states and transitions of a chart do."""
+"""Reads executable content of SCXML (section 4, 6.2 and 6.3): what states and transitions of a chart do."""
 
 from __future__ import annotations
 
@@ -46,7 +46,7 @@ CALLED = (
     "stopInteractionRule",
 )
 SHORTEST = 0.01
-"""Seconds. The shortest delay: what goes through the external queue takes 1 ms by itself."""
+"""Seconds. The shortest delay: the external queue itself takes 1 ms."""
 LONGEST = 86400.0
 _OWN_PROCESSORS = ("http://www.w3.org/TR/scxml/#SCXMLEventProcessor", "http://www.w3.org/TR/scxml/", "scxml")
 _TIME = re.compile(r"\s*(\d+(?:\.\d*)?|\.\d+)\s*(ms|s|m|min|h)\s*", re.ASCII)
@@ -70,7 +70,7 @@ _COMPUTED = ("eventexpr", "targetexpr", "typeexpr", "sendidexpr")
 
 
 class ContentReader:
-    """Reads executable content; findings go to `diagnostics`."""
+    """Reads executable content; diagnostics go to `diagnostics`."""
 
     def __init__(self, file: XmlFile, diagnostics: Diagnostics) -> None:
         self.file = file
@@ -82,14 +82,14 @@ class ContentReader:
         """Ids in `In(...)`, with their element and attribute."""
 
     def refuse(self, code: str, element: Element, message: str, attribute: str = "", index: int = 0) -> None:
-        """A finding about an element, or about the value of one of its attributes."""
+        """Report a diagnostic about an element, or about the value of one of its attributes."""
         location = self.file.element_location(element)
         if attribute in element.attributes:
             location = self.file.value_location(element, attribute, index)
         self.diagnostics.error(code, location, message)
 
     def is_foreign(self, element: Element) -> bool:
-        """Whether an element is of another namespace than SCXML's."""
+        """Whether an element is in another namespace than SCXML's."""
         return ":" in element.tag or "xmlns" in element.attributes
 
     def check_attributes(self, element: Element, known: Collection[str]) -> None:
@@ -102,7 +102,7 @@ class ContentReader:
     # --- scripts ---
 
     def read_expression(self, element: Element, attribute: str) -> Script:
-        """The expression in an attribute; after a finding one that stands for it."""
+        """The expression in an attribute; after a diagnostic, a placeholder."""
         text = element.attributes[attribute]
         location = self.file.value_location(element, attribute)
         try:
@@ -117,7 +117,7 @@ class ContentReader:
         return script
 
     def expression_of_text(self, element: Element) -> Script:
-        """A value that is the text of an element: JSON, or else the text itself (B.2.8.1)."""
+        """A value from the text of an element: JSON, or else the text itself (B.2.8.1)."""
         text, location = element.text.strip(), self.file.element_location(element)
         try:
             json.loads(text)
@@ -148,12 +148,12 @@ class ContentReader:
     # --- content ---
 
     def read_content(self, parent: Element) -> Content:
-        """What stands in `<onentry>`, `<transition>` and the like."""
+        """The content of `<onentry>`, `<transition>` and similar elements."""
         nodes: list[Node] = []
         for child in parent:
             if self.is_foreign(child):
                 if child.tag.endswith(":editorinfo"):
-                    continue  # Qt Creator says there where it draws the state
+                    continue  # Qt Creator's own layout of the state
                 self.refuse("foreign-element", child, f"`<{child.tag}>` is not SCXML's; what it does is unknown")
                 continue
             if child.tag not in _ATTRIBUTES or child.tag in ("else", "elseif"):
@@ -275,7 +275,7 @@ class ContentReader:
                 message = f"nothing here takes what is sent to an I/O processor of the type `{kind}`"
                 self.refuse("foreign-type", element, message, "type")
                 return []
-            return [FailNode(ERROR, ends_block=True)]  # it can be the name of none
+            return [FailNode(ERROR, ends_block=True)]  # no type has this name
         event = (get("event") or "").strip()
         if not event and "eventexpr" not in element.attributes:
             self.refuse("chart", element, "`<send>` needs an `event`")
@@ -284,13 +284,13 @@ class ContentReader:
         return self.send_to((get("target") or "").strip(), event, seconds, element)
 
     def send_to(self, target: str, event: str, seconds: float, element: Element) -> list[Node]:
-        """What `<send>` to a target is: to the chart itself, or an error."""
+        """The nodes for a `<send>` to a target: to the chart itself, or an error."""
         if target == "#_internal":
             return [FailNode(ERROR, ends_block=True)] if seconds else [RaiseNode(event)]
         if target.startswith("#_scxml_"):
             if seconds:
                 self.refuse("foreign-type", element, "the failure of a send to another session comes later", "target")
-            return [FailNode("error.communication", ends_block=False)]  # no other session can be reached
+            return [FailNode("error.communication", ends_block=False)]  # other sessions are unreachable
         if target.startswith("#_"):
             message = f"`{target}` is another session; a rule has none that it was started by, or has invoked"
             self.refuse("invoke", element, message, "target")
@@ -306,7 +306,7 @@ class ContentReader:
         return [SendNode(place)]
 
     def read_delay(self, element: Element) -> float | None:
-        """Seconds; None after a finding."""
+        """Seconds; None after a diagnostic."""
         text, attribute = element.get("delay"), "delay"
         if "delayexpr" in element.attributes:
             attribute = "delayexpr"
@@ -371,7 +371,7 @@ _WHY = {
 
 
 def _asked_ids(node: ScriptNode) -> list[str]:
-    """The ids that a script asks for with `In`."""
+    """The ids in a script's `In` calls."""
     match node:
         case InState(id):
             return [id]

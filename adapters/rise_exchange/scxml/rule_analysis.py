@@ -1,4 +1,4 @@
-"""What a rule waits for, raises, reads and sets: asked by the export, and by what says its limits."""
+"""What a rule waits for, raises, reads and sets, for the export and its limits."""
 
 from __future__ import annotations
 
@@ -43,7 +43,7 @@ class RuleAnalysis:
 
     @cached_property
     def expressions(self) -> list[tuple[Expression, SourceLocation]]:
-        """Every condition, formula and index, with the element in which it stands."""
+        """Every condition, formula and index, with its element."""
         found: list[tuple[Expression | None, SourceLocation]] = []
         for transition in self.transitions:
             delay = transition.after.expression if transition.after is not None else None
@@ -57,23 +57,23 @@ class RuleAnalysis:
 
     @cached_property
     def assignments(self) -> list[tuple[Function, Assignment]]:
-        """What it sets."""
+        """Its assignments."""
         return [(function, function.assignment) for function in self.functions if function.assignment is not None]
 
     @cached_property
     def keys_read(self) -> frozenset[str]:
-        """The keys in its expressions, dotted ones whole, and the constants that a key could hide."""
+        """The keys in its expressions, dotted keys in full, and the constants that a key could hide."""
         return frozenset(chain.from_iterable(each.keys | each.constants for each, _ in self.expressions))
 
     @cached_property
     def memory_names(self) -> frozenset[str]:
-        """Those of the memory's names on which its keys can depend: each key, and its part before the first dot."""
+        """The memory's names that its keys can depend on: each key, and its part before the first dot."""
         keys = self.keys_read | {assignment.key for _, assignment in self.assignments}
         return keys | {key.partition(".")[0] for key in keys}
 
     @cached_property
     def start_memory(self) -> dict[str, Json]:
-        """What of the memory a session begins with under these names: start values, tables, and `session`."""
+        """The memory under these names at a session's start: start values, tables, and `session`."""
         session = dict.fromkeys(SESSION_STATES, False) | {"participant": "", "condition": "", "factors": {}}
         own = {SESSION: {**session, "language": self.scenario.language}} if self.scenario.reads_session else {}
         whole = {**self.scenario.memory, **self.scenario.table_memory, **own}
@@ -81,7 +81,7 @@ class RuleAnalysis:
 
     @cached_property
     def draws(self) -> bool:
-        """Whether chance has a part in it."""
+        """Whether it uses chance."""
         return any(each.draws for each, _ in self.expressions) or any(
             True for block in _blocks(self.rule) for _ in _one_ofs(block)
         )
@@ -93,7 +93,7 @@ class RuleAnalysis:
 
     @cached_property
     def shared_topics(self) -> dict[str, list[str]]:
-        """Those of them that other rules wait for, too, with the names of these."""
+        """Those of them that other rules also wait for, with the names of these rules."""
         others = [
             RuleAnalysis(self.scenario, rule) for rule in self.scenario.rules.values() if rule.name != self.rule.name
         ]
@@ -102,7 +102,7 @@ class RuleAnalysis:
 
     @cached_property
     def raised_topics(self) -> frozenset[str]:
-        """What it raises, and does not keep."""
+        """The events that it raises without keeping them."""
         return frozenset(
             normal_topic(each.argument)
             for each in self.functions
@@ -111,12 +111,12 @@ class RuleAnalysis:
 
     @cached_property
     def own_topics(self) -> frozenset[str]:
-        """What it raises for nobody but itself."""
+        """The events that it raises only for itself."""
         return self.raised_topics & self.topics - self.shared_topics.keys()
 
     @cached_property
     def started_rules(self) -> frozenset[str]:
-        """The rules that it starts, and those that they start, and so on."""
+        """The rules that it starts, directly or through others."""
         found: set[str] = set()
         pending = [self.rule]
         while pending:
@@ -129,7 +129,7 @@ class RuleAnalysis:
 
     @cached_property
     def goes_round(self) -> bool:
-        """Whether its states have a circle of transitions that wait for nothing but conditions and its own events."""
+        """Whether its states have a circle of transitions that wait only for conditions and its own events."""
         ways = {
             state.id: {
                 transition.target or state.id

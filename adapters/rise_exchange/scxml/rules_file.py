@@ -1,4 +1,4 @@
-"""The rules file of a chart that was flattened: at its head what it was made from, and what was done with it."""
+"""The rules file of a flattened chart. Its head names the source and the changes."""
 
 from __future__ import annotations
 
@@ -33,7 +33,7 @@ def rules_text(made: MadeRules, file: str) -> str:
 
 
 def flattening_notes(made: MadeRules) -> list[str]:
-    """What was done with the chart, a sentence each."""
+    """What the flattening did, one sentence each."""
     states = list(_inner_states(made.chart.root))
     count = f"{pluralize(len(states), 'state')} of the chart, {pluralize(len(made.states), 'state')} here, "
     notes = [count + pluralize(sum(len(state.transitions) for state in made.states), "transition")]
@@ -93,7 +93,7 @@ def _state_lines(state: MadeState) -> Iterator[str]:
             yield "    </transition>"
         elif "target" in attributes or way.target != state.id:
             yield f"    <transition{attributes}/>"
-        else:  # nothing happens, but what stands behind it is not looked at
+        else:  # does nothing, but skips the transitions after it
             yield f"    <transition{attributes} target={quoteattr(state.id)}/>"
     yield "  </State>"
 
@@ -108,7 +108,7 @@ def _function_lines(lines: Lines, indent: int) -> Iterator[str]:
 
 
 def _if_lines(line: IfLines, blanks: str) -> Iterator[str]:
-    """An `<if>`, its further branches inside it: an `<else>` behind it could be taken for that of an outer one."""
+    """An `<if>` with its further branches inside: an `<else>` after it could be read as that of an outer one."""
     (condition, inner), *others = line.branches
     yield f"{blanks}<if cond={quoteattr(condition or 'true')}>"
     yield from _function_lines(inner, len(blanks) + 2)
@@ -157,5 +157,5 @@ def _wrapped(sentences: list[str]) -> Iterator[str]:
 
 
 def _plain(text: str) -> str:
-    """A text that can stand in a comment of XML."""
+    """A text that is valid in a comment of XML."""
     return re.sub(r"-(?=-)|-\Z", "- ", " ".join(text.split())).rstrip()

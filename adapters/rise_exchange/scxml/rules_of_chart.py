@@ -1,4 +1,4 @@
-"""A flat chart as rules: what is known in each of its states, what each way out does, and the rules themselves."""
+"""Converts a flat chart to rules: what is known in each state, what each transition does, and the rules themselves."""
 
 from __future__ import annotations
 
@@ -44,14 +44,14 @@ from rise_exchange.scxml.translation import (
 )
 
 _STRUCTURE = ("chart", "namespace")
-"""Mistakes of a chart after which the rest cannot be looked at: of other findings, all are told at once."""
+"""Mistakes of a chart that prevent further checks. All other diagnostics are reported together."""
 START = "Start"
 """The state of the rule in which the chart's variables get their values."""
 _IDLE = Possible(frozenset({"boolean"}))
 
 
 class MadeTransition(Struct, frozen=True):
-    """A way out of a made state."""
+    """A transition of a made state."""
 
     event: str | None
     condition: str
@@ -59,7 +59,7 @@ class MadeTransition(Struct, frozen=True):
     target: str
     lines: Lines
     entering: Lines
-    """What is done after those, on the way into the target."""
+    """The lines after those, on the way into the target."""
 
 
 class MadeState(Struct):
@@ -72,7 +72,7 @@ class MadeState(Struct):
 
 
 class MadeRules(Struct):
-    """A chart as rules: the rule itself, and one for each thing that it sends itself later."""
+    """A chart as rules: the rule itself, and one for each delayed send."""
 
     name: str
     chart: Chart
@@ -81,9 +81,9 @@ class MadeRules(Struct):
     states: list[MadeState]
     helpers: list[SendHelper]
     exclusive: list[str]
-    """Events that only the helpers may send: else one of them would be needed again before it is done."""
+    """Events that only the helpers may send; otherwise a helper might be needed again too early."""
     keys: list[str]
-    """The keys of the memory that the rules set."""
+    """The memory keys that the rules set."""
     raised: list[str]
     """The events that they raise, without slash."""
     awaited: list[str]
@@ -93,12 +93,12 @@ class MadeRules(Struct):
 def rules_of_chart(
     source: SourceFile, diagnostics: Diagnostics, name: str = "", outside: tuple[str, ...] = ()
 ) -> MadeRules | None:
-    """Make rules of an SCXML document; None after findings.
+    """Make rules from an SCXML document; None after diagnostics.
 
     :param source: the document.
-    :param diagnostics: where findings go: whatever cannot be said exactly.
-    :param name: of the rule; empty: as the chart calls itself, else as its file.
-    :param outside: events from outside that the chart does not name, but may see by `*` or a part of a name.
+    :param diagnostics: receives everything that cannot be expressed exactly.
+    :param name: the rule's name; empty: the chart's own name, else the file's.
+    :param outside: events from outside that the chart does not name, but may receive through `*` or a part of a name.
     """
     chart = read_chart(source, diagnostics)
     if chart is None or any(each.code in _STRUCTURE for each in diagnostics.sorted()):
@@ -125,19 +125,19 @@ class _RuleMaker:
         self.ways = list(all_transitions(chart.root))
         self.awaits_errors = any(matches(way, ERROR) for way in self.ways)
         self.is_final = False
-        """Whether what is known no longer changes, so that findings count."""
+        """Whether what is known no longer changes, so that diagnostics count."""
         self.translator = ContentTranslator(self.helpers, self.report, follows_values=True)
         self.seen: set[str] = set()
-        """The events that there can be."""
+        """The possible events."""
         self.known: dict[FlatState, Knowledge] = {}
         alone = {place.event: place for place in chart.places}
         several = [place for place in chart.places if alone[place.event] is not place]
         self.alone = {event: place for event, place in alone.items() if event not in {each.event for each in several}}
-        """Of the events that only one `<send>` sends, that one."""
+        """For events that only one `<send>` sends, that one."""
         self.is_exclusive = False
-        """Whether it is taken for granted that nobody else sends those: that what was sent has come when they come."""
+        """Whether to assume that nothing else sends those events, so that an arriving event is always the sent one."""
         self.is_refused = False
-        """Whether something is on its way too often."""
+        """Whether too many events may be pending."""
 
     def report(self, code: str, location: SourceLocation, message: str) -> None:
         self.is_refused = self.is_refused or code == "pending"
@@ -156,20 +156,20 @@ class _RuleMaker:
         return self.write()
 
     def needed_helpers(self) -> list[SendHelper]:
-        """As many rules for each `<send>` as it may need at once. Here the values of variables are followed, too; in
-        the rules themselves they are not, so that each condition of the chart stands in them."""
+        """As many rules for each `<send>` as it may need at once. This also follows the values of variables. The rules
+        themselves do not, so that they contain each condition of the chart."""
         need = self.most_pending()
         if self.is_refused:
             self.is_exclusive = True
             need = self.most_pending()
-        if self.is_refused:  # once more, for the findings
+        if self.is_refused:  # again, for the diagnostics
             self.is_final = True
             self.most_pending()
             self.is_final = False
         return _helpers(need, self.name)
 
     def most_pending(self) -> dict[SendPlace, int]:
-        """How often what each `<send>` sends may be on its way; `is_refused`: too often."""
+        """How many events of each `<send>` may be pending; `is_refused`: too many."""
         self.is_refused = False
         self.follow_all()
         need = dict.fromkeys(self.chart.places, 1)
@@ -183,7 +183,7 @@ class _RuleMaker:
         return need
 
     def follow_all(self) -> None:
-        """What is known everywhere, with every event that there can be."""
+        """Find out what is known everywhere, with all possible events."""
         self.seen = outside_events(self.chart)
         before = (-1, -1)
         while before != (now := (len(self.translator.raised), len(self.translator.raised_inside))):
@@ -192,7 +192,7 @@ class _RuleMaker:
             self.follow()
 
     def follow(self) -> None:
-        """What is known in each flat state, from the beginning on until nothing new is."""
+        """Find out what is known in each flat state, from the beginning until nothing changes."""
         first = self.flat.states[0]
         self.known = {first: self.start()[2]}
         waiting = [first]
@@ -208,7 +208,7 @@ class _RuleMaker:
                         waiting.append(target)
 
     def start(self) -> tuple[Lines, Lines, Knowledge]:
-        """What happens when the rule starts: no helper runs, the variables get their values; the chart is entered."""
+        """The start of the rule: no helper runs, the variables get their values, the chart is entered."""
         lines: Lines = ()
         known: dict[str, Possible] = {}
         for helper in self.helpers:
@@ -232,7 +232,7 @@ class _RuleMaker:
         return lines + more, entering, now
 
     def live(self, state: FlatState) -> Iterator[tuple[FlatTransition, Knowledge, list[Said]]]:
-        """The ways out that can be taken, with what is known before them and what must hold."""
+        """The possible transitions, with what is known before them and what must hold."""
         decided: set[str | None] = set()
         for transition in state.transitions:
             event = transition.event
@@ -259,7 +259,7 @@ class _RuleMaker:
         return {**known, **more}
 
     def conditions(self, transition: FlatTransition, known: Knowledge) -> list[Said] | None:
-        """What must hold; None: it never does."""
+        """The conditions that must hold; None: they never do."""
         found: list[Said] = []
         for script in transition.conditions:
             assert script.root is not None
@@ -284,7 +284,7 @@ class _RuleMaker:
         return found
 
     def check_conditions(self) -> None:
-        """A condition that is no expression is false, and an event; the event is nothing that rules could see."""
+        """Report conditions that are not expressions. They are false, and raise an event that rules cannot see."""
         for way in self.ways:
             if way.condition is not None and way.condition.root is None and self.awaits_errors:
                 message = f"`{way.condition.text.strip()}` is no expression: it is false, and raises `{ERROR}`"
@@ -311,7 +311,7 @@ class _RuleMaker:
                 if transition.event is not None:
                     awaited[transition.event] = None
                 result.transitions.append(way)
-            if not result.transitions and not state.is_over:  # it waits for ever; without a way out, a rule would end
+            if not result.transitions and not state.is_over:  # it waits forever; a rule without a transition would end
                 result.transitions.append(MadeTransition(None, "false", state.name, (), ()))
             self.check_endless(state)
         if first.is_over:
@@ -328,7 +328,7 @@ class _RuleMaker:
         )
 
     def check_endless(self, state: FlatState) -> None:
-        """Refuse what is taken again and again without an end: unconditional ways without event that lead round."""
+        """Refuse an endless circle of unconditional transitions without an event."""
         passed: list[FlatState] = []
         while state not in passed:
             passed.append(state)
@@ -340,7 +340,7 @@ class _RuleMaker:
         self.report("endless", location, "from here, transitions without event or condition lead round without end")
 
     def stop_helpers(self, known: Knowledge) -> Lines:
-        """What is still to be sent when the chart ends is not sent (6.2.4)."""
+        """Cancel pending sends when the chart ends (6.2.4)."""
         return tuple(line for place in self.chart.places for line in self.translator.stop(place, known))
 
     def without_idle_raises(self, state: MadeState, awaited: dict[str, None]) -> MadeState:
@@ -353,7 +353,7 @@ class _RuleMaker:
         return MadeState(state.id, state.comment, (), ways)
 
     def kept(self, lines: Lines, awaited: dict[str, None]) -> Lines:
-        """Lines without what the standard raises by itself and nobody waits for."""
+        """The lines without events that the standard raises automatically and nobody waits for."""
         kept: list[FunctionLine | IfLines] = []
         for line in lines:
             if isinstance(line, IfLines):
@@ -364,7 +364,7 @@ class _RuleMaker:
 
 
 def _helpers(places: dict[SendPlace, int], rule: str) -> list[SendHelper]:
-    """As many rules for each `<send>` as are said here, with names of their own."""
+    """The given number of rules for each `<send>`, with unique names."""
     beginning = _slug(rule) if re.match(r"[^\W\d]", rule) else f"_{_slug(rule)}"
     found: list[SendHelper] = []
     for place, count in places.items():
@@ -381,12 +381,12 @@ def _helpers(places: dict[SendPlace, int], rule: str) -> list[SendHelper]:
 
 
 def _slug(text: str) -> str:
-    """A text as a part of a key."""
+    """A text for use in a key."""
     return re.sub(r"\W", "_", text)
 
 
 def _comment(state: FlatState) -> str:
-    """Which states of the chart are active, and what the histories remember, where the name does not say it."""
+    """The chart's active states, and what the histories remember, if the name does not show it."""
     active = sorted(state.configuration, key=lambda each: each.order)
     said = " ".join(each.id for each in active) if len(active) > 1 else ""
     for history, saved in sorted(state.history.items(), key=lambda item: item[0].order):
@@ -395,10 +395,10 @@ def _comment(state: FlatState) -> str:
 
 
 def _share_entries(start: MadeTransition, states: list[MadeState]) -> str:
-    """What all ways into a state do on entering it becomes its onEntry.
+    """Move what all transitions into a state do on entering it to its onEntry.
 
-    :param start: the way into the first state.
-    :return: where the rule begins: there, when nothing is to be done before.
+    :param start: the transition into the first state.
+    :return: where the rule begins: in that state, if nothing must be done before it.
     """
     by_id = {state.id: state for state in states}
     entering: dict[str, list[Lines]] = {state.id: [] for state in states}
@@ -421,13 +421,13 @@ def _share_entries(start: MadeTransition, states: list[MadeState]) -> str:
 
 
 def _joined(way: MadeTransition, end: Lines) -> MadeTransition:
-    """A way with all that it does in `lines`, without what is done at the end by its target."""
+    """A transition with all its actions in `lines`, except those that its target now does."""
     entering = way.entering[: len(way.entering) - len(end)]
     return MadeTransition(way.event, way.condition, way.target, way.lines + entering, ())
 
 
 def _stays(state: MadeState, way: MadeTransition) -> bool:
-    """Whether the rule stays in its state: a transition without target."""
+    """Whether the rule stays in its state, as a transition without a target does."""
     return way.event is not None and way.target == state.id
 
 

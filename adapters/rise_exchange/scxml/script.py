@@ -1,7 +1,7 @@
-"""Scripts in a chart: the part of ECMAScript that conditions of ours can say, read into a tree.
+"""Parses scripts in a chart: the part of ECMAScript that our conditions can express.
 
-A text that is no ECMAScript for certain (`return` as an expression) is told from one that merely cannot be said here:
-of the first the standard says what happens (SCXML 5.9), the second is refused.
+A text that is certainly not ECMAScript (`return` as an expression) is distinguished from one that merely cannot be
+expressed here. For the first the standard says what happens (SCXML 5.9); the second is refused.
 """
 
 from __future__ import annotations
@@ -17,9 +17,9 @@ from rise_engine.expression.tokens import unquote
 from rise_engine.scenario.model import SourceLocation
 
 ILLEGAL = "illegal"
-"""The code of a text that is no expression of ECMAScript at all."""
+"""The code of a text that is not an expression of ECMAScript at all."""
 UNDECLARED = "undeclared"
-"""The code of a variable that there is not: evaluating it is an error for certain. The message is its name."""
+"""The code of a variable that does not exist: evaluating it is certainly an error. The message is its name."""
 
 
 class ChartRefusedError(RiseError, ValueError):
@@ -29,13 +29,13 @@ class ChartRefusedError(RiseError, ValueError):
         super().__init__(message)
         self.code = code
         self.index = index
-        """Where in the text of a script, from 0."""
+        """Its position in the text of a script, from 0."""
         self.location = location
-        """Where in the chart; None: whoever reads the script knows it."""
+        """Its location in the chart; None: the caller knows it."""
 
 
 class Constant(Struct, frozen=True):
-    """A number, a text, true, false or null; or nothing at all, `undefined`."""
+    """A number, a text, true, false, null, or `undefined`."""
 
     value: Any
     is_undefined: bool = False
@@ -60,7 +60,7 @@ class InState(Struct, frozen=True):
 
 
 class Operation(Struct, frozen=True):
-    """An operator with its operands; functions of Math go as operators, too. `===` is another one than `==`."""
+    """An operator with its operands; functions of Math are operators, too. `===` and `==` are different ones."""
 
     operator: str
     operands: tuple[ScriptNode, ...]
@@ -76,15 +76,15 @@ ScriptNode: TypeAlias = Constant | Variable | EventField | InState | Operation |
 
 
 REFUSED_NODE = Operation("refused", ())
-"""What stands for a script of which a finding has said that it cannot be said here."""
+"""A placeholder for a script that was already reported as impossible to express."""
 
 
 class Script(Struct, frozen=True):
-    """An expression and where it stands."""
+    """An expression with its location."""
 
     text: str
     root: ScriptNode | None
-    """None: it is no ECMAScript, so that evaluating it is an error."""
+    """None: it is not ECMAScript, so evaluating it is an error."""
     location: SourceLocation
 
 
@@ -112,22 +112,22 @@ _NO_EXPRESSION = frozenset(
         "for", "if", "in", "instanceof", "return", "switch", "throw", "try", "var", "while", "with",
     }
 )  # fmt: skip
-"""Words with which no expression can begin."""
+"""Words that no expression can begin with."""
 _LEVELS = (("||",), ("&&",), ("===", "!==", "==", "!="), ("<", "<=", ">", ">="), ("+", "-"), ("*", "/", "%"))
 _FUNCTIONS = {"floor": 1, "ceil": 1, "abs": 1}
-"""Those of Math that mean the same here, with the number of their arguments."""
+"""The functions of Math with the same meaning here, and the number of their arguments."""
 _LARGEST = 2**53
 _DEEPEST = 60
 _PAYLOAD = ("data", "type", "sendid")
 
 
 def read_script(text: str, location: SourceLocation) -> Script:
-    """Read an expression. Raises ChartRefusedError for what cannot be said here."""
+    """Read an expression. Raises ChartRefusedError if it cannot be expressed here."""
     try:
         parser = _ScriptParser(text)
         root = parser.expression()
         if parser.sign("=") and not isinstance(root, Variable | EventField):
-            return Script(text, None, location)  # nothing can be assigned to `1`
+            return Script(text, None, location)  # `1` cannot be assigned to
         parser.end()
     except ChartRefusedError as error:
         if error.code != ILLEGAL:
@@ -137,7 +137,7 @@ def read_script(text: str, location: SourceLocation) -> Script:
 
 
 def read_assignments(text: str) -> list[ScriptAssignment]:
-    """Read the statements of a `<script>`; all of them must be assignments. Raises ChartRefusedError."""
+    """Read the statements of a `<script>`, which must all be assignments. Raises ChartRefusedError."""
     parser = _ScriptParser(text)
     found: list[ScriptAssignment] = []
     try:
@@ -155,7 +155,7 @@ def read_assignments(text: str) -> list[ScriptAssignment]:
 
 
 def is_variable_name(text: str) -> bool:
-    """Whether a text can name a variable."""
+    """Whether a text can be the name of a variable."""
     return re.fullmatch(r"[A-Za-z_$][\w$]*", text, re.ASCII) is not None and text not in _NO_EXPRESSION
 
 
@@ -187,7 +187,7 @@ class _ScriptParser:
         return "\n" in self.text[before[2] + len(before[1]) : self.tokens[self.at][2]]
 
     def sign(self, *signs: str) -> str:
-        """The next token, when it is one of these signs; then it is passed."""
+        """The next token if it is one of these signs; it is then consumed."""
         group, word, _ = self.tokens[self.at]
         if group == _SIGN and word in signs:
             self.at += 1
@@ -272,7 +272,7 @@ class _ScriptParser:
         raise self.refused()
 
     def entries(self, closing: str) -> tuple[ScriptNode, ...]:
-        """Expressions with commas between, up to a closing bracket."""
+        """Expressions separated by commas, up to a closing bracket."""
         if self.sign(closing):
             return ()
         found = [self.expression()]
@@ -336,7 +336,7 @@ class _ScriptParser:
         raise ChartRefusedError("system-variable", message, index)
 
     def member(self, node: ScriptNode) -> ScriptNode:
-        """Nothing can be taken out of a value, and nothing called."""
+        """Refuse member access, indexing and calls on a value."""
         if self.tokens[self.at][0] == _SIGN and self.tokens[self.at][1] in (".", "[", "("):
             word = self.tokens[self.at][1]
             index = self.tokens[self.at][2]
@@ -347,7 +347,7 @@ class _ScriptParser:
 
 
 def _text_of(quoted: str, index: int) -> str:
-    """What a quoted text says; only the escapes that mean the same here are known."""
+    """The value of a quoted text; only escapes with the same meaning here are known."""
     try:
         value = unquote(quoted, quoted, 0)
     except ExpressionError as error:

@@ -1,8 +1,8 @@
-"""Scripts of a chart as conditions and values of ours: exactly, or not at all.
+"""Translates scripts of a chart to our conditions and values, exactly or not at all.
 
-The two languages differ in what is true (ECMAScript: every number but 0), in what equals what (`'1' == 1`), and in what
-`+` does. So it is worked out beforehand which kinds of value a variable can have where a script stands, and what would
-mean something else for one of them is refused.
+The languages differ in what is true (ECMAScript: every number except 0), in equality (`'1' == 1`), and in `+`. The
+translation therefore finds out in advance which kinds of value a variable can have at a script's place. It refuses
+everything that would mean something else for one of them.
 """
 
 from __future__ import annotations
@@ -27,27 +27,27 @@ from rise_exchange.scxml.script import (
 )
 
 Kind = Literal["number", "text", "boolean", "null", "undefined", "list", "undeclared", "refused"]
-"""`undeclared`: there is no such variable; `refused`: a finding has said already that nothing is known of it."""
+"""`undeclared`: the variable does not exist. `refused`: it was already reported that nothing is known of it."""
 
 
 class Possible(Struct, frozen=True):
-    """What a value can be."""
+    """The possible values at a place."""
 
     kinds: frozenset[Kind]
     constant: Any = None
-    """What is always the same: of a list, a tuple; of a field of `_event`, the text; of a variable, a `Constant`, where
-    the values of variables are followed. Else None."""
+    """The value if it is always the same: a tuple for a list; the text for a field of `_event`; a `Constant` for a
+    variable whose values are followed. Else None."""
     most: int = 0
-    """Of what a `<send>` sends: how often it can be on its way."""
+    """For a `<send>`: how many of its events can be pending."""
 
     def joined(self, other: Possible) -> Possible:
-        """What it is when it is this or the other."""
+        """The possible values when it is one or the other."""
         constant = self.constant if self.constant == other.constant else None
         return Possible(self.kinds | other.kinds, constant, max(self.most, other.most))
 
 
 Knowledge: TypeAlias = Mapping[str, Possible]
-"""What is known at one place of the chart, by the names of variables; `_event.name` is one of them."""
+"""What is known at one place of the chart, by the names of variables, including `_event.name`."""
 
 
 class Said(Struct, frozen=True):
@@ -55,10 +55,10 @@ class Said(Struct, frozen=True):
 
     text: str
     strength: int
-    """How tightly its outermost operator binds: `_ATOM` needs no brackets anywhere."""
+    """How tightly its outermost operator binds; `_ATOM` never needs brackets."""
     value: Possible
     truth: bool | None = None
-    """When it is known beforehand whether it holds."""
+    """Whether it holds, if that is known in advance."""
 
 
 _OR, _AND, _NOT, _EQUAL, _ORDER, _SUM, _PRODUCT, _NEGATIVE, _ATOM = range(9)
@@ -82,7 +82,7 @@ _NUMERIC: frozenset[Kind] = frozenset({"number", "boolean"})
 
 
 def known_constant(node: ScriptNode, knowledge: Knowledge) -> Possible | None:
-    """What a value is that is written out: a constant, or a list of constants; None: it is to be computed."""
+    """The value of a written constant or list of constants; None: it must be computed."""
     if isinstance(node, Constant):
         return _possible_of(node)
     if isinstance(node, ArrayNode) and all(isinstance(entry, Constant) for entry in node.entries):
@@ -94,7 +94,7 @@ def known_constant(node: ScriptNode, knowledge: Knowledge) -> Possible | None:
 
 
 def value_beforehand(node: ScriptNode, knowledge: Knowledge) -> Constant | None:
-    """What a script gives in any case, as ECMAScript works it out; None: that is not known."""
+    """The value that a script always gives, as ECMAScript computes it; None: unknown."""
     match node:
         case Constant():
             return node
@@ -111,7 +111,7 @@ def value_beforehand(node: ScriptNode, knowledge: Knowledge) -> Constant | None:
 
 
 def _work_out(operator: str, operands: list[Constant]) -> Constant | None:
-    """Operators of one number, or of two values of one kind."""
+    """Compute operators of one number, or of two values of one kind."""
     values = [operand.value for operand in operands]
     if operator == "not":
         return Constant(not values[0])
@@ -129,17 +129,17 @@ def say_constant(value: Constant) -> str:
 
 
 def say_value(node: ScriptNode, knowledge: Knowledge) -> Said:
-    """A value. Raises ChartRefusedError."""
+    """A value in our language. Raises ChartRefusedError."""
     return _Translator(knowledge).value(node)
 
 
 def say_condition(node: ScriptNode, knowledge: Knowledge) -> Said:
-    """Whether a value holds, as ECMAScript sees it. Raises ChartRefusedError."""
+    """Whether a value is true in ECMAScript, in our language. Raises ChartRefusedError."""
     return _Translator(knowledge).truth(node)
 
 
 def all_hold(conditions: list[Said]) -> str:
-    """A condition that holds when all of these do; `true` when there are none."""
+    """A condition that holds when all of these do; `true` if there are none."""
     texts = [_bracketed(each, _NOT) if len(conditions) > 1 else each.text for each in conditions]
     return " and ".join(texts) or "true"
 
@@ -162,7 +162,7 @@ class _Translator:
                 return self.operation(operator, operands)
             case ArrayNode():
                 raise _refused("a list can only be what a variable holds from the start", "list-arithmetic")
-        raise AssertionError(node)  # In() is resolved by then
+        raise AssertionError(node)  # In() is already resolved
 
     def variable(self, name: str) -> Said:
         found = self.knowledge.get(name)
@@ -234,7 +234,7 @@ class _Translator:
     # --- truth ---
 
     def truth(self, node: ScriptNode) -> Said:
-        """A condition: what ECMAScript takes for true holds."""
+        """A condition that holds when ECMAScript takes the value as true."""
         if isinstance(node, Operation) and node.operator in ("||", "&&", "not"):
             return self.logic(node.operator, node.operands)
         said = self.value(node)
@@ -252,7 +252,7 @@ class _Translator:
         if kinds == {"list"}:
             return _constant(True)
         text = _bracketed(said, _SUM)
-        holds = Said(f"{text} < 0 or {text} > 0", _OR, _BOOLEAN)  # not of NaN
+        holds = Said(f"{text} < 0 or {text} > 0", _OR, _BOOLEAN)  # false for NaN
         if kinds <= _NUMERIC:
             return holds
         if kinds <= _NUMERIC | _NOTHING:
@@ -273,7 +273,7 @@ class _Translator:
             return _constant(decisive) if said[0].truth == decisive else said[1]
         if said[1].truth is not None and said[1].truth != decisive:
             return said[0]
-        if said[1].truth is not None:  # the first has no effects
+        if said[1].truth is not None:  # the first has no side effects
             return _constant(decisive)
         word, strength = ("or", _OR) if decisive else ("and", _AND)
         return Said(f" {word} ".join(_bracketed(each, _EQUAL) for each in said), strength, _BOOLEAN)
@@ -314,7 +314,7 @@ class _Translator:
         return Said(f"{_bracketed(a, _SUM)} {operator} {_bracketed(b, _SUM)}", _ORDER, _BOOLEAN)
 
     def type_question(self, left: ScriptNode, right: ScriptNode, is_equal: bool) -> Said | None:
-        """`typeof x == 'undefined'` and the like; without `is_equal`, with `!=`."""
+        """`typeof x == 'undefined'` and similar; without `is_equal`, with `!=`."""
         if isinstance(right, Operation) and right.operator == "typeof":
             left, right = right, left
         if not (isinstance(left, Operation) and left.operator == "typeof" and isinstance(right, Constant)):
@@ -367,7 +367,7 @@ _KIND_WORDS = {
 
 
 def _equality_of(left: Kind, right: Kind, is_strict: bool) -> str:
-    """How two kinds compare: `same` as with us, `never` equal, or `unlike` ours."""
+    """How two kinds compare: `same` as in our language, `never` equal, or `unlike` ours."""
     kinds = {left, right}
     if "list" in kinds:
         return "unlike" if left == right else "never" if kinds & _NOTHING or is_strict else "unlike"
@@ -406,7 +406,7 @@ def _constant(holds: bool) -> Said:
 
 
 def _bracketed(said: Said, least: int) -> str:
-    """Its text, in brackets unless it binds at least so tightly."""
+    """Its text, in brackets unless it binds at least this tightly."""
     return said.text if said.strength >= least else f"({said.text})"
 
 

@@ -1,1 +1,1 @@
-"""Configurations of WoZ4U as scenario folders (docs/how-to/move-from-woz4u.md)."""
+"""Converts configurations of WoZ4U to scenario folders (docs/how-to/move-from-woz4u.md)."""

@@ -1,4 +1,4 @@
-"""What WoZ4U lets Pepper say, NAOqi's annotated text, as actions of an act.
+"""Converts Pepper's texts in WoZ4U, NAOqi's annotated text, to actions of an act.
 
     Hello! ^start(animations/Stand/Gestures/Hey_1) I am here. ^wait(animations/Stand/Gestures/Hey_1) \\rspd=50\\ Slowly.
 
@@ -22,7 +22,7 @@ _PLAIN_RATE, _PLAIN_VOLUME = 1.0, 1.0
 
 
 class MadeAction(Struct):
-    """An action of an act in the making."""
+    """An action of an act while it is made."""
 
     type: str
     parameters: dict[str, str]
@@ -32,13 +32,13 @@ class MadeAction(Struct):
 
 
 class SpeechReader:
-    """Makes actions of one annotated text."""
+    """Makes actions from one annotated text."""
 
     def __init__(self, animations: Parameter | None, rate: float = _PLAIN_RATE, volume: float = _PLAIN_VOLUME) -> None:
         """
-        :param animations: the parameter of the robot's `Animation`, with the names that it has.
-        :param rate: of everything that is said; 1 is normal.
-        :param volume: the same; 1 is as loud as the robot is.
+        :param animations: the parameter of the robot's `Animation`, with the known names.
+        :param rate: the speed of all speech; 1 is normal.
+        :param volume: the volume of all speech; 1 is the robot's own volume.
         """
         self._known = listed_names(animations) if animations is not None else []
         self._usual = (rate, volume)
@@ -47,14 +47,14 @@ class SpeechReader:
         self.new_animations: list[str] = []
         """Names that the robot's profile does not list."""
         self.left_out: list[str] = []
-        """What acts do not have, as it is written."""
+        """Parts without a counterpart in acts, as written."""
         self._after: list[int] = []
-        """What the next words wait for."""
+        """The actions that the next words wait for."""
         self._running: dict[str, int] = {}
-        """Movements that were started, by their name, and not waited for yet."""
+        """Movements that were started and are not waited for yet, by name."""
 
     def read(self, text: str) -> list[MadeAction]:
-        """The actions of a text; none when it says nothing and moves nothing."""
+        """The actions of a text; none if it says nothing and moves nothing."""
         text, at, words = " ".join(unescape(text).split()), 0, ""
         for mark in _MARK.finditer(text):
             words += text[at : mark.start()]
@@ -86,11 +86,11 @@ class SpeechReader:
         return len(self.actions)
 
     def _movement(self, word: str, name: str) -> Callable[[], None] | None:
-        """What a mark about a movement does; None: nothing that an act has."""
+        """The effect of a mark about a movement; None: acts have nothing for it."""
 
         def begin() -> None:
             number = self._add(MadeAction("Animation", {"value": self.animation(name)}, list(self._after), name))
-            if word == "run":  # the words wait until it has ended
+            if word == "run":  # the next words wait for its end
                 self._after = [number]
             else:
                 self._running[name] = number
@@ -103,7 +103,7 @@ class SpeechReader:
         return wait if word == "wait" and name in self._running else None
 
     def _setting(self, word: str, value: str) -> Callable[[], None] | None:
-        """What a mark about the voice does; None: nothing that an act has."""
+        """The effect of a mark about the voice; None: acts have nothing for it."""
         number = float(value) if re.fullmatch(r"\d+(\.\d+)?", value) else None
 
         def reset() -> None:
@@ -123,7 +123,7 @@ class SpeechReader:
         return {"pau": pause, "rspd": set_rate, "vol": set_volume}.get(word) if number is not None else None
 
     def animation(self, path: str) -> str:
-        """What the profile calls a movement of NAOqi: `hey`, for `animations/Stand/Gestures/Hey_1`."""
+        """The profile's name for a movement of NAOqi: `hey` for `animations/Stand/Gestures/Hey_1`."""
         last = path.rstrip("/").rpartition("/")[2]
         stem = re.sub(r"_\d+\Z", "", last)
         name = re.sub(r"(?<=[a-z0-9])(?=[A-Z])", "_", stem).replace(" ", "_").replace("-", "_").lower()

@@ -1,4 +1,4 @@
-"""Reading a WoZ4U configuration: one YAML file with lists of items, each a button (https://github.com/frietz58/WoZ4U)."""
+"""Reads a WoZ4U configuration: one YAML file with lists of items, each a button (https://github.com/frietz58/WoZ4U)."""
 
 from __future__ import annotations
 
@@ -18,11 +18,11 @@ SECTIONS: dict[str, tuple[str, ...]] = {
     "audio_files": ("location",),
     "colors": ("red", "green", "blue"),
 }
-"""The lists that become acts, and what each of their items must have besides `title`."""
+"""The lists that become acts, and the required keys of their items besides `title`."""
 EYE_MOVEMENTS = {"rasta_anim": "rasta", "random_anim": "random", "rotate_anim": "rotate"}
 _NUMBERS = frozenset({"red", "green", "blue"})
 MAX_CHARACTERS = 300_000
-"""Of a configuration: thousands of buttons."""
+"""The most characters of a configuration, enough for thousands of buttons."""
 _MAX_DEPTH = 20
 
 
@@ -40,23 +40,23 @@ class WozItem(Struct, frozen=True):
 
 
 class WozFile(Struct, frozen=True):
-    """What of a configuration is a study."""
+    """The parts of a configuration that make up a study."""
 
     items: tuple[WozItem, ...]
     rate: float
-    """Of the voice; 1 is normal."""
+    """The speed of the voice; 1 is normal."""
     volume: float
     tablet_folder: str
     left_out: tuple[str, ...]
-    """Top-level keys that are about the robot or about WoZ4U itself."""
+    """Top-level keys about the robot or about WoZ4U itself."""
 
 
 def read_woz4u(text: str, name: str, diagnostics: Diagnostics) -> WozFile:
-    """Read a configuration; what is wrong with an item is a finding at its line.
+    """Read a configuration. Mistakes in an item become diagnostics at its line.
 
     :param text: the YAML.
-    :param name: the file's, for findings.
-    :raises ExchangeError: it is no YAML, has none of WoZ4U's lists, or `ruamel.yaml` is not installed.
+    :param name: the file's name, for diagnostics.
+    :raises ExchangeError: it is not YAML, has none of WoZ4U's lists, or `ruamel.yaml` is not installed.
     """
     values = _read_yaml(text, name)
     if not isinstance(values, dict) or not {*SECTIONS, *EYE_MOVEMENTS} & values.keys():
@@ -87,7 +87,7 @@ def _read_yaml(text: str, name: str) -> Any:
         raise ExchangeError(f"{name} is longer than {MAX_CHARACTERS:,} characters; make two files of it")
 
     class ShallowParser(RoundTripParser):
-        """Ends where values are nested as in no configuration: the time to read them grows with the square of that."""
+        """Stops at values nested deeper than in any configuration: reading time grows with the square of the depth."""
 
         depth = 0
 
@@ -123,7 +123,7 @@ class _ConfigurationReader:
         self.diagnostics.error("woz4u", SourceLocation(self.name, line), message)
 
     def items(self, section: str, values: Any) -> Iterator[WozItem]:
-        """The items of a list; a finding for each that is none."""
+        """The items of a list; reports each entry that is not an item."""
         listed = values.get(section)
         if listed is None:
             return
@@ -159,7 +159,7 @@ class _ConfigurationReader:
             yield WozItem("eyes", f"Eyes {movement}", given, self.keys(item, line), False, line)
 
     def keys(self, item: dict[str, Any], line: int) -> tuple[str, ...]:
-        """The keys of an item, which may be one alone, and numbers."""
+        """The keys of an item, which may be a single one, and numbers."""
         keys = item.get("key_comb") or []
         keys = keys if isinstance(keys, list) else [keys]
         if all(isinstance(key, str | int) for key in keys):

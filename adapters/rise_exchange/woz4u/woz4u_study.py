@@ -1,4 +1,4 @@
-"""A configuration of WoZ4U as a scenario folder: an act for each button (docs/how-to/move-from-woz4u.md)."""
+"""Makes a scenario folder from a configuration of WoZ4U: an act for each button (docs/how-to/move-from-woz4u.md)."""
 
 from __future__ import annotations
 
@@ -33,7 +33,7 @@ _ENDINGS = {
     "colors": "eyes",
     "eyes": "eyes",
 }
-"""What an act's name ends with when another one has it already."""
+"""The ending of an act's name if another act already has the name."""
 _BEGINNING = "Beginning"
 _POOL = string.digits[1:] + "0" + string.ascii_lowercase + string.ascii_uppercase
 _CARRIER = (
@@ -68,11 +68,11 @@ parameters.duration = {{ type = "number", unit = "ms", minimum = 0 }}
 
 
 class ImportedStudy(Struct, frozen=True):
-    """A scenario folder in the making."""
+    """A scenario folder while it is made."""
 
     files: dict[str, str]
     says: tuple[str, ...]
-    """What has become of what, for the screen."""
+    """What each part has become, for the screen."""
     left_out: tuple[str, ...]
     """What was not taken over, and why."""
 
@@ -87,8 +87,8 @@ class _MadeAct(Struct):
 def make_study(title: str, woz: WozFile, robot: RobotProfile, read_text: Callable[[str], str | None]) -> ImportedStudy:
     """A scenario with an act for each item of a configuration.
 
-    :param robot: the profile of the robot that it is for, Pepper's.
-    :param read_text: the content of a text file that an item is to say, by its name; None: there is none.
+    :param robot: the profile of its robot, Pepper.
+    :param read_text: the content of a text file that an item says, by its name; None: it does not exist.
     """
     return _StudyMaker(title, woz, robot, read_text).make()
 
@@ -105,7 +105,7 @@ class _StudyMaker:
         self.animations: list[str] = []
         self.animation = animation
         self.local_files: list[str] = []
-        """Shown on the tablet by WoZ4U's own server."""
+        """Files that WoZ4U's own server shows on the tablet."""
 
     def make(self) -> ImportedStudy:
         for item in self.woz.items:
@@ -196,7 +196,7 @@ class _StudyMaker:
         return name
 
     def _name(self, item: WozItem) -> str:
-        """A name for an act that no other one has."""
+        """A unique name for an act."""
         plain = "_".join(re.findall(r"\w+", item.title)) or _ENDINGS[item.section]
         taken = {act.name for act in self.acts} | {_BEGINNING}
         names: Iterator[str] = (
@@ -207,7 +207,7 @@ class _StudyMaker:
     # --- keys -------------------------------------------------------------------------------------------------------
 
     def _give_keys(self) -> None:
-        """A key for each act: the last one of those that WoZ4U has, where that is free; else the next free one."""
+        """Give each act a key: the last of its keys in WoZ4U if that is free, else the next free one."""
         free = [key for key in _POOL if _is_bindable(key)]
         for act in self.acts:
             wanted = act.item.keys[-1] if act.item.keys else ""

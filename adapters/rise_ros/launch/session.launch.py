@@ -1,9 +1,9 @@
-"""A session, and what it needs around it.
+"""A session, and the programs that it needs.
 
     ros2 launch rise_ros session.launch.py config:=$HOME/studies/lab_opening robot:=rise mode:=real robot_sim:=true
 
-Every option of `rise-engine serve` is an argument (`--show-args` lists them). The console is started by hand, in a
-terminal of its own: rise-tui --config $HOME/studies/lab_opening
+Every option of `rise-engine serve` is an argument (`--show-args` lists them). Start the console by hand, in its own
+terminal: rise-tui --config $HOME/studies/lab_opening
 """
 
 import sys
@@ -25,7 +25,7 @@ from launch_ros.actions import Node
 from rise_ros import session_arguments as arguments
 
 RESTARTS = 5
-"""How often an engine that crashed is started again; one that cannot run does not go on for ever."""
+"""How often a crashed engine is started again, so that one that cannot run does not restart forever."""
 RESTART_SECONDS = 1.0
 
 
@@ -52,9 +52,9 @@ def launch(context):
 
 
 def engine(given, restarts):
-    """The session's process, and what happens when it is over."""
-    # Ending a session means stopping the robot, waiting for its answer and completing the record: up to 11 s, and 20 s
-    # more where recorders have to finish.
+    """The session's process, and what happens at its end."""
+    # To end a session, the engine stops the robot, waits for its answer and completes the record: up to 11 s, and 20 s
+    # more with recorders.
     node = Node(
         package="rise_ros",
         executable="engine",

@@ -1,6 +1,6 @@
-"""What `ros2 run rise_ros NAME` starts: programs of the Python package rise-tui, and the nodes of `rise_ros.examples`.
+"""The programs of `ros2 run rise_ros NAME`: those of the Python package rise-tui, and the nodes of `rise_ros.examples`.
 
-ROS programs take `--config` where `rise-engine serve` takes the folder by itself, so that launch files read better:
+They take `--config` where `rise-engine serve` takes only the folder, so that launch files are easier to read:
 
     ros2 run rise_ros engine --config ~/studies/lab_opening --robot rise --mode real
 """
@@ -14,7 +14,7 @@ _NODES = "rise_ros.examples"
 
 
 def engine() -> None:
-    """A session, by `rise-engine serve`; every option of that, and `--config DIR`."""
+    """Run a session with `rise-engine serve`, with all its options and `--config DIR`."""
     arguments = sys.argv[1:]
     if "--config" in arguments:
         at = arguments.index("--config")
@@ -25,17 +25,17 @@ def engine() -> None:
 
 
 def console() -> None:
-    """The wizard's console, `rise-tui`. It needs a terminal, so it is not for launch files."""
+    """Run the wizard's console, `rise-tui`. It needs a terminal, so it is not for launch files."""
     _start("rise_tui.__main__", ["rise-tui", *sys.argv[1:]])
 
 
 def doctor() -> None:
-    """What is there of ROS, and what is wrong: `rise-engine doctor`."""
+    """Run `rise-engine doctor`: what is there of ROS, and what is wrong."""
     _start("rise_engine.cli", ["rise-engine", "doctor", *sys.argv[1:]])
 
 
 def robot_sim() -> None:
-    """A simulated robot on the wire."""
+    """Run a simulated robot on the wire."""
     _start(f"{_NODES}.simulated_robot")
 
 
@@ -52,7 +52,7 @@ def answer_node() -> None:
 
 
 def task_tree() -> None:
-    """A small behaviour tree of py_trees beside a session."""
+    """Run a small behaviour tree of py_trees beside a session."""
     _start("rise_ros.task_leaf")
 
 

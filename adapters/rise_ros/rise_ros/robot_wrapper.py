@@ -1,16 +1,16 @@
-"""The reference robot wrapper: it takes RISE's behaviours from ROS and hands them to a robot's own API.
+"""The reference robot wrapper: it takes RISE's behaviours from ROS and passes them to a robot's own API.
 
-Copy this file and `session_watch.py` into a package of your own, and fill in the class `MyRobot`; the rest can stay as
-it is. What you get:
+Copy this file and `session_watch.py` into your own package, and fill in the class `MyRobot`. The rest can stay
+unchanged. What you get:
 
-- a ROS 2 action server for each behaviour that your robot has, under the names of the robot profile `rise`
+- a ROS 2 action server for each behaviour of your robot, under the names of the robot profile `rise`
   (rise/robot/speech, rise/robot/look_at, ...), relative, so that a namespace or a remapping moves them;
 - one goal of a behaviour at a time; a newer one replaces it (or is rejected: parameter `when_busy`);
 - cancelling that reaches the robot, also for RISE's stop-all, which asks every server to cancel everything;
-- progress as feedback, and a reason in words when something went wrong;
-- a dead man's switch: without a sign of life from the session the robot stops, and takes no goals until it is back
+- progress as feedback, and a reason in words for every failure;
+- a dead man's switch: without a sign of life from the session the robot stops, and accepts no goals until it returns
   (parameters `session_timeout`, in seconds, 0: off; and `require_session`);
-- a clean end on ctrl+c: the robot stops first, and whoever waits is told.
+- a clean end on ctrl+c: the robot stops first, and waiting clients get an answer.
 
     ros2 run rise_ros robot_wrapper
     ros2 action send_goal -f rise/robot/speech rise_interfaces/action/Speech "{message: 'Hello!'}"
@@ -47,21 +47,21 @@ EMOTIONS = {
 
 
 class RobotError(Exception):
-    """The robot cannot do it, or it went wrong; the text is what the wizard reads."""
+    """The robot cannot do it, or it failed; the wizard reads the text."""
 
 
 class MyRobot:
-    """YOUR ROBOT. Each method does one behaviour: it gets the goal (see the .action files of rise_interfaces for fields
-    and units), starts the movement, and returns when that is over.
+    """YOUR ROBOT. Each method carries out one behaviour: it receives the goal (see the .action files of rise_interfaces
+    for fields and units), starts the movement, and returns at its end.
 
     - Wait with `run.wait(seconds)`, as often as you like; never with time.sleep. When somebody cancels the goal,
-      `run.wait` raises `Stopped`: stop the robot in a `finally` or `except Stopped`, and let the exception go on.
-    - Say how far it is with `run.progress(0.5)`, if you know.
+      `run.wait` raises `Stopped`: stop the robot in a `finally` or `except Stopped`, and let the exception pass.
+    - Report the progress with `run.progress(0.5)`, if you know it.
     - Raise RobotError("...") when the robot cannot do it.
-    - Methods of different behaviours are called at the same time, from several threads: the robot speaks while it
-      looks somewhere. If your API cannot take that, put a lock around its calls (not around the waiting).
-    - Delete the methods of what your robot cannot do: their actions are not offered then, and RISE says so before the
-      study, not in its middle.
+    - Methods of different behaviours are called at the same time, from several threads: the robot speaks while it looks
+      somewhere. If your API does not allow that, put a lock around its calls (not around the waiting).
+    - Delete the methods that your robot cannot do. Their actions are then not offered, and RISE reports this before the
+      study, not during it.
     """
 
     def __init__(self, log: Callable[[str], object]) -> None:
@@ -76,7 +76,7 @@ class MyRobot:
         # except Stopped:
         #     self.api.be_quiet()
         #     raise
-        run.wait_about(0.3 + len(goal.message) / (14.0 * (goal.rate or 1.0)))  # rate 0: the robot's own
+        run.wait_about(0.3 + len(goal.message) / (14.0 * (goal.rate or 1.0)))  # rate 0: the robot's own rate
 
     def look_at(self, goal: LookAt.Goal, run: Run) -> None:
         point = goal.target.point  # metres in goal.target.header.frame_id: x forward, y left, z up
@@ -107,7 +107,7 @@ class MyRobot:
         run.wait_about(seconds(goal.duration) or 2.0)
 
     def close(self) -> None:
-        """Here: let go of the robot. Everything has been stopped before."""
+        """Here: disconnect the robot. Everything has already been stopped."""
 
 
 BEHAVIOURS = {
@@ -118,24 +118,24 @@ BEHAVIOURS = {
     "social_expression": SocialExpression,
     "point_at": PointAt,
 }
-"""By the method of MyRobot that does it; its action is rise/robot/METHOD. A behaviour of your own is one line more,
-with an .action of your own, and a table in your robot's profile."""
+"""The methods of MyRobot and their behaviours; the action is rise/robot/METHOD. For your own behaviour, add a line
+here, your own .action, and a table in your robot's profile."""
 
 
 def seconds(duration: Any) -> float:
-    """Of a builtin_interfaces/Duration."""
+    """The seconds of a builtin_interfaces/Duration."""
     return duration.sec + duration.nanosec / 1e9
 
 
-# --- from here on nothing needs to be changed -----------------------------------------------------------------------
+# --- nothing below needs to be changed ------------------------------------------------------------------------------
 
 
 class Stopped(Exception):
-    """The goal is not wanted any more; the text says why."""
+    """The goal is no longer wanted; the text says why."""
 
 
 class Run:
-    """One goal while the robot does it."""
+    """One goal while the robot carries it out."""
 
     def __init__(self, goal_handle: Any, feedback: Any) -> None:
         self.goal_handle = goal_handle
@@ -146,22 +146,22 @@ class Run:
         self._stop = threading.Event()
 
     def stop(self, reason: str) -> None:
-        """From any thread: `wait` raises Stopped with this reason."""
+        """Make `wait` raise Stopped with this reason. May be called on any thread."""
         self._reason = self._reason or reason
         self._stop.set()
 
     def check(self) -> None:
-        """Raises Stopped when the goal was cancelled or replaced."""
+        """Raise Stopped when the goal was cancelled or replaced."""
         if self._stop.is_set():
             raise Stopped(self._reason)
 
     def wait(self, seconds: float) -> None:
-        """Let time pass. Raises Stopped, at once, when the goal was cancelled or replaced."""
+        """Wait. Raises Stopped immediately when the goal is cancelled or replaced."""
         self._stop.wait(max(seconds, 0.0))
         self.check()
 
     def wait_about(self, seconds: float) -> None:
-        """Wait for a movement of a known length, and tell how far it is."""
+        """Wait for a movement of known length, and report the progress."""
         begun = time.monotonic()
         while (passed := time.monotonic() - begun) < seconds:
             self.progress(passed / seconds)
@@ -169,7 +169,7 @@ class Run:
         self.check()
 
     def progress(self, part: float) -> None:
-        """How much is done, from 0 to 1; sent 5 times a second at most."""
+        """Report the finished part, from 0 to 1; sent at most 5 times a second."""
         now = time.monotonic()
         if now - self._told >= 0.2:
             self._told = now
@@ -192,10 +192,10 @@ class Behaviour:
         self._node, self._name, self._type, self._do, self._when_busy = node, name, type, do, when_busy
         self._why_not_move = why_not_move
         self._runs: dict[bytes, Run] = {}
-        """By goal id, those that have not ended; the newest comes last."""
+        """The goals that have not ended, by goal id; the newest comes last."""
         self._lock = threading.Lock()
         self._turn = threading.Lock()
-        """Held by the goal that the robot does."""
+        """Held by the goal that the robot is carrying out."""
         self._server = ActionServer(
             node,
             type,
@@ -205,20 +205,20 @@ class Behaviour:
             handle_accepted_callback=self._accepted,
             cancel_callback=self._cancel,
             callback_group=ReentrantCallbackGroup(),
-            # For how many seconds a result can be asked for. rclpy's 15 minutes make the list of goals, which is sent
-            # whenever one changes, longer and longer: an act takes 150 ms instead of 28 after ten minutes of work.
+            # Seconds for which a result can be requested. With rclpy's 15 minutes, the list of goals, which is sent at
+            # every change, grows longer and longer: after ten minutes of work an act takes 150 ms instead of 28.
             result_timeout=10,
         )
 
     def stop(self, reason: str) -> list[Run]:
-        """Stop everything, and give what is still to come to its end."""
+        """Stop all goals; returns those that still have to end."""
         with self._lock:
             runs = list(self._runs.values())
         for run in runs:
             run.stop(reason)
         return runs
 
-    # An exception in one of these three would leave the client without an answer, so they do next to nothing.
+    # An exception in one of these three would leave the client without an answer, so they do very little.
 
     def _goal(self, request: Any) -> GoalResponse:
         with self._lock:
@@ -243,13 +243,13 @@ class Behaviour:
         return CancelResponse.ACCEPT
 
     def _execute(self, goal_handle: Any) -> Any:
-        """In a thread of the executor. It must return a result of the right type, whatever happens: with any other, the
-        client would wait for ever."""
+        """Carry out a goal, in a thread of the executor. It must always return a result of the right type: with any
+        other, the client would wait forever."""
         id = bytes(goal_handle.goal_id.uuid)
         run = self._runs[id]
         reason = ""
         try:
-            with self._turn:  # until the robot has stopped what it did before
+            with self._turn:  # until the robot has stopped its previous goal
                 run.check()
                 self._do(goal_handle.request, run)
             goal_handle.succeed()
@@ -271,7 +271,7 @@ class Behaviour:
         return self._type.Result(reason=reason)
 
     def _being_cancelled(self, goal_handle: Any, reason: str) -> bool:
-        """The goal changes its state a moment after `_cancel` has returned."""
+        """Whether the goal is being cancelled. Its state changes a moment after `_cancel` has returned."""
         deadline = time.monotonic() + 1.0
         while reason == "canceled" and not goal_handle.is_cancel_requested and time.monotonic() < deadline:
             time.sleep(0.001)
@@ -298,14 +298,14 @@ class DeadMansSwitch:
         if why != self._told:
             self._log.warning(f"{why}: the robot stops, and takes no goals" if why else "the robot takes goals again")
             self._told = why
-        if why:  # again and again: a goal may just have been accepted
+        if why:  # every time: a goal may just have been accepted
             self._stop(why)
 
 
 def main(arguments: list[str] | None = None) -> None:
     """Offer the robot's behaviours until ctrl+c or SIGTERM."""
     ending = threading.Event()
-    # Signals are ours: with rclpy's own handlers the context would be gone before the robot has stopped.
+    # We handle signals: with rclpy's own handlers the context would be gone before the robot has stopped.
     rclpy.init(args=arguments, signal_handler_options=SignalHandlerOptions.NO)
     for number in (signal.SIGINT, signal.SIGTERM):
         signal.signal(number, lambda *_: ending.set())
@@ -326,7 +326,7 @@ def main(arguments: list[str] | None = None) -> None:
         for name, type in BEHAVIOURS.items()
         if hasattr(robot, name)
     ]
-    # A thread for each behaviour that runs and for one that waits to take its place, and some for requests.
+    # One thread for each running behaviour, one for each goal that waits to replace it, and some for requests.
     executor = MultiThreadedExecutor(num_threads=2 * len(behaviours) + 4)
     executor.add_node(node)
     spinning = threading.Thread(target=executor.spin, daemon=True)
@@ -339,7 +339,7 @@ def main(arguments: list[str] | None = None) -> None:
     for run in stopping:
         run.over.wait(max(deadline - time.monotonic(), 0.0))
     if stopping:
-        time.sleep(0.2)  # for the results to leave
+        time.sleep(0.2)  # so that the results are sent
     robot.close()
     executor.shutdown(timeout_sec=2.0)
     spinning.join(timeout=2.0)

@@ -1,7 +1,7 @@
-"""What the launch file `session.launch.py` takes, and the command lines that it makes of it.
+"""The arguments of the launch file `session.launch.py`, and the command lines that it makes from them.
 
 Only Python's own library is used here: `ros2 launch` runs with the system's Python, in which rise-tui is not installed.
-So the options of `rise-engine serve` are written down once more; tests compare them with the program's own.
+The options of `rise-engine serve` are therefore repeated here; tests compare them with the program's own.
 """
 
 from __future__ import annotations
@@ -41,7 +41,7 @@ SERVE_OPTIONS = {
     "tasks": "In debug mode: carry out these tasks at their times, one JSON object per line.",
     "place": "Read acts, rules or memory from another PATH in the scenario's folder (memory=pilot.json). Repeatable.",
 }
-"""Every option of `rise-engine serve`, `-` written as `_`, with its help."""
+"""Every option of `rise-engine serve`, with `_` for `-`, and its help."""
 
 ARGUMENTS = {
     "config": ("", "The scenario's folder (DIR); a study says it itself."),
@@ -53,23 +53,23 @@ ARGUMENTS = {
     "robot_sim": ("false", "true: a simulated robot on the wire, in place of the robot's wrapper."),
     "respawn": ("false", "true: an engine that crashed is started again, and goes on with the same session."),
 }
-"""Each argument's default and help. Those without a value are not given."""
+"""Each argument's default and help. Arguments without a value are not passed on."""
 
 _OF_LAUNCH = ("launch-prefix", "launch-prefix-filter")
-"""What ros2 launch takes itself."""
+"""Arguments of ros2 launch itself."""
 _IN_ORDER = range(6)
-"""Exit statuses after which another try mends nothing: it has ended, or was refused (as in the unit for systemd)."""
+"""Exit statuses after which a restart is useless: the session ended, or was refused (as in the systemd unit)."""
 
 
 def typed_arguments(command: Sequence[str], file: str) -> list[str]:
-    """What of a command line, `ros2 launch PACKAGE FILE NAME:=VALUE ...`, is for a launch file; none of it is where
+    """The words of a command line, `ros2 launch PACKAGE FILE NAME:=VALUE ...`, that are for a launch file; empty if
     another file includes this one."""
     places = [place for place, word in enumerate(command) if word.rpartition("/")[2] == file]
     return [word for word in command[places[0] + 1 :] if ":=" in word] if places else []
 
 
 def find_problems(given: Mapping[str, str], typed: Iterable[str]) -> list[str]:
-    """A sentence for each argument that cannot be used. `typed`: as `typed_arguments` gives them."""
+    """A sentence for each argument that cannot be used. `typed`: the result of `typed_arguments`."""
     problems = []
     for word in typed:
         name = word.partition(":=")[0]
@@ -90,13 +90,13 @@ def find_problems(given: Mapping[str, str], typed: Iterable[str]) -> list[str]:
 
 
 def engine_arguments(given: Mapping[str, str]) -> list[str]:
-    """Of `ros2 run rise_ros engine`, without what stands behind `--ros-args`."""
+    """The arguments of `ros2 run rise_ros engine`, without those after `--ros-args`."""
     return [*(["--config", given["config"]] if given["config"] else []), "--ros", given["ros"]]
 
 
 def engine_ros_arguments(given: Mapping[str, str]) -> list[str]:
-    """What stands behind `--ros-args`. Options are parameters there: the engine itself says what each may be, and
-    `[a, b]` gives one that is repeatable several times."""
+    """The arguments after `--ros-args`. Options are parameters there: the engine itself checks them, and `[a, b]` gives
+    a repeatable option several times."""
     words = ["--params-file", given["params_file"]] if given["params_file"] else []
     for name in SERVE_OPTIONS:
         value = given[name]
@@ -106,28 +106,28 @@ def engine_ros_arguments(given: Mapping[str, str]) -> list[str]:
 
 
 def _quote(text: str) -> str:
-    """A text of YAML, whatever is in it."""
+    """A text as YAML, whatever it contains."""
     return "'" + text.replace("'", "''") + "'"
 
 
 def robot_arguments(given: Mapping[str, str]) -> list[str]:
-    """Of `ros2 run rise_ros robot_sim`."""
+    """The arguments of `ros2 run rise_ros robot_sim`."""
     named = [(f"--{name}", given[name]) for name in ("config", "robot") if given[name]]
     return ["--ros", given["ros"], *(word for pair in named for word in pair)]
 
 
 def robot_ros_arguments(given: Mapping[str, str]) -> list[str]:
-    """What of `ros_arguments` both sides of an action need: that it has another name."""
+    """The part of `ros_arguments` that both sides of an action need: its remappings."""
     words = shlex.split(given["ros_arguments"])
     remaps = [after for word, after in pairwise(words) if word in ("-r", "--remap")]
     return [word for remap in remaps if not remap.startswith("__") for word in ("-r", remap)]
 
 
 def is_crash(returncode: int) -> bool:
-    """Whether an engine that is over has neither ended its session nor refused it."""
+    """Whether an ended engine has neither ended its session nor refused it."""
     return returncode not in _IN_ORDER
 
 
 def after_a_crash(given: Mapping[str, str]) -> dict[str, str]:
-    """The same once more, going on with the session that did not end. (A file of parameters may say `new`.)"""
+    """The same arguments to continue the unfinished session. (A file of parameters may say `new`.)"""
     return {**given, "new": "false", "tasks": "", "recover": "true"}

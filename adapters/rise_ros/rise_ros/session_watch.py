@@ -1,6 +1,6 @@
 """Whether the session that moves a robot still gives signs of life: the logic of a dead man's switch, without ROS.
 
-A session says on the topic `rise/session` twice a second who it is and that it serves, and at its end that it is over.
+A session announces itself and its state twice a second on the topic `rise/session`, and at its end that it is over.
 """
 
 from __future__ import annotations
@@ -11,25 +11,25 @@ TOPIC = "rise/session"
 
 
 class SessionWatch:
-    """Give it what is said, and ask it whether the robot may move. Seconds are of any clock that goes on."""
+    """Decides from the session's announcements whether the robot may move. Seconds are of any running clock."""
 
     def __init__(self, timeout: float, *, required: bool = False) -> None:
         """`timeout`: seconds without a sign of life after which the robot may not move; 0: it always may. `required`:
-        it may not move without a session either. Otherwise it may until one has been heard, and after one has ended in
-        order: then others use it, such as `ros2 action send_goal`."""
+        it may not move without a session either. Otherwise it may move until one has been heard, and after one has
+        ended in order, so that others can use it, such as `ros2 action send_goal`."""
         self._timeout = timeout
         self._required = required
         self._session: object = None
-        """The id of the session that was heard last; None: there is none."""
+        """The id of the last session that was heard; None: there is none."""
         self._heard_at = 0.0
 
     def hear(self, said: str, now: float) -> None:
-        """Take what was said on the topic."""
+        """Take in a message of the topic."""
         try:
             announced = json.loads(said)
             session, state = announced["id"], announced["state"]
         except (ValueError, LookupError, TypeError, RecursionError):
-            return  # no word of a session
+            return  # not from a session
         if state == "serving":
             self._session, self._heard_at = session, now
         elif state == "over" and session == self._session:

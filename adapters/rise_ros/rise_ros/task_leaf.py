@@ -1,18 +1,18 @@
 """A leaf for behaviour trees of py_trees: one tick starts a task in a RISE session (an act, a rule, an event, a value),
 and the leaf runs until the task has ended.
 
-Copy this file into a package of your own, or import it from here. What you get:
+Copy this file into your own package, or import it from here. What you get:
 
 - SUCCESS when the task SUCCEEDED, FAILURE in every other case, with the reason in `feedback_message`;
-- halting the leaf (a branch of higher priority, `tree.root.stop(Status.INVALID)`) cancels the task, also one that was
+- halting the leaf (a branch of higher priority, `tree.root.stop(Status.INVALID)`) cancels the task, even one that was
   only just sent;
-- no call that waits: the tree ticks on, whatever the session does;
-- FAILURE, and not silence, when there is no session, when it does not answer, and when it goes.
+- no call that waits: the tree continues to tick, whatever the session does;
+- FAILURE instead of silence when there is no session, when it does not answer, and when it disappears.
 
     root = py_trees.composites.Sequence("Greet", memory=True)
     root.add_children([start_act("R_Greeting"), raise_event("/W_greeted"), start_rule("Gaze")])
     tree = py_trees.trees.BehaviourTree(root)
-    tree.setup(node=node)      # an rclpy node that somebody spins; py_trees_ros does all this by itself
+    tree.setup(node=node)      # an rclpy node that is being spun; py_trees_ros does all this itself
 
 Try it beside a session (docs/how-to/behaviour-trees.md):
 
@@ -38,31 +38,31 @@ from rclpy.signals import SignalHandlerOptions
 from rise_interfaces.action import DomainTask
 
 ACTION = "rise/domain_task"
-"""Relative: a namespace or a remapping of the node moves it, as it moves the session's."""
+"""Relative: a namespace or a remapping of the node applies to it, as to the session's."""
 
 
 def start_act(act: str, **options: Any) -> TaskLeaf:
-    """Runs until the act has ended. `options`: those of `TaskLeaf`."""
+    """A leaf that runs until the act has ended. `options`: those of `TaskLeaf`."""
     return TaskLeaf(act, "startCommunicationRobotAct", act, **options)
 
 
 def start_rule(rule: str, **options: Any) -> TaskLeaf:
-    """Runs until the rule has ended."""
+    """A leaf that runs until the rule has ended."""
     return TaskLeaf(rule, "startInteractionRule", rule, **options)
 
 
 def raise_event(topic: str, **options: Any) -> TaskLeaf:
-    """Over as soon as the session has the event, whether or not a rule waits for it."""
+    """A leaf that ends as soon as the session has the event, whether or not a rule waits for it."""
     return TaskLeaf(topic, "raiseEventTopic", topic, **options)
 
 
 def assign(key: str, value: Any, **options: Any) -> TaskLeaf:
-    """Writes a value that JSON can carry into the working memory."""
+    """A leaf that writes a JSON value into the working memory."""
     return TaskLeaf(key, "assignValue", json.dumps({key: value}, ensure_ascii=False), **options)
 
 
 class TaskLeaf(py_trees.behaviour.Behaviour):
-    """One task of a session. It can be ticked again when it has ended, and is a new task then."""
+    """One task of a session. It can be ticked again after its end, and is then a new task."""
 
     def __init__(
         self,
@@ -74,8 +74,8 @@ class TaskLeaf(py_trees.behaviour.Behaviour):
         patience: float = 5.0,
         clock: Callable[[], float] = time.monotonic,
     ) -> None:
-        """`name`: in the tree. `function`, `behavior`, `calling_type`: as DomainTask.action explains them. `patience`:
-        seconds that the session has to appear, and again to take the task. `clock`: seconds that only go forward."""
+        """`name`: in the tree. `function`, `behavior`, `calling_type`: as explained in DomainTask.action. `patience`:
+        seconds for the session to appear, and again to accept the task. `clock`: seconds that only increase."""
         super().__init__(name)
         self.task = DomainTask.Goal(function_type=function, domain_task_behavior=behavior, calling_type=calling_type)
         self.patience = patience
@@ -86,11 +86,11 @@ class TaskLeaf(py_trees.behaviour.Behaviour):
 
     @property
     def is_over(self) -> bool:
-        """Whether nothing of it is known to go on in the session: a task that was halted ends a little later."""
+        """Whether nothing of it is known to run in the session: a halted task ends a little later."""
         return self._goal is None or self._goal.is_over
 
     def setup(self, **options: Any) -> None:
-        """`node`: the rclpy node. Raises KeyError without one."""
+        """Prepare the leaf. `node`: the rclpy node. Raises KeyError without one."""
         self._client = ActionClient(options["node"], DomainTask, ACTION)
 
     def initialise(self) -> None:
@@ -118,7 +118,7 @@ class TaskLeaf(py_trees.behaviour.Behaviour):
         return Status.RUNNING
 
     def terminate(self, new_status: Status) -> None:
-        """Whatever ends the leaf before its task has ended takes the task back."""
+        """Cancel the task if the leaf ends before it."""
         if self._goal is not None and not self._goal.is_over:
             self._goal.cancel()
 
@@ -132,11 +132,11 @@ class TaskLeaf(py_trees.behaviour.Behaviour):
 
 
 class Goal:
-    """One goal, from its sending to its end. A leaf that begins anew has a new one; what comes late is nobody's."""
+    """One goal, from its sending to its end. A restarted leaf has a new one, and ignores the old one's messages."""
 
     def __init__(self, client: Any, task: DomainTask.Goal) -> None:
         self.handle: Any = None
-        """Of rclpy, once the session has taken the task."""
+        """rclpy's handle, once the session has accepted the task."""
         self.result: DomainTask.Result | None = None
         self.is_refused = False
         self.progress = "sent"
@@ -148,7 +148,7 @@ class Goal:
         return self.is_refused or self.result is not None
 
     def cancel(self) -> None:
-        """Before the session has answered there is nothing to cancel yet: then it is done with the answer."""
+        """Cancel the task. Before the session has answered, this waits for the answer."""
         self._is_unwanted = True
         if self.handle is not None:
             self.handle.cancel_goal_async()
@@ -171,17 +171,17 @@ class Goal:
         self.result = response.result if response is not None else DomainTask.Result(status="ABORTED")
 
 
-# --- to try it ------------------------------------------------------------------------------------------------------
+# --- a program to try it --------------------------------------------------------------------------------------------
 
 KINDS = {"act": start_act, "rule": start_rule, "event": raise_event}
 PERIOD = 0.1
 """Seconds between two ticks."""
 LAST_WAIT = 2.0
-"""Seconds at most for which an interrupted tree waits until the session has taken its task back."""
+"""The most seconds for which an interrupted tree waits until the session has cancelled its task."""
 
 
 def main(arguments: Sequence[str] | None = None) -> None:
-    """Do tasks one after the other, `act:NAME`, `rule:NAME`, `event:/TOPIC`, until one fails; ctrl+c halts the tree.
+    """Run tasks one after the other, `act:NAME`, `rule:NAME`, `event:/TOPIC`, until one fails; ctrl+c halts the tree.
 
     Exit status: 0 all succeeded, 1 one did not, 2 wrong usage.
     """
@@ -192,7 +192,7 @@ def main(arguments: Sequence[str] | None = None) -> None:
         sys.exit(2)
     root = py_trees.composites.Sequence("Tasks", memory=True)
     root.add_children([KINDS[kind](name) for kind, _, name in named])
-    # Signals are ours: with rclpy's own handlers the connection would be gone before the tree could take its task back.
+    # We handle signals: with rclpy's own handlers the connection would be gone before the tree could cancel its task.
     rclpy.init(args=arguments, signal_handler_options=SignalHandlerOptions.NO)
     ending = threading.Event()
     for number in (signal.SIGINT, signal.SIGTERM):

@@ -1,1 +1,1 @@
-"""What the editor shows and asks for: rows, fields and sentences from a study's draft. Nothing of it has a screen."""
+"""The editor's content: rows, fields and sentences from a study's draft. Nothing here has a screen."""

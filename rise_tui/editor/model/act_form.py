@@ -1,4 +1,4 @@
-"""The form of an action, made from what the robot's profile declares: type, unit, range, what can be chosen."""
+"""The form of an action, made from what the robot's profile declares: type, unit, range, choices."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ UNITS = {"m": "metres", "rad": "radians", "ms": "milliseconds", "s": "seconds", 
 
 
 def act_choices(checked: LoadResult) -> list[FieldChoice]:
-    """What this robot can do."""
+    """The actions of this robot."""
     return [
         FieldChoice(
             spec.name, spec.name, spec.help if spec.supported else "not on this robot" + _instead(spec.substitute)
@@ -48,7 +48,7 @@ def wait_choices(act: WrittenAct, action: WrittenAction) -> list[FieldChoice]:
 
 
 def action_fields(act: WrittenAct, action: WrittenAction, checked: LoadResult) -> list[EditField]:
-    """All that can be said of an action."""
+    """All fields of an action."""
     reason = action.reason
     spec = checked.robot.actions.get(action_type(action))
     fields: list[EditField] = []
@@ -87,7 +87,7 @@ def action_fields(act: WrittenAct, action: WrittenAction, checked: LoadResult) -
 def _call_fields(
     act: WrittenAct, action: WrittenAction, call: WrittenCall, number: int, spec: ActionSpec | None
 ) -> list[EditField]:
-    """The parameters of a call; of a wording, those that are given or must be."""
+    """The parameters of a call; for a wording, only those that are given or required."""
     many = action.is_variants
     declared = dict(spec.parameters) if spec is not None else {}
     if many:
@@ -119,7 +119,7 @@ def _parameter_edits(act: str, action: str, name: str, variant: int, text: str |
 
 
 def _wording_edits(act: str, action: str, number: int, text: str | None) -> tuple[AnyEdit, ...]:
-    """A wording without words is none."""
+    """Change a wording. Empty text removes it."""
     return (SetParameter(act, action, "message", text, number),) if text else (RemoveVariant(act, action, number),)
 
 
@@ -138,7 +138,7 @@ def _parameter_field(label: str, parameter: Parameter | None, written: WrittenVa
 
 
 def parameter_choices(parameter: Parameter) -> Sequence[FieldChoice]:
-    """What can be chosen; empty where it is typed."""
+    """The choices of a parameter; empty if it is typed."""
     if parameter.type == "boolean":
         return (FieldChoice("true", "true", "yes"), FieldChoice("false", "false", "no"))
     codes = [FieldChoice(name, name, f"RISE's number {number}") for name, number in parameter.codes.items()]
@@ -146,7 +146,7 @@ def parameter_choices(parameter: Parameter) -> Sequence[FieldChoice]:
 
 
 def parameter_note(parameter: Parameter, *, is_given: bool) -> str:
-    """Unit, range, what holds when it is not given, and what it is for."""
+    """Unit, range, default and purpose of a parameter."""
     parts: list[str] = []
     low, high = parameter.minimum, parameter.maximum
     if low is not None and high is not None:
@@ -165,7 +165,7 @@ def parameter_note(parameter: Parameter, *, is_given: bool) -> str:
 
 
 def new_action_parameters(spec: ActionSpec) -> dict[str, str]:
-    """What a new action begins with: what it must have, as something that is right and says what to put there."""
+    """The required parameters of a new action, with valid values that show what to enter."""
     found: dict[str, str] = {}
     for name, parameter in spec.parameters.items():
         if not parameter.required:

@@ -24,7 +24,7 @@ class ActionTime(NamedTuple):
 
 
 def action_times(act: WrittenAct, checked: LoadResult) -> dict[str, ActionTime]:
-    """By the ids of the actions, with the memory's start values; those that wait for each other count as at once."""
+    """The times by action id, with the memory's start values. A circular wait counts as no wait."""
     waits = {action.id: action.wait_for for action in act.actions}
     seconds = _action_seconds(act, checked)
     times: dict[str, ActionTime] = {}
@@ -55,7 +55,7 @@ def _action_seconds(act: WrittenAct, checked: LoadResult) -> dict[str, float]:
     found: dict[str, float] = {}
     for action in act.actions:
         known = [_seconds(each, specs.get(each.type), memory) for each in calls.get(action.id, ())]
-        if not known:  # it cannot be read: what its declaration says
+        if not known:  # unreadable: use its declaration
             spec = specs.get(action.calls[0].type) if action.calls else None
             known = [spec.seconds if spec is not None else 0.0]
         found[action.id] = sum(known) / len(known)
@@ -79,16 +79,16 @@ class ActScale(NamedTuple):
 
     cells: int
     seconds: float
-    """Of the whole act; at least a little."""
+    """Seconds of the whole act, always more than 0."""
 
 
 def when_text(wait_for: Sequence[str]) -> str:
-    """When an action begins that waits for these."""
+    """When an action that waits for these actions begins."""
     return "after " + " ".join(wait_for) if wait_for else "at once"
 
 
 def what_text(action: WrittenAction) -> str:
-    """What it does, without its name: what is said, or the values of its parameters."""
+    """What an action does, without its name: its text, or the values of its parameters."""
     if not action.calls:
         return ""
     values = action.calls[0].parameters
@@ -99,12 +99,12 @@ def what_text(action: WrittenAction) -> str:
 
 
 def all_texts(action: WrittenAction) -> str:
-    """Every value of it, of all its wordings: what is searched."""
+    """All values of an action, in all its wordings, for the search."""
     return "\n".join(value.text for call in action.calls for value in call.parameters.values())
 
 
 def action_with(act: WrittenAct, wanted: str) -> str:
-    """Number of the first action with this text in it; empty: none has it."""
+    """The number of the first action that contains this text; empty: none does."""
     sought = wanted.casefold()
     return next((each.id for each in act.actions if sought in all_texts(each).casefold()), "")
 
@@ -116,18 +116,18 @@ def said_text(act: WrittenAct) -> str:
 
 
 def action_type(action: WrittenAction) -> str:
-    """The name of its action; of wordings, of the first."""
+    """The type of an action; the first wording's, if it has several."""
     return action.calls[0].type if action.calls else "?"
 
 
 def in_time_order(act: WrittenAct, times: Mapping[str, ActionTime]) -> list[WrittenAction]:
-    """As they begin; of those that begin together, as they are written."""
+    """The actions in order of start, then in the order of the file."""
     zero = ActionTime(0.0, 0.0)
     return sorted(act.actions, key=lambda action: times.get(action.id, zero).begin)
 
 
 def action_rows(act: WrittenAct, checked: LoadResult, width: int, *, wrong_lines: frozenset[int]) -> list[ListRow]:
-    """One row for each action, as they begin."""
+    """One row for each action, in order of start."""
     times = action_times(act, checked)
     scale = ActScale(
         BAR if width >= 74 else max(0, min(BAR, width - 48)), max((each.end for each in times.values()), default=0.0)
@@ -184,11 +184,11 @@ def _bar(time: ActionTime, scale: ActScale, room: int) -> StyledLine:
 
 
 MOST_COMPARED = 4_000
-"""Lines; longer files show no differences, which would take too long to find for each key."""
+"""Lines. Longer files show no differences, because finding them takes too long for every key."""
 
 
 def file_lines(draft: StudyDraft, place: FilePlace, width: int, most: int) -> list[StyledLine]:
-    """At most `most` lines: those of the place; `+` and `-` before what differs from what is saved."""
+    """The lines of the place, at most `most`. `+` and `-` mark differences from the saved file."""
     now = _lines(draft.files.get(place.file, b""))
     was = _lines(draft.saved.get(place.file, b""))
     first, last = max(0, place.line - 1), min(len(now), place.end)

@@ -1,4 +1,4 @@
-"""The forms of a function of a rule, and of the condition around it. Pure."""
+"""The forms of a rule's function, and of the condition around it. Pure."""
 
 from __future__ import annotations
 
@@ -39,7 +39,7 @@ _ASSIGNED = re.compile(r"\s*((?:[^=\"'\[\]]|\[[^\]]*\])+?)\s*=(?!=)\s*(.*)\Z", r
 
 
 class CallDraft(NamedTuple):
-    """The values of the form. Those of other functions than the chosen one are kept until the form is left."""
+    """The values of the form. Values for other functions than the chosen one stay until the form closes."""
 
     function: FunctionName = "startCommunicationRobotAct"
     act: str = ""
@@ -64,12 +64,12 @@ class CallDraft(NamedTuple):
                 return draft._replace(event=call.argument)
             case "assignValue":
                 assigned = _ASSIGNED.match(call.argument)
-                if assigned is None:  # an object, or something unfinished
+                if assigned is None:  # an object, or unfinished input
                     return draft._replace(value=call.argument)
                 return draft._replace(key=assigned[1], value=assigned[2])
 
     def form(self) -> CallForm:
-        """The function as it would be written."""
+        """The function, ready to be written."""
         function = self.function
         match function:
             case "startCommunicationRobotAct" | "stopCommunicationRobotAct":
@@ -95,7 +95,7 @@ class CallRuleForm(RuleForm):
     names: StudyNames
     draft: CallDraft
     at: StatementAddress
-    """Of the function; of a new one, the statement after it."""
+    """The function's address; for a new one, the address of the statement after it."""
     was: CallForm | None = None
 
     @property
@@ -198,11 +198,11 @@ ConditionUse: TypeAlias = Literal["wrap", "change", "otherwise"]
 
 @dataclass(frozen=True)
 class ConditionRuleForm(RuleForm):
-    """The condition of a branch: a function is put into a new `if`, a condition is changed, or a branch is added."""
+    """The condition of a branch: for a function in a new `if`, a changed condition, or a new branch."""
 
     names: StudyNames
     at: StatementAddress
-    """Of the function, of the branch, or of the new branch."""
+    """The address of the function, of the branch, or of the new branch."""
     use: ConditionUse
     condition: str = ""
     was: str = ""

@@ -1,4 +1,4 @@
-"""A condition while it is typed: how it is read, and whether it holds at the start. Pure; a reading takes 0.02 ms."""
+"""A condition while it is typed: its reading, and whether it holds at the start. Pure; one reading takes 0.02 ms."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from rise_tui.editor.model.fields import FieldNote
 from rise_tui.editor.model.study_names import StudyNames, short_value
 
 MOST_CUTS = 60
-"""How many words are taken away from the end of a text that cannot be read, until the rest of it can."""
+"""The most words that are cut from the end of an unreadable text to find a readable beginning."""
 _WORD = re.compile(r"""[\w.]+|"(?:[^"\\]|\\.)*"|'(?:[^'\\]|\\.)*'|\S""")
 _LAST_WORD = re.compile(r"[^\W\d][\w.]*\Z")
 _TEXTS = re.compile(r""""(?:[^"\\]|\\.)*"|'(?:[^'\\]|\\.)*'""")
@@ -21,9 +21,9 @@ WORDS = ("and", "or", "not", "true", "false", "contains", "starts with", "ends w
 
 
 def condition_notes(text: str, names: StudyNames) -> list[FieldNote]:
-    """How a condition is read, with the values of the start; the most important first, nothing while it is empty.
+    """How a condition is read, with the start values. The most important note is first; an empty condition has none.
 
-    Of one that cannot be read: why, with the remedy, and how its longest readable beginning is read.
+    An unreadable condition gets the reason, the remedy, and the reading of its longest readable beginning.
     """
     text = text.strip()
     if not text:
@@ -44,7 +44,7 @@ def condition_notes(text: str, names: StudyNames) -> list[FieldNote]:
 
 
 def suggest_ending(text: str, names: StudyNames) -> str:
-    """What could be added at the end of a text: the rest of the word that is begun there; empty: nothing is sure.
+    """The rest of the unfinished word at the end of a text; empty if it is not certain.
 
     >>> from rise_tui.editor.model.study_names import StudyNames
     >>> from rise_engine.author.edit.outline import Outline
@@ -70,7 +70,7 @@ def values_text(expression: Expression, memory: Mapping[str, Json]) -> str:
 
 
 def _truth_text(expression: Expression, memory: Mapping[str, Json]) -> str:
-    """Whether it holds with these values, or why that is unknown."""
+    """Whether the expression holds with these values, or why that is unknown."""
     values, holds, why = _evaluate(expression, memory)
     if holds is None:
         return why
@@ -79,7 +79,7 @@ def _truth_text(expression: Expression, memory: Mapping[str, Json]) -> str:
 
 
 def _evaluate(expression: Expression, memory: Mapping[str, Json]) -> tuple[str, bool | None, str]:
-    """The values that are read, whether it holds, and why that cannot be said."""
+    """The values that are read, whether the expression holds, and why that is unknown."""
     parts: dict[str, Json] = {}
     holds, why = None, ""
     if expression.draws:
@@ -110,5 +110,5 @@ def _readable_beginning(text: str) -> Expression | None:
 
 
 def _without_blanks(text: str) -> str:
-    """A text without what brackets and blanks around it add; `=` and `==` are one."""
+    """A text for comparison, without blanks; `=` and `==` are the same."""
     return re.sub(r"\s+", "", text.replace("==", "=").replace("'", '"'))

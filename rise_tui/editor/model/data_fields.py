@@ -21,7 +21,7 @@ from rise_tui.rendering.text import format_value, json_type_name, parse_typed_va
 
 SCENARIO_FILE, STUDY_FILE = "scenario.toml", "study.toml"
 KEY_KINDS = ("act", "rule", "event", "set")
-"""What a key of the keyboard can do, as [keys] calls it."""
+"""What a key of the keyboard can do, in the words of [keys]."""
 USUAL_SETTINGS: tuple[tuple[str, str, tuple[str, ...]], ...] = (
     ("title", "the name of the study", ()),
     ("robot", "the name of a profile", ()),
@@ -29,7 +29,7 @@ USUAL_SETTINGS: tuple[tuple[str, str, tuple[str, ...]], ...] = (
     ("language", "the language of the acts: en, de, …", ()),
     ("on_failure", "when an act fails", ("go_on", "ask", "repeat:1", "repeat:2")),
 )
-"""Settings that are offered although they are not given: name, what it is, what can be chosen."""
+"""Settings that are offered even if they are not given: name, meaning, choices."""
 ACT_SETTINGS: tuple[tuple[str, Json, str], ...] = (
     ("calling_type", "None", "runs beside other acts and gives way to them"),
     ("filler", True, "a filler for a pause: offered with the key ,"),
@@ -37,11 +37,11 @@ ACT_SETTINGS: tuple[tuple[str, Json, str], ...] = (
     ("on_failure", "repeat:1", "after a failure it starts once more"),
     ("on_failure", "ask", "after a failure the console asks what to do"),
 )
-"""What can be set for one act: setting, value, what that means."""
+"""The settings of an act: setting, value, meaning."""
 
 
 def memory_fields(draft: StudyDraft) -> list[EditField]:
-    """Each key with its start value, its type, and how often it is named."""
+    """Each key with its start value, its type, and the number of its uses."""
     return [
         EditField(key, key, "text", "" if value == "" else format_value(value), edits=partial(_start_value, key),
                   note=f"{json_type_name(value)}; {_used(draft, key)}")
@@ -100,15 +100,15 @@ def key_fields(draft: StudyDraft) -> list[EditField]:
 
 
 def new_key_edits(key: str, text: str) -> tuple[AnyEdit, ...]:
-    """A key of the keyboard that does nothing yet does this: `act R_Hello`, `set score = 1`.
+    """The edits that give an unused key something to do: `act R_Hello`, `set score = 1`.
 
-    :raises EditRefused: it is nothing that a key can do.
+    :raises EditRefused: a key cannot do this.
     """
     return _key_edits(key, {}, text)
 
 
 def _key_edits(key: str, entry: Mapping[str, Any], text: str | None) -> tuple[AnyEdit, ...]:
-    """The key does something else; a label was for what it did before."""
+    """Change what the key does. The old label goes, because it described the old function."""
     if text is None:
         return (SetSetting(("keys", key), None),)
     kind, _, name = text.partition(" ")
@@ -124,7 +124,7 @@ def _key_edits(key: str, entry: Mapping[str, Any], text: str | None) -> tuple[An
 
 
 def setting_fields(draft: StudyDraft) -> list[EditField]:
-    """What scenario.toml, and study.toml where there is one, say besides the keys."""
+    """The settings of scenario.toml, and of study.toml if it exists, except the keys."""
     if is_study_alone(draft):
         return list(_leaves(STUDY_FILE, draft.values_in(STUDY_FILE)))
     values = draft.values_in(SCENARIO_FILE)
@@ -149,7 +149,7 @@ def setting_fields(draft: StudyDraft) -> list[EditField]:
 
 
 def _private_field(given: Any) -> EditField:
-    """The memory keys that are about a person, with commas between."""
+    """The memory keys about a person, separated by commas."""
 
     def edits(text: str | None) -> tuple[AnyEdit, ...]:
         keys = [each.strip() for each in (text or "").split(",") if each.strip()]
@@ -175,7 +175,8 @@ def _keep(key: str, text: str | None) -> tuple[AnyEdit, ...]:
 
 
 def _shown_only(path: str, data: bytes) -> Iterator[EditField]:
-    """What the study.toml of a folder above says: it belongs to the whole study, and a plan may be made from it."""
+    """The settings of the study.toml in a folder above. They are read-only, because they belong to the whole study, and
+    a plan may depend on them."""
     yield EditField(path, "study", shown=path, note="this scenario is part of that study; e opens it")
     values = toml_values(data)
     if not values:
@@ -190,14 +191,14 @@ class Addition(NamedTuple):
 
     choice: FieldChoice
     make: Callable[[str], tuple[SetSetting, str]]
-    """The edit, from what was typed, and the id of the field that shows it then."""
+    """The edit for what was typed, and the id of the field that then shows it."""
     title: str = ""
-    """What the question for it is called; empty: nothing has to be typed."""
+    """The title of its question; empty: nothing needs to be typed."""
     hint: str = ""
 
 
 def additions(draft: StudyDraft) -> list[Addition]:
-    """All that can be added to scenario.toml, and to study.toml where there is one."""
+    """All entries that can be added to scenario.toml, and to study.toml if it exists."""
     found = [
         Addition(FieldChoice(f"{each.name} {setting} {value}", f"{each.name}  {setting} = {_shown(value)}", help),
                  partial(_add, SCENARIO_FILE, ("act", each.name, setting), value))
@@ -211,7 +212,7 @@ def _add(file: str, path: tuple[str, ...], value: Json, _typed: str = "") -> tup
 
 
 def _missing_act_settings(draft: StudyDraft) -> Iterator[tuple[WrittenAct, str, Json, str]]:
-    """What can be set for single acts and is not so yet."""
+    """Settings of single acts that are not set yet."""
     given = _table(draft.values_in(SCENARIO_FILE).get("act"))
     for act in draft.outline.acts:
         for setting, value, help in ACT_SETTINGS:
@@ -220,7 +221,7 @@ def _missing_act_settings(draft: StudyDraft) -> Iterator[tuple[WrittenAct, str, 
 
 
 def _study_additions(values: Mapping[str, Any]) -> Iterator[Addition]:
-    """Of a study: a check, a factor, and for each factor a level and what a level changes."""
+    """Entries for a study: a check, a factor, and for each factor a level and a level's start value."""
 
     def add_check(typed: str) -> tuple[SetSetting, str]:
         given = values.get("check")
@@ -305,7 +306,7 @@ def _shown(value: Any) -> str:
 
 
 def _setting(file: str, path: tuple[str, ...], kind: type, text: str | None) -> tuple[AnyEdit, ...]:
-    """A text stays a text, whatever it looks like; anything else stays what it is."""
+    """The edit of a setting. A text stays a text, whatever it looks like; other values keep their type."""
     if text is None or kind is str:
         return (SetSetting(path, text, file=file),)
     value, name, _ = parse_typed_value(text)

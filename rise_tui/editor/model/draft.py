@@ -1,4 +1,4 @@
-"""A study as the editor shows it at one moment."""
+"""A study at one moment, as the editor shows it."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ from rise_engine.scenario.loader import LoadResult
 
 @lru_cache(maxsize=8)
 def toml_values(data: bytes) -> Mapping[str, Any]:
-    """The values in a TOML file; none while it cannot be read."""
+    """The values of a TOML file; empty if it cannot be read."""
     try:
         return tomllib.loads(data.decode("utf-8-sig"))
     except (ValueError, RecursionError):
@@ -28,7 +28,7 @@ def toml_values(data: bytes) -> Mapping[str, Any]:
 
 
 class StudyDraft(Struct, frozen=True):
-    """The files with all changes, what they say, and what is wrong with them; all of the same moment."""
+    """The files with all changes, their contents, and what is wrong with them, all at the same moment."""
 
     folder: str
     files: Files
@@ -38,11 +38,11 @@ class StudyDraft(Struct, frozen=True):
     uses: Uses
     changes: Sequence[Change]
     above: Files = {}
-    """The study.toml of a folder above, by its path: shown, and not changed here."""
+    """The study.toml of a folder above, by its path. It is shown, but not changed here."""
 
     @property
     def title(self) -> str:
-        """What the study is called."""
+        """The study's title."""
         scenario = self.checked.scenario
         title = scenario.title if scenario is not None else self.values_in(SCENARIO_FILE).get("title")
         if is_study_alone(self):
@@ -50,30 +50,30 @@ class StudyDraft(Struct, frozen=True):
         return title if isinstance(title, str) and title else self.folder.rstrip("/").rpartition("/")[2]
 
     def values_in(self, file: str) -> Mapping[str, Any]:
-        """The values in one of its TOML files; none while it cannot be read."""
+        """The values of one of its TOML files; empty if it cannot be read."""
         return toml_values(self.files.get(file, b""))
 
     @property
     def findings(self) -> list[Diagnostic]:
-        """All of them, errors first."""
+        """All diagnostics, errors first."""
         return sorted(self.checked.diagnostics, key=lambda each: each.severity != "error")
 
     @property
     def changed_files(self) -> list[str]:
-        """Names of files that differ from what is saved."""
+        """Names of files that differ from the saved ones."""
         names = {*self.files, *self.saved}
         return sorted(name for name in names if self.files.get(name) != self.saved.get(name))
 
 
 def is_study_alone(draft: StudyDraft) -> bool:
-    """Whether the files are those of a study of participants whose scenarios are edited apart."""
+    """Whether the files are those of a study with participants, whose scenarios are edited separately."""
     return STUDY_FILE in draft.files and SCENARIO_FILE not in draft.files
 
 
 def first_new_finding(draft: StudyDraft, checked: LoadResult, *, but: Sequence[str] = ()) -> Diagnostic | None:
-    """What would be wrong with a study that is not wrong now: an error before a warning. None: nothing.
+    """The first diagnostic that a change would add, an error before a warning. None: no new one.
 
-    :param checked: as the study would be. :param but: codes of findings that are not meant.
+    :param checked: the study with the change. :param but: codes of diagnostics to ignore.
     """
     known = {(each.code, each.message) for each in draft.checked.diagnostics}
     new = [each for each in checked.diagnostics if (each.code, each.message) not in known and each.code not in but]
@@ -89,7 +89,7 @@ class FilePlace(NamedTuple):
 
 
 def draft_of(workspace: Workspace) -> StudyDraft:
-    """What a workspace holds now. Blocks as it does."""
+    """The present contents of a workspace. Blocks while the workspace does."""
     return StudyDraft(
         str(workspace.folder),
         workspace.files,

@@ -1,4 +1,4 @@
-"""What exploring has found in the study, as the editor shows it. Pure."""
+"""The findings of exploring the study, for the editor. Pure."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ class ExploredPlace(Struct, frozen=True):
     act: str = ""
     key: str = ""
     way: tuple[str, ...] = ()
-    """How a session comes there, a sentence for each step."""
+    """How a session gets there, one sentence for each step."""
 
     @property
     def mark(self) -> str:
@@ -41,27 +41,27 @@ class ExploredPlace(Struct, frozen=True):
 
 
 class ExploredStudy(Struct, frozen=True):
-    """What came of exploring the files as they were saved."""
+    """The result of exploring the saved files."""
 
     findings: tuple[ExploredPlace, ...] = ()
-    """Without remarks."""
+    """The findings, without remarks."""
     situations: int = 0
     complete: bool = True
     at: str = ""
-    """When it was begun: `14:05`; empty: nothing was explored yet."""
+    """When it began: `14:05`; empty: nothing has been explored yet."""
     files: Mapping[str, bytes] = {}
-    """As they were saved then."""
+    """The files as they were saved then."""
     is_asked_again: bool = False
-    """Whether it is being explored anew."""
+    """Whether the study is being explored again."""
     has_failed: bool = False
-    """Whether it could not be explored the last time."""
+    """Whether the last exploration failed."""
 
     def is_of(self, draft: StudyDraft) -> bool:
-        """Whether it is about the files on the screen."""
+        """Whether the result is about the files on the screen."""
         return self.files == draft.files
 
     def word(self, draft: StudyDraft) -> str:
-        """The word before a finding, which says from where it comes, and of when it is if that is not now."""
+        """The word before a finding: where it comes from and, if it is outdated, when it was found."""
         return f"{'exploring again' if self.is_asked_again else 'explored'}{self._when(draft)}"
 
     def _when(self, draft: StudyDraft) -> str:
@@ -81,14 +81,14 @@ class ExploredStudy(Struct, frozen=True):
                 return []
 
     def seen(self, draft: StudyDraft) -> str:
-        """How much was looked at, and of when that is; empty: nothing was."""
+        """How much was explored, and when; empty: nothing was."""
         if not self.at:
             return ""
         number = f"{self.situations:,} {'situation' if self.situations == 1 else 'situations'}"
         return f"explored {number}{'' if self.complete else ', not all'}{self._when(draft)}"
 
     def sentence(self, draft: StudyDraft) -> str:
-        """What came of it; empty: nothing was explored."""
+        """The result in a sentence; empty: nothing was explored."""
         if self.has_failed:
             return "the saved study could not be explored: `rise-engine explore` says why"
         again = "; exploring again" if self.is_asked_again else ""
@@ -104,7 +104,7 @@ class ExploredStudy(Struct, frozen=True):
 
 
 def read_explored(document: bytes, at: str) -> ExploredStudy | None:
-    """What the program has printed; None: the study has errors, or for another reason nothing was explored."""
+    """The program's output as data. None: the study has errors, or nothing was explored for another reason."""
     try:
         explored = msgspec.json.decode(document)["explored"]
         findings = msgspec.convert(explored["findings"], tuple[ExploredPlace, ...])
@@ -115,7 +115,7 @@ def read_explored(document: bytes, at: str) -> ExploredStudy | None:
 
 
 def explored_line(explored: ExploredStudy, draft: StudyDraft, findings: Sequence[ExploredPlace]) -> StyledLine:
-    """The first of these findings; without one what came of exploring in all, which is quiet if that is nothing."""
+    """The first of these findings; without one, the result of the whole exploration (quiet if that is empty)."""
     if findings:
         first = findings[0]
         return ((f" {first.mark} {explored.word(draft)}: ", first.role), (clean(first.text), first.role))
@@ -126,7 +126,7 @@ def explored_line(explored: ExploredStudy, draft: StudyDraft, findings: Sequence
 
 
 def explored_rows(finding: ExploredPlace, width: int) -> list[ListRow]:
-    """All of a finding: its sentence, and how a session comes to that, step by step."""
+    """A finding in full: its sentence, and how a session gets there, step by step."""
     rows = [ListRow("", ((f" {line}", finding.role),), selectable=False) for line in wrap(finding.text, width - 2)]
     rows.append(ListRow("", (), selectable=False))
     rows.append(ListRow("", ((" HOW A SESSION GETS THERE", "accent"),), selectable=False))
@@ -138,7 +138,7 @@ def explored_rows(finding: ExploredPlace, width: int) -> list[ListRow]:
 
 
 def find_explored(draft: StudyDraft, finding: ExploredPlace) -> tuple[str, str] | None:
-    """Which page shows what a finding is about: its kind and name. By names, since lines move with each change."""
+    """The page for a finding: its kind and name. It is found by name, because lines move with each change."""
     outline = draft.outline
     if finding.rule and (finding.state or not finding.act):
         return ("rule", f"{finding.rule}\0{finding.state}") if outline.rule(finding.rule) is not None else None
@@ -150,7 +150,7 @@ def find_explored(draft: StudyDraft, finding: ExploredPlace) -> tuple[str, str] 
 
 
 def findings_in_rules(explored: ExploredStudy, draft: StudyDraft) -> list[Diagnostic]:
-    """What was found in rules, as diagnostics at the present lines."""
+    """Findings in rules, as diagnostics at the present lines."""
     return [
         Diagnostic(
             "error" if finding.level == "problem" else "warning",

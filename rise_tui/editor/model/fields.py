@@ -1,4 +1,4 @@
-"""A form as plain data: fields with their values, what can be chosen for them, and the edits that change them. Pure.
+"""A form as plain data: fields with their values, their choices, and the edits that change them. Pure.
 
 A list of fields changes a study field by field (`EditField.edits`). A `RuleForm` is filled in as a whole.
 """
@@ -25,20 +25,20 @@ from rise_tui.rendering.text import (
 )
 
 FieldKind: TypeAlias = Literal["text", "choice", "many", "fixed", "option", "ticks"]
-"""Typed in its row; one or any number of `choices`, in a list that opens; only shown; one or any number of `choices`,
-all of them in the form."""
+"""`text`: typed in its row. `choice`, `many`: one or any number of `choices`, in a list that opens. `fixed`: only
+shown. `option`, `ticks`: one or any number of `choices`, all of them in the form."""
 NoteLevel: TypeAlias = Literal["error", "warning", "info"]
 NOT_GIVEN = "–"
 TYPED = "as it is typed"
-"""What is made of a value that is none of the choices."""
+"""What a value becomes that is not among the choices."""
 MakeEdits: TypeAlias = Callable[[str | None], tuple[AnyEdit, ...]]
 LEAST_LABEL, MOST_VALUE = 13, 24
-"""Least cells of the labels, and most cells of values whose notes line up."""
+"""The least cells for labels, and the most cells for values whose notes line up."""
 NOTE_MARKS: dict[NoteLevel, StyledSpan] = {"error": ("✗ ", "fault"), "warning": ("▲ ", "wait"), "info": ("", "muted")}
 
 
 class FieldChoice(NamedTuple):
-    """Something that can be chosen."""
+    """Something to choose."""
 
     value: str
     title: str
@@ -53,7 +53,7 @@ class FieldNote(NamedTuple):
 
 
 def no_edits(text: str | None) -> tuple[AnyEdit, ...]:
-    """Of a field that cannot be changed."""
+    """The edits of a field that cannot be changed."""
     return ()
 
 
@@ -64,38 +64,37 @@ class EditField(NamedTuple):
     label: str
     kind: FieldKind = "fixed"
     text: str | None = None
-    """The value, unescaped; None: nothing is given. Of `many`, the chosen values joined by commas; of `ticks`, by
-    blanks."""
+    """The value, unescaped; None: not given. `many` joins the chosen values with commas, `ticks` with blanks."""
     shown: str = ""
-    """Instead of `text`, where that reads better."""
+    """Replaces `text` where this is easier to read."""
     note: str = ""
-    """Beside the value: unit, range, the default."""
+    """Beside the value: unit, range, default."""
     choices: Sequence[FieldChoice] = ()
     new: str = ""
-    """What is made of a value that is none of the choices; empty: it must be one of them."""
+    """What a value becomes that is not among the choices; empty: it must be one of them."""
     required: bool = False
     reason: str = ""
-    """Why it cannot be changed here."""
+    """Why the field cannot be changed here."""
     edits: MakeEdits = no_edits
-    """The edits that give it this text; None: take it away. May raise EditRefused for a text that makes no sense."""
+    """The edits that set this text; None: remove it. May raise EditRefused for a text that makes no sense."""
     empty: str = NOT_GIVEN
-    """Shown when nothing is given."""
+    """The text for a field without a value."""
 
 
 def text_field(id: str, label: str, value: str, empty: str = NOT_GIVEN, *, note: str = "", new: str = "") -> EditField:
-    """A field of a `RuleForm` that is typed."""
+    """A text field of a `RuleForm`."""
     return EditField(id, label, "text", value or None, empty=empty, note=note, new=new)
 
 
 class RuleForm:
-    """A form that is filled in as a whole. It is immutable: typing gives another one. Subclasses are dataclasses."""
+    """A form that is filled in as a whole. It is immutable: typing makes a new one. Subclasses are dataclasses."""
 
     title: str
 
     @property
     @abstractmethod
     def fields(self) -> tuple[EditField, ...]:
-        """The fields, in their order."""
+        """The fields in order."""
 
     @abstractmethod
     def with_value(self, field: str, value: str) -> RuleForm:
@@ -103,18 +102,18 @@ class RuleForm:
 
     @abstractmethod
     def edits(self) -> tuple[AnyEdit, ...]:
-        """The edits that carry the form out; none when nothing was changed."""
+        """The edits that carry the form out; none if nothing was changed."""
 
     def notes(self, field: str) -> list[FieldNote]:
         """Remarks about a field, the most important first. The check of the previewed edits finds the mistakes."""
         return []
 
     def choices(self, field: str) -> list[FieldChoice]:
-        """What can be chosen for a field."""
+        """The choices of a field."""
         return []
 
     def ending(self, field: str, text: str) -> str:
-        """A sure ending for what is typed; empty: there is none."""
+        """A certain ending for what is typed; empty: there is none."""
         return complete_name(text, self.choices(field))
 
     def missing(self) -> str:
@@ -130,12 +129,12 @@ def complete_name(text: str, choices: Sequence[FieldChoice]) -> str:
 
 
 def note_of(finding: Diagnostic | None) -> list[FieldNote]:
-    """What a check would say."""
+    """A diagnostic as a note."""
     return [FieldNote(finding.severity, clean(finding.message))] if finding is not None else []
 
 
 def note_lines(notes: Sequence[FieldNote], width: int, most: int) -> list[StyledLine]:
-    """The notes in at most so many lines, the last one cut off."""
+    """The notes in at most `most` lines; the last line is cut."""
     lines: list[StyledLine] = []
     for note in notes:
         mark = NOTE_MARKS[note.level]
@@ -151,16 +150,16 @@ def note_lines(notes: Sequence[FieldNote], width: int, most: int) -> list[Styled
 
 
 class FormColumns(NamedTuple):
-    """Columns of a form, so that all its rows line up."""
+    """The columns of a form, so that all its rows line up."""
 
     value: int
     """Cells before the values."""
     note: int
-    """Cells before the notes of values that are not longer."""
+    """Cells before the notes; a longer value moves its own note."""
 
 
 def form_columns(fields: Sequence[EditField], width: int) -> FormColumns:
-    """As wide as the longest label and value; one that is longer than most pushes its own note away, not all."""
+    """Columns for the longest label and value. An unusually long value moves only its own note."""
     label = max((cell_width(_label(each)) for each in fields), default=0) + 1
     value = min(max(LEAST_LABEL + 3, label), max(LEAST_LABEL + 3, width // 3))
     values = [cell_width(_value(each)) for each in fields if each.reason or each.note]
@@ -170,7 +169,7 @@ def form_columns(fields: Sequence[EditField], width: int) -> FormColumns:
 def field_rows(fields: Sequence[EditField], width: int, at: tuple[str, int] = ("", -1)) -> list[ListRow]:
     """A form's rows.
 
-    :param at: id of the field whose options the keys choose from, and which of them they are at.
+    :param at: id of the field whose options the keys choose from, and the number of the selected option.
     """
     columns = form_columns(fields, width)
     rows: list[ListRow] = []
@@ -186,7 +185,7 @@ def field_rows(fields: Sequence[EditField], width: int, at: tuple[str, int] = ("
 
 
 def field_line(field: EditField, columns: FormColumns) -> StyledLine:
-    """Label, value and note, however wide that is."""
+    """Label, value and note, at full width."""
     off = bool(field.reason) or field.kind == "fixed"
     value = _value(field).ljust(columns.note - columns.value - 2)
     pieces: list[StyledSpan] = [
@@ -200,12 +199,12 @@ def field_line(field: EditField, columns: FormColumns) -> StyledLine:
 
 
 def ticked(field: EditField) -> list[str]:
-    """The options that are chosen."""
+    """The chosen options."""
     return (field.text or "").split() if field.kind == "ticks" else [field.text or ""]
 
 
 def _option_lines(field: EditField, columns: FormColumns, width: int, at: int) -> list[StyledLine]:
-    """All options, as many beside each other as there is room for, below each other in columns."""
+    """All options in columns, as many side by side as fit."""
     on, signs = ticked(field), ("[ ]", "[x]") if field.kind == "ticks" else ("( )", "(•)")
     cells = max(len(each.title) for each in field.choices) + 6
     beside = max(1, min(len(field.choices), (width - columns.value) // cells))

@@ -14,7 +14,7 @@ from rise_tui.editor.model.study_names import StudyNames
 
 @dataclass(frozen=True)
 class TemplateValueForm(RuleForm):
-    """A parameter of a `<use>`, by which the states of a template differ."""
+    """A parameter of a `<use>`, in which a template's states differ."""
 
     use: WrittenUse
     parameter: str
@@ -49,13 +49,13 @@ NamePurpose: TypeAlias = Literal["new state", "rename state"]
 
 @dataclass(frozen=True)
 class NameForm(RuleForm):
-    """The name of a new state, or another name for a state."""
+    """The name of a new state, or a new name for a state."""
 
     rule: WrittenRule
     purpose: NamePurpose
     name: str
     state: str = ""
-    """The state to rename, or the one before the new one."""
+    """The state to rename, or the one before the new state."""
 
     @property
     def title(self) -> str:  # type: ignore[override]
@@ -110,7 +110,7 @@ class EventKeyForm(RuleForm):
         return (SetSetting(("keys", self.key.strip()), binding),)
 
     def missing(self) -> str:
-        """Also why the key cannot be this one: setting it would take it from what it does now."""
+        """What is missing, or why this key cannot be used: setting it would replace what it does now."""
         key = self.key.strip()
         if not key:
             return "which key?"
@@ -121,7 +121,7 @@ class EventKeyForm(RuleForm):
         return f"the key {key} does something else already" if name in self._taken() else ""
 
     def _taken(self) -> set[str]:
-        """The keys of the keyboard that do something, by their names."""
+        """The names of keys of the keyboard that already do something."""
         found: set[str] = set()
         for key in self.names.keyboard:
             try:

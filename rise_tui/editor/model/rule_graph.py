@@ -1,6 +1,7 @@
 """A rule's drawn graph with a cursor over its states and transitions. Pure.
 
-The drawing is the console's; here it is made of what is written, right or wrong, and every transition can be chosen.
+The console draws it too. Here the drawing is made from the written rule, right or wrong, and every transition can be
+selected.
 """
 
 from __future__ import annotations
@@ -21,12 +22,12 @@ from rise_tui.model.state_drawing import GraphPosition, draw_state_graph
 from rise_tui.rendering.text import ListRow, StyledLine, StyledSpan, TextRole, crop
 
 MARGIN = 2
-"""Cells left of the drawing, for the mark of a finding."""
+"""Cells left of the drawing, for the mark of a diagnostic."""
 SEVERITY_MARKS: dict[Severity, StyledSpan] = {"error": ("✗ ", "fault"), "warning": ("▲ ", "wait")}
 
 
 class GraphSpot(NamedTuple):
-    """Where the cursor is: on a state, or on one of its transitions."""
+    """The cursor's place: a state, or one of its transitions."""
 
     state: str
     transition: int = -1
@@ -49,7 +50,7 @@ def parse_spot(id: str) -> GraphSpot | None:
 
 
 def drawn_rule(rule: WrittenRule) -> Rule:
-    """A rule as its drawing needs it: what is wrong in it is drawn as it is written."""
+    """A rule for drawing. Mistakes in it are drawn as they are written."""
     states: dict[str, State] = {}
     for state in rule.states:
         states.setdefault(state.id, State(state.id, transitions=tuple(map(_drawn_transition, state.transitions))))
@@ -57,16 +58,16 @@ def drawn_rule(rule: WrittenRule) -> Rule:
 
 
 def lay_out_rule(rule: WrittenRule, width: int) -> GraphLayout | None:
-    """The layout in so many cells; None for a rule without states."""
+    """The layout in `width` cells; None for a rule without states."""
     drawn = drawn_rule(rule)
     return lay_out_graph(drawn, max(20, width - MARGIN)) if drawn.states else None
 
 
 def draw_rule(layout: GraphLayout, spot: GraphSpot | None, marks: Mapping[GraphSpot, Severity]) -> list[ListRow]:
-    """The rows, each with its place as id; where a row has two places, the id is that of the chosen one.
+    """The rows, each with its place as id. A row with two places has the id of the selected one.
 
-    :param spot: where the cursor is: the rail of its transition is highlighted to the arrow.
-    :param marks: places with findings.
+    :param spot: the cursor's place; the rail of its transition is highlighted up to the arrow.
+    :param marks: places with diagnostics.
     """
     chosen = layout.edges.get((spot.state, spot.transition)) if spot is not None else None
     path = set(edge_path(layout, chosen)) if chosen is not None else set[tuple[int, int]]()
@@ -92,7 +93,7 @@ def row_spots(row: GraphRow) -> tuple[GraphSpot, ...]:
 
 
 def beside(layout: GraphLayout, spot: GraphSpot, step: int) -> GraphSpot:
-    """The place at the right (1) or left (-1) of one in its row; itself where there is none."""
+    """The place to the right (1) or left (-1) of another in its row; the same place if there is none."""
     for row in layout.rows:
         here = row_spots(row)
         if spot in here:
@@ -101,7 +102,7 @@ def beside(layout: GraphLayout, spot: GraphSpot, step: int) -> GraphSpot:
 
 
 def valid_spot(layout: GraphLayout, rule: WrittenRule, spot: GraphSpot | None) -> GraphSpot:
-    """The place, or the nearest that is still there."""
+    """The place, or the nearest one that still exists."""
     if spot is not None and spot.state in layout.row_of:
         if spot.transition < 0 or (spot.state, spot.transition) in layout.edges:
             return spot
@@ -123,7 +124,7 @@ def _drawn_transition(transition: WrittenTransition) -> Transition:
 
 
 def _as_expression(text: str | None) -> Expression | None:
-    """A condition for its label alone: it need not be one that can be read."""
+    """A condition for its label only; it may be unreadable."""
     return None if text is None else Expression(one_line(text), LiteralNode(True), frozenset(), frozenset())
 
 
@@ -143,7 +144,7 @@ def _recolour(line: StyledLine, columns: set[int]) -> StyledLine:
 
 
 def _emphasize(line: StyledLine, *, transition: bool) -> StyledLine:
-    """A row with a state and its transition: the one that is chosen is bright, the other is not."""
+    """A row with a state and its transition: the selected one is bright, the other is not."""
     at = next((index for index, (text, _) in enumerate(line) if text == " ↓ "), len(line))
     muted: TextRole = "muted"
     if transition:
@@ -154,12 +155,12 @@ def _emphasize(line: StyledLine, *, transition: bool) -> StyledLine:
 
 
 def worst(findings: Sequence[Diagnostic]) -> Severity:
-    """An error, if there is one."""
+    """An error, if there is one, else a warning."""
     return "error" if any(each.severity == "error" for each in findings) else "warning"
 
 
 def rule_findings(rule: WrittenRule, findings: Iterable[Diagnostic]) -> dict[GraphSpot, list[Diagnostic]]:
-    """The findings in each state outside of its transitions, and in each transition, in the order of the file."""
+    """The diagnostics of each state outside its transitions, and of each transition, in the order of the file."""
     source = SourceFile(rule.file, b"", rule.node.tree.text)
     spots: dict[GraphSpot, list[Diagnostic]] = {}
     for finding in findings:
@@ -171,7 +172,7 @@ def rule_findings(rule: WrittenRule, findings: Iterable[Diagnostic]) -> dict[Gra
 
 
 def _spots_at(rule: WrittenRule, offset: int) -> Iterator[GraphSpot]:
-    """The innermost places that hold a character: several, where states share a transition or a template."""
+    """The innermost places around a character. Several, if states share a transition or a template."""
     transitions = [
         GraphSpot(state.id, number)
         for state in rule.states

@@ -1,7 +1,7 @@
-"""A state of a rule as one list: what it does on entry, its transitions, what it does on exit. Pure.
+"""A state of a rule as one list: its functions on entry, its transitions, its functions on exit. Pure.
 
-Blocks are an indented list with a line for each condition. Each row knows its statement, so that a key can add,
-change, move or remove it.
+Blocks are an indented list with a line for each condition. Each row knows its statement, so that a key can add, change,
+move or remove it.
 """
 
 from __future__ import annotations
@@ -39,7 +39,7 @@ from rise_engine.syntax.xml_writing import one_line
 
 PartKind: TypeAlias = Literal["heading", "call", "if", "branch", "choice", "transition", "other", "empty", "parameter"]
 MOST_LEVELS = 4
-"""Blocks within each other that the list shows; what is deeper is changed in the file."""
+"""Levels of nested blocks in the list; deeper ones are changed in the file."""
 
 
 class PartRow(NamedTuple):
@@ -49,25 +49,25 @@ class PartRow(NamedTuple):
     text: str
     depth: int = 0
     at: StatementAddress | None = None
-    """Of a statement or a branch; of a heading, a transition or an empty place, the address of one more in it."""
+    """The address of a statement or a branch. For a heading, transition or empty place: of a new statement in it."""
     transition: int = -1
-    """The number of the transition that the row is, or belongs to."""
+    """The number of the transition that this row is, or belongs to."""
     siblings: int = 0
-    """How many there are in its block."""
+    """How many statements its block has."""
     reason: str = ""
-    """Why a form cannot change it."""
+    """Why no form can change it."""
     guard: str = ""
-    """Of a transition: its guard. Of a branch: its condition. Of a parameter: a note."""
+    """A transition's guard, a branch's condition, or a parameter's note."""
     target: str | None = None
-    """Of a transition: where it leads. Of a parameter: its name."""
+    """A transition's target, or a parameter's name."""
     in_arm: bool = False
     """Whether it is a function in a branch of an `if`."""
     line: int = 0
-    """In the file; 0: it has none of its own."""
+    """Its line in the file; 0: none of its own."""
 
     @property
     def id(self) -> str:
-        """The same for the same thing as long as nothing before it is added or removed."""
+        """The row's id. It stays the same until something before the row is added or removed."""
         named = self.kind not in ("heading", "transition") and self.at is not None
         path = ".".join(map(str, self.at.path)) if named and self.at is not None else ""
         place = self.at.place if self.at is not None else ""
@@ -77,7 +77,7 @@ class PartRow(NamedTuple):
 def state_parts(rule: str, state: WrittenState, use: WrittenUse | None = None) -> list[PartRow]:
     """The list of a state.
 
-    :param use: the `<use>` that it comes from.
+    :param use: the `<use>` that the state comes from.
     """
     rows = [*_parameters(use)] if use is not None else []
     rows += [*_block(rule, state, "onEntry", state.on_entry, "WHEN IT IS ENTERED")]
@@ -101,16 +101,16 @@ def use_of(outline: Outline, state: WrittenState) -> WrittenUse | None:
 
 
 def add_statement(row: PartRow, statement: StatementForm, *, behind: bool = False) -> AddStatement | None:
-    """A new statement for the place of the cursor: behind a function, last in a block, first in an arm.
+    """A new statement at the cursor: after a function, last in a block, first in an arm.
 
-    :param behind: after the whole block of the cursor, instead.
-    :returns: None where there can be no function.
+    :param behind: put it after the whole block of the cursor instead.
+    :returns: None where no function is possible.
     """
     at = row.at
     if at is None or row.reason or row.kind == "other":
         return None
     if row.kind in ("heading", "transition", "empty"):
-        if behind and row.kind == "empty":  # behind the `if`: without the number of the arm and that in it
+        if behind and row.kind == "empty":  # behind the `if`: without the arm's number and the one in it
             at = _behind(_with_path(at, at.path[:-2]))
         return AddStatement(at, statement)
     if row.kind == "call":
@@ -124,7 +124,7 @@ def add_statement(row: PartRow, statement: StatementForm, *, behind: bool = Fals
 
 
 def add_branch(row: PartRow, parts: Sequence[PartRow], condition: str | None) -> AddBranch | None:
-    """Another branch of the `if` at the cursor: one with a condition before its `else`, or the `else` (None)."""
+    """Another branch of the `if` at the cursor: with a condition, before its `else`, or the `else` itself (None)."""
     head = _head_of(row, parts)
     if head is None or head.at is None:
         return None
@@ -142,7 +142,7 @@ def id_of_call(at: StatementAddress) -> str:
 
 
 def removal(row: PartRow, state: WrittenState, rule: str) -> AnyEdit | None:
-    """What takes away the row and all that is in it; None: nothing can be taken away here."""
+    """The edit that removes the row and its contents; None: it cannot be removed here."""
     if row.kind == "transition":
         return RemoveTransition(rule, state.id, row.transition, state.transitions[row.transition].form)
     if row.kind in ("call", "if", "branch", "choice", "other") and row.at is not None and not row.reason:
@@ -167,7 +167,7 @@ def movement(row: PartRow, state: WrittenState, rule: str, step: int) -> AnyEdit
 
 
 def statement_at(state: WrittenState, address: StatementAddress) -> WrittenStatement | None:
-    """The statement at an address; None for a branch, and for what is not there."""
+    """The statement at an address; None for a branch and for a missing statement."""
     block = block_of(state, address)
     path = list(address.path)
     while path:
@@ -188,7 +188,7 @@ def statement_at(state: WrittenState, address: StatementAddress) -> WrittenState
 
 
 def block_of(state: WrittenState, address: StatementAddress) -> tuple[WrittenStatement, ...]:
-    """The outermost statements of the place that an address names."""
+    """The outermost statements of an address's place."""
     if address.place == "onEntry":
         return state.on_entry
     if address.place == "onExit":
@@ -198,7 +198,7 @@ def block_of(state: WrittenState, address: StatementAddress) -> tuple[WrittenSta
 
 
 def _parameters(use: WrittenUse) -> Iterator[PartRow]:
-    """What is given to a template, by which its states differ."""
+    """The arguments of a template, in which its states differ."""
     yield PartRow(
         "heading",
         f"FROM THE TEMPLATE {use.template}",
@@ -275,7 +275,7 @@ def _statements(
 
 
 def _branches(statement: WrittenStatement, row: PartRow) -> Iterator[PartRow]:
-    """The arms of an `if`, each with what is in it."""
+    """The arms of an `if`, each with its contents."""
     assert row.at is not None
     for number, branch in enumerate(statement.branches):
         at = _with_path(row.at, (*row.at.path, number))
@@ -301,7 +301,7 @@ def _too_deep(row: PartRow) -> PartRow:
 
 
 def _head_of(row: PartRow, parts: Sequence[PartRow]) -> PartRow | None:
-    """The `if` that a row is, or is in, the nearest."""
+    """The nearest `if` that is this row or contains it."""
     if row.at is None or row.kind in ("heading", "transition"):
         return None
     heads = [
@@ -317,7 +317,7 @@ def _head_of(row: PartRow, parts: Sequence[PartRow]) -> PartRow | None:
 
 
 def _is_arm(at: StatementAddress, of: StatementAddress) -> bool:
-    """Whether a branch's address is that of an arm of the `if` at `of`."""
+    """Whether a branch's address is an arm of the `if` at `of`."""
     same_block = (at.place, at.transition) == (of.place, of.transition)
     return same_block and len(at.path) == len(of.path) + 1 and at.path[:-1] == of.path
 
@@ -331,7 +331,7 @@ def _with_path(at: StatementAddress, path: tuple[int, ...]) -> StatementAddress:
 
 
 def call_at(state: WrittenState, row: PartRow) -> CallForm | None:
-    """The function that a row is."""
+    """The function in a row."""
     if row.kind != "call" or row.at is None:
         return None
     statement = statement_at(state, row.at)

@@ -16,7 +16,7 @@ from rise_tui.editor.model.fields import FieldChoice
 
 
 class StudyNames(NamedTuple):
-    """What exists in a study, right or wrong."""
+    """Everything that exists in a study, right or wrong."""
 
     outline: Outline
     memory: Mapping[str, Json]
@@ -27,10 +27,10 @@ class StudyNames(NamedTuple):
     raised: Mapping[str, str]
     """Events (without slash) that are raised, each with a note: `raised by rule Next, key n`."""
     own_events: Sequence[str]
-    """Those that the study raises or waits for, not the engine's."""
+    """Events that the study raises or waits for, without the engine's."""
     awaited: frozenset[str]
     keyboard: Mapping[str, Any]
-    """`[keys]` of scenario.toml, as it is written."""
+    """`[keys]` of scenario.toml, as written."""
 
     @property
     def acts(self) -> list[str]:
@@ -41,7 +41,7 @@ class StudyNames(NamedTuple):
         return list(dict.fromkeys(rule.name for rule in self.outline.rules if rule.name))
 
     def states_of(self, rule: str) -> list[str]:
-        """The states of a rule, in the file's order; none for a rule that there is not."""
+        """The states of a rule, in the file's order; empty for an unknown rule."""
         found = self.outline.rule(rule)
         return [state.id for state in found.states] if found is not None else []
 
@@ -50,7 +50,7 @@ class StudyNames(NamedTuple):
         return self.raised.get(normal_topic(event), "")
 
     def event_choices(self) -> list[FieldChoice]:
-        """Every event that can be waited for: those of the study first, then those that the engine raises."""
+        """Every event that a rule can wait for: the study's first, then the engine's."""
         return [
             FieldChoice(f"/{event}", f"/{event}", self.event_note(event) or "nothing in this study raises it")
             for event in dict.fromkeys((*self.own_events, *self.raised))
@@ -62,12 +62,12 @@ class StudyNames(NamedTuple):
         return [FieldChoice(f"/{event}", f"/{event}", notes[event in self.awaited]) for event in self.own_events]
 
     def key_choices(self) -> list[FieldChoice]:
-        """Every memory key that a condition can ask for, with its value at the start."""
+        """Every memory key that a condition can use, with its start value."""
         names = dict.fromkeys((*self.memory, *sorted(self.set_keys)))
         return [FieldChoice(name, name, self.start_note(name)) for name in names]
 
     def start_note(self, key: str) -> str:
-        """What a memory key is at the start, in words."""
+        """The start value of a memory key, in words."""
         if key in self.tables:
             return f"a table of {len(self.memory[key])} rows"
         return f"{short_value(self.memory[key])} at the start" if key in self.memory else "not there at the start"
@@ -92,7 +92,7 @@ ENGINE_ENDINGS = {"_end": "ends", "_succeeded": "succeeds", "_failed": "fails", 
 
 
 def engine_notes(draft: ScenarioDraft) -> dict[str, str]:
-    """The events that the engine itself raises, each with the moment."""
+    """The events that the engine raises itself, each with the moment."""
     notes = {CUE_TOPICS[0]: "the participant's cue", CUE_TOPICS[1]: "raised when the cue is taken back"}
     for act in draft.acts:
         notes |= {act + suffix: f"raised automatically when {act} {when}" for suffix, when in ENGINE_ENDINGS.items()}
@@ -104,7 +104,7 @@ def engine_notes(draft: ScenarioDraft) -> dict[str, str]:
 
 
 def study_names(outline: Outline, draft: ScenarioDraft, files: Files) -> StudyNames:
-    """What exists in a study, from what could be read of it."""
+    """The names in a study, from everything that could be read of it."""
     raised: dict[str, dict[str, None]] = {normal_topic(mention.name): {} for mention in draft.raised_topics}
     for rule in outline.rules:
         for call in calls_of_rule(rule):
@@ -154,7 +154,7 @@ def acts_started_by(rule: WrittenRule) -> tuple[str, ...]:
 
 
 def short_value(value: Json) -> str:
-    """A value beside others: of a list or an object, how much there is of it."""
+    """A value in a short form; for a list or an object, its size."""
     match value:
         case bool():
             return "true" if value else "false"

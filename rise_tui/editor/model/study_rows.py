@@ -1,4 +1,4 @@
-"""The list of a study: its acts and rules with their keys, and what else there is to change."""
+"""The list of a study: its acts and rules with their keys, and the other pages."""
 
 from __future__ import annotations
 
@@ -20,23 +20,23 @@ ALSO = (
     ("settings", "Settings", "title, robot, fillers, conditions"),
     ("tables", "Tables", "lists of items"),
 )
-"""Pages besides acts and rules, by their kinds."""
+"""Pages other than acts and rules, by their kinds."""
 OF_STUDY = (
     ("tables", "People", "participants.csv"),
     ("settings", "Design", "study.toml: factors, plan, checks"),
 )
-"""The pages of a study of participants, whose scenarios are edited apart."""
+"""The pages of a study with participants, whose scenarios are edited separately."""
 NAME = 4
-"""Cells around a name: the key before it, the mark behind it."""
+"""Cells around a name: the key before it, the mark after it."""
 
 
 def row_id(kind: str, name: str = "") -> str:
-    """Of a row that opens the page of this kind."""
+    """The id of a row that opens a page of this kind."""
     return f"{kind}\0{name}"
 
 
 def split_row_id(id: str) -> tuple[str, str]:
-    """Kind and name. Both empty for no row."""
+    """Kind and name of a row's id. Both are empty for no row."""
     kind, _, name = id.partition("\0")
     return kind, name
 
@@ -55,7 +55,7 @@ def keys_by_name(draft: StudyDraft) -> dict[tuple[str, str], list[KeyBinding]]:
 
 
 def study_rows(draft: StudyDraft, width: int, wanted: str = "") -> list[ListRow]:
-    """Acts, rules and the rest; only those with `wanted` in them."""
+    """Acts, rules and the other pages; only those that contain `wanted`."""
     keys, wrong = keys_by_name(draft), wrong_files(draft)
 
     def fits(*texts: str) -> bool:
@@ -99,7 +99,7 @@ def study_rows(draft: StudyDraft, width: int, wanted: str = "") -> list[ListRow]
 
 
 def best_row(rows: Sequence[ListRow], wanted: str) -> str:
-    """The row that is meant by what is searched: one whose name begins so, else the first one."""
+    """The best match of a search: a row whose name begins with the text, else the first one."""
     titles = {kind: title for kind, title, _ in ALSO}
 
     def title(id: str) -> str:
@@ -120,12 +120,12 @@ def _name_width(width: int) -> int:
 
 
 def _also_line(title: str, help: str, width: int) -> StyledLine:
-    """Its names are short, so that what is said of them has room."""
+    """Names of these pages are short, which leaves room for their descriptions."""
     return crop((("   ", "plain"), fixed_span(title, 10), (help, "muted")), width)
 
 
 def _act_note(draft: StudyDraft, act: WrittenAct, room: int) -> str:
-    """How it is treated and how many wordings it has, as much of that as there is room for."""
+    """An act's settings and number of wordings, as much as fits."""
     most = max((len(action.calls) for action in act.actions), default=0)
     scenario = draft.checked.scenario
     notes: list[str] = []
@@ -164,7 +164,7 @@ def find_at(draft: StudyDraft, file: str, line: int) -> tuple[str, str] | None:
 
 
 def used_by(draft: StudyDraft, kind: str, name: str) -> list[str]:
-    """Where an act, a rule or a key is named, a line each."""
+    """Where an act, a rule or a key is used, one line each."""
     known = {"act": "act", "rule": "rule", "memory": "key", "event": "event"}.get(kind)
     if known is None:
         return []
@@ -173,19 +173,19 @@ def used_by(draft: StudyDraft, kind: str, name: str) -> list[str]:
 
 
 def act_preview(draft: StudyDraft, act: WrittenAct, width: int) -> list[StyledLine]:
-    """What the page of an act would show, and what uses it."""
+    """The contents of an act's page, and what uses the act."""
     lines: list[StyledLine] = [
         ((f" {act.name}", "strong"),),
         ((f" {act.file}:{act.line}  ~{format_seconds(act_seconds(act, draft.checked))} s", "muted"),),
     ]
-    for action in act.actions:  # one role: changing colours is most of what a moved cursor costs on the wire
+    for action in act.actions:  # one role: colour changes are most of what a cursor move sends
         head = f" {when_text(action.wait_for):9}{action.id:>2} {action_type(action)[:9]:9} "
         lines.append(crop(((head + what_text(action), "plain"),), width))
     return [*lines, (), *used_lines(draft, "act", act.name, width)]
 
 
 def used_lines(draft: StudyDraft, kind: str, name: str, width: int) -> list[StyledLine]:
-    """USED BY, and a row for each."""
+    """USED BY, and a row for each use."""
     found = used_by(draft, kind, name)
     lines: list[StyledLine] = [((" USED BY", "accent"),)]
     for text in found or ["nothing: no rule and no key starts it"]:

@@ -1,4 +1,4 @@
-"""The tables of a study as grids: which rows and columns there are, and what of them has room."""
+"""The tables of a study as grids: their rows and columns, and which of them fit."""
 
 from __future__ import annotations
 
@@ -18,11 +18,11 @@ from rise_tui.editor.model.draft import StudyDraft
 from rise_tui.rendering.text import StyledLine, StyledSpan, cell_width, clean, crop, fixed_span
 
 NUMBER = 5
-"""Cells before a row: its number."""
+"""Cells for the number before a row."""
 LEAST, MOST = 4, 24
-"""Cells of a column where not all have as much room as they need."""
+"""Cells of a column if not all columns get the width that they need."""
 _MEASURED = 400
-"""Rows by which the width of a column is found."""
+"""Rows that are measured to find the width of a column."""
 
 
 class GridRow(NamedTuple):
@@ -30,39 +30,39 @@ class GridRow(NamedTuple):
 
     table: str
     number: int
-    """Of a row of the table, from 0; -1: the names of its columns; -2: its own name."""
+    """The number of the table's row, from 0; -1: the names of its columns; -2: its own name."""
 
 
 class GridColumn(NamedTuple):
-    """A column that is in view."""
+    """A visible column."""
 
     at: int
-    """Which one, from 0."""
+    """Its index, from 0."""
     width: int
 
 
 class GridTable(NamedTuple):
-    """A table, and what room it needs."""
+    """A table, and the room that it needs."""
 
     cells: WrittenCells
     widths: tuple[int, ...]
-    """Cells of the screen that each column needs for all that is in it."""
+    """Cells that each column needs to show everything in it."""
 
 
 class Grid(NamedTuple):
-    """All tables under each other."""
+    """All tables, one below the other."""
 
     tables: dict[str, GridTable]
-    """Those that can be read."""
+    """The readable tables."""
     problems: dict[str, str]
-    """Why the others cannot."""
+    """Why the others cannot be read."""
     rows: tuple[GridRow, ...]
 
 
 def grid_of(draft: StudyDraft, wanted: str = "") -> Grid:
     """The tables of a study.
 
-    :param wanted: only rows with this in one of their values; all where it is in the table's name.
+    :param wanted: show only rows with this text in a value; all rows if it is in the table's name.
     """
     tables: dict[str, GridTable] = {}
     problems: dict[str, str] = {}
@@ -98,7 +98,7 @@ def _is_of(file: str, name: str) -> bool:
 
 @lru_cache(maxsize=16)
 def _read_cells(name: str, files: tuple[tuple[str, bytes], ...]) -> GridTable | str:
-    """Of a table, or why it cannot be read; from its files, so that no table is read for each moved cursor."""
+    """A table, or why it cannot be read. Cached by its files, so that a cursor move reads no table again."""
     try:
         cells = written_cells(dict(files), name)
         return GridTable(cells, _natural_widths(cells))
@@ -107,7 +107,7 @@ def _read_cells(name: str, files: tuple[tuple[str, bytes], ...]) -> GridTable | 
 
 
 def row_at_line(grid: Grid, place: str) -> GridRow | None:
-    """The row in a line, `tables/items.csv:3`; None: there is none."""
+    """The row at a line, `tables/items.csv:3`; None: there is none."""
     file, _, line = place.rpartition(":")
     for name, table in grid.tables.items():
         if table.cells.file == file and line.isdigit():
@@ -117,12 +117,12 @@ def row_at_line(grid: Grid, place: str) -> GridRow | None:
 
 
 def is_selectable(grid: Grid, row: GridRow) -> bool:
-    """Whether the cursor can be on it: on rows, and on the columns of a table without rows."""
+    """Whether the cursor can be on this row: on rows, and on the columns of a table without rows."""
     table = grid.tables.get(row.table)
     return row.number >= 0 or (row.number == -1 and table is not None and not table.cells.rows)
 
 
-# --- what has room --------------------------------------------------------------------------------------------------
+# --- widths ---------------------------------------------------------------------------------------------------------
 
 
 def _natural_widths(table: WrittenCells) -> tuple[int, ...]:
@@ -134,12 +134,12 @@ def _natural_widths(table: WrittenCells) -> tuple[int, ...]:
 
 
 def columns_in_view(table: GridTable, column: int, width: int) -> list[GridColumn]:
-    """The columns that have room, the one with the cursor among them.
+    """The columns that fit, including the one with the cursor.
 
-    Where all have the room that they need, they have it; else none is wider than `MOST`, what is left over goes to
-    those that are cut, and columns before that of the cursor give way.
+    If all columns fit, each gets the width that it needs. Otherwise none is wider than `MOST`, cut columns share the
+    rest, and columns before the cursor's are hidden.
 
-    :param column: the index of the one with the cursor. :param width: cells of a row.
+    :param column: the index of the column with the cursor. :param width: cells of a row.
     """
     room, natural = width - NUMBER, table.widths
     if sum(natural) <= room:
@@ -151,7 +151,7 @@ def columns_in_view(table: GridTable, column: int, width: int) -> list[GridColum
     fitting = sum(1 for total in accumulate(widths[first:]) if total <= room)
     left = room - sum(widths[first : first + fitting])
     while left > 0 and (cut := [at for at in range(first, first + fitting) if widths[at] < natural[at]]):
-        for at in cut:  # in equal parts, until nothing is cut or nothing is left
+        for at in cut:  # in equal parts, until nothing is cut or no room is left
             more = min(max(1, left // len(cut)), natural[at] - widths[at], left)
             widths[at], left = widths[at] + more, left - more
     found = [GridColumn(at, widths[at]) for at in range(first, first + fitting)]
@@ -163,7 +163,7 @@ def columns_in_view(table: GridTable, column: int, width: int) -> list[GridColum
 def grid_line(grid: Grid, row: GridRow, column: int, width: int, *, is_current: bool) -> StyledLine:
     """One row of the page.
 
-    :param column: with the cursor, in the table with the cursor. :param is_current: whether that is this table's row.
+    :param column: the cursor's column, in the cursor's table. :param is_current: whether this is the cursor's row.
     """
     if row.table in grid.problems:
         return crop(((f" {row.table}", "accent"), (f"  ✗ {clean(grid.problems[row.table])}", "fault")), width)
@@ -188,35 +188,35 @@ def grid_line(grid: Grid, row: GridRow, column: int, width: int, *, is_current: 
 
 
 def hidden_columns(table: GridTable, column: int, width: int) -> tuple[int, int]:
-    """How many columns are on the left and on the right of those in view."""
+    """The number of hidden columns on the left and on the right."""
     shown = columns_in_view(table, min(column, len(table.widths) - 1), width)
     return shown[0].at, len(table.widths) - 1 - shown[-1].at
 
 
-# --- what changes them ----------------------------------------------------------------------------------------------
+# --- edits ----------------------------------------------------------------------------------------------------------
 
 
 def cell_problem(value: str) -> str:
-    """Why a value is changed in its file only; empty: it can be here."""
+    """Why a value can only be changed in its file; empty: it can be changed here."""
     return "" if clean(value, keep="\n") == value else "it has invisible characters"
 
 
 def cell_edits(table: str, row: int, column: str, was: str, said: str) -> tuple[AnyEdit, ...]:
-    """What makes a cell this; nothing for what it is already."""
+    """The edits that change a cell; none if it already has this value."""
     return (SetCell(table, row, column, said),) if said.strip() != was else ()
 
 
 def copied_row(name: str, table: WrittenCells, after: int) -> AddRow:
-    """A row that begins as the one before it: a table has rows without values nowhere."""
+    """A new row with the values of the row before it, because a table has no empty cells."""
     values: Sequence[str] = table.rows[min(after, len(table.rows) - 1)] if table.rows else ["…"] * len(table.columns)
     return AddRow(name, dict(zip(table.columns, values, strict=False)), after + 1)
 
 
 def new_table(names: Sequence[str], name: str, columns: str) -> ReplaceFile:
-    """A table that has columns and no rows yet.
+    """A table with columns and without rows.
 
-    :param names: those that there are. :param columns: what somebody typed, with commas between.
-    :raises EditRefused: it cannot be called so, or is there, or has no columns, or one twice.
+    :param names: the existing tables. :param columns: the typed names, separated by commas.
+    :raises EditRefused: the name is not possible or taken, or there are no columns, or one occurs twice.
     """
     if not is_writable_key(name) or "." in name:
         raise EditRefused(f"a table's name has letters, digits and _, and begins with a letter; not “{name}”")
@@ -231,7 +231,7 @@ def new_table(names: Sequence[str], name: str, columns: str) -> ReplaceFile:
 
 
 def new_column(table: str, column: str, at: int, further: Sequence[str]) -> tuple[AnyEdit, ...]:
-    """A column, empty in all rows. One of participants.csv is also named in study.toml.
+    """A column, empty in all rows. A column of participants.csv is also added to study.toml.
 
     :param further: the columns that `[participants]` names.
     """

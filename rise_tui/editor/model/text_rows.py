@@ -1,4 +1,4 @@
-"""The texts of a study as rows: what is said, what it is in another language, and whether that is missing or stale."""
+"""The texts of a study as rows: the text, its translation, and whether that is missing or stale."""
 
 from __future__ import annotations
 
@@ -36,8 +36,8 @@ from rise_tui.rendering.text import (
 )
 
 TextState: TypeAlias = Literal["there", "stale", "wrong", "missing", "not needed"]
-"""Of a translation: of the text as it is, of an earlier text, with other memory values than the text, not there, not
-there and not wanted."""
+"""Of a translation: of the present text; of an earlier text; with other memory values than the text; missing; missing
+and not needed."""
 LACKING: tuple[TextState, ...] = ("stale", "wrong", "missing")
 MARKS: dict[TextState, StyledSpan] = {
     "there": ("✓ ", "muted"),
@@ -47,17 +47,17 @@ MARKS: dict[TextState, StyledSpan] = {
     "not needed": ("· ", "muted"),
 }
 WIDE = 100
-"""Cells from which rows also say when a text is said, and with what."""
+"""The width in cells from which rows also show when a text is said, and with what."""
 LABEL = 8
-"""Cells before a text that is shown whole."""
+"""Cells before a text that is shown in full."""
 _MEASURE = 16
-"""Cells for how long a text is."""
+"""Cells for the length of a text."""
 ORIGINAL = "acts"
-"""Shown for the language of the acts while it is not given."""
+"""Shown as the language of the acts if none is given."""
 
 
 class TextEntry(NamedTuple):
-    """A text beside its translation into one language."""
+    """A text with its translation into one language."""
 
     text: SpokenText
     translation: Translation | None
@@ -65,56 +65,56 @@ class TextEntry(NamedTuple):
 
     @property
     def said(self) -> str:
-        """In the other language; empty: nothing."""
+        """The text in the other language; empty: none."""
         return self.translation.template.text if self.translation is not None else ""
 
 
 class TextCounts(NamedTuple):
-    """How far a language is."""
+    """How much of a language is done."""
 
     there: int
     stale: int
     wrong: int
     missing: int
     of: int
-    """All that need a translation."""
+    """All texts that need a translation."""
 
 
 class TextsView(NamedTuple):
-    """What of the texts is shown, so that the page can be left and come back to."""
+    """The visible part of the texts, so that the page can be left and opened again."""
 
     language: str = ""
     id: str = ""
-    """Of the text under the cursor."""
+    """The id of the text under the cursor."""
     only: bool = False
-    """Only what is missing, stale or wrong."""
+    """Show only texts that are missing, stale or wrong."""
     wanted: str = ""
 
     @property
     def name(self) -> str:
-        """As pages are told what to show."""
+        """The view as a page's name."""
         return "\0".join((self.language, self.id, "only" if self.only else "", self.wanted))
 
 
 def view_named(name: str) -> TextsView:
-    """The view of this `TextsView.name`; what is left out of it is as when the page is opened."""
+    """The view of this `TextsView.name`. Missing parts are as on a newly opened page."""
     language, id, only, wanted = (name.split("\0") + [""] * 4)[:4]
     return TextsView(language, id, only == "only", wanted)
 
 
 def own_language(draft: StudyDraft) -> str:
-    """The language of the acts, also while something is wrong; empty: it is not given."""
+    """The language of the acts, even while there are mistakes; empty: it is not given."""
     found = draft.values_in(SCENARIO_FILE).get("language")
     return found.strip() if isinstance(found, str) else ""
 
 
 def languages_of(draft: StudyDraft) -> tuple[str, ...]:
-    """Those that texts are translated into."""
+    """The languages that texts are translated into."""
     return tuple(draft.checked.translations)
 
 
 def text_entries(draft: StudyDraft, language: str) -> list[TextEntry]:
-    """All texts in the order of the acts; without a language, none of them needs a translation."""
+    """All texts in the order of the acts. Without a language, none of them needs a translation."""
     found = draft.checked.translations.get(language)
     if found is None:
         return [TextEntry(text, None, "not needed") for text in draft.checked.texts]
@@ -131,14 +131,14 @@ def _state(text: SpokenText, translation: Translation | None) -> TextState:
 
 
 def count_texts(entries: Sequence[TextEntry]) -> TextCounts:
-    """Over all texts of a study."""
+    """The counts over all texts of a study."""
     states = [each.state for each in entries]
     there, stale, wrong, missing = (states.count(state) for state in ("there", *LACKING))
     return TextCounts(there, stale, wrong, missing, there + stale + wrong + missing)
 
 
 def shown_entries(entries: Sequence[TextEntry], view: TextsView) -> list[TextEntry]:
-    """Those that a view leaves."""
+    """The texts that a view shows."""
     wanted = view.wanted.casefold()
     return [
         each
@@ -149,7 +149,7 @@ def shown_entries(entries: Sequence[TextEntry], view: TextsView) -> list[TextEnt
 
 
 def find_text(draft: StudyDraft, file: str, line: int) -> TextsView | None:
-    """The translation in a line of a file of translations."""
+    """The translation at a line of a file of translations."""
     for language, found in draft.checked.translations.items():
         if found.file == file:
             before = [(where.line, f"{act}/{key}") for (act, key), where in found.keys.items() if where.line <= line]
@@ -179,7 +179,7 @@ def _columns(width: int, *, is_translated: bool) -> _Columns:
 
 
 def head_line(draft: StudyDraft, view: TextsView, entries: Sequence[TextEntry], shown: int, width: int) -> StyledLine:
-    """TEXTS, from which language into which, how far that is, and what is shown of it."""
+    """TEXTS, the two languages, how much is done, and which texts are shown."""
     own, languages = own_language(draft) or ORIGINAL, languages_of(draft)
     left: list[StyledSpan] = [(" TEXTS", "strong"), (f"  {own}", "accent")]
     if view.language:
@@ -199,9 +199,9 @@ def head_line(draft: StudyDraft, view: TextsView, entries: Sequence[TextEntry], 
 
 
 def column_line(draft: StudyDraft, view: TextsView, column: int, width: int) -> StyledLine:
-    """The names of the columns; of the one that enter changes, marked.
+    """The names of the columns; the one that Enter changes is marked.
 
-    :param column: 0: what the acts say; 1: the translation.
+    :param column: 0: the acts' texts; 1: the translation.
     """
     cells = _columns(width, is_translated=bool(view.language))
     own = own_language(draft) or ORIGINAL
@@ -216,7 +216,7 @@ def column_line(draft: StudyDraft, view: TextsView, column: int, width: int) -> 
 
 
 def text_rows(draft: StudyDraft, view: TextsView, shown: Sequence[TextEntry], column: int, width: int) -> list[ListRow]:
-    """One row for each text; the act is named where its texts begin."""
+    """One row for each text. The first text of an act also shows the act's name."""
     cells = _columns(width, is_translated=bool(view.language))
     rows, before = [], ""
     for each in shown:
@@ -251,11 +251,11 @@ def said_with(checked: LoadResult, text: SpokenText) -> str:
     return ", ".join(found)
 
 
-# --- one text, whole ------------------------------------------------------------------------------------------------
+# --- one text in full -----------------------------------------------------------------------------------------------
 
 
 def entry_head(draft: StudyDraft, entry: TextEntry, width: int) -> StyledLine:
-    """Which text, when and with what it is said, and its line."""
+    """The text's id, when and with what it is said, and its line."""
     text, where = entry.text, _place_of_original(draft, entry.text)
     beside = said_with(draft.checked, text)
     left: StyledLine = (
@@ -266,7 +266,7 @@ def entry_head(draft: StudyDraft, entry: TextEntry, width: int) -> StyledLine:
 
 
 def whole_text(label: str, text: str, measure: str, width: int, *, is_marked: bool, role: TextRole) -> list[StyledLine]:
-    """A text over as many lines as it needs, its label before it and how long it is behind the first of them."""
+    """A text on as many lines as it needs, after its label. Its length is at the end of the first line."""
     room = max(10, width - LABEL - _MEASURE)
     pieces = wrap(text, room)
     mark = "▸" if is_marked else " "
@@ -276,7 +276,7 @@ def whole_text(label: str, text: str, measure: str, width: int, *, is_marked: bo
 
 
 def original_lines(draft: StudyDraft, entry: TextEntry, width: int, *, is_marked: bool) -> list[StyledLine]:
-    """What the act says."""
+    """The act's text."""
     text = entry.text
     measure = _measure(draft.checked, text, text.template)
     return whole_text(
@@ -287,7 +287,7 @@ def original_lines(draft: StudyDraft, entry: TextEntry, width: int, *, is_marked
 def translation_lines(
     draft: StudyDraft, entry: TextEntry, language: str, width: int, *, is_marked: bool
 ) -> list[StyledLine]:
-    """What is said in another language."""
+    """The text in another language."""
     if entry.translation is None:
         missing = entry.state == "missing"
         said = "✗ not translated yet" if missing else "needs no translation"
@@ -297,9 +297,9 @@ def translation_lines(
 
 
 def note_lines(draft: StudyDraft, entry: TextEntry, language: str, folder: str, width: int) -> list[StyledLine]:
-    """What there is to know about a text: that it has changed, its slots; and how a session is in this language.
+    """Notes about a text: whether it has changed, its slots, and how to start a session in this language.
 
-    :param folder: of the study, as a command names it from here.
+    :param folder: the study's folder, as a command names it from here.
     """
     notes: list[tuple[str, TextRole]] = []
     if entry.state == "stale" and entry.translation is not None:
@@ -319,7 +319,7 @@ def note_lines(draft: StudyDraft, entry: TextEntry, language: str, folder: str, 
 
 
 def session_note(draft: StudyDraft, language: str, folder: str) -> str:
-    """How a session in a language is started."""
+    """How to start a session in a language."""
     if not language:
         return f"a session: rise-tui --config {shlex.quote(folder)}"
     command = f"rise-tui --config {shlex.quote(folder)} --language {language}"
@@ -333,12 +333,12 @@ def session_note(draft: StudyDraft, language: str, folder: str) -> str:
 
 
 def _measure(checked: LoadResult, text: SpokenText, template: Template) -> str:
-    """How many characters it has, and about how long it takes to say."""
+    """The number of characters, and about how long it takes to say them."""
     return f"{len(template.text)} · {format_seconds(said_seconds(checked, text, template))} s"
 
 
 def said_seconds(checked: LoadResult, text: SpokenText, template: Template) -> float:
-    """About how long it takes to say something in the place of a text, with the memory's start values."""
+    """About how long it takes to say something in place of a text, with the memory's start values."""
     spec = checked.robot.actions[text.call.type]
     call = replace(text.call, parameters={**text.call.parameters, text.parameter: template})
     try:
@@ -348,7 +348,7 @@ def said_seconds(checked: LoadResult, text: SpokenText, template: Template) -> f
 
 
 def place_of(draft: StudyDraft, entry: TextEntry, language: str, column: int) -> FilePlace:
-    """The line of a text or its translation; of a missing one, the line before which it is written."""
+    """The line of a text or its translation; for a missing one, the line before which it goes."""
     if column == 1 and entry.translation is not None:
         where = entry.translation.location
         return FilePlace(where.file, where.line, where.line)
@@ -367,18 +367,18 @@ def _place_of_original(draft: StudyDraft, text: SpokenText) -> FilePlace:
 
 
 def folder_from(here: Path, folder: str) -> str:
-    """A folder as a command names it from `here`: relative where it lies below, else whole."""
+    """A folder as a command names it from `here`: relative if it is below, else absolute."""
     path = Path(folder)
     return path.relative_to(here).as_posix() if path.is_relative_to(here) else str(path)
 
 
-# --- what changes them ----------------------------------------------------------------------------------------------
+# --- edits ----------------------------------------------------------------------------------------------------------
 
 
 def original_edits(draft: StudyDraft, entry: TextEntry, said: str) -> tuple[AnyEdit, ...]:
-    """What makes the act say something else; nothing for what it says already.
+    """The edits that change an act's text; none if it is the same.
 
-    :raises EditRefused: it is empty, or can be changed in its file only.
+    :raises EditRefused: the text is empty, or can only be changed in its file.
     """
     text, said = entry.text, " ".join(said.split())
     if said == text.text:
@@ -393,7 +393,7 @@ def original_edits(draft: StudyDraft, entry: TextEntry, said: str) -> tuple[AnyE
 
 
 def translation_edits(entry: TextEntry, language: str, said: str) -> tuple[AnyEdit, ...]:
-    """What makes it this in a language; nothing said takes the translation away."""
+    """The edits that set a translation. An empty text removes it."""
     said = " ".join(said.split())
     if said == entry.said:
         return ()
@@ -401,9 +401,9 @@ def translation_edits(entry: TextEntry, language: str, said: str) -> tuple[AnyEd
 
 
 def still_right_edits(entry: TextEntry, language: str) -> tuple[AnyEdit, ...]:
-    """What says of a stale translation that it holds for the text as it is now.
+    """The edits that confirm a stale translation for the present text.
 
-    :raises EditRefused: it is not stale, or has other memory values than the text.
+    :raises EditRefused: the translation is not stale, or has other memory values than the text.
     """
     if entry.translation is None or entry.state != "stale":
         raise EditRefused(f"{entry.text.id} in {language or 'another language'} is not of an earlier text")

@@ -1,7 +1,7 @@
 """The form of a transition: its trigger first, then its guard, then its target. Pure.
 
-The words of the triggers are those that non-programmers read rightly: "as soon as" for what happens in a moment,
-"this is true" for what lasts, and "but only if" for a guard at that moment (Huang and Cakmak, UbiComp 2015).
+The words are those that non-programmers understand correctly: "as soon as" for events, "this is true" for lasting
+states, "but only if" for a guard at that moment (Huang and Cakmak, UbiComp 2015).
 """
 
 from __future__ import annotations
@@ -25,25 +25,25 @@ TRIGGER_WORDS: dict[Trigger, str] = {
     "after": "this much time has passed",
     "ended": "this act has ended",
 }
-"""The choices behind "as soon as"."""
+"""The choices after "as soon as"."""
 FIELDS: dict[Trigger, tuple[str, ...]] = {
     "event": ("trigger", "event", "condition", "target"),
     "condition": ("trigger", "condition", "target"),
     "after": ("trigger", "time", "held", "condition", "target"),
     "ended": ("trigger", "act", "outcomes", "condition", "target"),
 }
-"""The fields of the form, in their order, by the trigger."""
+"""The fields of the form in order, by the trigger."""
 OUTCOMES = ("succeeded", "failed", "stopped")
 
 
 class TransitionDraft(NamedTuple):
-    """The values of the form. Those of other triggers than the chosen one are kept until the form is left."""
+    """The values of the form. Values for other triggers than the chosen one stay until the form closes."""
 
     trigger: Trigger = "event"
     event: str = ""
     act: str = ""
     outcomes: tuple[str, ...] = ()
-    """None of them: however it has ended."""
+    """None of them: any ending."""
     time: str = ""
     held: str = ""
     condition: str = ""
@@ -70,7 +70,7 @@ class TransitionDraft(NamedTuple):
         )
 
     def form(self) -> TransitionForm:
-        """The transition as it would be written."""
+        """The transition, ready to be written."""
         trigger, topic = self.trigger, normal_topic(self.event)
         return TransitionForm(
             event=(f"/{topic}" if topic else "") if trigger == "event" else None,
@@ -84,7 +84,7 @@ class TransitionDraft(NamedTuple):
 
 
 def likely_transition(state: WrittenState) -> TransitionDraft:
-    """What a new transition begins with: the end of the act that the state starts, unless another waits for it."""
+    """The first values of a new transition: the end of the act that the state starts, unless another waits for it."""
     ends = {
         transition.form.ended
         for transition in state.transitions
@@ -98,7 +98,7 @@ def likely_transition(state: WrittenState) -> TransitionDraft:
 
 
 def why_not_editable(form: TransitionForm) -> str:
-    """The part of a transition that the form has no field for; empty: it has fields for everything."""
+    """The part of a transition for which the form has no field; empty: it has fields for everything."""
     triggers = [form.event, form.ended, form.after]
     if sum(each is not None for each in triggers) > 1:
         return "it waits for two things at once"
@@ -118,7 +118,7 @@ class TransitionRuleForm(RuleForm):
     state: str
     draft: TransitionDraft
     index: int | None = None
-    """Its number; None: a new one."""
+    """Its number; None: it is new."""
     was: TransitionForm | None = None
     has_functions: bool = False
     count: int = 0
@@ -229,6 +229,6 @@ class TransitionRuleForm(RuleForm):
 
     @property
     def event_without_key(self) -> str:
-        """The event that it waits for and that nothing raises, so that a key could; empty: there is none."""
+        """The event that the transition waits for, if nothing raises it yet, so a key could; otherwise empty."""
         topic = normal_topic(self.draft.event) if self.draft.trigger == "event" else ""
         return topic if topic and not self.names.event_note(topic) else ""

@@ -1,4 +1,4 @@
-"""A trial in rows: the state of the rule, its transitions, the keys and memory values, the events so far. Pure."""
+"""A trial run in rows: the rule's state, its transitions, the keys and memory values, the events so far. Pure."""
 
 from __future__ import annotations
 
@@ -31,13 +31,13 @@ from rise_tui.rendering.text import (
 )
 
 GO_ON = "go"
-"""The id of the row that lets time go on. Others: `way:RULE:NUMBER`, `key:NAME`, `event:TOPIC`, `set:KEY`."""
+"""The id of the row that lets time pass. Others: `way:RULE:NUMBER`, `key:NAME`, `event:TOPIC`, `set:KEY`."""
 KIND_ROLES: dict[HappenedKind, TextRole] = {
     "done": "strong", "state": "accent", "event": "plain", "memory": "plain", "condition": "muted", "act": "plain",
     "says": "plain", "note": "muted", "problem": "fault",
 }  # fmt: skip
 MOST_LINES = 400
-"""Lines of what happened that are shown; what is older is told as a number."""
+"""Lines of past events that are shown. Older ones are only counted."""
 
 
 def clock_text(seconds: float) -> str:
@@ -48,7 +48,7 @@ def clock_text(seconds: float) -> str:
 
 
 def standing_of(trial: Trial, rule: str) -> RuleStanding | None:
-    """The state of the rule; when it does not run, that of the rule that gets events first."""
+    """The state of the rule or, if it does not run, of the rule that gets events first."""
     running = standing_rules(trial)
     return next((each for each in running if each.name == rule), running[0] if running else None)
 
@@ -67,7 +67,7 @@ def head_lines(trial: Trial, rule: str, width: int) -> tuple[StyledLine, StyledL
 
 
 def trial_rows(trial: Trial, rule: str, width: int) -> list[ListRow]:
-    """The rows that enter acts on, with what the author needs for them, in at most `width` cells."""
+    """The rows that Enter works on, with the information that the author needs, in at most `width` cells."""
     standing = standing_of(trial, rule)
     rows = [ListRow(GO_ON, crop(_go_on_line(trial), width))]
     rows += _running_rows(trial, width)
@@ -87,7 +87,7 @@ def trial_rows(trial: Trial, rule: str, width: int) -> list[ListRow]:
 
 
 def happened_rows(lines: Sequence[HappenedLine], width: int) -> list[ListRow]:
-    """What happened, the newest last; a long line over several rows."""
+    """What happened, the newest last. A long line takes several rows."""
     rows = []
     left_out = len(lines) - MOST_LINES
     if left_out > 0:
@@ -107,12 +107,12 @@ def happened_rows(lines: Sequence[HappenedLine], width: int) -> list[ListRow]:
 
 
 def key_of(scenario: Scenario, key: str) -> KeyBinding | None:
-    """The study's key of Textual's name."""
+    """The study's key with Textual's name."""
     return scenario.keys.get(key)
 
 
 def play_again(steps: Sequence[TrialStep], trial: Trial) -> None:
-    """Do in a new trial what was done in another: the study has changed in between."""
+    """Repeat the steps of one trial run in a new one, after the study has changed."""
     for step in steps:
         if step.task is not None:
             trial.submit(step.task, step.key, max(step.at, trial.now))
@@ -123,7 +123,7 @@ def play_again(steps: Sequence[TrialStep], trial: Trial) -> None:
 
 
 def begin(trial: Trial, rule: str, state: str = "") -> None:
-    """Start the rule as the study does, with its key; from another state than its first, or without a key, directly."""
+    """Start the rule with its key, as the study does; directly without a key, or from another state than its first."""
     found = trial.scenario.rules.get(rule)
     if found is None:
         return
@@ -162,7 +162,7 @@ def _way_rows(way: WayOut, width: int) -> Iterator[ListRow]:
 
 
 def _reading_spans(way: WayOut, reading: ConditionReading) -> list[StyledSpan]:
-    """A condition by its parts: `if step < 4 (step is 0) true and not understood (…) true → true`."""
+    """A condition in its parts: `if step < 4 (step is 0) true and not understood (…) true → true`."""
     word = "while " if reading.word == "while" else "now " if way.trigger == "condition" else "but only if "
     spans: list[StyledSpan] = [(word, "muted")]
     for number, part in enumerate(reading.parts):
@@ -177,7 +177,7 @@ def _reading_spans(way: WayOut, reading: ConditionReading) -> list[StyledSpan]:
 
 
 def _rows_to_do(trial: Trial, keys: list[KeyChoice], width: int) -> Iterator[ListRow]:
-    """What would make a rule go on."""
+    """What could make a rule go on."""
     events = events_to_raise(trial)
     if keys or events:
         yield _heading("WHAT YOU CAN DO")

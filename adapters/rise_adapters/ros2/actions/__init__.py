@@ -1,1 +1,1 @@
-"""ROS 2 actions, client and server, on the three services and two topics that make one up."""
+"""ROS 2 actions, client and server, built from their three services and two topics."""

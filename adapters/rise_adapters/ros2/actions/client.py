@@ -1,9 +1,9 @@
-"""The client's side of a ROS 2 action, from the three services and two topics that make it up.
+"""The client's side of a ROS 2 action, built from its three services and two topics.
 
-No policy is in here: no deadline, no retry, no opinion (`robot` has them). What the ready-made clients cannot do is
-possible because the parts are used directly: goal ids of our own, cancelling by id without having been accepted,
-cancelling everything that a server does, asking for a result again. Source: https://design.ros2.org/articles/actions.html,
-and measurements against rclpy 7.1 (docs/explanation/ros2.md).
+This module contains no policy: no deadline, no retry, no opinion (`robot` has them). Direct use of the parts makes
+possible what ready-made clients cannot do: own goal ids, cancelling an id that was not accepted yet, cancelling
+everything on a server, asking for a result again. Source: https://design.ros2.org/articles/actions.html, and
+measurements against rclpy 7.1 (docs/explanation/ros2.md).
 """
 
 from __future__ import annotations
@@ -31,34 +31,33 @@ from rise_adapters.ros2.transport.port import (
 )
 
 UNKNOWN, ACCEPTED, EXECUTING, CANCELING, SUCCEEDED, CANCELED, ABORTED = range(7)
-"""What a goal is (action_msgs/msg/GoalStatus). UNKNOWN is also the answer about a goal that the server never had."""
+"""The states of a goal (action_msgs/msg/GoalStatus). UNKNOWN also answers about a goal that the server never had."""
 STATUS_NAMES = ("unknown", "accepted", "executing", "canceling", "succeeded", "canceled", "aborted")
 """The same for a person."""
 FINAL_STATUSES = frozenset((SUCCEEDED, CANCELED, ABORTED))
 
 CANCEL_NONE, CANCEL_REJECTED, CANCEL_UNKNOWN, CANCEL_TERMINATED = range(4)
-"""What a cancel request is answered with (action_msgs/srv/CancelGoal). NONE is no error, but that something is being
-cancelled only the list of goals says: rclpy answers a refused cancel with NONE and an empty list."""
+"""The answers to a cancel request (action_msgs/srv/CancelGoal). NONE is not an error. Only the list of goals shows that
+something is being cancelled: rclpy answers a refused cancel with NONE and an empty list."""
 
 ALL_GOALS = bytes(16)
-"""The goal id that, with a zero stamp, asks to cancel all goals of a server, also those of others."""
+"""The goal id that, with a zero stamp, asks to cancel all goals of a server, including those of others."""
 
 
 FEEDBACK_PAUSE = 0.1
-"""Seconds between two looks at feedback, which counts as a sign of life: a robot may send it a thousand times a
-second."""
+"""Seconds between two checks of feedback as a sign of life. A robot may send it a thousand times a second."""
 
 
 class CancelResponse(Struct, frozen=True):
-    """What a server said to a cancel request."""
+    """A server's answer to a cancel request."""
 
     code: int
     goals: tuple[bytes, ...]
-    """The goals that are being cancelled now."""
+    """The goals that are now being cancelled."""
 
 
 class ActionClient:
-    """One action on the wire. Owns its services and subscriptions; every answer is handed on, also a second one."""
+    """One action on the wire. It owns its services and subscriptions, and passes on every answer, even a second one."""
 
     def __init__(
         self,
@@ -70,19 +69,19 @@ class ActionClient:
         feedback: QoS | None = RELIABLE,
         status: QoS = STATUS,
     ) -> None:
-        """`name` as ROS takes it, `type` as `PKG/action/NAME`; `now` in seconds, for `heard_at`; `feedback`, `status`:
-        how these topics are listened to; `feedback` None: not at all. Raises PortError."""
+        """`name` in ROS's form, `type` as `PKG/action/NAME`; `now` in seconds, for `heard_at`. `feedback`, `status`:
+        the quality of service of these subscriptions; `feedback` None: no subscription. Raises PortError."""
         self.name = transport.resolve(name)
         """The full name."""
         self.heard_at: float | None = None
-        """When a sign of life came last from the server: any answer, feedback or status."""
+        """The time of the server's last sign of life: any answer, feedback or status."""
         self.statuses: dict[bytes, int] = {}
-        """What the server said last about each goal that it knows, also about those of others."""
+        """The server's last status of each goal that it knows, including those of others."""
         self.on_feedback: Callable[[bytes, Message], None] = _ignore
-        """Called with the goal's id and the action's feedback: of what comes quickly, with the newest
-        (`FEEDBACK_PAUSE`), as many as the depth of the topic, since several goals share it."""
+        """Called with the goal's id and the action's feedback. Of feedback in quick succession, only the newest
+        messages arrive (`FEEDBACK_PAUSE`), as many as the depth of the topic, because several goals share it."""
         self.on_status: Callable[[Mapping[bytes, int]], None] = _ignore
-        """Called with `statuses` when the server has published it."""
+        """Called with `statuses` when the server has published them."""
         self._now = now
         types = action_types(type)
         self._send = transport.client(action_topic(self.name, SEND_GOAL), types[SEND_GOAL])
@@ -92,7 +91,7 @@ class ActionClient:
             transport.subscribe(action_topic(self.name, STATUS_TOPIC), types[STATUS_TOPIC], self._take_status, status)
         ]
         if feedback is not None:
-            each_goal = replace(feedback, depth=max(feedback.depth, RELIABLE.depth))  # that runs at a time
+            each_goal = replace(feedback, depth=max(feedback.depth, RELIABLE.depth))  # of those running at a time
             self._subscriptions.append(
                 transport.subscribe(
                     action_topic(self.name, FEEDBACK), types[FEEDBACK], self._take_feedback, each_goal, FEEDBACK_PAUSE
@@ -100,17 +99,18 @@ class ActionClient:
             )
 
     def count_servers(self) -> int:
-        """How many offer the action; 0 as long as any of its three services is missing: a request would vanish."""
+        """The number of servers; 0 while any of the three services is missing, because a request would be lost."""
         counts = (self._send.count_servers(), self._cancel.count_servers(), self._result.count_servers())
         return max(counts) if all(counts) else 0
 
     def send(self, goal: bytes, fields: Message, answered: Callable[[bool], None]) -> None:
-        """Send a goal under an id of our own (16 bytes); `answered` hears whether it was accepted. Raises PortError."""
+        """Send a goal under our own id (16 bytes). `answered` receives whether it was accepted. Raises PortError."""
         request = {"goal_id": {"uuid": goal}, "goal": fields}
         self._call(self._send, request, lambda response: answered(bool(response["accepted"])))
 
     def get_result(self, goal: bytes, ended: Callable[[int, Message], None]) -> None:
-        """Ask for a goal's result: its status and fields, which come when it has ended. May be asked again at any time.
+        """Ask for a goal's result: its status and fields, which arrive when it has ended. Asking again is always
+        allowed.
 
         Raises PortError.
         """
@@ -118,7 +118,7 @@ class ActionClient:
         self._call(self._result, request, lambda response: ended(int(response["status"]), response["result"]))
 
     def cancel(self, goal: bytes, answered: Callable[[CancelResponse], None]) -> None:
-        """Ask the server to stop one goal, whether or not it was accepted; or `ALL_GOALS`. Raises PortError."""
+        """Ask the server to stop one goal, accepted or not, or `ALL_GOALS`. Raises PortError."""
 
         def take_response(response: Message) -> None:
             stopping = tuple(bytes(each["goal_id"]["uuid"]) for each in response["goals_canceling"])
@@ -127,11 +127,11 @@ class ActionClient:
         self._call(self._cancel, {"goal_info": {"goal_id": {"uuid": goal}}}, take_response)
 
     def unfinished_goals(self) -> set[bytes]:
-        """The goals that the server calls unfinished, also those of others."""
+        """The goals that the server reports as unfinished, including those of others."""
         return {goal for goal, status in self.statuses.items() if status not in FINAL_STATUSES}
 
     def close(self) -> None:
-        """No answers come any more. What the server does goes on."""
+        """Stop receiving answers. The server's work goes on."""
         for part in (self._send, self._cancel, self._result, *self._subscriptions):
             part.close()
 
@@ -155,4 +155,4 @@ class ActionClient:
 
 
 def _ignore(*arguments: object) -> None:
-    """Nobody listens."""
+    """Do nothing."""

@@ -1,4 +1,4 @@
-"""Serving a ROS 2 action, on the three services and two topics that one is made of (https://design.ros2.org/articles/actions.html).
+"""Serves a ROS 2 action on its three services and two topics (https://design.ros2.org/articles/actions.html).
 
     def take_goal(goal: ServerGoal) -> None:        # at once or later: accept or reject, then exactly one ending
         goal.accept()
@@ -13,18 +13,18 @@
     type = "rise_interfaces/action/Speech"
     server = ActionServer(transport, "rise/robot/speech", type, take_goal, take_cancel, clock=clock)
 
-Several goals at once, one at a time, the latest wins: that is the caller's policy. What the server sees to, whatever
+The caller decides the policy: several goals at once, one at a time, or the latest wins. The server guarantees, whatever
 the caller and the clients do:
-- a goal has one acceptance or rejection and one ending; what comes after is ignored and says so by giving False;
-- an id is taken once, and so is one that has been seen lately;
-- a cancel that comes before the acceptance is not lost: it is asked about as soon as the goal is accepted;
-- a result can be asked for before the goal is accepted, while it runs, and `result_timeout` seconds after its end;
-- what is published and kept has bounds: the status array lists what runs and the latest that ended.
+- A goal has one acceptance or rejection and one ending. Later calls are ignored and return False.
+- A goal id is accepted once, and an id that was seen recently is not accepted again.
+- A cancel before the acceptance is not lost: the caller is asked about it as soon as the goal is accepted.
+- A client can ask for a result before the acceptance, while the goal runs, and `result_timeout` seconds after its end.
+- What is published and kept is bounded: the status array lists the running goals and the latest ended ones.
 
-One request to cancel goals, from its coming to its one answer (action_msgs/srv/CancelGoal).
+A request to cancel goals gets exactly one answer (action_msgs/srv/CancelGoal).
 
 Where this differs from rcl, it follows the comments of CancelGoal.srv: a refused cancel is answered with code 1 (rcl
-says 0 with an empty list), and cancelling again what is being cancelled succeeds again.
+answers 0 with an empty list), and a second cancel of the same goal succeeds again.
 """
 
 from __future__ import annotations
@@ -72,14 +72,14 @@ _LOG = logging.getLogger(__name__)
 # --- requests to cancel -----------------------------------------------------------------------------------------------
 
 MAX_WAITING_REPLIES = 64
-"""Requests to cancel one goal, or for its result, that wait at most."""
+"""The most requests that wait to cancel one goal, or for its result."""
 
 
 class CancelRequest:
-    """Waits until there is a word about each goal that it concerns, and answers then."""
+    """Waits for a decision about each of its goals, and then answers."""
 
     def __init__(self, goals: list[ServerGoal], send_reply: Callable[[Message], object], *, is_about_one: bool) -> None:
-        """`is_about_one`: it is about one goal, so that its answer says why that one is not cancelled."""
+        """`is_about_one`: it names one goal, so its answer says why that goal is not cancelled."""
         self._send_reply = send_reply
         self._is_about_one = is_about_one
         self._undecided = len(goals) + 1
@@ -114,15 +114,15 @@ class CancelRequest:
 # --- the status of goals ----------------------------------------------------------------------------------------------
 
 STATUS_SECONDS = 0.01
-"""Between two status arrays, and for each goal in it ..."""
+"""Seconds between two status arrays, and for each goal in it ..."""
 STATUS_SECONDS_PER_GOAL = 0.002
 
 
 class StatusPublisher:
-    """Publishes the array after a change, and the more seldom the longer it is."""
+    """Publishes the array after a change; the longer it is, the less often."""
 
     def __init__(self, publisher: Publisher, clock: Clock, goals: Callable[[], Sequence[ServerGoal]]) -> None:
-        """`goals` gives those that the array is to list."""
+        """`goals` returns the goals for the array."""
         self._publisher = publisher
         self._clock = clock
         self._goals = goals
@@ -131,12 +131,12 @@ class StatusPublisher:
         self._closed = False
 
     def publish_soon(self) -> None:
-        """Something has changed."""
+        """Note that something has changed."""
         if self._timer is None and not self._closed:
             self._timer = self._clock.call_at(max(self._clock.now(), self._next_at), self._publish)
 
     def close(self, *, silently: bool = False) -> None:
-        """Publish how all stands at the end (unless `silently`), and nothing any more."""
+        """Publish the final state (unless `silently`), and then nothing more."""
         self._closed = True
         if self._timer is not None:
             self._timer.cancel()
@@ -157,26 +157,26 @@ class StatusPublisher:
 
 
 RESULT_TIMEOUT = 10.0
-"""Seconds for which a result can be asked for after the end. A client asks as soon as its goal is accepted, so this is
-for one that was cut off for a moment; rclpy's 15 minutes would list 900,000 goals at 1,000 in a second."""
+"""Seconds after its end for which a result can be requested. A client asks as soon as its goal is accepted, so this is
+for a client that was cut off briefly. rclpy's 15 minutes would keep 900,000 goals at 1,000 a second."""
 MAX_ENDED = 10_000
-"""Ended goals that are kept at most, whatever the timeout."""
+"""The most ended goals that are kept, whatever the timeout."""
 MAX_LISTED = 20
-"""Ended goals that the status array lists at most, the latest."""
+"""The most ended goals in the status array, the latest ones."""
 
 Decide: TypeAlias = Callable[[bool], None]
-"""Says whether a goal will be cancelled. Only the first call counts."""
+"""Decides whether a goal will be cancelled. Only the first call counts."""
 TakeGoal: TypeAlias = Callable[[ServerGoal], object]
 TakeCancel: TypeAlias = Callable[[ServerGoal, Decide], object]
 
 
 def accept_cancel(goal: ServerGoal, decide: Decide) -> None:
-    """The policy of a server that cancels whatever it is asked to, and looks at `goal.status` meanwhile."""
+    """Accept every cancel. This is the policy of a server that watches `goal.status` during its work."""
     decide(True)
 
 
 class ActionServer:
-    """Offers an action. All methods belong to the loop of the transport."""
+    """Offers an action. All methods belong to the transport's loop."""
 
     def __init__(
         self,
@@ -191,10 +191,10 @@ class ActionServer:
         feedback: QoS = RELIABLE,
         status: QoS = STATUS,
     ) -> None:
-        """Offer the action `name` of `type`; a result is kept `result_timeout` seconds after the end. `feedback` and
-        `status` are what these topics promise.
+        """Offer the action `name` of `type`. A result is kept for `result_timeout` seconds after the end. `feedback`
+        and `status` are these topics' quality of service.
 
-        `take_goal` gets each new goal, `take_cancel` each that is to be cancelled (a goal not twice at a time).
+        `take_goal` receives each new goal, `take_cancel` each goal to cancel (never the same goal twice at a time).
 
         Neither is called inside a method of a goal. `clock` measures the timeout: `RealClock(loop)` outside of tests.
         Raises PortError when the transport does not know the type.
@@ -205,9 +205,9 @@ class ActionServer:
         self._clock = clock
         self._timeout = result_timeout
         self._goals: dict[bytes, ServerGoal] = {}
-        """Those that have not ended, also those that nobody has decided about yet; the oldest first."""
+        """Goals that have not ended, including undecided ones, the oldest first."""
         self._ended: dict[bytes, ServerGoal] = {}
-        """Those that have, whose results can still be asked for; the one that ended first comes first."""
+        """Ended goals whose results can still be requested, in the order of their endings."""
         self._closed = False
         self._expiry: Timer | None = None
         types = action_types(type)
@@ -215,7 +215,7 @@ class ActionServer:
         self._feedback = transport.publisher(topics[FEEDBACK], types[FEEDBACK], feedback)
         publisher = transport.publisher(topics[STATUS_TOPIC], types[STATUS_TOPIC], status)
         self._status = StatusPublisher(publisher, clock, self._listed_goals)
-        # The service for goals comes last: who sees it can count on the others.
+        # The service for goals comes last, so that clients that see it can rely on the others.
         self._services = [
             transport.serve(topics[GET_RESULT], types[GET_RESULT], self._take_result_request),
             transport.serve(topics[CANCEL_GOAL], types[CANCEL_GOAL], self._take_cancel_request),
@@ -224,12 +224,12 @@ class ActionServer:
 
     @property
     def goals(self) -> list[ServerGoal]:
-        """Those that have not ended, the oldest first; also those that are still to be accepted or rejected."""
+        """Goals that have not ended, including undecided ones, the oldest first."""
         return list(self._goals.values())
 
     def adopt(self, id: bytes) -> ServerGoal:
-        """Take up a goal that a server of this name had accepted before it went down, so that its client can still
-        cancel it and get its result. Raises ValueError when there is one of that id."""
+        """Take over a goal that a server of this name had accepted before it went down, so that its client can still
+        cancel it and get its result. Raises ValueError when a goal with that id exists."""
         if len(id) != 16 or id == ALL_GOALS or id in self._goals or id in self._ended:
             raise ValueError(f"a goal of the id {id.hex()} cannot be taken up")
         goal = self._goals[id] = ServerGoal(self, id, {}, None)
@@ -238,7 +238,7 @@ class ActionServer:
         return goal
 
     def close(self, result: Message | None = None) -> None:
-        """Reject what is still to be decided about, abort what runs with `result`, and offer the action no more."""
+        """Reject undecided goals, abort running ones with `result`, and stop offering the action."""
         if self._closed:
             return
         self._closed = True
@@ -251,7 +251,7 @@ class ActionServer:
         self._release()
 
     def vanish(self) -> None:
-        """Be gone as a program that was killed: nobody is answered, nothing is published, and goals are forgotten."""
+        """Disappear like a killed program: answer nobody, publish nothing, and forget all goals."""
         if self._closed:
             return
         self._closed = True
@@ -269,7 +269,7 @@ class ActionServer:
         for handle in (*self._services, self._feedback):
             handle.close()
 
-    # --- what goals need (`GoalServer`) ---------------------------------------------------------------------------
+    # --- for goals (`GoalServer`) ---------------------------------------------------------------------------------
 
     def send_reply(self, reply: SendReply, message: Message) -> bool:
         try:
@@ -293,7 +293,7 @@ class ActionServer:
         self._status.publish_soon()
 
     def _keep(self, goal: ServerGoal) -> None:
-        """Its result can be asked for a while."""
+        """Keep an ended goal, whose result can be requested for a while."""
         goal.expires_at = self._clock.now() + self._timeout
         self._ended[goal.id] = goal
         if len(self._ended) > MAX_ENDED:
@@ -311,7 +311,7 @@ class ActionServer:
         self._status.publish_soon()
 
     def _listed_goals(self) -> list[ServerGoal]:
-        """What runs, and the latest that ended."""
+        """The running goals, and the latest ended ones."""
         running = [goal for goal in self._goals.values() if goal.status != UNKNOWN]
         return [*running, *reversed(list(islice(reversed(self._ended.values()), MAX_LISTED)))]
 
@@ -325,7 +325,7 @@ class ActionServer:
         goal = self._goals[id] = ServerGoal(self, id, request["goal"], reply)
         try:
             self._take_goal(goal)
-        except Exception:  # without an answer the client would wait for ever
+        except Exception:  # without an answer the client would wait forever
             _LOG.exception("a goal of %s could not be handled", self.name)
             if not goal.reject():
                 goal.abort()
@@ -334,7 +334,7 @@ class ActionServer:
         id = bytes(request["goal_id"]["uuid"])
         if (goal := self._goals.get(id)) is not None:
             if len(goal.result_requests) == MAX_WAITING_REPLIES:
-                del goal.result_requests[0]  # who asks again and again for the same
+                del goal.result_requests[0]  # a client that asks again and again
             goal.result_requests.append(reply)
         elif (goal := self._ended.get(id)) is not None:
             goal.send_result(reply)
@@ -367,7 +367,7 @@ class ActionServer:
         goal.is_asked_to_cancel = True
         try:
             self._take_cancel(goal, partial(self._decide_cancel, goal))
-        except Exception:  # without a decision the client would wait for ever
+        except Exception:  # without a decision the client would wait forever
             _LOG.exception("a goal of %s could not be cancelled", self.name)
             self._decide_cancel(goal, False)
 

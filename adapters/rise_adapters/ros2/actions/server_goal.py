@@ -1,4 +1,4 @@
-"""A goal that a client has sent to an action server of ours: its life, from the request to the one ending."""
+"""A goal that a client has sent to one of our action servers, from the request to its one ending."""
 
 from __future__ import annotations
 
@@ -22,10 +22,10 @@ from rise_adapters.ros2.transport.port import Message, SendReply
 
 
 class GoalServer(Protocol):
-    """What a goal needs of its server."""
+    """What a goal needs from its server."""
 
     def send_reply(self, reply: SendReply, message: Message) -> bool:
-        """Answer a request; gives whether that could be sent."""
+        """Answer a request; returns whether the answer could be sent."""
         ...
 
     def send_feedback(self, goal: ServerGoal, message: Message) -> None:
@@ -33,27 +33,27 @@ class GoalServer(Protocol):
         ...
 
     def on_status_changed(self, goal: ServerGoal) -> None:
-        """It was accepted or rejected, has begun to run, or has ended."""
+        """Note that the goal was accepted or rejected, has begun to run, or has ended."""
         ...
 
 
 class ServerGoal:
-    """One goal, for whoever does it: accept or reject it, at once or later; then exactly one ending. What is done too
-    late, or twice, changes nothing and says so by giving False. Made by the server."""
+    """One goal, for the code that carries it out: accept or reject it, now or later, then end it exactly once. A call
+    that comes too late, or twice, changes nothing and returns False. Created by the server."""
 
     def __init__(self, server: GoalServer, id: bytes, message: Message, reply: SendReply | None) -> None:
-        """`reply` says to the client whether it is accepted; None: it was, before this server was there."""
+        """`reply` tells the client whether the goal is accepted; None: an earlier server has accepted it."""
         self.id = id
-        """Of its client's making, 16 bytes."""
+        """The client's id, 16 bytes."""
         self.message = message
-        """The goal itself; empty once it has ended."""
+        """The goal message; empty once the goal has ended."""
         self.status = UNKNOWN
         self.data: object = None
         """For the caller's use."""
         self.is_result_fetched = False
-        """Whether somebody has got its result; clients ask for that only when they know that it was accepted."""
+        """Whether a client has received its result. Clients ask only when they know that the goal was accepted."""
         self.received_at_ns = time.time_ns()
-        """When it came, since 1970: by that, requests to cancel what is older than some time find it."""
+        """Its arrival, since 1970. Requests to cancel goals older than some time use it."""
         self._server = server
         # The server's own notes about it:
         self.reply = reply
@@ -61,15 +61,15 @@ class ServerGoal:
         self.info: Message = {"goal_id": {"uuid": id}, "stamp": {"sec": seconds, "nanosec": rest}}
         """As action_msgs/msg/GoalInfo."""
         self.result_requests: list[SendReply] = []
-        """Those who wait for its result."""
+        """The replies that wait for its result."""
         self.cancel_requests: list[Callable[[int], None]] = []
-        """Those who wait for a word about its cancelling, as a code of CancelGoal.srv."""
+        """The callbacks that wait for a decision about its cancelling, as a code of CancelGoal.srv."""
         self.is_asked_to_cancel = False
-        """Whoever does it has been asked whether it will be cancelled, and has not decided."""
+        """Whether the code that carries it out was asked about a cancel, and has not decided."""
         self.expires_at = 0.0
-        """Until when its result can be asked for, by the server's clock."""
+        """Until when its result can be requested, on the server's clock."""
         self._result: Message = {}
-        """With its status, as it is answered to those who ask for it."""
+        """The result with its status, as clients receive it."""
 
     @property
     def is_decided(self) -> bool:
@@ -78,13 +78,13 @@ class ServerGoal:
 
     @property
     def has_ended(self) -> bool:
-        """Whether nothing can become of it any more; also when it was rejected."""
+        """Whether the goal is over, including a rejected one."""
         return self.status >= SUCCEEDED or (self.status == UNKNOWN and self.is_decided)
 
-    # --- what the caller does; each gives whether it counted ----------------------------------------------------
+    # --- calls of the caller; each returns whether it counted ---------------------------------------------------
 
     def accept(self) -> bool:
-        """Say to the client that it will be done."""
+        """Tell the client that the goal will be carried out."""
         reply, self.reply = self.reply, None
         if reply is None:
             return False
@@ -94,7 +94,7 @@ class ServerGoal:
         return True
 
     def reject(self) -> bool:
-        """Say to the client that it will not be done; that ends it."""
+        """Tell the client that the goal will not be carried out; this ends it."""
         reply, self.reply = self.reply, None
         if reply is None:
             return False
@@ -103,7 +103,7 @@ class ServerGoal:
         return True
 
     def execute(self) -> bool:
-        """It has begun to run; an accepted goal may wait before that."""
+        """Note that it has begun to run. An accepted goal may wait before that."""
         if self.status == UNKNOWN and not self.accept():
             return False
         if self.status != ACCEPTED:
@@ -113,23 +113,22 @@ class ServerGoal:
         return True
 
     def publish_feedback(self, message: Message) -> bool:
-        """Raises PortError when `message` does not fit the action."""
+        """Publish feedback. Raises PortError when `message` does not fit the action."""
         if self.status not in (ACCEPTED, EXECUTING, CANCELING):
             return False
         self._server.send_feedback(self, message)
         return True
 
     def succeed(self, result: Message | None = None) -> bool:
-        """End it with `result`, the fields of the action's result; those left out are zero. It is accepted by that too,
-        if that was still open."""
+        """End it with `result`, the action's result; missing fields are zero. This also accepts an undecided goal."""
         return self._end(SUCCEEDED, result)
 
     def abort(self, result: Message | None = None) -> bool:
-        """As `succeed`, for one that has failed."""
+        """Like `succeed`, for a goal that has failed."""
         return self._end(ABORTED, result)
 
     def cancel(self, result: Message | None = None) -> bool:
-        """As `succeed`, for one that was cancelled, whoever asked for that."""
+        """Like `succeed`, for a goal that was cancelled, whoever asked for that."""
         return self._end(CANCELED, result)
 
     def _end(self, status: int, result: Message | None) -> bool:
@@ -141,7 +140,7 @@ class ServerGoal:
         return True
 
     def _finish(self, result: Message, code: int) -> None:
-        """Nothing becomes of it any more: answer those who wait for its result, or for a word about its cancelling."""
+        """End the goal for good: answer those who wait for its result, or for a decision about cancelling it."""
         self.message, self._result = {}, result
         self._server.on_status_changed(self)
         requests, self.result_requests = self.result_requests, []
@@ -149,13 +148,13 @@ class ServerGoal:
             self.send_result(reply)
         self.answer_cancels(code)
 
-    # --- what the server does -----------------------------------------------------------------------------------
+    # --- calls of the server ------------------------------------------------------------------------------------
 
     def send_result(self, reply: SendReply) -> None:
-        """Answer who asks for the result, of a goal that has ended."""
+        """Send the result of an ended goal to a client that asks for it."""
         self.is_result_fetched = True
         if not self._server.send_reply(reply, self._result) and self._result.get("result"):
-            # A result that does not fit its type would leave the client waiting; what happened is not known then.
+            # A result that does not fit its type would leave the client waiting. Then the outcome is unknown.
             self.status = ABORTED
             self._result = {"status": ABORTED, "result": {}}
             self._server.send_reply(reply, self._result)

@@ -1,11 +1,11 @@
-"""What `rise-engine doctor` says about ROS 2 on this machine and about the robot: what is there, what is not, and what
-to do. It works without any ROS too, and says how to get on then.
+"""The report of `rise-engine doctor` about ROS 2 on this machine and about the robot: what works, what does not, and
+what to do. It also works without ROS, and then says how to continue.
 
     findings = await examine("auto", profile)
     print(as_text(findings))
     return exit_status(findings)
 
-Nothing here changes anything: no goal is sent, and nothing is published but that this node is there.
+Nothing here changes anything. It sends no goal, and announces only its own node.
 """
 
 from __future__ import annotations

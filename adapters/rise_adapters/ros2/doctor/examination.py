@@ -1,4 +1,4 @@
-"""Everything that the doctor looks at, in the order in which it matters."""
+"""All examinations of the doctor, in the order of their importance."""
 
 from __future__ import annotations
 
@@ -30,7 +30,7 @@ from rise_engine.scenario.model import RobotProfile
 
 
 def check_graph(transport: Transport) -> Iterator[DoctorFinding]:
-    """Which other nodes are seen, and which of them cannot be talked to."""
+    """Which other nodes are visible, and which of them cannot be reached."""
     if lost := transport.failure():
         yield DoctorFinding("problem", "graph", f"the connection is lost: {lost}")
         return
@@ -75,8 +75,8 @@ async def examine(
     seconds: float = SEARCH_SECONDS,
     open_transport: TransportOpener = selection.open_transport,
 ) -> list[DoctorFinding]:
-    """Everything, in the order in which it matters. `choice` and `arguments` as a session has them (`--ros`,
-    `--ros-args`); with a profile, its robot is looked for for `seconds` at most. Never raises for what it finds."""
+    """Examine everything, in the order of importance. `choice` and `arguments` are those of a session (`--ros`,
+    `--ros-args`). With a profile, the search for its robot takes `seconds` at most. Never raises for what it finds."""
     if choice == "off":
         return [DoctorFinding("note", "transport", "ROS is off", "omit `--ros off` to examine it")]
     kind, about_transport = check_transport(choice)
@@ -103,6 +103,6 @@ async def examine(
 def examine_robot(
     wire: RosConnection, profile: RobotProfile | None, *, seconds: float, as_json: bool
 ) -> tuple[str, int]:
-    """What `rise-engine doctor` prints, and its exit status (`rise_engine.ports.bridge.Examiner`)."""
+    """The output of `rise-engine doctor`, and its exit status (`rise_engine.ports.bridge.Examiner`)."""
     found = asyncio.run(examine(wire.transport, profile, arguments=wire.arguments, seconds=seconds))
     return (finding.as_json(found) + "\n" if as_json else finding.as_text(found)), finding.exit_status(found)

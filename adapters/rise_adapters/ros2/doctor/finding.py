@@ -1,4 +1,4 @@
-"""One thing that the doctor says, and how all of them are printed."""
+"""One finding of the doctor, and the printed form of all findings."""
 
 from __future__ import annotations
 
@@ -18,17 +18,17 @@ Environment: TypeAlias = Mapping[str, str]
 
 DISTRIBUTION = "jazzy"
 DEFAULT_RMW = "rmw_fastrtps_cpp"
-"""Of that distribution."""
+"""The default middleware of that distribution."""
 CYCLONE_RMW = "rmw_cyclonedds_cpp"
 
 
 def sourced_prefixes(environment: Environment) -> list[Path]:
-    """The folders of the installations and workspaces that are sourced, as AMENT_PREFIX_PATH names them."""
+    """The folders of the sourced installations and workspaces, from AMENT_PREFIX_PATH."""
     return [Path(prefix) for prefix in environment.get("AMENT_PREFIX_PATH", "").split(os.pathsep) if prefix]
 
 
 def installed_version(package: str) -> str:
-    """Of a Python package; empty when it is not installed."""
+    """The version of a Python package; empty when it is not installed."""
     try:
         return version(package)
     except PackageNotFoundError:
@@ -43,7 +43,7 @@ class DoctorFinding(Struct, frozen=True):
 
     level: Level
     about: str
-    """ros, rmw, network, transport, interfaces, robot or graph."""
+    """Its subject: ros, rmw, network, transport, interfaces, robot or graph."""
     sentence: str
     remedy: str = ""
     """What to do about it."""
@@ -55,7 +55,7 @@ def exit_status(findings: Sequence[DoctorFinding]) -> int:
 
 
 def as_text(findings: Sequence[DoctorFinding], width: int = 100) -> str:
-    """For a person, with a last line that counts."""
+    """The findings for a person, with totals in the last line."""
     lines: list[str] = []
     for finding in findings:
         head = f"{finding.level:<9}"
@@ -69,7 +69,7 @@ def as_text(findings: Sequence[DoctorFinding], width: int = 100) -> str:
 
 
 def as_json(findings: Sequence[DoctorFinding]) -> str:
-    """The same as one JSON object."""
+    """The findings as one JSON object."""
     levels = [finding.level for finding in findings]
     return msgspec.json.encode(
         {"problems": levels.count("problem"), "warnings": levels.count("warning"), "findings": list(findings)}

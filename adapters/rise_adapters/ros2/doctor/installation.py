@@ -1,4 +1,4 @@
-"""What of ROS 2 is installed and sourced on this machine, and which transport a session would use."""
+"""What is installed and sourced of ROS 2 on this machine, and which transport a session would use."""
 
 from __future__ import annotations
 
@@ -30,7 +30,7 @@ INTERFACES = "rise_interfaces"
 
 
 def check_interfaces(environment: Environment, kind: selection.TransportKind | None = None) -> Iterator[DoctorFinding]:
-    """Whether `rise_interfaces` is built and sourced, and is the one that this program speaks."""
+    """Whether `rise_interfaces` is built and sourced, and matches this program's version."""
     built = [prefix / "share" / INTERFACES for prefix in sourced_prefixes(environment)]
     built = [folder for folder in built if folder.is_dir()]
     remedy = f"colcon build --packages-select {INTERFACES}, and source install/setup.bash"
@@ -79,7 +79,7 @@ def check_interfaces(environment: Environment, kind: selection.TransportKind | N
 
 
 def own_hashes(environment: Environment = os.environ) -> dict[str, str]:
-    """Of the types that this program speaks, by name; empty when that cannot be told here."""
+    """The hashes of this program's types, by name; empty when they cannot be computed here."""
     types = InterfaceCatalog([RISE_INTERFACES], environment)  # the standard ones are in ROS
     names = [
         f"{INTERFACES}/{kind}/{file.stem}"
@@ -88,12 +88,12 @@ def own_hashes(environment: Environment = os.environ) -> dict[str, str]:
     ]
     try:
         return {name: types.type_hash(name) for name in names}
-    except PortError:  # neither ROS nor rosbags has those
+    except PortError:  # neither ROS nor rosbags is here
         return {}
 
 
 def built_hashes(folder: Path) -> dict[str, str]:
-    """Those that were computed when an interface package was built, `PREFIX/share/PACKAGE`."""
+    """The hashes from the build of an interface package, `PREFIX/share/PACKAGE`."""
     found: dict[str, str] = {}
     for file in (*folder.glob("msg/*.json"), *folder.glob("srv/*.json"), *folder.glob("action/*.json")):
         found |= read_built_hashes(file)
@@ -102,7 +102,7 @@ def built_hashes(folder: Path) -> dict[str, str]:
 
 def _is_importable(package: str) -> bool:
     spec = find_spec(package)
-    return spec is not None and spec.origin is not None  # a mere folder of that name is no package
+    return spec is not None and spec.origin is not None  # a folder of that name alone is not a package
 
 
 _INSTALLED = Path("/opt/ros")
@@ -111,7 +111,7 @@ _INSTALLED = Path("/opt/ros")
 def check_installation(
     environment: Environment, *, wanted: bool = False, installed: Path = _INSTALLED
 ) -> Iterator[DoctorFinding]:
-    """Whether ROS 2 is installed and sourced, and whether this Python can use it. `wanted`: rclpy is what is used."""
+    """Whether ROS 2 is installed and sourced, and whether this Python can use it. `wanted`: the transport is rclpy."""
     name, prefixes = environment.get("ROS_DISTRO", ""), sourced_prefixes(environment)
     if name and prefixes:
         yield DoctorFinding("ok", "ros", f"ROS 2 {name.capitalize()} is sourced: {', '.join(map(str, prefixes[:6]))}")
@@ -159,7 +159,7 @@ def check_installation(
 
 
 def check_middleware(environment: Environment, kind: selection.TransportKind | None = None) -> Iterator[DoctorFinding]:
-    """Which middleware nodes of this terminal use, and whether the transport can talk to it."""
+    """Which middleware the nodes of this terminal use, and whether the transport can reach it."""
     installed = installed_rmw(environment)
     named = environment.get("RMW_IMPLEMENTATION", "")
     if installed:
@@ -188,7 +188,7 @@ def check_middleware(environment: Environment, kind: selection.TransportKind | N
 
 
 def installed_rmw(environment: Environment) -> list[str]:
-    """The middlewares that the sourced workspaces have, by the index of ament."""
+    """The middlewares of the sourced workspaces, from the index of ament."""
     names = {
         entry.name
         for prefix in sourced_prefixes(environment)

@@ -1,4 +1,4 @@
-"""Domain and discovery: settings because of which programs do not find each other, and nobody says so."""
+"""Domain and discovery: settings that silently keep programs from finding each other."""
 
 from __future__ import annotations
 
@@ -10,11 +10,11 @@ from rise_adapters.ros2.doctor.finding import CYCLONE_RMW, DEFAULT_RMW, DoctorFi
 from rise_adapters.ros2.transport import selection
 
 _SAFE_DOMAINS = 101
-"""Above it, the ports of DDS overlap those that Linux gives to programs."""
+"""Above this, the ports of DDS overlap with those that Linux gives to programs."""
 
 
 def check_network(environment: Environment, kind: selection.TransportKind | None = None) -> Iterator[DoctorFinding]:
-    """Domain and discovery: settings because of which programs do not find each other, and nobody says so."""
+    """Check settings that silently keep programs from finding each other."""
     yield from _check_domain(environment.get("ROS_DOMAIN_ID", "").strip())
     local = environment.get("ROS_LOCALHOST_ONLY", "")
     reach = environment.get("ROS_AUTOMATIC_DISCOVERY_RANGE", "")
@@ -84,7 +84,7 @@ def _check_domain(number: str) -> Iterator[DoctorFinding]:
 
 
 def _check_cyclone(uri: str, peers: bool) -> Iterator[DoctorFinding]:
-    """What a CYCLONEDDS_URI does to discovery. `peers`: addresses to look at are set elsewhere."""
+    """The effect of a CYCLONEDDS_URI on discovery. `peers`: whether addresses to search are set elsewhere."""
     pieces: list[ElementTree.Element] = []
     for part in _split_uri(uri):
         words = part
@@ -130,7 +130,7 @@ def _check_cyclone(uri: str, peers: bool) -> Iterator[DoctorFinding]:
 
 
 def _split_uri(uri: str) -> list[str]:
-    """CYCLONEDDS_URI is a list with commas of files and of XML, which may hold commas itself."""
+    """Split CYCLONEDDS_URI, a list of files and XML with commas; the XML may contain commas itself."""
     parts: list[str] = []
     for piece in uri.split(","):
         if parts and parts[-1].startswith("<") and not piece.lstrip().startswith(("<", "file://", "/")):

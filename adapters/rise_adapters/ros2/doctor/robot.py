@@ -1,7 +1,7 @@
-"""Whether each action of the robot is offered: once, and as what its profile says.
+"""Whether each action of the robot is offered once, and as its profile says.
 
-Whether the joints and the coordinate frames that a profile names are those of the robot: they are compared with what
-it says on `joint_states`, `/tf` and `/tf_static`.
+It also compares a profile's joints and coordinate frames with those that the robot publishes on `joint_states`, `/tf`
+and `/tf_static`.
 """
 
 from __future__ import annotations
@@ -40,11 +40,11 @@ _JOINT_FIELDS, _FRAME_FIELDS = ("joint_names",), ("frame_id", "child_frame_id", 
 
 
 class LiveNames:
-    """What the robot calls its joints and frames, for as long as it is listened to."""
+    """The robot's joints and frames, collected while the doctor listens."""
 
     def __init__(self, transport: Transport, profile: RobotProfile, mappings: Mapping[str, ActionMapping]) -> None:
         self._wanted: dict[str, dict[str, str]] = {"joint": {}, "frame": {}}
-        """By what they are, the names that the profile has, with an action that needs them."""
+        """The names in the profile by kind, each with an action that needs it."""
         self._seen: dict[str, set[str]] = {"joint": set(), "frame": set()}
         self._deaf: list[str] = []
         """Why something cannot be listened to."""
@@ -61,7 +61,7 @@ class LiveNames:
                 self._listen(transport, topic, "tf2_msgs/msg/TFMessage", self._take_transforms, qos)
 
     def are_complete(self) -> bool:
-        """Whether every name was seen, so that nothing more needs to be heard."""
+        """Whether every name was seen, so that listening can stop."""
         return bool(self._deaf) or all(names.keys() <= self._seen[kind] for kind, names in self._wanted.items())
 
     def findings(self) -> Iterator[DoctorFinding]:
@@ -87,10 +87,10 @@ class LiveNames:
         for subscription in self._subscriptions:
             subscription.close()
 
-    # --- what the profile names -----------------------------------------------------------------------------------
+    # --- the profile's names --------------------------------------------------------------------------------------
 
     def _collect(self, source: FieldSource, action: str, frame: str, field: str = "") -> None:
-        """Note the joints and frames that a source puts into a message by itself."""
+        """Note the joints and frames that a source adds to a message itself."""
         if isinstance(source, MessageSource):
             for name, inside in source.fields.items():
                 self._collect(inside, action, frame, name)
@@ -116,7 +116,7 @@ class LiveNames:
         elif field in _FRAME_FIELDS:
             self._wanted["frame"].setdefault(name.removeprefix("/"), action)
 
-    # --- what the robot says --------------------------------------------------------------------------------------
+    # --- the robot's names ----------------------------------------------------------------------------------------
 
     def _listen(self, transport: Transport, topic: str, type: str, take: Callable[[Message], None], qos: QoS) -> None:
         try:
@@ -134,9 +134,9 @@ class LiveNames:
 
 
 SEARCH_SECONDS = 3.0
-"""For which the robot's servers are waited for. Discovery takes milliseconds on one machine, and longer on Wi-Fi."""
+"""Seconds to wait for the robot's servers. Discovery takes milliseconds on one machine, and longer on Wi-Fi."""
 SETTLE_SECONDS = 0.5
-"""For which it goes on after all were found, because a second server may come."""
+"""Seconds to continue after all were found, because a second server may follow."""
 _POLL_SECONDS = 0.05
 _MOST_NAMES = 8
 
@@ -144,7 +144,7 @@ _MOST_NAMES = 8
 async def check_robot(
     transport: Transport, profile: RobotProfile | None, seconds: float = SEARCH_SECONDS
 ) -> list[DoctorFinding]:
-    """Whether each of the robot's actions is offered: once, and as what the profile says (`compatibility`)."""
+    """Whether each of the robot's actions is offered once, and as the profile says (`compatibility`)."""
     if profile is None:
         return [DoctorFinding("note", "robot", "no robot was named, so none was examined", "add --robot NAME")]
     if profile.driver != DRIVER:
@@ -191,7 +191,7 @@ async def check_robot(
 
 
 def _describe_estop(estop: EstopInput | None) -> Iterator[DoctorFinding]:
-    """How the emergency stop is that the profile names."""
+    """The state of the emergency stop in the profile."""
     if estop is None:
         return
     what = f"the emergency stop at {estop.name}"
@@ -208,7 +208,7 @@ def _describe_estop(estop: EstopInput | None) -> Iterator[DoctorFinding]:
 
 
 def _describe_clients(transport: Transport, expected: Sequence[_ExpectedEndpoint]) -> Iterator[DoctorFinding]:
-    """Who else may move the robot; a session is named as any node is."""
+    """Other nodes that may move the robot. A session is named like any node."""
     said: set[str] = set()
     for each in expected:
         for node in graph_checks.other_clients(transport, each.full) if each.is_action else ():
@@ -218,7 +218,7 @@ def _describe_clients(transport: Transport, expected: Sequence[_ExpectedEndpoint
 
 
 def _by_route(mappings: Mapping[str, ActionMapping]) -> dict[str, ActionMapping]:
-    """Several actions may go the same way: `Emotion, SocialExpression`."""
+    """Group actions with the same route: `Emotion, SocialExpression`."""
     names: dict[tuple[str, str, str], list[str]] = {}
     for name, mapping in mappings.items():
         names.setdefault(mapping.route, []).append(name)
@@ -243,7 +243,7 @@ async def _wait_for(
 
 
 class _ExpectedEndpoint:
-    """What carries one action of the robot, or several."""
+    """The endpoint that carries one or several actions of the robot."""
 
     def __init__(self, transport: Transport, name: str, mapping: ActionMapping) -> None:
         self._transport = transport
@@ -269,21 +269,21 @@ class _ExpectedEndpoint:
         self._close()
 
     def poll(self) -> None:
-        """Ask its node, where that has a lifecycle."""
+        """Ask its node for its state, if that has a lifecycle."""
         if self.is_action:
             self._lifecycle.follow_server(self.full)
             self._lifecycle.poll()
 
     def is_complete(self) -> bool:
-        """Everything of it is there, and can be compared."""
+        """Whether every part of it exists, and can be compared."""
         return self.count_receivers() > 0 and compatibility.compare(self._transport, self._mapping).complete
 
     def is_seen(self) -> bool:
-        """Whether there is anything of that name, be it the right thing or not."""
+        """Whether anything with that name exists, right or wrong."""
         return self.count_receivers() > 0 or bool(compatibility.compare(self._transport, self._mapping).seen)
 
     def names_elsewhere(self) -> list[str]:
-        """The names under which there is something of its type; sessions listen to one another, and are no robot."""
+        """Names under which something of its type exists. Sessions listen to one another, and are not robots."""
         others = graph_checks.names_elsewhere(self._transport, self._mapping)
         return [name for name in others if not name.endswith(f"/{neighbours.TOPIC}")]
 
@@ -329,10 +329,10 @@ def _advise_start(name: str) -> str:
 
 
 def definition_folders(profile: RobotProfile | None) -> list[Path]:
-    """Folders with definitions that the robot needs."""
+    """Folders with the definitions that the robot needs."""
     if profile is None or profile.driver != DRIVER:
         return []
     try:
         return [Path(folder) for folder in read_options(profile).share]
-    except PortError:  # said with everything else that is wrong in the profile
+    except PortError:  # reported with all other mistakes in the profile
         return []

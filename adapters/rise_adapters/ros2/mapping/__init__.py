@@ -1,8 +1,8 @@
-"""How a robot profile says which ROS action, topic or service carries an action, and what goes into its fields
+"""How a robot profile maps an action to a ROS action, topic or service, and what fills its fields
 (docs/reference/robots.md, "Carriers").
 
-`read_mappings` checks all of a profile at once and prepares it; an `ActionMapping` then makes the message of a
-goal, and reads from a result whether the robot did what it was asked for. Nothing here sends anything.
+`read_mappings` checks a whole profile at once and prepares it. An `ActionMapping` then makes the message of a goal, and
+reads from a result whether the robot did what it was asked to do. Nothing here sends anything.
 """
 
 from __future__ import annotations

@@ -1,6 +1,5 @@
-"""One carrier: what a robot profile says about how an action travels, ready for use (docs/reference/robots.md,
-"Carriers"). `rise_adapters.ros2.mapping` reads them.
-"""
+"""One carrier: a profile's statements about an action's way to the robot, ready for use (docs/reference/robots.md,
+"Carriers"). `rise_adapters.ros2.mapping` reads them."""
 
 from __future__ import annotations
 
@@ -15,35 +14,35 @@ from rise_adapters.ros2.mapping.field_sources import FillContext, MessageSource
 from rise_adapters.ros2.transport.port import RELIABLE, STATUS, Message, QoS
 
 MappingKind: TypeAlias = Literal["action", "topic", "service"]
-"""By what an action is carried."""
+"""What carries an action."""
 
 
 class GoalDeadlines(Struct, frozen=True):
     """Seconds that each phase of a goal may take, on the session's clock."""
 
     server: float = 5.0
-    """Until something offers the action or the service, or takes the topic."""
+    """Until something offers the action or the service, or listens to the topic."""
     acceptance: float = 2.0
     """Until the goal is accepted or refused."""
     feedback: float = 0.0
-    """Until feedback comes (again); 0: none is expected."""
+    """Until feedback arrives (again); 0: none is expected."""
     result: float = 0.0
-    """How much longer than expected the goal may take; 0: the kernel's limit decides (`limit` of the action)."""
+    """Seconds that the goal may take longer than expected; 0: the kernel's limit decides (`limit` of the action)."""
     cancel: float = 4.0
-    """Until a goal that is canceled has ended."""
+    """Until a cancelled goal has ended."""
 
 
 class EstopMapping(Struct, frozen=True):
-    """Where the emergency stop of a laboratory is heard: on a topic, or by a service that this side offers."""
+    """The input of a laboratory's emergency stop: a topic, or a service that this side offers."""
 
     name: str
-    """As written: not resolved yet."""
+    """As written, not resolved yet."""
     type: str = ""
-    """Of the topic's messages; empty: it is a service, `std_srvs/srv/SetBool`."""
+    """The type of the topic's messages; empty: it is a service, `std_srvs/srv/SetBool`."""
     when: tuple[tuple[tuple[str, ...], tuple[Any, ...]], ...] = ()
     """It is pressed when each of these fields has one of its values."""
     silent_after: float = 0.0
-    """Seconds without a message after which it counts as silent; 0: it may say nothing for ever."""
+    """Seconds without a message after which it counts as silent; 0: it may stay silent forever."""
 
     def is_pressed(self, message: Mapping[str, Any]) -> bool:
         return all(field_at(message, path) in values for path, values in self.when)
@@ -56,30 +55,30 @@ class RosOptions(Struct, frozen=True):
     """The coordinate frame that `{@frame}` stands for."""
     deadlines: GoalDeadlines = GoalDeadlines()
     error: dict[str, Any] = {}
-    """`carrier.error` of every action that has none of its own."""
+    """`carrier.error` of every action without its own."""
     wrapper: str = ""
     """The name under which a wrapper offers the actions of the profile `rise`; empty: there is none."""
     leftovers: Literal["cancel", "keep"] = "cancel"
-    """What becomes of goals that a killed engine left behind, when no wizard is there to decide."""
+    """What happens to goals that a killed engine left behind, if no wizard is there to decide."""
     share: tuple[str, ...] = ()
     """Folders with the definitions of further interface packages, for the transport without ROS."""
     estop: EstopMapping | None = None
 
 
 class ResultRule(Struct, frozen=True):
-    """Where a result says that it is none (`carrier.error`)."""
+    """How a result shows that it is a failure (`carrier.error`)."""
 
     code: tuple[str, ...] = ()
     ok: tuple[int | bool | str, ...] = (0,)
-    """The values of `code` that are a success; empty: the limits decide."""
+    """The values of `code` that mean success; empty: the limits decide."""
     minimum: float = -inf
     maximum: float = inf
-    """Of a number, the smallest and the largest that is a success."""
+    """The smallest and the largest number that means success."""
     text: tuple[str, ...] = ()
     codes: dict[str, str] = {}
 
     def failure(self, result: Message) -> str:
-        """Why this result is a failure, whatever the goal's status says; empty when it is none."""
+        """Why this result is a failure, whatever the goal's status says; empty when it is not one."""
         text = self.robot_text(result)
         if not self.code:
             return text
@@ -102,7 +101,7 @@ class ResultRule(Struct, frozen=True):
         return f"{name} is {code:g}, and a success is {' and '.join(limits)}"
 
     def why_not_succeeded(self, result: Message) -> str:
-        """What the robot has to say about how a goal ended that did not succeed; empty when it says nothing."""
+        """The robot's explanation of a goal that did not succeed; empty when it gives none."""
         return self.failure(result) or self.robot_text(result)
 
     def robot_text(self, result: Message) -> str:
@@ -111,58 +110,58 @@ class ResultRule(Struct, frozen=True):
 
 
 class ActionMapping(Struct, frozen=True):
-    """How one action reaches the robot."""
+    """The way of one action to the robot."""
 
     kind: MappingKind
     name: str
-    """Of the ROS action, the topic or the service, as written: not resolved yet."""
+    """The name of the ROS action, the topic or the service, as written, not resolved yet."""
     type: str
-    """`rise_interfaces/action/Speech`; of a topic, a message type, of a service, `std_srvs/srv/Trigger`."""
+    """`rise_interfaces/action/Speech`; for a topic, a message type; for a service, `std_srvs/srv/Trigger`."""
     deadlines: GoalDeadlines
     message: MessageSource
-    """What fills the goal; of a topic, the message, of a service, the request."""
+    """What fills the goal, the topic's message or the service's request."""
     reset: MessageSource | None = None
-    """What is published when the action's time is over, or it is canceled; None: nothing."""
+    """What is published when the action's time is over, or it is cancelled; None: nothing."""
     harmless: bool = False
-    """That nothing stops it is no danger (`unstoppable = true`)."""
+    """Whether it is safe that nothing can stop it (`unstoppable = true`)."""
     rate: float = 0.0
-    """How often in a second a topic's message is published while the action lasts; 0: once."""
+    """Messages a second on a topic while the action lasts; 0: one message only."""
     result_rule: ResultRule = ResultRule()
     unused_parameters: tuple[str, ...] = ()
-    """Parameters of the action that do not reach this robot: it has no field for them."""
+    """Parameters of the action that do not reach this robot, because it has no field for them."""
     topic_qos: QoS = RELIABLE
-    """Of a topic, how it is published."""
+    """For a topic: the quality of service of its publisher."""
     feedback_qos: QoS = RELIABLE
-    """Of an action, how its feedback is listened to ..."""
+    """For an action: the quality of service of its feedback ..."""
     status_qos: QoS = STATUS
-    """... and how its status is."""
+    """... and of its status."""
 
     @property
     def feedback_wanted(self) -> QoS | None:
-        """How its feedback is listened to; None: nobody waits for any, so that none is worth its processor time."""
+        """The quality of service for feedback; None: nobody needs feedback, so it would only cost processor time."""
         return self.feedback_qos if self.deadlines.feedback else None
 
     @property
     def stoppable(self) -> bool:
-        """Whether anything can be sent that stops the robot. (Nothing can take back a call of a service, or a message
-        without a `reset`.)"""
+        """Whether any message can stop the robot. (Calls of services and messages without `reset` cannot be taken
+        back.)"""
         return self.kind == "action" or self.reset is not None
 
     @property
     def route(self) -> tuple[str, str, str]:
-        """Several actions may go the same way, to one server or topic: what they then have in common."""
+        """What actions with the same way to the robot, one server or topic, have in common."""
         return self.kind, self.name, self.type
 
     def make_message(self, parameters: Mapping[str, Any], *, node: str, goal: str, frame: str) -> Message:
-        """The goal (of a topic: the message, of a service: the request) for these parameters, as of now.
+        """The present goal, topic message or service request for these parameters.
 
-        `node` is the full name of the node that sends it, `goal` the kernel's name of the goal, `frame` the robot's
-        frame. Raises ValueError with a sentence when a value does not fit its field.
+        `node` is the full name of the sending node, `goal` the kernel's name of the goal, `frame` the robot's frame.
+        Raises ValueError with a sentence when a value does not fit its field.
         """
         return self.message.fill(_context(parameters, node, goal, frame))
 
     def make_reset(self, *, node: str = "", goal: str = "", frame: str = "") -> Message | None:
-        """What `reset` is now; None: nothing is published."""
+        """The present `reset` message; None: nothing is published."""
         if self.reset is None:
             return None
         return self.reset.fill(_context({}, node, goal, frame))
@@ -173,7 +172,7 @@ def _context(parameters: Mapping[str, Any], node: str, goal: str, frame: str) ->
 
 
 def field_at(message: Any, path: Sequence[str]) -> Any:
-    """The value of a field in a message, in one of those nested in it, or of an item of a list; None: there is none."""
+    """The value of a field in a message, a nested message or a list; None: it does not exist."""
     for name in path:
         if isinstance(message, list):
             message = dict(enumerate(message)).get(int(name)) if name.isdecimal() else None

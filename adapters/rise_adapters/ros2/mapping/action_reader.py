@@ -1,4 +1,4 @@
-"""Reading and checking what carries one action to the robot: the table `carrier` of a profile's action."""
+"""Reads and checks one action's way to the robot: the table `carrier` of a profile's action."""
 
 from __future__ import annotations
 
@@ -26,12 +26,12 @@ _QUALITY_KEYS = ("reliability", "durability", "depth")
 _RELIABILITY = {"reliable": True, "best_effort": False}
 _DURABILITY = {"volatile": False, "transient_local": True}
 _DEEPEST = 10_000
-"""Messages that may be kept for one topic."""
+"""The most messages that may be kept for one topic."""
 
 
 def parse_qos(table: Mapping[str, Any], kind: str, where: str, mistakes: ProfileMistakes) -> dict[str, QoS]:
-    """By the field of `ActionMapping`: `topic_qos`, or `feedback_qos` and `status_qos` of an action (`kind`). What is
-    wrong goes into `mistakes`."""
+    """The quality of service by field of `ActionMapping`: `topic_qos`, or an action's `feedback_qos` and `status_qos`
+    (`kind`). Mistakes go into `mistakes`."""
     if kind == "topic":
         return {"topic_qos": _parse_quality(table, RELIABLE, where, mistakes)}
     usual = {FEEDBACK: RELIABLE, STATUS_TOPIC: STATUS}
@@ -71,19 +71,18 @@ def _parse_choice(word: Any, words: Mapping[str, bool], before: bool, where: str
     return before
 
 
-# --- what a result means ----------------------------------------------------------------------------------------------
+# --- the meaning of a result ------------------------------------------------------------------------------------------
 
 _RESULT_KEYS = ("code", "ok", "minimum", "maximum", "text", "codes")
 _LIMITS = ("minimum", "maximum")
 _KINDS: dict[str, type | tuple[type, ...]] = {"integer": int, "boolean": bool, "text": str}
-"""What `ok` has for a `code` of each kind."""
+"""The types of `ok` for each kind of `code`."""
 
 
 def parse_result_rule(
     table: Mapping[str, Any], type: str, where: str, types: FieldTypes, mistakes: ProfileMistakes
 ) -> ResultRule:
-    """`type`: of the result, or a service's response; empty: not known. What is wrong goes into `mistakes`, and is left
-    out."""
+    """`type`: of the result or a service's response; empty: unknown. Mistakes go into `mistakes` and are left out."""
     mistakes.add_unknown_keys(where, table, _RESULT_KEYS)
     code, code_type = _read_field_path(table, "code", type, where, types, mistakes)
     text, text_type = _read_field_path(table, "text", type, where, types, mistakes)
@@ -156,7 +155,7 @@ def _is_ok(value: Any, kind: str) -> bool:
 def _read_field_path(
     table: Mapping[str, Any], key: str, type: str, where: str, types: FieldTypes, mistakes: ProfileMistakes
 ) -> tuple[tuple[str, ...], MessageFieldType | None]:
-    """The path of a field of the result, and its type where that is known."""
+    """The path of a result's field, and its type if known."""
     path = table.get(key)
     if path is None:
         return (), None
@@ -184,16 +183,16 @@ _TYPES: dict[MappingKind, tuple[str, str]] = {
     "topic": ("msg", "std_msgs/msg/String"),
     "service": ("srv", "std_srvs/srv/Trigger"),
 }
-"""What stands in the middle of a type on ROS, and one of them."""
+"""The middle part of a ROS type, and an example."""
 _OF_ACTIONS = ("acceptance", "feedback", "cancel")
 """Deadlines of phases that a service does not have."""
 MAX_RATE = 100.0
-"""Messages in a second."""
+"""Messages a second."""
 _TYPE = re.compile(r"(?P<package>[a-z][a-z0-9_]*)/(?:(?P<kind>[a-z]+)/)?(?P<name>[A-Z][A-Za-z0-9]*)\Z", re.ASCII)
 
 
 class ActionReader:
-    """Reads the carrier of one action. What is wrong goes into its mistakes, all of it."""
+    """Reads the carrier of one action, and collects all mistakes."""
 
     def __init__(
         self,
@@ -211,7 +210,7 @@ class ActionReader:
         self._mistakes = mistakes
 
     def read(self) -> ActionMapping | None:
-        """None when it cannot even be told what carries the action."""
+        """The mapping; None when it is not even clear what carries the action."""
         kind = self._read_kind()
         if kind is None:
             return None
@@ -230,7 +229,7 @@ class ActionReader:
         used = compiler.used_parameters
         mapping = ActionMapping(kind, name, type, deadlines, message)
         if kind == "topic":
-            used = used | {"duration", "repetitions"}  # kept here, with a field for them or not
+            used = used | {"duration", "repetitions"}  # handled here, with or without a field
             mapping = replace(mapping, reset=self._read_reset(type), rate=self._read_rate())
         else:
             of, where = type and f"{type}{answered}", self._path_of("error")
@@ -247,7 +246,7 @@ class ActionReader:
         return replace(mapping, unused_parameters=unused, harmless=self._is_harmless(mapping))
 
     def _is_harmless(self, mapping: ActionMapping) -> bool:
-        """Whether the profile says so of what nothing can stop; what it says nothing of is a mistake."""
+        """Whether the profile declares that an unstoppable action is safe. If it says nothing, that is a mistake."""
         if mapping.kind == "action":
             return False
         known = self._table.get("unstoppable", False)
@@ -303,7 +302,7 @@ class ActionReader:
         return "unknown"
 
     def _read_known_type(self, kind: MappingKind) -> str:
-        """The type on ROS; empty when it is none, or cannot be had here."""
+        """The type on ROS; empty when it is not a type, or is not available here."""
         type = self._read_type(kind)
         endings = {"action": ("_Goal", "_Result", "_Feedback"), "topic": ("",), "service": ("_Request", "_Response")}
         parts = [f"{type}{ending}" for ending in endings[kind]]
@@ -350,13 +349,13 @@ class ActionReader:
     def _read_reset(self, type: str) -> MessageSource | None:
         if "reset" not in self._table:
             return None
-        # When it is sent nobody knows the parameters any more: an action without any.
+        # The parameters are no longer known when it is sent, so it is compiled for an action without any.
         nobody = replace(self._spec, parameters={})
         compiler = MessageCompiler(nobody, {}, self._types, self._mistakes, {})
         return compiler.compile(self._read_table("reset"), type, self._path_of("reset"))
 
     def _read_table(self, key: str) -> dict[str, Any]:
-        """One of the carrier's tables; empty when it is not there."""
+        """One of the carrier's tables; empty when it is missing."""
         table = self._table.get(key, {})
         if isinstance(table, dict):
             return table

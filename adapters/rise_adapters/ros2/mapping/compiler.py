@@ -1,6 +1,6 @@
-"""From what a profile says about the fields of a message to what fills them: every mistake found, all at once.
+"""Compiles a profile's tables for message fields into sources that fill them. All mistakes are found at once.
 
-Where the type of the message is known, so is what each of its fields takes; otherwise everything else is checked.
+If the type of the message is known, each field's value is checked against it; otherwise only everything else is.
 """
 
 from __future__ import annotations
@@ -51,22 +51,22 @@ from rise_engine.scenario.parameters import accepts_any_name, convert_parameter,
 
 
 class ProfileMistakes:
-    """Collects what there is to say about a profile, as sentences that begin with the place."""
+    """Collects diagnostics about a profile, as sentences that begin with the place."""
 
     def __init__(self, robot: str) -> None:
         self._robot = robot
         self._found: dict[ProfileFinding, None] = {}
         self.place_keys: set[str] = set()
-        """What some field takes of places."""
+        """The keys of places that some field uses."""
 
     @property
     def found(self) -> list[ProfileFinding]:
-        """Everything, each once."""
+        """All diagnostics, each once."""
         return list(self._found)
 
     @property
     def refusals(self) -> list[ProfileFinding]:
-        """What a session with this robot would be refused for."""
+        """The diagnostics for which a session with this robot would be refused."""
         return [each for each in self._found if each.refuses]
 
     def add(self, where: str, sentence: str, kind: ProfileFindingKind = "wrong") -> None:
@@ -95,10 +95,10 @@ class MessageCompiler:
         self._types = types
         self._mistakes = mistakes
         self.used_parameters: set[str] = set()
-        """Parameters that some field takes."""
+        """Parameters that some field uses."""
 
     def compile(self, table: Mapping[str, Any], type: str, where: str) -> MessageSource:
-        """A message out of a table of its fields; of any type when `type` is empty."""
+        """Compile a message from a table of its fields; an empty `type` means any type."""
         return self._compile_message(
             nest_dotted_keys(table, where, self._mistakes), MessageFieldType(type) if type else None, where
         )
@@ -216,11 +216,11 @@ class MessageCompiler:
         self, parameter: Parameter, type: MessageFieldType | None = None, factor: float = 1.0, divisor: float = 1.0
     ) -> ParameterConversion:
         if type is not None and type.base == DURATION:
-            factor, divisor = 1.0, 1.0  # it is a time in any unit
+            factor, divisor = 1.0, 1.0  # a time in any unit
         return ParameterConversion(parameter, dict(self._values.get(parameter.name, {})), type, factor, divisor)
 
     def _value_when_absent(self, slot: Placeholder, conversion: ParameterConversion, *, in_text: bool) -> Any:
-        """What the field gets when the author gives nothing."""
+        """The field's value if the author gives none."""
         parameter, type = conversion.parameter, conversion.type
         what, written = ("fallback", slot.fallback) if slot.fallback is not None else ("default", parameter.default)
         if special_fallback(slot) is not None or written is None:
@@ -232,14 +232,14 @@ class MessageCompiler:
                 raise ValueError(f"cannot take the default: {error}") from None
             if parameter.type != "name" or not (in_text or type is None or type.kind == "text"):
                 raise ValueError(f"has a fallback that cannot be: {error}") from None
-            value = written  # a word of the robot's
+            value = written  # the robot's own word
         try:
             return conversion.to_field_value(value)
         except ValueError as error:
             raise ValueError(f"{error} (the {what} of `{parameter.name}`)") from None
 
     def _advise_fields(self, type: MessageFieldType | None) -> str:
-        """The end of a message about a field that is a message itself."""
+        """The end of a sentence about a field that is itself a message."""
         if type is None or type.is_list or type.kind != "message" or type.base == DURATION:
             return ""
         fields = self._types.fields_of(type.base)
@@ -247,7 +247,7 @@ class MessageCompiler:
 
 
 def _check_can_fill(conversion: ParameterConversion, type: MessageFieldType) -> None:
-    """Raises ValueError when the parameter can never, or not with each of its known names, fill the field."""
+    """Raise ValueError if the parameter can never fill the field, or not with each of its known names."""
     parameter = conversion.parameter
     if type.base == DURATION:
         if seconds_per_unit(parameter) is None:
@@ -274,7 +274,7 @@ def _check_can_fill(conversion: ParameterConversion, type: MessageFieldType) -> 
 
 
 def nest_dotted_keys(table: Mapping[str, Any], where: str, mistakes: ProfileMistakes) -> dict[str, Any]:
-    """A table of fields with all its dotted keys as tables within tables."""
+    """A table of fields, with all dotted keys as nested tables."""
     result: dict[str, Any] = {}
     _nest_into(result, table, where, mistakes)
     return result

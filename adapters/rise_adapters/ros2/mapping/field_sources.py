@@ -1,6 +1,5 @@
-"""How an action's parameters fill the fields of a message: what a carrier says, checked and prepared once per session,
-so that making the message of a goal is a walk over a small tree.
-"""
+"""How an action's parameters fill the fields of a message. A carrier is checked and compiled once per session, so that
+making a goal's message is a walk over a small tree."""
 
 from __future__ import annotations
 
@@ -25,17 +24,17 @@ from rise_engine.scenario.speech.template import spoken_text
 
 
 class FillContext(Struct, frozen=True):
-    """What one message is made of."""
+    """The inputs of one message."""
 
     parameters: Mapping[str, Any]
-    """As the author gave them; those left out are absent."""
+    """As the author gave them, without those left out."""
     specials: Mapping[str, str]
     now: int = 0
     """Nanoseconds since 1970."""
 
 
 class _NoValue:
-    """Neither author, fallback nor declaration give a value: the field keeps its zero."""
+    """No value from the author, a fallback or the declaration: the field stays zero."""
 
 
 NO_VALUE = _NoValue()
@@ -43,7 +42,7 @@ NO_VALUE = _NoValue()
 
 class FieldSource(Protocol):
     def fill(self, context: FillContext) -> Any:
-        """The value of a field, or NO_VALUE. Raises ValueError with a sentence when the field cannot take it."""
+        """The value of a field, or NO_VALUE. Raises ValueError with a sentence when the field cannot hold it."""
         ...
 
 
@@ -72,7 +71,7 @@ class ListSource(Struct, frozen=True):
 
     items: tuple[FieldSource, ...]
     zero: Any = NO_VALUE
-    """What stands for an item without a value; NO_VALUE: it is left out."""
+    """The value for an item without one; NO_VALUE: it is left out."""
     as_bytes: bool = False
 
     def fill(self, context: FillContext) -> Any:
@@ -86,12 +85,12 @@ class ParameterSource(Struct, frozen=True):
     """A field that one parameter fills."""
 
     field: str
-    """Its path, for messages."""
+    """The field's path, for messages."""
     conversion: ParameterConversion
     absent: Any = NO_VALUE
-    """What the field gets when the author gives nothing."""
+    """The field's value if the author gives none."""
     special: str | None = None
-    """The special that the field gets then, if one."""
+    """The special value that the field then gets, if any."""
 
     def fill(self, context: FillContext) -> Any:
         conversion = self.conversion
@@ -114,7 +113,7 @@ class SpecialSource(Struct, frozen=True):
 
 
 class AllParametersSource(Struct, frozen=True):
-    """All parameters as the text of a JSON object, in the order of their declaration."""
+    """All parameters as a JSON object in text form, in the order of their declaration."""
 
     field: str
     all: tuple[ParameterConversion, ...]
@@ -132,7 +131,7 @@ class AllParametersSource(Struct, frozen=True):
 
 
 class JoinedTextSource(Struct, frozen=True):
-    """A text put together from pieces."""
+    """A text joined from pieces."""
 
     field: str
     pieces: tuple[FieldSource, ...]
@@ -155,23 +154,23 @@ def _fit_text(text: str, type: MessageFieldType | None, field: str, name: str = 
 
 
 class ParameterConversion(Struct, frozen=True):
-    """From a parameter's value, as the author gives it, to what a field of a type takes."""
+    """Converts a parameter's value from the author to a field's type."""
 
     parameter: Parameter
     values: dict[str, Any]
-    """The robot's own words for some values, by RISE's (`carrier.values`)."""
+    """The robot's own words for some values, by RISE's words (`carrier.values`)."""
     type: MessageFieldType | None = None
-    """Of the field; None: not known, or a piece of a text."""
+    """The field's type; None: unknown, or a piece of a text."""
     factor: float = 1.0
     divisor: float = 1.0
 
     def to_named_value(self, value: Any) -> Any:
-        """The value by its name, not by its number, and by the robot's own word if it has one."""
+        """The value by its name instead of its number, and by the robot's own word if it has one."""
         value = self._to_name(value)
         return self.values.get(spoken_text(value), value) if self.values and value is not None else value
 
     def to_field_value(self, value: Any) -> Any:
-        """The field's value. Raises ValueError: what the field takes instead."""
+        """The field's value. Raises ValueError with what the field takes instead."""
         value = self._to_name(value)
         if self.values and (word := spoken_text(value)) in self.values:
             return fit_literal(self.values[word], self.type)
@@ -199,7 +198,7 @@ class ParameterConversion(Struct, frozen=True):
 
 
 def fit_literal(value: Any, type: MessageFieldType | None) -> Any:
-    """A plain value of the profile in a field. Raises ValueError: what the field takes."""
+    """A plain value of the profile for a field. Raises ValueError with what the field takes."""
     if type is None:
         return value
     if type.base == DURATION:

@@ -1,4 +1,4 @@
-"""What a field of a ROS message takes: its type as ROS writes it, and which values fit (docs/reference/robots.md)."""
+"""What a field of a ROS message can hold: its type in ROS's form, and the valid values (docs/reference/robots.md)."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from rise_engine.base.nearest_name import did_you_mean
 
 FieldKind: TypeAlias = Literal["integer", "float", "text", "boolean", "message"]
 ReadFields: TypeAlias = Callable[[str], Mapping[str, str]]
-"""`Transport.fields`: the fields of a message type. Raises PortError where the type is not known."""
+"""`Transport.fields`: the fields of a message type. Raises PortError if the type is unknown."""
 
 DURATION = "builtin_interfaces/msg/Duration"
 TIME = "builtin_interfaces/msg/Time"
@@ -22,14 +22,14 @@ QUATERNION = "geometry_msgs/msg/Quaternion"
 
 _INTEGERS = {"byte": (0, 255), **INTEGER_RANGES}
 _FLOATS = {"float32": 3.4028234663852886e38, "float64": math.inf}
-"""The largest number of each."""
+"""The largest number of each type."""
 _TEXTS = ("string", "wstring")
 _NEARLY = 1e-9
-"""How far from a whole number, as a part of it, what is still one: 0.3 s in ms is 300, whatever its binary digits."""
+"""The relative error with which a number counts as whole: 0.3 s in ms is 300, in spite of binary rounding."""
 
 
 class MessageFieldType(InterfaceFieldType, frozen=True):
-    """The type of a field, and what that means for values."""
+    """The type of a field, and its meaning for values."""
 
     @property
     def is_list(self) -> bool:
@@ -37,7 +37,7 @@ class MessageFieldType(InterfaceFieldType, frozen=True):
 
     @property
     def kind(self) -> FieldKind:
-        """Of one item."""
+        """The kind of one item."""
         if self.base in _INTEGERS:
             return "integer"
         if self.base in _FLOATS:
@@ -52,40 +52,40 @@ class MessageFieldType(InterfaceFieldType, frozen=True):
 
     @property
     def travels_as_bytes(self) -> bool:
-        """Whether a list of these travels as `bytes` (rise_adapters.ros2.transport.port.Message)."""
+        """Whether a list of this type travels as `bytes` (rise_adapters.ros2.transport.port.Message)."""
         return self.is_list and self.base in ("uint8", "byte")
 
     @property
     def zero(self) -> Any:
-        """What one item is when nobody says."""
+        """The default of one item."""
         return {"integer": 0, "float": 0.0, "text": "", "boolean": False, "message": {}}[self.kind]
 
 
 def parse_field_type(text: str) -> MessageFieldType:
-    """Read a type as ROS writes it. Raises PortError for what is none."""
+    """Read a type in ROS's form. Raises PortError for anything else."""
     return MessageFieldType(*astuple(read_field_type(text, "a field")))
 
 
 class FieldTypes:
-    """The fields of message types, asked for once. Without `fields` (no transport yet), no type is known."""
+    """The fields of message types, each requested once. Without `fields` (no transport yet), no type is known."""
 
     def __init__(self, fields: ReadFields | None) -> None:
         self._fields = fields
         self._known: dict[str, dict[str, MessageFieldType] | str] = {}
 
     def fields_of(self, type: str) -> dict[str, MessageFieldType] | None:
-        """The fields of a type; None: it is not known, and `missing` may say why."""
+        """The fields of a type; None: it is unknown, and `missing` may say why."""
         known = self._look_up(type)
         return known if isinstance(known, dict) else None
 
     def why_unknown(self, type: str) -> str:
-        """Why a type is not known, as a sentence; empty when it is, and when no types can be had at all."""
+        """Why a type is unknown, as a sentence; empty when it is known, and when no types are available at all."""
         known = self._look_up(type)
         return known if isinstance(known, str) else ""
 
     def find(self, type: str, path: Sequence[str]) -> MessageFieldType | None:
-        """The type of a field of a message, or of one nested in it; None: types are not known here. Raises ValueError:
-        there is none, or that cannot be checked."""
+        """The type of a message's field, or of a nested one; None: types are unknown here. Raises ValueError when it
+        does not exist, or cannot be checked."""
         inside = MessageFieldType(type)
         for name in path:
             fields = self.fields_of(inside.base)
@@ -113,7 +113,7 @@ class FieldTypes:
 
 
 def fit_value(value: Any, field: MessageFieldType) -> Any:
-    """One plain value as the field takes it (`field` is not a message). Raises ValueError: what the field takes."""
+    """One plain value in the field's form (`field` is not a message). Raises ValueError with what the field takes."""
     fitted: Any
     match field.kind:
         case "integer":
@@ -130,7 +130,7 @@ def fit_value(value: Any, field: MessageFieldType) -> Any:
 
 
 def duration_message(seconds: float) -> dict[str, int]:
-    """A `builtin_interfaces/msg/Duration`. Raises ValueError for a time that it cannot hold."""
+    """A `builtin_interfaces/msg/Duration`. Raises ValueError for a time that is too long for it."""
     if not math.isfinite(seconds) or not -(2**31) <= seconds < 2**31:
         raise ValueError(f"takes a time of at most 68 years, and {seconds:g} s is more")
     whole, nanoseconds = divmod(round(seconds * 1_000_000_000), 1_000_000_000)
@@ -138,7 +138,7 @@ def duration_message(seconds: float) -> dict[str, int]:
 
 
 def describe_field_type(field: MessageFieldType) -> str:
-    """For a person: `a whole number from 0 to 255`."""
+    """The type for a person: `a whole number from 0 to 255`."""
     if field.is_list:
         return f"a list ({field}): [...]"
     match field.kind:
@@ -156,7 +156,7 @@ def describe_field_type(field: MessageFieldType) -> str:
 
 
 def describe_value(value: Any) -> str:
-    """A value in a message: short, whatever it is."""
+    """A value in a sentence, always short."""
     if isinstance(value, bool):
         return "true" if value else "false"
     if isinstance(value, str):

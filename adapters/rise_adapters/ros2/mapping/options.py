@@ -1,4 +1,4 @@
-"""The options of a profile whose driver is `ros2`, and the deadlines, which each action may change."""
+"""The options of a profile whose driver is `ros2`, and the deadlines, which each action can change."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ _OF_TOPIC = ("topic", "type", "when", "silent_after")
 
 
 def parse_estop(table: Any, types: FieldTypes, mistakes: ProfileMistakes) -> EstopMapping | None:
-    """What `options.estop` says; None when it says nothing that can be used. What is wrong goes into `mistakes`."""
+    """The emergency stop of `options.estop`; None when it is not usable. Mistakes go into `mistakes`."""
     if not isinstance(table, dict) or ("topic" in table) == ("service" in table):
         mistakes.add(WHERE, 'is a table with a `topic` or a `service`: { topic = "/estop", type = ..., when = ... }')
         return None
@@ -58,7 +58,7 @@ def parse_estop(table: Any, types: FieldTypes, mistakes: ProfileMistakes) -> Est
 
 
 def _flatten(table: Mapping[str, Any], before: tuple[str, ...] = ()) -> Iterator[tuple[tuple[str, ...], Any]]:
-    """By the path of each field, what is written for it: `{ a.b = 1 }` and `{ "a.b" = 1 }` are the same."""
+    """The values by the path of each field: `{ a.b = 1 }` and `{ "a.b" = 1 }` are the same."""
     for key, value in table.items():
         path = (*before, *key.split("."))
         if isinstance(value, dict):
@@ -70,7 +70,7 @@ def _flatten(table: Mapping[str, Any], before: tuple[str, ...] = ()) -> Iterator
 def _read_values(
     path: tuple[str, ...], written: Any, type: str, types: FieldTypes, mistakes: ProfileMistakes
 ) -> tuple[Any, ...]:
-    """One value or a list of them, as the field has them."""
+    """One value or a list of values, in the field's form."""
     values = tuple(written) if isinstance(written, list) else (written,)
     try:
         field = types.find(type, path)
@@ -94,7 +94,7 @@ def parse_options(
     mistakes: ProfileMistakes,
     types: FieldTypes = FieldTypes(None),  # noqa: B008
 ) -> RosOptions:
-    """The profile's `[options]`; what is wrong goes into `mistakes`, and is left out."""
+    """The profile's `[options]`. Mistakes go into `mistakes` and are left out."""
     known = [field.name for field in struct_fields(RosOptions)]
     for key in profile.options:
         if key not in known:
@@ -130,7 +130,7 @@ def parse_options(
 
 
 def parse_deadlines(table: Any, before: GoalDeadlines, where: str, mistakes: ProfileMistakes) -> GoalDeadlines:
-    """A table of seconds; what it does not name stays as it was `before`."""
+    """The deadlines from a table of seconds; deadlines that it does not name stay as `before`."""
     if not isinstance(table, dict):
         mistakes.add(where, "is a table of seconds: { acceptance = 2 }")
         return before

@@ -1,6 +1,5 @@
-"""Times, angles and places in the fields of a message: `{@now}`, `{@yaw(angle)}`, `{place.x}`, and a whole pose out of
-the place that a parameter names (docs/reference/robots.md, "What fills a field").
-"""
+"""Times, angles and places in the fields of a message: `{@now}`, `{@yaw(angle)}`, `{place.x}`, and a whole pose from a
+parameter's place (docs/reference/robots.md, "What fills a field")."""
 
 from __future__ import annotations
 
@@ -23,7 +22,7 @@ from rise_engine.base.nearest_name import did_you_mean
 from rise_engine.scenario.model import Parameter
 
 PLACE_FRAME = "map"
-"""The coordinate frame of a place that names none (REP 105)."""
+"""The coordinate frame of a place without one (REP 105)."""
 
 _POINT = {"x": "{%s.x}", "y": "{%s.y}", "z": "{%s.z|0}"}
 _POSE = {"position": _POINT, "orientation": "{@yaw(%s.yaw|0)}"}
@@ -38,7 +37,7 @@ _POSES: dict[str, dict[str, Any]] = {
 
 
 def pose_fields(type: str, parameter: str) -> dict[str, Any] | None:
-    """What a place fills the fields of a message with, as a carrier would write it; None: it is no type for a place."""
+    """The message fields for a place, as a carrier would write them; None: the type is not for places."""
     table = _POSES.get(type)
     return None if table is None else _insert(table, parameter)
 
@@ -64,7 +63,7 @@ class NowSource(Struct, frozen=True):
 
 
 def compile_now(type: MessageFieldType | None, *, in_text: bool) -> NowSource:
-    """Raises ValueError with a sentence where there can be no time."""
+    """The source for `@now`. Raises ValueError with a sentence if the field cannot hold a time."""
     if in_text or (type is not None and (type.is_list or (type.base not in (TIME, "float64")))):
         takes = "is a text" if in_text or type is None else f"takes {describe_field_type(type)}"
         raise ValueError(f"{takes}, and @now is a {TIME}, or seconds since 1970 in a float64")
@@ -75,11 +74,11 @@ def compile_now(type: MessageFieldType | None, *, in_text: bool) -> NowSource:
 
 
 class YawSource(Struct, frozen=True):
-    """The quaternion of a turn around the vertical."""
+    """The quaternion of a rotation about the vertical axis."""
 
     field: str
     angle: FieldSource
-    """In radians; without a value, no turn."""
+    """In radians; without a value, no rotation."""
 
     def fill(self, context: FillContext) -> Any:
         angle = self.angle.fill(context)
@@ -91,7 +90,7 @@ class YawSource(Struct, frozen=True):
 
 
 def check_quaternion(type: MessageFieldType | None, *, in_text: bool) -> None:
-    """Raises ValueError with a sentence where there can be no quaternion."""
+    """Check that the field can hold a quaternion. Raises ValueError with a sentence when it cannot."""
     if in_text or (type is not None and (type.is_list or type.base != QUATERNION)):
         takes = "is a text" if in_text or type is None else f"takes {describe_field_type(type)}"
         raise ValueError(f"{takes}, and @yaw gives a {QUATERNION}")
@@ -130,7 +129,8 @@ def compile_place_value(
     type: MessageFieldType | None,
     where: str,
 ) -> PlaceSource:
-    """Raises ValueError with a sentence for a parameter that names no places, and for what the field cannot take."""
+    """The source for a place's value. Raises ValueError with a sentence when the parameter names no places, or the
+    field cannot hold the value."""
     if not parameter.place:
         raise ValueError(
             f"has `{{{slot.name}.{slot.key}}}`, and `{slot.name}` names no places; declare it with `place = true`"

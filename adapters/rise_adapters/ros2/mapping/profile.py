@@ -1,4 +1,4 @@
-"""Reading and checking everything that a profile says about ROS: its options, and the mapping of each action."""
+"""Reads and checks everything in a profile about ROS: its options, and the mapping of each action."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ from rise_engine.ports.bridge import ProfileFinding
 from rise_engine.scenario.model import ActionSpec, RobotProfile
 
 _STANDARD = "rise/robot"
-"""What the names of the profile `rise` begin with."""
+"""The prefix of the names in the profile `rise`."""
 
 
 def read_options(profile: RobotProfile) -> RosOptions:
@@ -36,10 +36,10 @@ def read_options(profile: RobotProfile) -> RosOptions:
 def read_mappings(
     profile: RobotProfile, fields: ReadFields | None = None, *, actions: Collection[str] | None = None
 ) -> dict[str, ActionMapping]:
-    """By name, the mapping of every action that the robot itself does.
+    """The mapping of every action that the robot itself carries out, by name.
 
-    `fields` is `Transport.fields`; without it, types are taken as they are and everything else is checked. `actions`
-    narrows it down to some actions. Raises PortError with everything that is wrong.
+    `fields` is `Transport.fields`; without it, types are not checked, but everything else is. `actions`: only these
+    actions. Raises PortError with all mistakes.
     """
     mappings, mistakes = _read(profile, fields, actions)
     if mistakes.refusals:
@@ -48,12 +48,12 @@ def read_mappings(
 
 
 def mapping_findings(profile: RobotProfile, fields: ReadFields | None = None) -> list[ProfileFinding]:
-    """Everything that there is to say about what a profile says about ROS."""
+    """All diagnostics about a profile's statements on ROS."""
     return _read(profile, fields, None)[1].found
 
 
 def mapping_problems(profile: RobotProfile, fields: ReadFields | None = None) -> list[str]:
-    """What a session is refused for, as sentences; empty when the profile can be used."""
+    """The reasons for which a session would be refused, as sentences; empty when the profile can be used."""
     return [each.sentence for each in _read(profile, fields, None)[1].refusals]
 
 
@@ -76,13 +76,13 @@ def _read(
 
 
 def with_all_carriers(profile: RobotProfile) -> RobotProfile:
-    """The profile with every carrier in its action: also those that `options.wrapper` and `options.error` stand for."""
+    """The profile with a carrier in every action, including those from `options.wrapper` and `options.error`."""
     options = parse_options(profile, ProfileMistakes(profile.name))
     return replace(profile, actions={name: _write_out_carrier(spec, options) for name, spec in profile.actions.items()})
 
 
 def _check_places(profile: RobotProfile, mistakes: ProfileMistakes) -> None:
-    """What is said of a place and no carrier takes may be a slip, where carriers take anything of places."""
+    """Note the keys of places that no carrier uses, if carriers use any: they may be slips."""
     taken = mistakes.place_keys
     for name, place in profile.places.items() if taken else ():
         for key in place:
@@ -91,8 +91,8 @@ def _check_places(profile: RobotProfile, mistakes: ProfileMistakes) -> None:
 
 
 def _check_qos(name: str, mappings: Mapping[str, ActionMapping], mistakes: ProfileMistakes) -> None:
-    """Actions that go the same way have one subscription or publisher between them, and it has one quality of service.
-    `name`: that of the action that was read last."""
+    """Check that actions with the same route want the same quality of service, because they share a subscription or
+    publisher. `name`: the action that was read last."""
     mapping = mappings[name]
     for other, before in mappings.items():
         if before.route == mapping.route and (
@@ -106,13 +106,13 @@ def _check_qos(name: str, mappings: Mapping[str, ActionMapping], mistakes: Profi
 
 @cache
 def _standard_carriers() -> Mapping[str, Mapping[str, Any]]:
-    """The carriers of the profile `rise`, which a wrapper in the manner of RISE offers under a name of its own."""
+    """The carriers of the profile `rise`, which a wrapper in RISE's style offers under its own name."""
     profile = tomllib.loads(resources.files("rise_adapters.robots").joinpath("rise.toml").read_text("utf-8"))
     return {name: table["carrier"] for name, table in profile["actions"].items()}
 
 
 def _write_out_carrier(spec: ActionSpec, options: RosOptions) -> ActionSpec:
-    """The action with its carrier, also when that is its wrapper's; without one if there is none."""
+    """The action with its carrier, even if that comes from its wrapper; unchanged without one."""
     carrier = spec.carrier
     standard = _standard_carriers().get(spec.name)
     if not carrier and options.wrapper and standard is not None and _is_done_by_itself(spec):

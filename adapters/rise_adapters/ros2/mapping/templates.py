@@ -1,4 +1,4 @@
-"""The texts of a carrier that an action's parameters go into: `{message}`, `{frame|@frame}`, `{duration:s}`
+"""The texts of a carrier that contain an action's parameters: `{message}`, `{frame|@frame}`, `{duration:s}`
 (docs/reference/robots.md, "What fills a field")."""
 
 from __future__ import annotations
@@ -14,15 +14,15 @@ from rise_engine.base.nearest_name import did_you_mean
 from rise_engine.scenario.model import Parameter
 
 SPECIAL_NAMES = ("node", "goal", "frame", "parameters", "now")
-"""What `{@...}` can name: the full name of the node that sends, the goal as the session's record names it
+"""The names for `{@...}`: the full name of the sending node, the goal's name in the session's record
 (`<task>/<actionID>`), the robot's frame, all parameters as a JSON object, the time of sending."""
 FUNCTIONS = ("yaw",)
-"""What `{@...(parameter)}` can name: the quaternion of an angle around the vertical."""
+"""The functions for `{@...(parameter)}`: the quaternion of a rotation about the vertical axis."""
 _STANDING_IN = SPECIAL_NAMES[:3]
-"""What can stand in for a parameter: `{frame|@frame}`."""
+"""The specials that can replace a missing parameter: `{frame|@frame}`."""
 
 _TOKEN = re.compile(r"\{\{|\}\}|\{(?P<slot>[^}]*)\}|[{}]|[^{}]+")
-"""A brace that is meant as one, a slot, a brace that is alone, or what stands between them."""
+"""An escaped brace, a slot, a single brace, or the text between them."""
 _SLOT = re.compile(
     r"\s*(?P<special>@)?(?P<name>[^\W\d]\w*)(?:\.(?P<key>[^\W\d]\w*))?\s*(?::\s*(?P<unit>[a-z%]+)\s*)?"
     r"(?:\|(?P<fallback>.*))?\Z",
@@ -36,30 +36,30 @@ _SIZES = {
     "length": {"mm": 1.0, "cm": 10.0, "m": 1000.0},
     "part": {"%": 1.0, "": 100.0},
 }
-"""The units that can be converted into each other, by what they measure; the smallest is 1. A number without a unit is
-a part of one, so 0.8 is 80 %."""
+"""Units that can be converted into each other, by quantity; the smallest is 1. A number without a unit is a fraction of
+one, so 0.8 is 80 %."""
 
 
 class Placeholder(Struct, frozen=True):
-    """A place where a parameter goes, or a special: a text that the session knows (`@frame`, `@goal`, ...)."""
+    """A place for a parameter, or for a special: a text that the session knows (`@frame`, `@goal`, ...)."""
 
     name: str
     special: bool = False
     unit: str | None = None
-    """The unit that the field wants."""
+    """The unit that the field needs."""
     fallback: str | None = None
-    """When the author gives no value: as the author would write it, or `@` and a special."""
+    """The value if the author gives none: in the author's form, or `@` and a special."""
     key: str = ""
-    """Of the place that the parameter names, the value that goes here."""
+    """The key of the parameter's place whose value goes here."""
     function: str = ""
-    """What is made of the value (FUNCTIONS); empty: it goes as it is."""
+    """The function that is applied to the value (FUNCTIONS); empty: none."""
 
 
 TemplatePiece: TypeAlias = str | Placeholder
 
 
 def parse_template(text: str) -> tuple[TemplatePiece, ...]:
-    """Take a text apart; `{{` and `}}` are braces. Raises ValueError with a sentence."""
+    """Split a text into pieces; `{{` and `}}` are braces. Raises ValueError with a sentence."""
     pieces: list[TemplatePiece] = []
     for token in _TOKEN.finditer(text):
         words = token[0]
@@ -111,15 +111,13 @@ def _parse_slot(inside: str) -> Placeholder:
 
 
 def special_fallback(slot: Placeholder) -> str | None:
-    """The special that stands in when there is no value."""
+    """The special that replaces a missing value."""
     fallback = (slot.fallback or "").strip()
     return fallback[1:] if fallback.startswith("@") else None
 
 
 def unit_factors(parameter: Parameter, unit: str) -> tuple[float, float]:
-    """How a number in the parameter's unit becomes one in `unit`: what to multiply by and what to divide by, one of
-    which is 1. Raises ValueError with a sentence.
-    """
+    """A factor and a divisor, one of which is 1, from the parameter's unit to `unit`. Raises ValueError."""
     if parameter.type not in ("number", "integer"):
         raise ValueError(f"wants `{parameter.name}` in `{unit}`, and it is no number")
     for sizes in _SIZES.values():
@@ -136,6 +134,6 @@ def unit_factors(parameter: Parameter, unit: str) -> tuple[float, float]:
 
 
 def seconds_per_unit(parameter: Parameter) -> float | None:
-    """How many seconds one unit of the parameter is; None when it is no time."""
+    """The seconds in one unit of the parameter; None when it is not a time."""
     size = _SIZES["time"].get(parameter.unit) if parameter.type in ("number", "integer") else None
     return None if size is None else size / 1e9

@@ -1,15 +1,15 @@
-"""One action on its way to a server and back: a deadline for each phase, and exactly one ending whatever happens.
+"""One action on its way to a server and back: a deadline for each phase, and exactly one ending in every case.
 
     waiting --a server is there--> sent --accepted--> running --result--> ended
        |                            |                   |
        +-- server-missing           +-- rejected        +-- lost, timed-out, aborted, cancel-refused, ...
            two-servers              +-- no-accept
 
-A goal that has ended for the engine may still run on the robot, or begin there: one that was not answered, was
-accepted too late, or refused to be cancelled. It is *open*: it is remembered under its id and cancelled as soon as the
-server can be reached, its server gets nothing else, and what it then says is noted. It is over when the server says how
-it ended, refuses it, or has forgotten it after having accepted it. That a server does not know a goal which it never
-answered proves nothing, unless it is another program than the one that the goal was sent to.
+A goal that has ended for the engine may still run on the robot, or begin there: it was not answered, was accepted too
+late, or its cancel was refused. Such a goal is *open*. It is remembered under its id and cancelled as soon as the
+server can be reached. Its server gets nothing else, and further messages about it are noted. It is over when the server
+reports its ending, rejects it, or has forgotten it after accepting it. If the server never answered it, an unknown goal
+proves nothing, unless another program than the one that it was sent to now answers.
 """
 
 from __future__ import annotations
@@ -42,12 +42,12 @@ from rise_engine.kernel.commands import StartAction
 _LOG = logging.getLogger(__name__)
 
 MAX_SENDS = 3
-"""How often a goal is sent at most, when its server goes away before it has answered. It keeps its id, so that a server
-which has it already refuses it."""
+"""The most times that a goal is sent if its server disappears before it answers. The goal keeps its id, so that a
+server that already has it rejects it."""
 
 
 class ActionGoal:
-    """One goal of ours at one action server. Implements `Goal`."""
+    """One of our goals at one action server. Implements `Goal`."""
 
     def __init__(
         self,
@@ -58,7 +58,7 @@ class ActionGoal:
         message: Message,
         limit: float,
     ) -> None:
-        """`limit` in seconds: when the kernel gives it up."""
+        """`limit`: seconds until the kernel gives the goal up."""
         self.id = bytes.fromhex(goal.goal) if goal.goal else uuid4().bytes
         self.action = goal.action
         self.type = goal.type
@@ -73,18 +73,18 @@ class ActionGoal:
         self._limit_at = now + limit
         self._server_by = now + mapping.deadlines.server
         self._deadline = self._server_by
-        """Of the phase."""
+        """The deadline of the present phase."""
         self._sends = 0
         self._answers = 0
-        """How often the server said whether it takes the goal."""
+        """How often the server accepted or rejected the goal."""
         self._accepted: bool | None = None
-        """What it said; None: nothing yet."""
+        """Whether the server accepted it; None: no answer yet."""
         self._sent_to: frozenset[bytes] = frozenset()
         """The programs that offered the action when it was sent."""
         self._is_adopted = False
-        """An engine before this one has sent it ..."""
+        """Whether an earlier engine has sent it ..."""
         self._may_cancel = True
-        """... and then it is stopped only when somebody asks for that."""
+        """... in which case it is stopped only on request."""
         self._began_late = False
         self._heard_at = 0.0
         """Its last sign of life."""
@@ -93,12 +93,12 @@ class ActionGoal:
         self._ending: Ending | None = None
         self._ended_at = 0.0
         self._noted: set[tuple[str, str]] = set()
-        """What was remarked already: a server that repeats itself is reported once."""
+        """What was already noted: a server that repeats itself is reported once."""
 
     # --- from the engine ----------------------------------------------------------------------------------------
 
     def adopt(self, *, accepted: bool) -> None:
-        """Take over one that an engine before this one has sent, and that has ended for the session."""
+        """Take over a goal that an earlier engine has sent, and that has ended for the session."""
         self.phase, self._ending = "ended", "lost"
         self._ended_at, self._deadline = self._now(), inf
         self.may_be_running = self._is_adopted = True
@@ -107,8 +107,8 @@ class ActionGoal:
         self._host.on_goal_changed(self)
 
     def cancel(self) -> None:
-        """Stop it. Before it was sent that is all; after that the server is asked as soon as it has accepted it. One
-        that has ended here, and may be going on there, is asked about once more."""
+        """Stop the goal. If it was not sent yet, that ends it; otherwise the server is asked as soon as it has accepted
+        it. For a goal that has ended here and may still run there, the server is asked again."""
         cancellation = self.cancellation
         if self.phase == "ended" and self.may_be_running:
             self._may_cancel = True
@@ -218,14 +218,14 @@ class ActionGoal:
                 self._ask_result()
 
     def _silent_at(self) -> float:
-        """When its silence means something."""
+        """When its silence counts as a failure."""
         expected = self._mapping.deadlines.feedback
         return self._heard_at + expected if expected and not self.cancellation.wanted else inf
 
     # --- from the robot as a whole ------------------------------------------------------------------------------
 
     def on_server_gone(self) -> None:
-        """Nothing offers the action any more. What runs there, nobody knows."""
+        """Note that nothing offers the action any more. We cannot tell what still runs there."""
         name = self.endpoint.name
         if self.phase == "sent":
             self._deadline = self._server_by
@@ -239,7 +239,7 @@ class ActionGoal:
             self._end("lost", f"server-gone: what offered {name} went away during the action")
 
     def on_server_changed(self) -> None:
-        """There are more servers than before, or fewer: was it restarted, and which of them has the goal?"""
+        """Check, after the number of servers has changed, whether it was restarted, and which server has the goal."""
         if self.phase == "running" or (self.phase == "ended" and self.may_be_running and not self._may_cancel):
             self._ask_result()
         elif self.phase == "ended" and self.may_be_running:
@@ -251,18 +251,18 @@ class ActionGoal:
             self._end(*endings.of_lost_robot(reason, was_sent=self.phase != "waiting" or self._sends > 0))
 
     def move_to(self, endpoint: ActionEndpoint) -> None:
-        """Its server is reached in another way from now on."""
+        """Use another connection to its server from now on."""
         self.endpoint = endpoint
         self.cancellation.tries = 0
 
     # --- from the wire ------------------------------------------------------------------------------------------
 
     def take_feedback(self) -> None:
-        """A sign of life. It changes nothing, however many come."""
+        """Note a sign of life. Feedback changes nothing else."""
         self._heard_at = self._now()
 
     def take_status(self, statuses: Mapping[bytes, int]) -> None:
-        """The server has said how its goals stand."""
+        """Take in the server's status of its goals."""
         status = statuses.get(self.id)
         now = self._now()
         if status is None:
@@ -306,7 +306,7 @@ class ActionGoal:
             self._end("failed", f"not-sent: {error}")
 
     def _take_answer(self, number: int, accepted: bool) -> None:
-        """The server has said whether it takes the goal that was sent as the `number`-th."""
+        """Take in whether the server accepts the goal that was sent for the `number`-th time."""
         name = self.endpoint.name
         self._answers += 1
         if self._answers > self._sends:
@@ -315,7 +315,7 @@ class ActionGoal:
             if accepted:
                 self._accept()
             elif number > 1:
-                # The server that had gone away before may be the same one, which has the goal and refuses it twice.
+                # The server that had disappeared may be the same one, which has the goal and refuses the second one.
                 self._end("failed", f"rejected: {name} refused it when it was sent again")
             else:
                 self._accepted = False
@@ -329,7 +329,7 @@ class ActionGoal:
                 self._mark_over()
 
     def _is_unanswered(self) -> bool:
-        """It was sent, and the server has not said whether it takes it. (It may have gone away meanwhile.)"""
+        """Whether it was sent and the server has not accepted or rejected it. (The server may be gone by now.)"""
         return self.phase == "sent" or (self.phase == "waiting" and self._sends > 0)
 
     def _accept(self) -> None:
@@ -371,12 +371,12 @@ class ActionGoal:
         self._host.on_goal_changed(self)
 
     def _take_result(self, servers: int, status: int, message: Message) -> None:
-        """`servers`: those that there were when it was asked for (`ServerPresence.changes`)."""
+        """Take in a result. `servers`: those that existed at the request (`ServerPresence.changes`)."""
         if self._result.receive():
             self._note_once("duplicate", f"the result of {self.action} came twice; the second one is ignored", "result")
         if self.phase == "ended":
             self._take_late_result(servers, status)
-        elif status not in FINAL_STATUSES:  # UNKNOWN, or what no result can have: never a success by itself
+        elif status not in FINAL_STATUSES:  # UNKNOWN, or a status that no result can have: never a success
             self._take_unknown_goal(servers)
         else:
             self._result.taken = True
@@ -397,37 +397,37 @@ class ActionGoal:
             self._mark_over()
 
     def _is_forgotten(self, servers: int) -> bool:
-        """The server does not know it: whether that means that it is over. `servers`: those of then."""
+        """Whether the goal is over because the server does not know it. `servers`: those of that time."""
         presence = self.endpoint.presence
         if presence.count != 1 or presence.changes != servers:
-            return False  # another one may have it
+            return False  # another server may have it
         programs = self.endpoint.comparison.programs
         was_replaced = bool(self._sent_to and programs and not self._sent_to & programs)
         return self._accepted is not None or was_replaced
 
     def _take_unknown_goal(self, servers: int) -> None:
-        """The server does not know it: one that was restarted, or that keeps no results. The latter's status topic says
-        how it ended, perhaps a moment later."""
+        """The server does not know the goal: it was restarted, or keeps no results. In the second case its status topic
+        reports the ending, perhaps a moment later."""
         presence = self.endpoint.presence
         if presence.changes != servers:
-            return  # whoever is there now has been asked since
+            return  # the present server has been asked since
         if self._result.finished_as != UNKNOWN:
             self._end_discarded()
         elif presence.count > 1:
             self._result.taken = True
-            self._end(*endings.of_restart(self.endpoint.name))  # another one may have it, and is told to stop
+            self._end(*endings.of_restart(self.endpoint.name))  # another server may have it, and is asked to cancel it
         elif self._result.discarded_at == inf:
             self._result.disown(self._now())
             self._host.on_goal_changed(self)
 
     def _end_discarded(self) -> None:
-        """It is over there, and nobody has its result."""
+        """End the goal: it is over on the server, and its result is lost."""
         self._result.taken = True
         status, wanted = self._result.finished_as, self.cancellation.wanted
         self._end(*endings.of_discarded_result(status, self.endpoint.name, cancel_wanted=wanted), is_over=True)
 
     def _end_without_result(self) -> None:
-        """The status topic has said how it ended, and the result does not come."""
+        """End the goal: the status topic has reported its ending, but the result does not arrive."""
         status = self.endpoint.client.statuses.get(self.id)
         ending = endings.of_missing_result(status, self.endpoint.name, cancel_wanted=self.cancellation.wanted)
         self._end(*ending, is_over=ending[0] != "timed-out")
@@ -438,7 +438,7 @@ class ActionGoal:
         presence, cancellation = self.endpoint.presence, self.cancellation
         cancellation.start_over_for(presence.changes)
         if not presence.count:
-            cancellation.pause()  # `on_server_changed` comes when it is back
+            cancellation.pause()  # `on_server_changed` follows when it is back
         else:
             if self.phase == "ended" and cancellation.tries >= MAX_TRIES:
                 self._note_once(
@@ -454,7 +454,7 @@ class ActionGoal:
         self._host.on_goal_changed(self)
 
     def _take_cancel_answer(self, servers: int, answer: CancelResponse) -> None:
-        """`servers`: those that there were when it was asked (`ServerPresence.changes`)."""
+        """Take in the answer to a cancel. `servers`: those that existed at the request (`ServerPresence.changes`)."""
         if self.id in answer.goals:
             self.cancellation.confirm()
             self.cancellation.pause()
@@ -463,25 +463,25 @@ class ActionGoal:
         elif answer.code in (CANCEL_NONE, CANCEL_REJECTED):
             if self.may_be_running and not self.cancellation.confirmed and self.cancellation.refuse(self._now()):
                 self._note_once("cancel-refused", f"{self.endpoint.name} does not stop {self.action}; it goes on")
-        elif self.phase == "ended":  # the server does not have it, or it is over
+        elif self.phase == "ended":  # the server does not have it, or the goal is over
             if answer.code == CANCEL_TERMINATED:
-                # rcl says this also of a goal that it is cancelling already; then its end is still to come.
+                # rcl also answers this for a goal that it is already cancelling; then the ending is still to come.
                 self.cancellation.pause()
                 if self.endpoint.client.statuses.get(self.id, UNKNOWN) != CANCELING:
                     self._mark_over()
             elif self._is_forgotten(servers):
                 self._mark_over()
             elif self.endpoint.presence.changes == servers:
-                self.cancellation.pause()  # until it answers, or there are other servers (`on_server_changed`)
+                self.cancellation.pause()  # until it answers, or other servers appear (`on_server_changed`)
         elif self.phase == "running":
             self.cancellation.pause()
-            self._ask_result()  # it has ended, or the server has forgotten it: both come as a result
+            self._ask_result()  # it has ended or was forgotten: a result tells both
         self._host.on_goal_changed(self)
 
     # --- the end ------------------------------------------------------------------------------------------------
 
     def _end(self, status: Ending, reason: str, *, is_over: bool = False) -> None:
-        """The one place where a goal ends. `is_over`: it is known that nothing of it runs on the robot any more."""
+        """End the goal. Only this method does so. `is_over`: certainly nothing of it still runs on the robot."""
         assert self.phase != "ended"
         self.may_be_running = self.may_be_running and not is_over
         self.phase = "ended"
@@ -500,7 +500,7 @@ class ActionGoal:
         self._host.report_ended(self.action, status, reason)
 
     def _mark_over(self) -> None:
-        """Nothing of it runs on the robot any more."""
+        """Note that nothing of it still runs on the robot."""
         self.may_be_running = False
         self.cancellation.pause()
         self._host.on_goal_changed(self)
@@ -509,7 +509,7 @@ class ActionGoal:
         return f"{self._now() - self._ended_at:.1f} s"
 
     def _note_once(self, kind: str, text: str, about: str = "") -> None:
-        """For the record, each kind once."""
+        """Add a note to the record, each kind once."""
         if (kind, about) not in self._noted:
             self._noted.add((kind, about))
             self._host.report_note(self.endpoint, f"{kind}: {text}")

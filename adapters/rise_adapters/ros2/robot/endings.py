@@ -1,7 +1,8 @@
-"""How an action at a server ends: for everything that the wire can bring, the one ending and its reason.
+"""How an action at a server ends: exactly one ending and its reason for everything that can arrive on the wire.
 
-A reason begins with a word that programs can look for (docs/explanation/ros2.md, "Nothing is lost on the way to the
-robot"), and goes on with a sentence for the people who run the study. Nothing here has a state.
+A reason begins with a word that programs can search for (docs/explanation/ros2.md, "Nothing is lost on the way to the
+robot"), and continues with a sentence for the people who run the study. Only `ResultQuery` and `Cancellation` have a
+state.
 """
 
 from __future__ import annotations
@@ -22,117 +23,117 @@ from rise_engine.kernel.act_runner import CANCEL_LIMIT
 # --- asking for a result ----------------------------------------------------------------------------------------------
 
 REPEAT_SECONDS = 5.0
-"""After which a running goal's result is asked for once more: a server that was restarted unnoticed answers at once
-that it does not know the goal."""
+"""Seconds after which a running goal's result is requested again. A server that was restarted unnoticed then answers
+immediately that it does not know the goal."""
 DOUBT_SECONDS = 1.0
-"""The same when there is a reason to doubt."""
+"""The same if there is a reason for doubt."""
 UNKNOWN_GRACE = 0.3
-"""Seconds that the status topic may need to say how a goal has ended whose result the server has thrown away."""
+"""Seconds that the status topic may need to report the ending of a goal whose result the server has discarded."""
 
 
 class ResultQuery:
-    """Asking for one goal's result. All times are session times in seconds."""
+    """The requests for one goal's result. All times are session times in seconds."""
 
     def __init__(self) -> None:
         self.requests = 0
-        """How often it was asked for ..."""
+        """The number of requests ..."""
         self.responses = 0
-        """... and how often an answer came."""
+        """... and of answers."""
         self.taken = False
-        """A result has been looked at; further ones say the same."""
+        """Whether a result was processed; further ones are duplicates."""
         self.finished_as = UNKNOWN
-        """How the goal is over, in the words of the status topic; UNKNOWN: it does not say so."""
+        """The goal's final status on the status topic; UNKNOWN: none yet."""
         self.missing_at = inf
-        """From when on the result of a goal that is over counts as missing."""
+        """When the result of a finished goal starts to count as missing."""
         self.discarded_at = inf
-        """From when on a server that says that it does not know the goal has had the time to say how it ended."""
+        """When a server that does not know the goal has had enough time to report its ending."""
         self._requested_at = 0.0
 
     def request(self, now: float) -> None:
-        """A request is about to be sent."""
+        """Note that a request is about to be sent."""
         self.requests += 1
         self._requested_at = now
 
     def receive(self) -> bool:
-        """An answer has come. Whether it is one more than was asked for."""
+        """Note an answer. True if there are now more answers than requests."""
         self.responses += 1
         return self.responses > self.requests
 
     def finish(self, now: float, status: int) -> None:
-        """The status topic says that the goal is over."""
+        """Note that the status topic reports the end of the goal."""
         self.finished_as = status
         self.missing_at = now + RESULT_GRACE
 
     def disown(self, now: float) -> None:
-        """The server says that it does not know the goal; what that means is decided a moment later."""
+        """Note that the server does not know the goal. A moment later it is decided what this means."""
         self.discarded_at = now + UNKNOWN_GRACE
 
     def is_due(self, now: float) -> bool:
         return now >= self._requested_at + REPEAT_SECONDS
 
     def may_doubt(self, now: float) -> bool:
-        """Whether the last request is so long ago that another one is worth it, where something seems to be wrong."""
+        """Whether the last request is old enough for another one when something seems to be wrong."""
         return now >= self._requested_at + DOUBT_SECONDS
 
     def next_deadline(self) -> float:
-        """When something is due: to ask again, or to ask no more."""
+        """The next time to ask again, or to stop asking."""
         return min(self._requested_at + REPEAT_SECONDS, self.missing_at, self.discarded_at)
 
 
 # --- stopping a goal --------------------------------------------------------------------------------------------------
 
 RETRY_SECONDS = 1.0
-"""Between requests to cancel that bring nothing."""
+"""Seconds between unsuccessful requests to cancel."""
 MAX_TRIES = 5
-"""So many requests follow each other closely; after them the server is asked every SLOW_RETRY_SECONDS."""
+"""The number of requests in quick succession; after them the server is asked every SLOW_RETRY_SECONDS."""
 SLOW_RETRY_SECONDS = 5.0
 MAX_SECONDS = CANCEL_LIMIT - 0.25
-"""Seconds. The kernel gives a cancel up after CANCEL_LIMIT; our word about it must be there before."""
+"""Seconds. The kernel gives a cancel up after CANCEL_LIMIT; our report must arrive before that."""
 OVERDUE_SECONDS = 1.0
-"""Before a goal's time limit, from which on a cancel counts as the kernel's, which has recorded an ending."""
+"""Seconds before a goal's time limit. From then on a cancel counts as the kernel's, which has recorded an ending."""
 
 
 class Cancellation:
-    """One goal's cancel, before or after the goal's end. All times are session times in seconds."""
+    """The cancel of one goal, before or after the goal's end. All times are session times in seconds."""
 
     def __init__(self, seconds: float) -> None:
-        """`seconds`: what the profile allows from the request to the end."""
+        """`seconds`: the profile's limit from the request to the end."""
         self.seconds = min(seconds, MAX_SECONDS)
         self.wanted = False
-        """The engine has asked for it."""
+        """Whether the engine has requested it."""
         self.overdue = False
-        """... when the goal's time was over."""
+        """Whether it did so because the goal's time was over."""
         self.deadline = inf
-        """By when the goal must have ended."""
+        """The time by which the goal must have ended."""
         self.next_try = inf
-        """When the server is asked (again)."""
+        """The time of the next request to the server."""
         self.tries = 0
         self.confirmed = False
-        """The server has said that it cancels it, whoever asked for that."""
+        """Whether the server has confirmed that it cancels the goal, on anybody's request."""
         self.refused_at: float | None = None
-        """When the server did not let it be stopped for the first time."""
+        """When the server first refused to stop the goal."""
         self._servers = -1
         """The servers (`ServerPresence.changes`) that `tries` counts for."""
 
     def request(self, now: float, limit: float) -> None:
-        """The engine wants it stopped; `limit` is when the kernel gives the goal up."""
+        """Note the engine's request. `limit`: when the kernel gives the goal up."""
         self.wanted = True
         self.overdue = now >= limit - OVERDUE_SECONDS
         self.deadline = now + self.seconds
 
     def begin_try(self, now: float) -> None:
-        """A request is about to be sent."""
+        """Note that a request is about to be sent."""
         self.tries += 1
         self.next_try = now + (RETRY_SECONDS if self.tries <= MAX_TRIES else SLOW_RETRY_SECONDS)
 
     def start_over_for(self, servers: int) -> None:
-        """Count the tries anew when there are other servers than before."""
+        """Count the tries again from zero if the servers have changed."""
         if self._servers != servers:
             self._servers = servers
             self.tries = 0
 
     def pause(self) -> None:
-        """Do not ask again by itself."""
+        """Do not ask again automatically."""
         self.next_try = inf
 
     def confirm(self) -> None:
@@ -140,8 +141,8 @@ class Cancellation:
         self.refused_at = None
 
     def refuse(self, now: float) -> bool:
-        """The server did not let it be stopped; or it is at it already, or over at this very moment, which is answered
-        the same way. True when it says so again a while later: only then it has refused."""
+        """Note a refusal. The same answer may also mean that the server is already stopping the goal, or that the goal
+        has just ended. True only when the server repeats it a while later: only then has it refused."""
         if self.refused_at is None:
             self.refused_at = now
             return False
@@ -155,11 +156,11 @@ RESULT_GRACE = 2.0
 _NO_RESULT = f"and its result did not come within {RESULT_GRACE:g} s"
 
 Outcome: TypeAlias = tuple[Ending, str]
-"""A status, and its reason."""
+"""A status and its reason."""
 
 
 def of_result(status: int, result: Message, mapping: ActionMapping, name: str, *, cancel_wanted: bool) -> Outcome:
-    """The server has given the result. `status` is one of SUCCEEDED, CANCELED, ABORTED; `name` the action's on ROS."""
+    """The ending from a server's result. `status`: SUCCEEDED, CANCELED or ABORTED; `name`: the action's name on ROS."""
     if status == CANCELED:
         return "canceled", "" if cancel_wanted else f"canceled: somebody else stopped it at {name}"
     if status == ABORTED:
@@ -173,24 +174,24 @@ def of_result(status: int, result: Message, mapping: ActionMapping, name: str, *
 
 
 def of_response(response: Message, mapping: ActionMapping, name: str) -> Outcome:
-    """A service has answered."""
+    """The ending from a service's answer."""
     wrong = _read(mapping.result_rule.failure, response, name)
     return ("failed", f"robot-error: {wrong}") if wrong else ("succeeded", "")
 
 
 def of_unstoppable_call(name: str, *, is_overdue: bool) -> Outcome:
-    """A call was to be stopped, which no service can. `is_overdue`: its time was over."""
+    """The ending of a call that should stop, which no service supports. `is_overdue`: its time was over."""
     what = f"nothing stops a call of {name}; the robot may go on until it answers"
     return ("timed-out", f"no-result: {what}") if is_overdue else ("canceled", f"unstoppable: {what}")
 
 
 def is_overdue(now: float, limit_at: float) -> bool:
-    """Whether a cancel at this time is the kernel's, at the end of the time that the action may take."""
+    """Whether a cancel at this time comes from the kernel, at the end of the action's time limit."""
     return now >= limit_at - OVERDUE_SECONDS
 
 
 def of_missing_answer(name: str, seconds: float | None) -> Outcome:
-    """The server did not say whether it takes it within `seconds`; None: it was to be stopped before that."""
+    """The ending when the server did not answer the goal within `seconds`; None: it should have stopped before that."""
     what = f"it was asked to stop, and {name} had not accepted it yet"
     if seconds is not None:
         what = f"{name} did not say within {seconds:g} s whether it accepts it"
@@ -202,13 +203,13 @@ def of_silence(name: str, seconds: float) -> Outcome:
 
 
 def of_overdue_result(name: str, expected: float, grace: float) -> Outcome:
-    """It takes longer than it may. `expected` and `grace` in seconds."""
+    """The ending when the action takes longer than allowed. `expected` and `grace` are in seconds."""
     what = f"it should have taken {expected:.1f} s, and {name} had not ended it {grace:g} s later"
     return "timed-out", f"no-result: {what}"
 
 
 def of_missing_result(status: int | None, name: str, *, cancel_wanted: bool) -> Outcome:
-    """The status topic has said that it is over (as `status`), and the result does not come."""
+    """The ending when the status topic has reported the end (as `status`), but the result does not arrive."""
     if status == CANCELED:
         return "canceled", "" if cancel_wanted else f"canceled: somebody else stopped it, {_NO_RESULT}"
     if status == ABORTED:
@@ -217,7 +218,7 @@ def of_missing_result(status: int | None, name: str, *, cancel_wanted: bool) -> 
 
 
 def of_discarded_result(status: int, name: str, *, cancel_wanted: bool) -> Outcome:
-    """The server does not know it any more. What its status topic has said of the end is `status`, if it did."""
+    """The ending when the server no longer knows the goal. `status`: the final status on its status topic, if any."""
     gone = f"{name} did not keep its result (its result_timeout is too short)"
     if status == SUCCEEDED and cancel_wanted:
         return "succeeded", f"succeeded-during-cancel: {gone}"
@@ -231,12 +232,12 @@ def of_discarded_result(status: int, name: str, *, cancel_wanted: bool) -> Outco
 
 
 def of_restart(name: str) -> Outcome:
-    """The server does not know it, and says nothing else."""
+    """The ending when the server does not know the goal, and reports nothing else."""
     return "lost", f"server-restarted: {name} does not know it any more; was the robot's wrapper restarted?"
 
 
 def of_failed_cancel(cancellation: Cancellation, name: str) -> Outcome:
-    """It was to be stopped and was not, in the time that there was for that."""
+    """The ending when the goal should have stopped in time and did not."""
     seconds = cancellation.seconds
     if cancellation.confirmed:
         return "lost", f"cancel-unconfirmed: {name} said that it stops, and did not within {seconds:g} s"
@@ -246,7 +247,7 @@ def of_failed_cancel(cancellation: Cancellation, name: str) -> Outcome:
 
 
 def of_missing_server(endpoint: ActionEndpoint | ServiceEndpoint, sends: int) -> Outcome:
-    """Nothing took it in time. `sends`: how often it was sent nevertheless."""
+    """The ending when nothing accepted the goal in time. `sends`: how often it was still sent."""
     presence = endpoint.presence
     if sends:
         why = f"what offers {endpoint.name} went away {times_in_words(sends)} before it took it"
@@ -262,14 +263,15 @@ def of_two_servers(endpoint: ActionEndpoint | ServiceEndpoint) -> Outcome:
 
 
 def of_lost_robot(reason: str, *, was_sent: bool) -> Outcome:
-    """The robot is lost as a whole, for this reason. What was not sent has failed; what was, nobody knows."""
+    """The ending when the whole robot is lost, for this reason. A goal that was not sent has failed; the state of a
+    sent one is unknown."""
     if was_sent:
         return "lost", reason
     return "failed", reason if reason.startswith(("server-missing", *MISFIT_KINDS)) else f"server-missing: {reason}"
 
 
 def describe_missing(endpoint: Endpoint) -> str:
-    """Why an endpoint cannot be reached, with a hint where nothing of it is seen."""
+    """Why an endpoint cannot be reached, with a hint if nothing of it is visible."""
     return endpoint.trouble + ("" if endpoint.comparison.seen else "; is the robot's wrapper running?")
 
 
@@ -278,9 +280,9 @@ def times_in_words(number: int) -> str:
 
 
 def _read(read: Callable[[Message], str], result: Message, name: str) -> str:
-    """What a rule of the profile reads in a result; or that it cannot."""
+    """The text that a rule of the profile reads in a result, or a sentence that it cannot."""
     try:
         return read(result)
-    except Exception as error:  # a rule of the profile, on whatever another program has sent
+    except Exception as error:  # a rule of the profile, on any data from another program
         _LOG.exception("a result of %s cannot be read", name)
         return f"its result cannot be read ({error})"

@@ -1,7 +1,6 @@
-"""What of a robot goals go to: its action servers, the topics that it listens to and its services, and whether they can
-be relied on.
+"""The receivers of a robot's goals: its action servers, topics and services, and whether they are reliable.
 
-ROS 2 tells a client nothing when a server dies, so all this is found by polling, several times a second.
+ROS 2 does not tell a client when a server dies, so polling finds all of this, several times a second.
 """
 
 from __future__ import annotations
@@ -25,36 +24,36 @@ from rise_adapters.ros2.transport.port import (
 )
 from rise_engine.ports.robot import Clock
 
-# --- what comes and goes ----------------------------------------------------------------------------------------------
+# --- presence ---------------------------------------------------------------------------------------------------------
 
 SETTLING_SECONDS = 0.5
-"""Seconds that one which was gone has to be there before it gets anything; doubled with each further loss ..."""
+"""Seconds that an endpoint must stay after a loss before it gets anything, doubled with each further loss ..."""
 MAX_SETTLING_SECONDS = 8.0
 UNSTEADY_SECONDS = 30.0
-"""... within so many seconds. A server that restarts twenty times in ten seconds is reported once, not twenty times."""
+"""... within this many seconds. A server that restarts twenty times in ten seconds is reported once."""
 
 
 class ServerPresence:
-    """How many servers (or listeners) there are, since when, and how often that has changed."""
+    """The number of servers (or listeners), since when, and how often it has changed."""
 
     def __init__(self, clock: Clock) -> None:
         self._clock = clock
         self._losses: deque[float] = deque(maxlen=64)
         self._settled_at = 0.0
         self.count = 0
-        """How many there are."""
+        """The present number."""
         self.was_seen = False
-        """It was there once."""
+        """Whether it ever existed."""
         self.appeared_at = 0.0
         """Session time in seconds."""
         self.changes = 0
-        """How often there were suddenly more or fewer: what was asked before may have been answered by another one."""
+        """How often the number has changed: another server may have answered an earlier request."""
         self.appeared_twice = False
-        """There were several when it appeared. (One that joins later may replace one that died a moment ago, which DDS
-        goes on showing for ten seconds.)"""
+        """Whether there were several when it appeared. (One that joins later may replace one that has just died, which
+        DDS continues to show for ten seconds.)"""
 
     def update(self, count: int) -> bool:
-        """Take in how many there are now. True when the last one has just gone."""
+        """Take in the present number. True when the last one has just gone."""
         before, self.count = self.count, count
         now = self._clock.now()
         if count != before:
@@ -75,7 +74,7 @@ class ServerPresence:
 
     @property
     def recent_losses(self) -> int:
-        """How often it has gone lately."""
+        """How often it has gone recently."""
         since = self._clock.now() - UNSTEADY_SECONDS
         while self._losses and self._losses[0] < since:
             self._losses.popleft()
@@ -83,29 +82,29 @@ class ServerPresence:
 
     @property
     def is_settled(self) -> bool:
-        """It is there, and has been long enough."""
+        """Whether it is there, and has been for long enough."""
         return self.count > 0 and self._clock.now() >= self._settled_at
 
 
 _LOG = logging.getLogger(__name__)
 
 Fault: TypeAlias = Literal["", "unfit", "missing", "inactive", "double", "held", "silent", "unheard"]
-"""What can be wrong with an endpoint. unfit: it is there, and is another one than the profile says (`compatibility`).
-inactive: it is there, and its lifecycle says that it does nothing now.
+"""What can be wrong with an endpoint. unfit: it is there, but differs from the profile (`compatibility`).
+inactive: it is there, but its lifecycle says that it is not working.
 held: it may still be doing something that has ended for the session, and gets nothing else.
-unheard: what is sent reaches it, and some of what it says does not arrive."""
+unheard: it receives messages, but some of its own do not arrive."""
 
 ASKING_SECONDS = 0.5
-"""Seconds after its appearance in which it is asked what has become of earlier goals, and people are not told yet."""
+"""Seconds after its appearance in which it is asked about earlier goals, before people are told."""
 
 PROBE_SECONDS = 2.0
-"""Between two questions to a server that owes an answer: one that moves again says so, and nobody has to act first."""
+"""Seconds between two questions to a server that owes an answer. If it works again, it answers by itself."""
 NO_GOAL = b"\xff" * 16
-"""A goal that no server has: that it does not know it is a sign of life. (Zeros would mean all goals to a cancel.)"""
+"""A goal that no server has: its rejection is a sign of life. (In a cancel, zeros would mean all goals.)"""
 
 
 class OpenOne(Protocol):
-    """A goal that has ended for the session, and may be running."""
+    """A goal that has ended for the session, but may still be running."""
 
     action: str
     type: str
@@ -117,49 +116,49 @@ class OpenOne(Protocol):
 
 
 UNLISTED_SECONDS = 1.0
-"""Seconds after its appearance in which everything of an endpoint must have been seen and compared before it gets
-anything. What the middleware has not listed by then it does not list."""
+"""Seconds after its appearance in which every part of an endpoint must be seen and compared before it gets anything.
+Parts that the middleware has not listed by then will not be listed."""
 
 
 class _ComparedEndpoint:
-    """Whether there is another side, and what `compatibility` says about it."""
+    """Whether there is another side, and the result of `compatibility` about it."""
 
     def __init__(self, label: str, transport: Transport, mapping: ActionMapping, clock: Clock) -> None:
         self.name = transport.resolve(mapping.name)
-        """Of the action or topic, in full."""
+        """The full name of the action or topic."""
         self.label = label
-        """For a person: `pepper/speech`."""
+        """Its name for a person: `pepper/speech`."""
         self.presence = ServerPresence(clock)
         self.comparison = EndpointComparison()
-        """What was seen when it was compared last."""
+        """The result of the last comparison."""
         self.open: dict[str, OpenOne] = {}
-        """What holds it, by action: while there is any, nothing else is sent to it."""
+        """The open goals that hold it, by action. While there are any, it gets nothing else."""
         self._transport = transport
         self._mapping = mapping
         self._clock = clock
         self._compared_version: int | None = None
-        """Of the graph (`Transport.graph_version`), when it was compared."""
+        """The version of the graph (`Transport.graph_version`) at the last comparison."""
 
     def compare(self) -> bool:
-        """Compare what is there with what the profile says, unless nothing has changed since that was done last: it is
-        asked for before each goal, and is 2 % of a task (benchmarks/ros). Whether it was done."""
+        """Compare the other side with the profile, unless nothing has changed since the last time. This runs before
+        each goal, and takes 2 % of a task (benchmarks/ros). Returns whether it compared."""
         version = self._transport.graph_version()
         if version is not None and version == self._compared_version:
             return False
         self._compared_version = version
         before, self.comparison = self.comparison, compatibility.compare(self._transport, self._mapping)
-        if before.complete and not self.comparison.complete:  # another one is appearing
+        if before.complete and not self.comparison.complete:  # another server is appearing
             self.presence.appeared_at = self._clock.now()
         return True
 
     @property
     def is_compared(self) -> bool:
-        """Everything of it has been compared, or what is missing will not be listed any more."""
+        """Whether every part has been compared, or the missing ones will no longer be listed."""
         return self.comparison.complete or self._clock.now() >= self.presence.appeared_at + UNLISTED_SECONDS
 
     @property
     def is_ready(self) -> bool:
-        """It is there, and to stay, and is what the profile says, as far as can be known: something can be sent."""
+        """Whether something can be sent: it is there to stay and, as far as known, fits the profile."""
         return self.fault in ("", "silent", "unheard")
 
     @property
@@ -188,12 +187,12 @@ class _ComparedEndpoint:
 
     @property
     def misfit_kind(self) -> str:
-        """The kind of what does not fit (`other-version`, ...); empty when something can be sent to it."""
+        """The kind of its misfit (`other-version`, ...); empty when something can be sent to it."""
         return self.comparison.unusable[0].kind if self.comparison.unusable else ""
 
     @property
     def misfit(self) -> str:
-        """Why nothing may be sent to it: the reason of an action that is not, with what to do. Empty when it may."""
+        """Why nothing may be sent to it, as the reason of an action, with the remedy; empty when it may."""
         unusable = self.comparison.unusable
         return f"{self.misfit_kind}: {compatibility.describe_misfits(unusable)}" if unusable else ""
 
@@ -213,7 +212,7 @@ class ActionEndpoint(_ComparedEndpoint):
         self._probed_at = 0.0
 
     def poll(self, count: int | None = None) -> bool:
-        """See whether it is there (or be told). True when it has just gone; what it said of goals counts no more."""
+        """Check whether it is there, or use the given count. True when it has just gone; its statuses are then void."""
         gone = self.presence.update(self.client.count_servers() if count is None else count)
         if gone:
             self.client.statuses.clear()
@@ -232,18 +231,18 @@ class ActionEndpoint(_ComparedEndpoint):
         return looked
 
     def mark_unanswered(self) -> None:
-        """It owes an answer that did not come in time."""
+        """Note that it owes an answer that did not arrive in time."""
         self._unanswered_at = self._probed_at = self._clock.now()
 
     def _probe(self) -> None:
-        """What it was asked while it stood still may be lost: its side has taken ours for dead meanwhile."""
+        """Ask it again. Requests while it stood still may be lost, because its side took ours for dead."""
         self._probed_at = self._clock.now()
         with suppress(PortError):
             self.client.get_result(NO_GOAL, lambda status, result: None)
 
     @property
     def is_silent(self) -> bool:
-        """It owed an answer and has given no sign of life since."""
+        """Whether it owed an answer and has given no sign of life since."""
         since, heard = self._unanswered_at, self.client.heard_at
         return since is not None and (heard is None or heard <= since)
 
@@ -286,25 +285,25 @@ class ActionEndpoint(_ComparedEndpoint):
 
 
 class TopicEndpoint(_ComparedEndpoint):
-    """One topic that something of the robot listens to."""
+    """One topic that a part of the robot listens to."""
 
     def __init__(self, label: str, transport: Transport, mapping: ActionMapping, clock: Clock) -> None:
         """Raises PortError."""
         super().__init__(label, transport, mapping, clock)
         self.publisher: Publisher = transport.publisher(mapping.name, mapping.type, mapping.topic_qos)
         self.user: object | None = None
-        """The goal that published last: only its end takes back what was said."""
+        """The goal that published last. Only its end takes the message back."""
         self.is_stoppable = mapping.stoppable
-        """Whether anything can be published that stops what was asked for."""
+        """Whether a message can stop what was requested."""
         self.is_harmless = mapping.harmless
         self.unstopped: OpenOne | None = None
-        """The goal that published last and has ended, where nothing can stop what it asked for."""
+        """The last publisher's goal if it has ended and nothing can stop its request."""
 
     def poll(self, count: int | None = None) -> bool:
         return self.presence.update(self.publisher.count_subscribers() if count is None else count)
 
     def publish(self, message: Message) -> None:
-        """Publish what needs no answer and may be lost."""
+        """Publish a message that needs no answer and may be lost."""
         try:
             self.publisher.publish(message)
         except PortError as error:
@@ -354,13 +353,13 @@ Endpoint: TypeAlias = ActionEndpoint | TopicEndpoint | ServiceEndpoint
 
 
 def close_all(endpoints: tuple[Endpoint, ...]) -> None:
-    """Let go of them; whoever owns the transport may have closed it, and so them, before."""
+    """Close them. The owner of the transport may have closed it, and so them, before."""
     for endpoint in endpoints:
         endpoint.close()
 
 
 def short_labels(robot: str, names: list[str]) -> dict[str, str]:
-    """By full name, short ones for a person: `/pepper/rise/speech` is `pepper/speech`, unless that could be two."""
+    """Short names for a person, by full name: `/pepper/rise/speech` is `pepper/speech`, unless ambiguous."""
     split = [name.strip("/").split("/") for name in names]
     short: dict[str, str] = {}
     for name, words in zip(names, split, strict=True):

@@ -1,7 +1,7 @@
-"""The emergency stop of the laboratory, heard: on a topic of somebody else, or by a service that this side offers.
+"""Listens to the laboratory's emergency stop: on somebody else's topic, or through a service that this side offers.
 
-It hears every publisher, whatever that promises, because its subscription asks for what is offered (as `ros2 topic
-echo` does). What it cannot hear is a fault of the robot, so that nobody relies on it.
+It hears every publisher, whatever its quality of service, because its subscription requests what is offered, like
+`ros2 topic echo`. If it cannot hear one, that is a fault of the robot, so that nobody relies on it.
 """
 
 from __future__ import annotations
@@ -15,11 +15,11 @@ from rise_engine.kernel.inputs import EstopReport
 
 SERVICE_TYPE = "std_srvs/srv/SetBool"
 UNHEARD_SECONDS = 2.0
-"""For which one that has just been found may say nothing at all."""
+"""Seconds for which an emergency stop may be silent after its discovery."""
 
 
 class EstopInput:
-    """One emergency stop. `poll` looks whether it is there; what it says goes to `report` when that is news."""
+    """One emergency stop. `poll` checks whether it is there. `report` receives its state when that is news."""
 
     label = "estop"
 
@@ -30,12 +30,12 @@ class EstopInput:
         now: Callable[[], float],
         report: Callable[[EstopReport], object],
     ) -> None:
-        """`now`: seconds on any clock that goes on. Raises PortError."""
+        """`now`: seconds on any running clock. Raises PortError."""
         self.name = transport.resolve(mapping.name)
         self.pressed: bool | None = None
-        """None: it has not said it."""
+        """None: it has not reported yet."""
         self.publishers: list[str] = []
-        """The nodes that publish it, as was seen last."""
+        """The nodes that publish it, at the last check."""
         self._mapping = mapping
         self._transport = transport
         self._now = now
@@ -51,7 +51,7 @@ class EstopInput:
             self._service = transport.serve(mapping.name, SERVICE_TYPE, self._take_request)
 
     def poll(self) -> None:
-        """See who publishes it, and ask for what they offer."""
+        """See who publishes it, and request what they offer."""
         if self._subscription is None:
             return
         ends = [end for end in self._transport.publisher_endpoints(self.name) if end.type == self._mapping.type]

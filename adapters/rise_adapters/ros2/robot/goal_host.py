@@ -1,4 +1,4 @@
-"""What all goals of a robot have in common, and what each of them needs of the robot that it belongs to."""
+"""The common interface of a robot's goals, and what each needs from its robot."""
 
 from __future__ import annotations
 
@@ -9,64 +9,64 @@ from rise_engine.ports.robot import Clock
 
 Phase: TypeAlias = Literal["waiting", "sent", "running", "ended"]
 Ending: TypeAlias = Literal["succeeded", "failed", "aborted", "canceled", "timed-out", "lost"]
-"""As `ActionReport.status`; aborted: it has failed because the robot gave it up by itself."""
+"""As `ActionReport.status`. aborted: it has failed because the robot itself gave it up."""
 
 TIMER_TOLERANCE = 1e-5
-"""Seconds that a timer may be early."""
+"""Seconds by which a timer may be early."""
 
 
 class Goal(Protocol):
     """One action on its way to the robot and back.
 
-    It has no timer of its own (but for what a topic repeats): `next_deadline` says when it wants to be polled, and
-    `poll` does what is due.
+    It has no timer of its own (except for a topic's repetitions). `next_deadline` says when to poll it, and `poll` does
+    what is due.
     """
 
     action: str
-    """As the engine calls it."""
+    """The engine's name for it."""
     type: str
-    """What the robot does, as the profile calls it."""
+    """The profile's name for what the robot does."""
     phase: Phase
     may_be_running: bool
-    """On the robot, whatever the engine thinks of it."""
+    """Whether it may run on the robot, whatever the engine records."""
 
     @property
     def endpoint(self) -> Endpoint:
-        """Where it is sent."""
+        """The receiver of the goal."""
         ...
 
     def adopt(self, *, accepted: bool) -> None:
-        """Take over one that an engine before this one has sent, and that has ended for the session."""
+        """Take over a goal that an earlier engine has sent, and that has ended for the session."""
         ...
 
     def cancel(self) -> None:
-        """Stop it. Before it was sent, that ends it. One that has ended, and may be running, is asked to stop again."""
+        """Stop the goal. If it was not sent, that ends it. An ended goal that may still run is asked to stop again."""
         ...
 
     @property
     def is_accepted(self) -> bool:
-        """The robot has taken it."""
+        """Whether the robot has accepted it."""
         ...
 
     @property
     def holds_its_part(self) -> bool:
-        """Whether its server or topic gets nothing else while it has ended and may be running."""
+        """Whether its server or topic gets nothing else while it has ended and may still be running."""
         ...
 
     def release(self) -> None:
-        """A person has looked: one that has ended counts as over on the robot."""
+        """Count an ended goal as over on the robot, because a person has checked."""
         ...
 
     def why_open(self) -> str:
-        """Of one that has ended and may be running: why it is not over, for a person."""
+        """Why an ended goal that may still be running is not over, for a person."""
         ...
 
     def is_live(self) -> bool:
-        """Whether it is still to be polled: it has not ended, or it has to be stopped on the robot."""
+        """Whether it still needs polling: it has not ended, or must be stopped on the robot."""
         ...
 
     def next_deadline(self) -> float:
-        """Session time, in seconds, at which it wants to be polled; `inf`: never."""
+        """Session time, in seconds, of its next poll; `inf`: never."""
         ...
 
     def poll(self) -> None:
@@ -74,33 +74,33 @@ class Goal(Protocol):
         ...
 
     def on_server_gone(self) -> None:
-        """Nothing offers the action (listens to the topic) any more."""
+        """Note that nothing offers the action, or listens to the topic, any more."""
         ...
 
     def on_server_changed(self) -> None:
-        """There are more servers than before, or fewer."""
+        """Note that there are more or fewer servers than before."""
         ...
 
     def on_robot_lost(self, reason: str) -> None:
-        """The robot is lost as a whole."""
+        """Note that the whole robot is lost."""
         ...
 
 
 class GoalHost(Protocol):
-    """What a goal needs of its robot."""
+    """What a goal needs from its robot."""
 
     clock: Clock
 
     def report_accepted(self, action: str) -> None: ...
 
     def report_ended(self, action: str, status: Ending, reason: str) -> None:
-        """The one ending of an action."""
+        """Report the one ending of an action."""
         ...
 
     def report_note(self, endpoint: Endpoint, text: str) -> None:
-        """Something for the record only."""
+        """Add a note to the record only."""
         ...
 
     def on_goal_changed(self, goal: Goal) -> None:
-        """A goal wants to be polled at another time than before, or has entered another phase."""
+        """Note that a goal has a new polling time or a new phase."""
         ...

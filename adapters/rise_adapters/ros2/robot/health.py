@@ -1,4 +1,4 @@
-"""How a robot stands as a whole, of how its endpoints do: connected, degraded or lost, and in words."""
+"""The state of a whole robot, from the states of its endpoints: connected, degraded or lost, and in words."""
 
 from __future__ import annotations
 
@@ -17,17 +17,16 @@ Status: TypeAlias = Literal["connected", "degraded", "lost"]
 
 
 class RobotHealth(Struct, frozen=True):
-    """A robot's status, and what is wrong with which of its endpoints."""
+    """A robot's status, and what is wrong with each of its endpoints."""
 
     status: Status
     faults: frozenset[tuple[str, str]] = frozenset()
-    """By the endpoint's label, the kind of its misfit, or its fault."""
+    """The endpoint's label, with the kind of its misfit or its fault."""
     open: tuple[OpenGoal, ...] = ()
-    """What it may still be doing of actions that have ended."""
+    """What it may still be doing for actions that have ended."""
 
     def is_news_after(self, before: RobotHealth) -> bool:
-        """Whether people have to be told. (Of a robot that is lost anyway only what does not fit is, and what more it
-        may be doing.)"""
+        """Whether people must be told. (For a robot that stays lost: only new misfits and further open goals.)"""
         if self.status == "lost" == before.status:
             return self._misfits() != before._misfits() or not self._open() <= before._open()
         return (self.status, self.faults, self._open()) != (before.status, before.faults, before._open())
@@ -42,7 +41,7 @@ class RobotHealth(Struct, frozen=True):
 def assess(
     transport: Transport, endpoints: Sequence[Endpoint], busy: Collection[Endpoint], estop: EstopInput | None = None
 ) -> RobotHealth:
-    """How the robot stands now. `busy`: the endpoints that do something of ours."""
+    """The robot's present state. `busy`: the endpoints that are doing something for us."""
     goals = open_goals(endpoints)
     if transport.failure():
         return RobotHealth("lost", open=goals)
@@ -55,7 +54,7 @@ def assess(
 
 
 def open_goals(endpoints: Sequence[Endpoint]) -> tuple[OpenGoal, ...]:
-    """What the robot may still be doing of actions that have ended."""
+    """What the robot may still be doing for actions that have ended."""
     found = []
     for each in endpoints:
         found += [
@@ -68,8 +67,8 @@ def open_goals(endpoints: Sequence[Endpoint]) -> tuple[OpenGoal, ...]:
 
 
 def _is_useless(endpoint: Endpoint, busy: Collection[Endpoint]) -> bool:
-    """Nothing can be sent to it, and it does nothing of ours. (Beside what is doing something another program may have
-    appeared that does not fit.)"""
+    """Whether nothing can be sent to it, and it does nothing for us. (Beside a working server, another program that
+    does not fit may have appeared.)"""
     if endpoint.fault in ("unfit", "inactive"):
         return endpoint not in busy
     return endpoint.fault == "missing"
@@ -78,8 +77,7 @@ def _is_useless(endpoint: Endpoint, busy: Collection[Endpoint]) -> bool:
 def describe(
     status: Status, title: str, transport: Transport, endpoints: Sequence[Endpoint], estop: EstopInput | None = None
 ) -> str:
-    """For a person; `title` is the robot's. Of what is wrong, what to do about it comes first: on a small screen the
-    rest is cut."""
+    """The state for a person; `title` is the robot's. The remedy comes first, because a small screen cuts the rest."""
     failure = transport.failure()
     if failure:
         return f"the connection to ROS is gone: {failure}"

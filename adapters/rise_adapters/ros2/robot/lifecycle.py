@@ -1,6 +1,6 @@
-"""Whether the node that offers an action is active, where it is a lifecycle node
-(https://design.ros2.org/articles/node_lifecycle.html): one that is not takes goals and does nothing, or refuses them.
-"""
+"""Whether the node that offers an action is active, if it is a lifecycle node
+(https://design.ros2.org/articles/node_lifecycle.html). An inactive node accepts goals and does nothing, or rejects
+them."""
 
 from __future__ import annotations
 
@@ -20,9 +20,9 @@ from rise_adapters.ros2.transport.port import (
 
 STATE_TYPE, EVENT_TYPE = "lifecycle_msgs/srv/GetState", "lifecycle_msgs/msg/TransitionEvent"
 SEARCH_SECONDS = 2.0
-"""Seconds in which a node shows that it has a lifecycle; after that it has none."""
+"""Seconds in which a node must show that it has a lifecycle; otherwise it has none."""
 ASK_SECONDS = 2.0
-"""Between two questions. A transition is told at once, where that message arrives."""
+"""Seconds between two questions. A transition is reported immediately, if that message arrives."""
 
 _REMEDIES = {
     "inactive": "activate it (ros2 lifecycle set {node} activate)",
@@ -32,14 +32,14 @@ _REMEDIES = {
 
 
 class LifecycleWatch:
-    """Follows one node, whose name may change. It has no timer: `poll` asks when it is time to."""
+    """Follows one node, whose name may change. It has no timer: `poll` asks when it is time."""
 
     def __init__(self, transport: Transport, now: Callable[[], float]) -> None:
-        """`now`: seconds on any clock that goes on."""
+        """`now`: seconds on any running clock."""
         self.node = ""
-        """In full; empty: none is followed."""
+        """The node's full name; empty: none is followed."""
         self.state = ""
-        """As the node calls it (`active`); empty: it has no lifecycle, or has not said it yet."""
+        """The node's own word (`active`); empty: it has no lifecycle, or has not reported yet."""
         self._transport = transport
         self._now = now
         self._since = 0.0
@@ -48,7 +48,7 @@ class LifecycleWatch:
         self._events: Closable | None = None
 
     def follow(self, node: str) -> None:
-        """From now on it is about this node; empty: about none."""
+        """Follow this node from now on; empty: follow none."""
         if node == self.node:
             return
         self.close()
@@ -56,18 +56,18 @@ class LifecycleWatch:
         if node:
             try:
                 self._client = self._transport.client(f"{node}/get_state", STATE_TYPE)
-            except PortError:  # lifecycle_msgs is not installed, so nothing of it can be asked
+            except PortError:  # lifecycle_msgs is not installed
                 return
             self.poll()
 
     def follow_server(self, action: str) -> None:
-        """From now on it is about the node that offers an action (its full name), as soon as that is known."""
+        """Follow the node that offers an action (its full name) as soon as it is known."""
         ends = self._transport.publisher_endpoints(action_topic(action, STATUS_TOPIC))
         if node := next((end.node for end in ends if end.node.startswith("/")), ""):
             self.follow(node)
 
     def poll(self) -> None:
-        """Ask how it is, when that is due."""
+        """Ask the node for its state, if that is due."""
         client, now = self._client, self._now()
         if client is None:
             return
@@ -86,7 +86,7 @@ class LifecycleWatch:
 
     @property
     def sentence(self) -> str:
-        """That it is not active; empty when it is, or has no lifecycle."""
+        """The sentence that it is not active; empty when it is, or has no lifecycle."""
         return f"{self.node} is {self.state}" if self.state not in ("", "active") else ""
 
     @property
@@ -95,7 +95,7 @@ class LifecycleWatch:
 
     @property
     def trouble(self) -> str:
-        """The sentence, and what to do."""
+        """The sentence with its remedy."""
         return f"{self.sentence}; {self.remedy}" if self.sentence else ""
 
     def close(self) -> None:

@@ -1,7 +1,7 @@
 """A robot on ROS 2, behind the engine's port: `Ros2Robot` keeps its goals, and watches whether it is there.
 
 Every action of the profile goes to an action server or a service, or is published on a topic. One timer drives
-everything: it polls the servers (ROS says nothing when one dies) and the goals whose time has come.
+everything: it polls the servers (ROS is silent when one dies) and the goals whose time has come.
 """
 
 from __future__ import annotations
@@ -41,21 +41,21 @@ POLL_RUNNING = 0.25
 POLL_WAITING = 0.05
 """... while a goal waits for its server ..."""
 POLL_IDLE = 0.5
-"""... and while nothing does, and all are there."""
+"""... and while nothing does, and all servers are there."""
 POLL_SOONEST = 0.001
 MAX_REMEMBERED = 200
-"""Goals that are kept, to recognise what comes after their end."""
+"""The number of goals that are kept to recognise late messages about them."""
 FAREWELL_SECONDS = 0.5
 """Seconds for which a client that has just cancelled something stays open after `close`."""
 
 
 class Ros2Robot:
-    """Implements `rise_engine.ports.robot.Robot` over a transport that somebody else has opened and will close."""
+    """Implements `rise_engine.ports.robot.Robot` over a transport that its caller opens and closes."""
 
     def __init__(
         self, profile: RobotProfile, clock: Clock, transport: Transport, mappings: Mapping[str, ActionMapping]
     ) -> None:
-        """`mappings` by the action's name in the profile. Raises PortError when a type cannot be had."""
+        """`mappings` by the action's name in the profile. Raises PortError when a type is not available."""
         self.clock = clock
         self._profile = profile
         self._mappings = mappings
@@ -64,24 +64,24 @@ class Ros2Robot:
         """By the engine's name, oldest first."""
         self._by_id: dict[bytes, ActionGoal] = {}
         self._live: dict[str, Goal] = {}
-        """Those that are still to be polled."""
+        """The goals that still need polling."""
         self._report: ReportCallback = _ignore
         self._timer: Timer | None = None
         self._next_poll = inf
-        """When the timer goes off."""
+        """The time of the next timer event."""
         self._stop: StopAll | None = None
         self._reported: RobotHealth | None = None
-        """How the robot stood when that was reported last."""
+        """The robot's state in the last report."""
         self._grace_until = inf
         self._seen_at: float | None = None
         self._uncompared: set[str] = set()
-        """Names of endpoints that do not say what their types are, which was noted already."""
+        """Names of endpoints that do not announce their types, once they were noted."""
         self._other_clients: set[str] = set()
-        """Nodes that may move the robot, too, which were noted already."""
+        """Other nodes that may move the robot, once they were noted."""
         self._closed = False
         self._estop: EstopInput | None = None
         self._adopted: list[Goal] = []
-        """What an engine before this one may have left running."""
+        """Goals that an earlier engine may have left running."""
         self._open_endpoints(transport)
 
     def _open_endpoints(self, transport: Transport) -> None:
@@ -90,7 +90,7 @@ class Ros2Robot:
         labels = short_labels(self._profile.name, list(dict.fromkeys(names.values())))
         endpoint_of: dict[str, Endpoint] = {}
         made: dict[tuple[str, str], Endpoint] = {}
-        # Actions may share a server: where one of them waits for feedback, it is the one that the server is heard as.
+        # Actions may share a server. If one of them needs feedback, the server is opened for that one.
         by_feedback = sorted(self._mappings.items(), key=lambda item: item[1].feedback_wanted is None)
         for action, mapping in by_feedback:
             key = names[action], mapping.type
@@ -115,11 +115,11 @@ class Ros2Robot:
     # --- the port -----------------------------------------------------------------------------------------------
 
     def connect(self, report: ReportCallback) -> None:
-        """Discovery takes its time: until every server is there, or the longest deadline is over, nothing is said."""
+        """Begin. Discovery takes time: reports start when every server is there, or the longest deadline is over."""
         self._report = report
         deadlines = [mapping.deadlines.server for mapping in self._mappings.values()]
         self._grace_until = self.clock.now() + max(deadlines, default=0.0)
-        if self._adopted:  # first of all: nobody has seen yet what the robot is doing
+        if self._adopted:  # first: nobody has seen yet what the robot is doing
             goals = health.open_goals(self._endpoints)
             why = "an engine that has gone left goals behind; the robot is asked about them"
             self._report(RobotChanged(status="degraded", detail=why, open=goals))
@@ -144,7 +144,7 @@ class Ros2Robot:
     def release_open_goals(self, part: str) -> None:
         for goal in self._goals_at(part):
             goal.release()
-        self._reported = None  # also of a robot that is lost
+        self._reported = None  # even for a lost robot
         self._report_standing()
 
     def _goals_at(self, part: str) -> list[Goal]:
@@ -156,7 +156,7 @@ class Ros2Robot:
         ]
 
     def _open_estop(self) -> None:
-        """Hear the emergency stop that the profile names. Raises PortError."""
+        """Listen to the profile's emergency stop. Raises PortError."""
         if (estop := read_options(self._profile).estop) is not None:
             self._estop = EstopInput(estop, self._transport, self.clock.now, lambda report: self._report(report))
 
@@ -166,7 +166,7 @@ class Ros2Robot:
             self.report_ended(goal.action, "failed", f"not-sent: nothing carries {goal.type} to {self._profile.title}")
             return
         if self._stop is not None and self._stop.is_answered:
-            self._stop.abandon()  # it was released
+            self._stop.abandon()  # the stop was released
             self._stop = None
         try:
             node, frame = self._transport.node, self._frame
@@ -182,7 +182,8 @@ class Ros2Robot:
         self.on_goal_changed(made)
 
     def _make_goal(self, goal: StartAction, mapping: ActionMapping, message: Message) -> Goal:
-        """Raises ValueError for what cannot be sent. `message` is as of now; what may be sent later is made then."""
+        """Make a goal. Raises ValueError if it cannot be sent. `message` has present values; later ones are made
+        later."""
         node, frame = self._transport.node, self._frame
         make_message = partial(mapping.make_message, goal.parameters, node=node, goal=goal.action, frame=frame)
         endpoint = self._endpoint_of[goal.type]
@@ -202,7 +203,7 @@ class Ros2Robot:
             goal.cancel()
 
     def stop_all(self) -> None:
-        """Asked again meanwhile, it asks the robot again, and answers once."""
+        """Stop everything. A repeated call asks the robot again, but gets only one answer."""
         if self._stop is not None:
             self._stop.abandon()
         self._poll_endpoints()
@@ -211,7 +212,7 @@ class Ros2Robot:
             goal.cancel()
         for action, mapping in self._mappings.items():
             endpoint = self._endpoint_of[action]
-            if isinstance(endpoint, TopicEndpoint) and endpoint in idle:  # whatever others have published there
+            if isinstance(endpoint, TopicEndpoint) and endpoint in idle:  # even if others have published there
                 reset = mapping.make_reset(node=self._transport.node, goal="", frame=self._frame)
                 if reset is not None:
                     endpoint.publish(reset)
@@ -219,13 +220,13 @@ class Ros2Robot:
         self._stop.begin()
 
     def last_seen(self) -> float | None:
-        """The middleware renews its word that a server is there within each server's lease; more ROS does not say."""
+        """The middleware renews a server's presence within the server's lease. ROS offers no other sign of life."""
         if any(endpoint.presence.count for endpoint in self._endpoints):
             self._seen_at = self.clock.now()
         return self._seen_at
 
     def close(self) -> None:
-        """What still runs is cancelled, without waiting for an answer."""
+        """Cancel what still runs, without waiting for an answer."""
         if self._closed:
             return
         self._closed = True
@@ -238,13 +239,14 @@ class Ros2Robot:
             self._timer.cancel()
         if self._estop is not None:
             self._estop.close()
-        # A request that has only just been sent could be lost with its client.
+        # A request that has just been sent could be lost with its client.
         self.clock.call_at(self.clock.now() + FAREWELL_SECONDS, partial(close_all, self._endpoints))
 
     def switch_transport(self, transport: Transport) -> None:
-        """Go on over another transport, because the one before is gone: what ran is lost. The owner closes both.
+        """Go on over another transport, because the previous one has failed. Running goals are lost. The owner closes
+        both.
 
-        Raises PortError when a type cannot be had there.
+        Raises PortError when a type is not available there.
         """
         if self._reported is None or self._reported.status != "lost":
             self._report_lost(f"the connection to ROS is gone: {self._transport.failure() or 'it is made anew'}")
@@ -261,7 +263,7 @@ class Ros2Robot:
         self._open_estop()
         self._poll()
 
-    # --- what goals need (`GoalHost`) ---------------------------------------------------------------------------
+    # --- for goals (`GoalHost`) ---------------------------------------------------------------------------------
 
     def report_accepted(self, action: str) -> None:
         self._report(ActionReport(action=action, status="accepted"))
@@ -288,7 +290,7 @@ class Ros2Robot:
             self._stop.poll()
 
     def _note_open(self, goal: Goal) -> None:
-        """A goal that ends here and may be running holds its part; people hear of it before they hear of its end."""
+        """Note a goal that ends here and may still run, so that it holds its part. People hear this before its end."""
         was_open = goal.action in goal.endpoint.open
         is_open = (goal.phase == "ended" or was_open) and goal.may_be_running and goal.holds_its_part
         if is_open:
@@ -306,7 +308,7 @@ class Ros2Robot:
     # --- polling ------------------------------------------------------------------------------------------------
 
     def _set_timer(self) -> None:
-        """Poll again when the first goal wants it, and in any case soon."""
+        """Poll again when the first goal needs it, and soon in any case."""
         if self._closed:
             return
         if any(goal.phase == "waiting" for goal in self._live.values()):
@@ -341,9 +343,9 @@ class Ros2Robot:
         self._set_timer()
 
     def _poll_endpoints(self, some: Iterable[Endpoint] | None = None) -> None:
-        """See which servers are there (all of them, unless some are named), and tell their goals. What appears or
-        changes is compared with what the profile says; one endpoint is each time, because a program can be replaced by
-        another one between two polls."""
+        """Check which servers are there (all, unless some are named), and tell their goals. Endpoints that appear or
+        change are compared with the profile. One other endpoint is also compared each time, because a program can be
+        replaced between two polls."""
         lost = bool(self._transport.failure())
         changed: list[tuple[Endpoint, bool]] = []
         turn = next(self._turn, None) if some is None else None
@@ -357,7 +359,7 @@ class Ros2Robot:
         if not changed:
             return
         if self._reported is not None and self._assess_health().status == "lost":
-            self._report_standing()  # first that the robot is lost: then nothing new is begun in answer to its losses
+            self._report_standing()  # report the loss first, so that nothing new is begun in response
         for endpoint, gone in changed:
             for goal in tuple(self._goals.values()):
                 if goal.endpoint is endpoint:
@@ -381,14 +383,14 @@ class Ros2Robot:
                     self._other_clients.add(node)
                     self.report_note(endpoint, describe_other_client(node, endpoint.name))
 
-    # --- how the robot stands -----------------------------------------------------------------------------------
+    # --- the robot's state --------------------------------------------------------------------------------------
 
     def _assess_health(self) -> RobotHealth:
         busy = [goal.endpoint for goal in self._live.values() if goal.phase == "running"]
         return health.assess(self._transport, self._endpoints, busy, self._estop)
 
     def _report_standing(self) -> None:
-        """Report how the robot stands, when that has changed."""
+        """Report the robot's state if it has changed."""
         now = self._assess_health()
         if self._reported is None:
             if now.status != "connected" and not self._transport.failure() and self._is_discovering():
@@ -403,16 +405,16 @@ class Ros2Robot:
             self._report(RobotChanged(status=now.status, detail=detail, open=now.open))
 
     def _is_discovering(self) -> bool:
-        """What is missing may still be found."""
+        """Whether missing endpoints may still be found."""
         is_early = self.clock.now() + TIMER_TOLERANCE < self._grace_until
         return is_early and any(each.fault == "missing" for each in (*self._endpoints, self._estop) if each is not None)
 
     def _report_lost(self, detail: str) -> None:
-        """Nothing of the robot is there. What was not sent has failed; what the robot was doing, nobody knows."""
+        """Report that the whole robot is lost. Unsent goals have failed; the state of the others is unknown."""
         goals = [goal for goal in self._goals.values() if goal.phase != "ended"]
         for goal in goals:
             if goal.may_be_running:
-                goal.endpoint.open[goal.action] = goal  # in a moment, and it is told once
+                goal.endpoint.open[goal.action] = goal  # it would be there in a moment; this way it is reported once
         now = self._assess_health()
         self._reported = RobotHealth("lost", now.faults, now.open)
         for goal in goals:
@@ -437,7 +439,7 @@ class Ros2Robot:
             self._stop.poll()
 
     def _forget_oldest(self) -> None:
-        """Keep what is remembered within bounds."""
+        """Keep the number of remembered goals bounded."""
         goals = self._goals.values()
         oldest = next((goal for goal in goals if not goal.is_live() and not goal.may_be_running), None)
         if len(self._goals) > MAX_REMEMBERED and oldest is not None:
@@ -447,4 +449,4 @@ class Ros2Robot:
 
 
 def _ignore(report: RobotReport) -> None:
-    """Nobody listens before `connect` and after `close`."""
+    """Do nothing: nobody listens before `connect` and after `close`."""

@@ -1,12 +1,10 @@
-"""An action that a service carries: one call, and its response.
+"""Goals at services and topics.
 
-Nothing takes a call back. Who stops the action ends it for the engine; the robot may go on until it answers, and until
-then nothing else goes out on that service.
+A service carries an action as one call with its response. Nothing takes a call back: stopping the action ends it for
+the engine, but the robot may go on until it answers. Until then, nothing else is sent to that service.
 
-An action that a topic carries: it is published, once or at a rate, takes its expected time, and is taken back by the
-profile's reset.
-
-Nobody answers on a topic. That something listens counts as acceptance, that the time is over as success.
+A topic carries an action as a message, sent once or at a rate. The action takes its expected time, and the profile's
+reset takes it back. Nobody answers on a topic, so a listener counts as acceptance, and the end of the time as success.
 """
 
 from __future__ import annotations
@@ -26,7 +24,7 @@ from rise_engine.ports.robot import Timer
 
 
 class TopicGoal:
-    """One message of ours on one topic, until its time is over. Implements `Goal`."""
+    """One of our messages on one topic, until its time is over. Implements `Goal`."""
 
     def __init__(
         self,
@@ -37,7 +35,7 @@ class TopicGoal:
         make_message: Callable[[], Message],
         make_reset: Callable[[], Message | None],
     ) -> None:
-        """`make_reset`: what is published at its end, if anything."""
+        """`make_reset`: the message for its end, if any."""
         self.action = goal.action
         self.type = goal.type
         self.phase: Phase = "waiting"
@@ -54,7 +52,7 @@ class TopicGoal:
         self._deadline = host.clock.now() + mapping.deadlines.server
 
     def adopt(self, *, accepted: bool) -> None:
-        """Take over one that an engine before this one has published; it ends when it is reset."""
+        """Take over a message that an earlier engine has published; it ends when it is reset."""
         self.phase = "ended"
         self.may_be_running = True
         if not self._is_stoppable:
@@ -115,7 +113,7 @@ class TopicGoal:
             self._end("lost", f"server-gone: what listened to {self.endpoint.name} went away during the action")
 
     def on_server_changed(self) -> None:
-        """More or fewer listen: nothing to ask them."""
+        """Do nothing: listeners cannot be asked."""
 
     def on_robot_lost(self, reason: str) -> None:
         if self.phase != "ended":
@@ -131,7 +129,7 @@ class TopicGoal:
         self._host.on_goal_changed(self)
 
     def _send(self) -> bool:
-        """Publish the message now, and at its rate again. False: that has ended it."""
+        """Publish the message now, and again at its rate. False: that has ended it."""
         try:
             self.endpoint.publisher.publish(self._make_message())
         except (PortError, ValueError) as error:
@@ -151,7 +149,7 @@ class TopicGoal:
         self.phase = "ended"
         if self._repeat is not None:
             self._repeat.cancel()
-        if self.endpoint.user is self:  # a later one has the topic to itself
+        if self.endpoint.user is self:  # a later goal has the topic to itself
             self.endpoint.user = None
             if self._is_stoppable:
                 self._publish_reset()
@@ -167,7 +165,7 @@ class TopicGoal:
 
 
 class ServiceGoal:
-    """One call of ours of one service. Implements `Goal`."""
+    """One of our calls of one service. Implements `Goal`."""
 
     def __init__(
         self,
@@ -178,7 +176,7 @@ class ServiceGoal:
         make_request: Callable[[], Message],
         limit: float,
     ) -> None:
-        """`limit`: seconds after which the kernel gives it up."""
+        """`limit`: seconds until the kernel gives the call up."""
         self.action = goal.action
         self.type = goal.type
         self.phase: Phase = "waiting"
@@ -194,7 +192,7 @@ class ServiceGoal:
         self._is_adopted = False
 
     def adopt(self, *, accepted: bool) -> None:
-        """Take over one that an engine before this one has called; its answer has nobody to go to."""
+        """Take over a call of an earlier engine; its answer reaches nobody."""
         self.phase = "ended"
         self.may_be_running = self._is_adopted = True
         self._host.on_goal_changed(self)
@@ -260,7 +258,7 @@ class ServiceGoal:
             self._end("lost", f"server-gone: what offered {self.endpoint.name} went away during the action")
 
     def on_server_changed(self) -> None:
-        """Another one would not know the call: only the one that has it can answer."""
+        """Do nothing: another server would not know the call."""
 
     def on_robot_lost(self, reason: str) -> None:
         if self.phase != "ended":
@@ -299,6 +297,6 @@ class ServiceGoal:
         self._host.report_ended(self.action, status, reason)
 
     def _mark_over(self) -> None:
-        """Nothing of it runs on the robot any more, or nobody will ever say so."""
+        """Note that nothing of it still runs on the robot, or that nobody will ever report it."""
         self.may_be_running = False
         self._host.on_goal_changed(self)

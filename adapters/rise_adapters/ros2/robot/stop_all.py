@@ -1,15 +1,16 @@
-"""Stop-all: every action server of the robot is asked to cancel everything, also goals of others; each answer counts.
+"""Stop-all: every action server of the robot is asked to cancel everything, including other clients' goals. Each answer
+counts.
 
-A server has confirmed when its answer has come and every goal that is known to run there has ended: ours by their
-results, those of others by the server's status topic. A goal that its answer does not name is asked about by its id,
-because what the status topic said last may be the word of a server that has been restarted since. One of ours that the
-server has not answered may still begin, so it has not ended. What cannot confirm is named with the reason. A server
-that is not there is never called confirmed, even if nothing was known to run: it could not be asked.
+A server has confirmed when it has answered and every known goal there has ended. Our goals end with their results,
+others with the server's status topic. A goal that the answer does not name is asked about by its id, because the last
+status may come from before a restart of the server. If the server has not answered one of our goals, that goal may
+still begin, so it has not ended. Servers that cannot confirm are named with the reason. A missing server never counts
+as confirmed, even if nothing was known to run there, because it could not be asked.
 
-The first report comes when all have confirmed, or after ANSWER_SECONDS. Whatever changes after that is reported again,
-until something is started: a goal that begins late, one that ends late, a server that comes back and is asked then. A
-goal that somebody else begins after the report takes the confirmation back, until the next stop: it is not ours to
-cancel, and whoever stands before the robot has to know.
+The first report comes when all have confirmed, or after ANSWER_SECONDS. Later changes are reported again until
+something is started: a goal that begins or ends late, or a server that returns and is then asked. If somebody else
+begins a goal after the report, the confirmation is withdrawn until the next stop. That goal is not ours to cancel, but
+the people in front of the robot must know.
 """
 
 from __future__ import annotations
@@ -38,17 +39,17 @@ from rise_engine.ports.robot import Clock, Timer
 _LOG = logging.getLogger(__name__)
 
 ANSWER_SECONDS = 2.5
-"""Seconds until the report is given; the kernel waits STOP_LIMIT, 3 s."""
+"""Seconds until the report; the kernel waits STOP_LIMIT, 3 s."""
 REPEAT_SECONDS = 0.8
-"""After which a server that has not answered is asked again, until the first report ..."""
+"""Seconds after which a server that has not answered is asked again, until the first report ..."""
 SLOW_REPEAT_SECONDS = 2.0
-"""... and afterwards: what it was asked while it stood still may be lost."""
+"""... and afterwards: a request while it stood still may be lost."""
 
 MAX_BY_ID = 20
-"""Goals of others that one server is asked about by id at most, in one stop."""
+"""The most goals of others that one server is asked about by id in one stop."""
 
 FindGoals: TypeAlias = Callable[[ActionEndpoint], Mapping[bytes, ActionGoal]]
-"""Our goals at a server that are remembered, by id."""
+"""Our remembered goals at a server, by id."""
 
 
 class CancelAll:
@@ -59,20 +60,20 @@ class CancelAll:
         self.answer: CancelResponse | None = None
         self._own_goals = partial(find_goals, endpoint)
         self._known: set[bytes] = set()
-        """Goals that it is cancelling, or that it called unfinished."""
+        """Goals that it is cancelling, or reported as unfinished."""
         self._stopping: set[bytes] = set()
-        """Those that it has said it cancels."""
+        """Goals that it confirmed to cancel."""
         self._listed: set[bytes] = set()
-        """Those that its status topic has named: when it names one no more, that one is over."""
+        """Goals that its status topic has named. When it no longer names one, that goal is over."""
         self._asked_by_id: set[bytes] = set()
-        """Those of others that it was asked about one by one ..."""
+        """Goals of others that it was asked about one by one ..."""
         self._over: set[bytes] = set()
-        """... and of which it said that it does not have them (any more)."""
+        """... and that it reported as unknown or over."""
         self._has_confirmed = False
         self.is_reported = False
-        """What others begin there from now on is left to them, and told."""
+        """From now on, goals that others begin there are left to them, and reported."""
         self._moved_since = False
-        """Somebody else has begun something there since the stop was reported."""
+        """Whether somebody else has begun something there since the report."""
 
     def take_answer(self, answer: CancelResponse) -> None:
         if self.answer is None or answer.goals:
@@ -99,14 +100,14 @@ class CancelAll:
         return {id for id, goal in own.items() if goal.may_be_running} | others
 
     def is_confirmed(self) -> bool:
-        """Whether the one server that there is, or was when it confirmed, has answered, and nothing runs there."""
-        running = self.find_running()  # also notes what is listed, so it is asked first
+        """Whether the one server, present or gone since it confirmed, has answered, and nothing runs there."""
+        running = self.find_running()  # also notes listed goals, so it is called first
         if running and self._has_confirmed:
             self._has_confirmed = False
             if self.is_reported:
                 self._moved_since = True
             else:
-                self.answer = None  # it is asked again
+                self.answer = None  # ask it again
         elif not (running or self._moved_since) and self.answer is not None and self.endpoint.presence.count == 1:
             self._has_confirmed = True
         return self._has_confirmed
@@ -131,7 +132,7 @@ class CancelAll:
         return "still running"
 
     def _is_stopping(self, goals: set[bytes]) -> bool:
-        """Whether it has said of all these that it stops them."""
+        """Whether it has confirmed that it stops all these goals."""
         statuses, own = self.endpoint.client.statuses, self._own_goals()
         return all(
             goal in self._stopping
@@ -141,7 +142,7 @@ class CancelAll:
         )
 
     def ask_about_others(self, changed: Callable[[], None]) -> None:
-        """About goals of others that seem to run, and that its answer does not name. (Ours ask for themselves.)
+        """Ask about goals of others that seem to run, and that its answer does not name. (Ours ask for themselves.)
         `changed` is called with each answer."""
         unclear = self.find_running() - self._stopping - self._asked_by_id - self._own_goals().keys()
         for goal in sorted(unclear)[: max(MAX_BY_ID - len(self._asked_by_id), 0)]:
@@ -162,7 +163,7 @@ class CancelAll:
 
 
 class StopAll:
-    """One stop, from the request until it is abandoned: something was started, or everything is stopped again."""
+    """One stop, from the request until something is started or everything is stopped again."""
 
     def __init__(
         self,
@@ -171,7 +172,7 @@ class StopAll:
         find_goals: FindGoals,
         report: Callable[[StopReport], None],
     ) -> None:
-        """`report` is called for the first time within ANSWER_SECONDS, and again with each change."""
+        """`report` is first called within ANSWER_SECONDS, and again with each change."""
         self._clock = clock
         self._report = report
         self._until = clock.now() + ANSWER_SECONDS
@@ -200,7 +201,7 @@ class StopAll:
 
     @property
     def is_answered(self) -> bool:
-        """It was reported at least once."""
+        """Whether it was reported at least once."""
         return self._reported is not None
 
     def begin(self) -> None:
@@ -208,25 +209,25 @@ class StopAll:
         self.poll()
 
     def poll(self) -> None:
-        """Something has changed: have all confirmed?"""
+        """Check after a change whether all have confirmed."""
         if self._is_abandoned:
             return
-        confirmed = [cancel.is_confirmed() for cancel in self._cancels]  # all are looked at: see `find_running`
+        confirmed = [cancel.is_confirmed() for cancel in self._cancels]  # calls all of them: see `find_running`
         if self._reported is not None:
-            self._ask(cancel for cancel in self._cancels if cancel not in self._asked)  # it was not there before
+            self._ask(cancel for cancel in self._cancels if cancel not in self._asked)  # newly appeared
             if self._make_report() != self._reported:
                 self._finish()
         elif all(confirmed):
             self._finish()
 
     def abandon(self) -> None:
-        """No report any more."""
+        """Stop reporting."""
         self._is_abandoned = True
         if self._timer is not None:
             self._timer.cancel()
 
     def _keep_asking(self) -> None:
-        """Ask those that have not answered, and again a while later, until all have confirmed."""
+        """Ask those that have not answered, and ask again later, until all have confirmed."""
         now = self._clock.now()
         if self._reported is None and now + TIMER_TOLERANCE >= self._until:
             self._finish()
@@ -251,7 +252,7 @@ class StopAll:
         self.poll()
 
     def _finish(self) -> None:
-        """Say how things stand."""
+        """Report the present state."""
         if self._reported is None:
             for cancel in self._cancels:
                 if cancel.answer is None and cancel.endpoint.presence.count == 1:

@@ -1,4 +1,4 @@
-"""A session as other ROS nodes see it: tasks, memory, states, the record, diagnostics (docs/explanation/ros2.md)."""
+"""A session for other ROS nodes: tasks, memory, states, the record, diagnostics (docs/explanation/ros2.md)."""
 
 from rise_adapters.ros2.session_node.interface import RosSessionInterface
 

@@ -1,7 +1,7 @@
 """The action `rise/domain_task`: other nodes submit tasks, follow them, and cancel them.
 
-A goal is accepted when its task is: when it is on the disk. It ends as its task does. A goal whose client has gone goes
-on, as every task does whose wizard has gone; ROS tells a server nothing of that anyway.
+A goal is accepted with its task, once that is on the disk, and ends with it. When its client disappears, the goal goes
+on, like every task whose wizard has gone. ROS does not tell a server of this anyway.
 """
 
 from __future__ import annotations
@@ -31,32 +31,32 @@ _LOG = logging.getLogger(__name__)
 DOMAIN_TASK, DOMAIN_TASK_TYPE = "rise/domain_task", "rise_interfaces/action/DomainTask"
 
 MAX_UNDECIDED = 1000
-"""Goals that wait to be taken, or for the disk, at most."""
+"""The most goals that wait for the engine or the disk."""
 MAX_OPEN = 1000
-"""Acts and rules that goals have started and that have not ended, at most."""
+"""The most acts and rules that goals have started and that have not ended."""
 MAX_RELEASING = 10
-"""Goals to release a stop that wait for that at most."""
+"""The most goals that wait to release a stop."""
 MAX_REFUSALS_NOTED = 100
-"""Different refusals to release a stop that come to the record at most."""
+"""The most different refusals to release a stop that go to the record."""
 KNOWN_SECONDS, KNOWN_POLL = 1.0, 0.05
-"""For which a node that releases a stop may still be unknown: its goal can be here before word of its name is."""
+"""Seconds for which a node that releases a stop may still be unknown, because its goal can arrive before its name."""
 FETCH_SECONDS, FETCH_POLL = 0.5, 0.01
-"""For which results of goals that end with the session wait to be asked for."""
+"""Seconds for which results of goals that end with the session wait for their clients."""
 
 
 class _GoalTask(Struct):
-    """What is known about a goal's task (`ServerGoal.data`)."""
+    """The facts about a goal's task (`ServerGoal.data`)."""
 
     id: int = 0
     source: str = ""
-    """Under which it was submitted."""
+    """The source under which it was submitted."""
     accepted: bool = False
     records: list[TaskRecord] = field(default_factory=list)
-    """Those that came before the goal was accepted."""
+    """Records that arrived before the goal was accepted."""
 
 
 class DomainTaskServer:
-    """Goals in, tasks to the session, and what becomes of them back to the goals."""
+    """Passes goals to the session as tasks, and the results back to the goals."""
 
     def __init__(
         self,
@@ -66,8 +66,8 @@ class DomainTaskServer:
         topics: RecordTopics,
         wake: Callable[[], object],
     ) -> None:
-        """`client`: who submits the tasks. `topics` tell of tasks that never come to the record. `wake` is called when
-        there is something to do for `work`. Raises PortError when the transport does not have the type."""
+        """`client`: submits the tasks. `topics` publish tasks that never reach the record. `wake` is called when `work`
+        has something to do. Raises PortError when the transport does not have the type."""
         self.refused = 0
         """Goals that were rejected without a task."""
         self._transport = transport
@@ -77,22 +77,22 @@ class DomainTaskServer:
         self._wake = wake
         self._loop = asyncio.get_running_loop()
         self._answers: deque[Callable[[], object]] = deque()
-        """What has become of goals and is still to be told to their clients."""
+        """Results that still have to be sent to clients."""
         self._cancels: deque[tuple[ServerGoal, Decide]] = deque()
         self._goals: deque[ServerGoal] = deque()
-        """Those that are still to be submitted."""
+        """Goals that still have to be submitted."""
         self._submitted: dict[str, ServerGoal] = {}
-        """By id, those that are submitted and not accepted yet."""
+        """Goals that were submitted and are not accepted yet, by id."""
         self._running: dict[int, ServerGoal] = {}
-        """By task, those whose task has not ended."""
+        """Goals whose task has not ended, by task."""
         self._ended_here: list[ServerGoal] = []
-        """Those that have ended because the session, or this, has."""
+        """Goals that ended because the session or this server has."""
         self._releasing: set[bytes] = set()
-        """Goals to release a stop that wait until their node is known."""
+        """Goals that wait to release a stop until their node is known."""
         self._refused_releases: set[str] = set()
-        """What the record says already."""
+        """Refusals that are already in the record."""
         self._gone = ""
-        """Why no goal is taken any more."""
+        """Why no more goals are accepted."""
         self._server = ActionServer(
             transport,
             DOMAIN_TASK,
@@ -105,16 +105,16 @@ class DomainTaskServer:
 
     @property
     def running(self) -> int:
-        """How many goals have a task that has not ended."""
+        """The number of goals whose task has not ended."""
         return len(self._running)
 
     @property
     def waiting(self) -> int:
-        """How many goals are neither accepted nor rejected yet."""
+        """The number of goals that are neither accepted nor rejected."""
         return len(self._goals) + len(self._submitted)
 
     def work(self) -> bool:
-        """Do one piece of each kind of what waits; false when nothing did."""
+        """Do one piece of each kind of waiting work; false when there was none."""
         did = bool(self._answers or self._cancels or self._goals)
         if self._answers:
             self._send_answer(self._answers.popleft())
@@ -125,7 +125,7 @@ class DomainTaskServer:
         return did
 
     def end_all(self, reason: str) -> None:
-        """No goal waits for what never comes."""
+        """End all goals, so that none waits for something that never comes."""
         while self._answers:
             self._send_answer(self._answers.popleft())
         while self._goals:
@@ -142,14 +142,14 @@ class DomainTaskServer:
                 goal.abort({"status": "ABORTED", "reason": reason, "task": _task_of(goal).id})
 
     async def close(self, reason: str) -> None:
-        """Take no more goals, wait a moment until the last results were asked for, and offer the action no more."""
+        """Accept no more goals, wait briefly until clients have the last results, and stop offering the action."""
         self._gone = reason
         await self._wait_for_fetches()
         self._server.close({"status": "ABORTED", "reason": reason})
         await asyncio.sleep(0)
 
     async def _wait_for_fetches(self) -> None:
-        """Whoever has just heard that a goal was accepted is only about to ask for its result."""
+        """Wait for clients that have just heard of an acceptance and will now ask for the result."""
         for _ in range(round(FETCH_SECONDS / FETCH_POLL)):
             if all(goal.is_result_fetched for goal in self._ended_here):
                 return
@@ -170,7 +170,7 @@ class DomainTaskServer:
             self._refuse(goal, f"{self.waiting:,} goals are waiting already; send the next when one has been accepted")
         else:
             if is_stop:
-                self._goals.appendleft(goal)  # nothing waits for less than who wants everything to stop
+                self._goals.appendleft(goal)  # a stop waits for nothing
             else:
                 self._goals.append(goal)
             self._wake()
@@ -194,10 +194,10 @@ class DomainTaskServer:
                 self._refuse(goal, f"the engine stopped: {error or type(error).__name__}")
 
     def _take_reply(self, goal: ServerGoal, reply: client_protocol.Reply) -> None:
-        """The session takes the task or does not. May be called in a step: nothing of that comes back at once."""
+        """Take in whether the session accepts the task. It may be called in a step, so the answer is sent later."""
         self._submitted.pop(goal.id.hex(), None)
         task = _task_of(goal)
-        if not reply.accepted:  # its records say why, if it has any
+        if not reply.accepted:  # its records give the reason, if it has any
             self._answer_later(goal.reject if task.records else partial(self._refuse, goal, reply.reason))
             return
         task.accepted = True
@@ -207,7 +207,7 @@ class DomainTaskServer:
         task.records = []
 
     def _refuse(self, goal: ServerGoal, reason: str) -> None:
-        """Reject what has not come to the record; the topic says why, because the wire cannot."""
+        """Reject a goal that has not reached the record. The topic gives the reason, because the wire cannot."""
         submit = _make_submit(goal)
         self.refused += 1
         goal.reject()
@@ -215,7 +215,7 @@ class DomainTaskServer:
         self._wake()
 
     def _adopt_running(self) -> None:
-        """Of a session that goes on: the goals whose tasks still run."""
+        """Take over the goals of a recovered session whose tasks still run."""
         for task in self._hub.changing_tasks():
             if task.source != self._client.source or task.ref is None or task.status in FINAL:
                 continue
@@ -229,8 +229,8 @@ class DomainTaskServer:
     # --- releasing a stop ---------------------------------------------------------------------------------------
 
     def _release_stop(self, goal: ServerGoal, until: float) -> None:
-        """A stop is released by whoever holds control, and by nodes that the scenario names. Which node this one is, it
-        says itself, and it must be seen here as a client of the action; better than that ROS knows no one."""
+        """Release a stop for a node. Only the wizard with control and nodes that the scenario names may do this. The
+        node gives its own name, and must be visible here as a client of the action; ROS offers no better proof."""
         self._releasing.discard(goal.id)
         if goal.is_decided:
             return
@@ -257,10 +257,10 @@ class DomainTaskServer:
             self._refused_releases.add(text)
             self._hub.submit(self._client, Note(text=text), _ignore)
 
-    # --- what becomes of them -----------------------------------------------------------------------------------
+    # --- results ------------------------------------------------------------------------------------------------
 
     def take_record(self, record: TaskRecord) -> None:
-        """What has become of a task; in the engine's step."""
+        """Take in the record of a task, in the engine's step."""
         goal = self._running.get(record.id)
         if goal is None:
             goal = self._submitted.get(record.ref) if record.ref is not None else None
@@ -277,7 +277,7 @@ class DomainTaskServer:
             _task_of(goal).records.append(record)
 
     def _answer_later(self, answer: Callable[[], object]) -> None:
-        """Tell a client what has become of its goal, in order."""
+        """Send a result to a goal's client later, in order."""
         self._answers.append(answer)
         self._wake()
 
@@ -295,7 +295,7 @@ class DomainTaskServer:
 
     def _cancel_task(self, goal: ServerGoal, decide: Decide) -> None:
         task = _task_of(goal).id
-        if task not in self._running:  # it has ended, and its client is about to be told
+        if task not in self._running:  # it has ended; its client will be told
             self._answer_later(partial(decide, False))
             return
         submit = Submit(function="cancelTask", behavior=str(task))
@@ -308,7 +308,7 @@ class DomainTaskServer:
 
 
 def _update_goal(goal: ServerGoal, record: TaskRecord) -> None:
-    """Bring a goal to where its task is."""
+    """Bring a goal to the state of its task."""
     result = {"status": record.status, "reason": record.reason, "task": record.id}
     match record.status:
         case "SUCCEEDED":
@@ -325,7 +325,7 @@ def _update_goal(goal: ServerGoal, record: TaskRecord) -> None:
 
 
 def _why_not_released(node: str, allowed: tuple[str, ...]) -> str:
-    """`node`: what the node says that it is; `allowed`: those that the scenario allows to."""
+    """Why a node may not release a stop. `node`: the name that it gives; `allowed`: the scenario's nodes."""
     reason = "a stop can be released by the wizard who holds control, "
     reason += f"or by {', '.join(allowed)}" if allowed else "or by a node that scenario.toml names"
     if not node:
@@ -350,4 +350,4 @@ def _task_of(goal: ServerGoal) -> _GoalTask:
 
 
 def _ignore(reply: client_protocol.Reply) -> None:
-    """Nobody waits for this answer."""
+    """Ignore an answer that nobody waits for."""

@@ -1,4 +1,4 @@
-"""The session as other ROS nodes see it (docs/explanation/ros2.md):
+"""The session for other ROS nodes (docs/explanation/ros2.md):
 
     rise/domain_task    action rise_interfaces/action/DomainTask: submit a task, follow it, cancel it
     rise/get_memory     service rise_interfaces/srv/GetMemory: one key of the working memory
@@ -7,8 +7,8 @@
     rise/record         every record of the session
     /diagnostics        how session, robot, recording and connection are, once a second
 
-Whatever comes in, the engine's loop stays free for a wizard's key: goals, requests to cancel, and records that go out
-are worked off a slice at a time, and what waits has bounds.
+The engine's loop stays free for a wizard's key in any case: goals, requests to cancel, and outgoing records are handled
+in slices, and the number that waits is bounded.
 """
 
 from __future__ import annotations
@@ -41,15 +41,14 @@ _LOG = logging.getLogger(__name__)
 
 GET_MEMORY, GET_MEMORY_TYPE = "rise/get_memory", "rise_interfaces/srv/GetMemory"
 _JSON_TYPES = {"{": "object", "[": "array", '"': "string", "t": "boolean", "f": "boolean", "n": "null"}
-"""By the first character of a value in JSON; all others begin a number."""
+"""The type by the first character of a JSON value; all others are numbers."""
 
 
 class MemoryService:
-    """Answers from the view of the session, so it never waits for the engine."""
+    """Answers from the view of the session, so that it never waits for the engine."""
 
     def __init__(self, transport: Transport, hub: SessionHub, private: PrivateValues) -> None:
-        """`private`: of what is in it, `{key}` is all that anybody gets. Raises PortError when the transport does not
-        have the type."""
+        """`private`: for its values, clients get only `{key}`. Raises PortError when the transport lacks the type."""
         self._private = private
         self._hub = hub
         self._service = transport.serve(GET_MEMORY, GET_MEMORY_TYPE, self._take_request)
@@ -82,20 +81,20 @@ OK, WARN, ERROR, STALE = range(4)
 """Levels of diagnostic_msgs/msg/DiagnosticStatus."""
 
 LAG_WARN, LAG_ERROR = 0.05, 0.5
-"""Seconds that the engine's loop may be late: a key that takes longer than the first is felt."""
+"""Seconds that the engine's loop may be late. A key that takes longer than the first number feels slow."""
 
 
 def session_statuses(hub: SessionHub, lag: tuple[float, float], ros: Message, private: PrivateValues) -> list[Message]:
     """One DiagnosticStatus for each part of the session.
 
-    `lag`: seconds that the loop was late at most, lately and ever. `ros`: the status of the connection to ROS itself.
-    `private`: what stays out of it.
+    `lag`: the longest delay of the loop in seconds, recently and ever. `ros`: the status of the connection to ROS
+    itself. `private`: the values to leave out.
     """
     return [_session_status(hub, private), _robot_status(hub), _journal_status(hub), _lag_status(hub, *lag), ros]
 
 
 def make_status(hub: SessionHub, name: str, level: int, message: str, values: Mapping[str, object]) -> Message:
-    """A DiagnosticStatus. The hardware is the robot."""
+    """A DiagnosticStatus whose hardware is the robot."""
     return {
         "level": level,
         "name": f"rise: {name}",
@@ -172,12 +171,12 @@ def _lag_status(hub: SessionHub, recent: float, most: float) -> Message:
 
 
 SOURCE = "ros:domain_task"
-"""The source of tasks that came as goals. Which node sent a goal, ROS does not say; who releases a stop says it."""
+"""The source of tasks that arrive as goals. ROS does not name the sender; a node that releases a stop names itself."""
 
 SLICE_SECONDS = 0.0005
-"""For which work is done in one turn of the loop. A console's key waits for some turns, and may wait for 10 ms."""
+"""Seconds of work in one turn of the loop. A console's key waits for some turns, and may wait for 10 ms."""
 GOODBYE_SECONDS = 1.0
-"""For what is still to be published at the end."""
+"""Seconds for the last messages at the end."""
 GONE_REASON = "the session is not on ROS any more"
 
 
@@ -187,8 +186,8 @@ class RosSessionInterface:
     def __init__(
         self, transport: Transport, hub: SessionHub, neighbours: NeighbourSessions, *, rosout: bool = True
     ) -> None:
-        """Make it before the engine starts, so that it misses no record, inside the running loop. `neighbours`: other
-        sessions under the same names. `rosout`: whether what happens is told on /rosout, too.
+        """Create it inside the running loop, before the engine starts, so that it misses no record. `neighbours`: other
+        sessions under the same names. `rosout`: whether events also go to /rosout.
 
         Raises PortError when the transport does not have the types of `rise_interfaces`.
         """
@@ -198,11 +197,11 @@ class RosSessionInterface:
         self._loop = asyncio.get_running_loop()
         self._client = hub.attach("domain_task", "node", SOURCE)
         self._dropped = 0
-        """Of the records that were never published, those that were noted."""
+        """How many of the unpublished records were noted."""
         self._closed = False
         self._slicer = TimeSlicer(self._work, SLICE_SECONDS)
         self._private = PrivateValues(hub.engine.scenario)
-        for key, entry in hub.view.memory.items():  # of a session that goes on
+        for key, entry in hub.view.memory.items():  # of a recovered session
             self._private.note_memory(key, entry.value)
         self._topics = RecordTopics(transport, hub, self._client.source, self._private, rosout=rosout)
         self._lag = LagMeter(self._loop)
@@ -214,7 +213,7 @@ class RosSessionInterface:
         self._timer = self._loop.call_later(DIAGNOSTICS_SECONDS, self._diagnose)
 
     async def close(self) -> None:
-        """End the goals that still run, publish what is still to be said, and leave."""
+        """End the running goals, publish the rest, and leave."""
         if self._closed:
             return
         self._end_goals()
@@ -230,22 +229,22 @@ class RosSessionInterface:
         self._hub.detach(self._client)
 
     def _work(self) -> bool:
-        """One piece of each kind of work, so that none keeps another waiting."""
+        """Do one piece of each kind of work, so that none delays another."""
         did_task = self._tasks.work()
         return self._topics.publish_next() or did_task
 
     def _take_update(self, update: client_protocol.Update) -> None:
-        """Every record; in the engine's step."""
+        """Take in every record, in the engine's step."""
         if self._closed or isinstance(update, client_protocol.JournalStatus | client_protocol.Heartbeat):
             return
-        update = self._private.hide(update)  # whoever listens on ROS is not the wizard
+        update = self._private.hide(update)  # listeners on ROS are not the wizard
         if isinstance(update, TaskRecord):
             self._tasks.take_record(update)
         self._topics.enqueue(update)
         self._slicer.wake()
 
     def _end_goals(self) -> None:
-        """The session has ended, or this does: no goal waits for what never comes."""
+        """End all goals because the session has ended, or this node does, so that none waits forever."""
         engine = self._hub.engine
         if engine.failure is not None:
             reason = f"the engine stopped: {engine.failure or type(engine.failure).__name__}"
@@ -255,7 +254,7 @@ class RosSessionInterface:
             reason = GONE_REASON
         self._tasks.end_all(reason)
 
-    # --- how it is ----------------------------------------------------------------------------------------------
+    # --- status -------------------------------------------------------------------------------------------------
 
     def _diagnose(self) -> None:
         self._timer = self._loop.call_later(DIAGNOSTICS_SECONDS, self._diagnose)
@@ -274,7 +273,7 @@ class RosSessionInterface:
             _LOG.debug("no diagnostics: %s", error)
 
     def status(self) -> Message:
-        """The connection itself, as a diagnostic_msgs/msg/DiagnosticStatus."""
+        """The state of the connection itself, as a diagnostic_msgs/msg/DiagnosticStatus."""
         topics, tasks, lost = self._topics, self._tasks, self._transport.failure()
         others = self._neighbours.others
         level, message = OK, self._transport.about
@@ -301,4 +300,4 @@ class RosSessionInterface:
 
 
 def _ignore(reply: client_protocol.Reply) -> None:
-    """Nobody waits for this answer."""
+    """Ignore an answer that nobody waits for."""

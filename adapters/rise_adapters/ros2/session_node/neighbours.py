@@ -1,16 +1,15 @@
-"""Other sessions on the same ROS network that are in this one's way. Those that go by the same names: nodes could not
-tell them from this one, and a task would be done by each of them. And those that go by others, in another namespace,
-and use the same robot.
+"""Other sessions on the same ROS network that conflict with this one. Some use the same names, so that nodes could not
+distinguish them, and each would carry out every task. Others use names in another namespace, but the same robot.
 
-Every session says on the topic `rise/session` (std_msgs/String, latched, JSON) who it is: `id`, `since` (nanoseconds
-since 1970), `state`, by what it moves its robot, and what a person needs to find it. While it serves it says so twice a
-second: that is its sign of life, without which the reference wrapper stops the robot. One that is about to begin says
-that it is `asking` and listens for a moment. It stands back when another one is `serving`, or asks and began to ask
-earlier; of two that begin at once, both decide the same. A session that has crashed says nothing any more, whatever the
-network still shows of it.
+Every session announces itself on the topic `rise/session` (std_msgs/String, latched, JSON): `id`, `since` (nanoseconds
+since 1970), `state`, the carriers of its robot, and what a person needs to find it. While it serves, it repeats this
+twice a second. That is its sign of life; without it the reference wrapper stops the robot. A session that is about to
+begin announces that it is `asking`, and listens briefly. It gives way to a session that is `serving`, or that began to
+ask earlier; two sessions that begin together decide the same. A session that has crashed is silent, whatever the
+network still shows.
 
-Afterwards a session goes on listening. One that appears then (two networks that are joined) is reported, and neither
-ends: a study that runs is not given up for one that nobody knows.
+After that a session continues to listen. A session that appears later (because two networks are joined) is reported,
+and neither ends: a running study is not given up for an unknown one.
 """
 
 from __future__ import annotations
@@ -32,15 +31,15 @@ from rise_adapters.ros2.transport.port import Closable, Message, PortError, QoS,
 
 TOPIC, TYPE = "rise/session", "std_msgs/msg/String"
 LISTEN_SECONDS = 1.0
-"""Seconds for which others are listened for; to find each other takes programs on one network some hundredths."""
+"""Seconds to listen for others. Programs on one network need some hundredths of a second to find each other."""
 LISTEN_LONGER_SECONDS = 1.0
-"""Seconds more, when there is another one that has not said anything yet."""
+"""Further seconds if there is another session that has not announced itself yet."""
 LOOK_SECONDS = 0.1
-"""Between two looks for sessions under other names, while it listens ..."""
+"""Seconds between two searches for sessions under other names while it listens ..."""
 LOOK_BEATS = 10
-"""... and, in signs of life, while it serves."""
+"""... and the same in signs of life, while it serves."""
 BEAT_SECONDS = 0.5
-"""Between two signs of life."""
+"""Seconds between two signs of life."""
 _POLL_SECONDS = 0.02
 _MAX_CHARACTERS = 100
 _MOST_NAMES = 3
@@ -50,7 +49,7 @@ AnnouncedState = Literal["asking", "serving", "over"]
 
 
 class SessionAnnouncement(Struct, frozen=True, omit_defaults=True):
-    """What a session says about itself."""
+    """A session's announcement."""
 
     id: str
     since: int
@@ -62,7 +61,7 @@ class SessionAnnouncement(Struct, frozen=True, omit_defaults=True):
     host: str = ""
     pid: int = 0
     carriers: tuple[str, ...] = ()
-    """The full names of the actions and topics by which it moves its robot."""
+    """The full names of the actions and topics with which it moves its robot."""
 
     def __str__(self) -> str:
         title, folder, node, host = map(_keep_printable, (self.title, self.folder, self.node, self.host))
@@ -71,7 +70,7 @@ class SessionAnnouncement(Struct, frozen=True, omit_defaults=True):
 
     @property
     def rank(self) -> tuple[bool, int, str]:
-        """Of two sessions, the smaller one stays."""
+        """The rank of a session; of two, the one with the smaller rank stays."""
         return self.state != "serving", self.since, self.id
 
 
@@ -81,8 +80,8 @@ class NeighbourSessions:
     def __init__(
         self, transport: Transport, me: SessionAnnouncement | None = None, carriers: Iterable[str] = ()
     ) -> None:
-        """`me`: as it was known on a connection before this one. `carriers`: of the robot, names that are resolved.
-        Raises PortError."""
+        """`me`: the announcement on an earlier connection. `carriers`: unresolved names of the robot. Raises
+        PortError."""
         self.on_other_session: Callable[[SessionAnnouncement], object] = _ignore
         """Called with a session that appears while this one is serving."""
         self.announcement = me or SessionAnnouncement(
@@ -95,9 +94,9 @@ class NeighbourSessions:
         )
         self._transport = transport
         self._others: dict[str, SessionAnnouncement] = {}
-        """Those that are in the way."""
+        """The conflicting sessions."""
         self._heard: dict[str, set[str]] = {}
-        """By topic, the sessions that speak there, in the way or not."""
+        """The sessions heard on each topic, conflicting or not."""
         self._subscriptions: list[Closable] = []
         self._beats = 0
         self._timer: asyncio.TimerHandle | None = None
@@ -107,11 +106,11 @@ class NeighbourSessions:
 
     @property
     def others(self) -> list[SessionAnnouncement]:
-        """Those that serve and are in the way, the oldest first."""
+        """The conflicting sessions that serve, the oldest first."""
         return sorted((each for each in self._others.values() if each.state == "serving"), key=lambda each: each.rank)
 
     async def find_earlier(self) -> SessionAnnouncement | None:
-        """Listen for a moment; gives the session that this one has to stand back for, if there is one."""
+        """Listen briefly; returns the session that this one must give way to, if any."""
         loop = asyncio.get_running_loop()
         until = loop.time() + LISTEN_SECONDS
         at_most = until + LISTEN_LONGER_SECONDS
@@ -125,13 +124,13 @@ class NeighbourSessions:
         return None if first is self.announcement else first
 
     def shared_with(self, other: SessionAnnouncement) -> list[str]:
-        """By what another session moves the same robot under other names; empty when its names are the same."""
+        """The carriers with which another session moves the same robot under other names; empty for the same names."""
         if other.id in self._heard[self._transport.resolve(TOPIC)]:
             return []
         return [name for name in self.announcement.carriers if name in other.carriers]
 
     def announce_serving(self, title: str, folder: str) -> None:
-        """From now on the names are this session's."""
+        """Announce that the names belong to this session from now on."""
         self._announce(state="serving", title=title, folder=folder)
         for other in self.others:
             self.on_other_session(other)
@@ -146,9 +145,9 @@ class NeighbourSessions:
             handle.close()
 
     def _beat(self) -> None:
-        """Give a sign of life, and now and then look who else is there."""
+        """Give a sign of life, and search for other sessions from time to time."""
         if self._transport.failure():
-            return  # who makes the connection anew speaks there
+            return  # the next connection has its own announcements
         self._timer = asyncio.get_running_loop().call_later(BEAT_SECONDS, self._beat)
         self._announce()
         self._beats += 1
@@ -156,21 +155,21 @@ class NeighbourSessions:
             self._look_elsewhere()
 
     def _look_elsewhere(self) -> None:
-        """Listen to sessions in other namespaces, too."""
+        """Also listen to sessions in other namespaces."""
         for topic in self._transport.topics(f"/{TOPIC}"):
             self._listen_to(topic)
 
     def _listen_to(self, topic: str) -> None:
-        """`topic`: a full name."""
+        """Listen on a topic, given by its full name."""
         if topic not in self._heard:
             self._heard[topic] = set()
-            # As deep as there may be others: of each the latest counts.
+            # Deep enough for several sessions: the latest message of each counts.
             qos = QoS(depth=20, latched=True)
             take = partial(self._take_announcement, topic)
             self._subscriptions.append(self._transport.subscribe(topic, TYPE, take, qos))
 
     def _is_someone_silent(self) -> bool:
-        """Whether there are more who may speak than have."""
+        """Whether there are more possible speakers than have spoken."""
         return any(len(self._transport.publisher_endpoints(topic)) > len(ids) for topic, ids in self._heard.items())
 
     def _announce(self, **changes: str) -> None:
@@ -202,7 +201,7 @@ class NeighbourSessions:
 
 
 def describe_refusal(other: SessionAnnouncement, shared: Sequence[str], transport: Transport) -> list[str]:
-    """Why a session does not begin, and what to do. `shared`: as of `NeighbourSessions.shared_with`."""
+    """Why a session does not begin, and what to do. `shared`: the result of `NeighbourSessions.shared_with`."""
     if shared:
         return [
             f"another session moves the same robot ({transport.about}): {other}; both would use {_join_some(shared)}",
@@ -216,7 +215,7 @@ def describe_refusal(other: SessionAnnouncement, shared: Sequence[str], transpor
 
 
 def describe_other_session(other: SessionAnnouncement, shared: Sequence[str]) -> str:
-    """For the record of a session that finds that it is not alone."""
+    """The sentence for the record of a session that finds another one."""
     if shared:
         return f"another session moves the same robot now, by {_join_some(shared)}: {other}. End one of them"
     return (
@@ -231,9 +230,9 @@ def _join_some(names: Sequence[str]) -> str:
 
 
 def _keep_printable(text: str) -> str:
-    """What others say of themselves, fit for a line on a screen."""
+    """Text from others, made safe for a line on a screen."""
     return "".join(letter for letter in text if letter.isprintable())[:_MAX_CHARACTERS]
 
 
 def _ignore(other: SessionAnnouncement) -> None:
-    """Nobody wants to know."""
+    """Do nothing: nobody has subscribed."""

@@ -1,12 +1,10 @@
-"""The topics on which a session tells what happens: `rise/record`, `rise/task_state`, `rise/rule_state`, and `/rosout`
-for those who look there.
+"""The topics of a session's events: `rise/record`, `rise/task_state`, `rise/rule_state`, and `/rosout`.
 
-What a session tells on `/rosout`, where people who work with ROS look first (`ros2 topic echo /rosout`,
-rqt_console): that it began and ended, how the robot stands, what was stopped, and what went wrong. The whole is on
-`rise/record`.
+`/rosout` is where people who work with ROS look first (`ros2 topic echo /rosout`, rqt_console). A session reports there
+that it began and ended, the state of the robot, stops, and what went wrong. `rise/record` has everything.
 
-It is published as rcl does (rcl_interfaces/msg/Log, latched, 1,000 deep), but not through rclpy's logger: that also
-writes to standard error, and a pipe that nobody reads would hold the session up.
+It is published as rcl does (rcl_interfaces/msg/Log, latched, 1,000 deep), but not through rclpy's logger. That logger
+also writes to standard error, and a pipe that nobody reads would block the session.
 """
 
 from __future__ import annotations
@@ -58,16 +56,16 @@ from rise_engine.run.server.hub import SessionHub
 ROSOUT, ROSOUT_TYPE = "/rosout", "rcl_interfaces/msg/Log"
 ROSOUT_QOS: Final = QoS(depth=1000, latched=True)
 INFO, WARN, ERROR = 20, 30, 40
-"""Of rcl_interfaces/msg/Log."""
+"""Levels of rcl_interfaces/msg/Log."""
 _LONGEST = 1_000
 """Characters of a line."""
 
 LogLine: TypeAlias = tuple[int, str]
-"""A level, and what happened."""
+"""A level and a sentence."""
 
 
 def log_line_for_record(record: AnyRecord) -> LogLine | None:
-    """What is told of a record; None: nothing."""
+    """The line for a record; None: no line."""
     words = words_of(record)
     said = words.full_sentence[:_LONGEST]
     match record:
@@ -99,42 +97,42 @@ def log_line_for_record(record: AnyRecord) -> LogLine | None:
 _LOG = logging.getLogger(__name__)
 
 MAX_WAITING = 20_000
-"""Records that wait to be published at most; it takes 2 seconds or so to publish them."""
+"""The most records that wait to be published. Publishing them takes about 2 seconds."""
 
 _NO_SEQ = 0
-"""Of a task that never came to the record; that begins with 1."""
+"""For a task that never reached the record, whose numbers begin with 1."""
 REPEATED_STATUS = "repeated"
-"""The status of a rule state that is said again only for those who subscribe later: nothing has happened."""
+"""The status of a rule state that is repeated only for later subscribers: nothing has happened."""
 
 
 class RecordTopics:
-    """Publishes records. `enqueue` is quick and may be called in a step of the engine; `publish_next` does the work."""
+    """Publishes records. `enqueue` is quick and may be called in a step of the engine. `publish_next` does the work."""
 
     def __init__(
         self, transport: Transport, hub: SessionHub, source: str, private: PrivateValues, *, rosout: bool = True
     ) -> None:
-        """`source`: of tasks whose `ref` is the id of a DomainTask goal. `private`: what stays out of what is refused;
-        the records that come have gone through it. Raises PortError."""
+        """`source`: the source of tasks whose `ref` is the id of a DomainTask goal. `private`: the values to leave out
+        of refusals; records are already filtered. Raises PortError."""
         self._private = private
         self.dropped = 0
         """Records that were never published, because too many were waiting."""
         self.error = ""
-        """Why the latest message could not be published; empty when it was."""
+        """Why the latest message could not be published; empty if it was."""
         self._session = Path(hub.folder).name
         self._source = source
         self._waiting: deque[AnyRecord] = deque()
         self._records = transport.publisher(RECORD, RECORD_TYPE, QoS(RECORDS_LATCHED, latched=True))
         self._tasks = transport.publisher(TASK_STATE, TASK_STATE_TYPE, QoS(TASKS_LATCHED, latched=True))
-        # A latched topic holds so many of the latest messages, whatever they are about. So that they always hold the
-        # state of each running rule, a rule's last message is sent again when it is about to fall out.
+        # A latched topic keeps this many of the latest messages. A rule's last message is sent again before it drops
+        # out, so that the topic always contains the state of each running rule.
         self._depth = max(RULES_LATCHED, 2 * len(hub.engine.scenario.rules))
         self._rules = transport.publisher(RULE_STATE, RULE_STATE_TYPE, QoS(self._depth, latched=True))
         self._rosout = transport.publisher(ROSOUT, ROSOUT_TYPE, ROSOUT_QOS) if rosout else None
         self._logger = transport.node.strip("/").replace("/", ".")
         self._rule_messages = 0
         self._running: dict[str, tuple[int, Message]] = {}
-        """By running rule, the number of its latest message, and that; the one that was said first comes first."""
-        for name, rule in hub.view.rules.items():  # of a session that goes on
+        """By running rule, the number of its latest message, and the message; the oldest message first."""
+        for name, rule in hub.view.rules.items():  # of a recovered session
             if rule.running:
                 state = rule_state_message(name, REPEATED_STATUS, rule, make_header(time_ns()))
                 self._publish_rule_message(name, state, state)
@@ -150,14 +148,14 @@ class RecordTopics:
         self._waiting.append(record)
 
     def enqueue_refusal(self, task: Submit, reason: str) -> None:
-        """Tell of a task that was rejected before it came to the record. Its `ref` is the goal's id, if it was one."""
+        """Add a task that was rejected before it reached the record. Its `ref` is the goal's id, if it was one."""
         wall = datetime.now().astimezone().isoformat()
         what = (task.function, task.behavior, task.calling_type, self._source)
         refused = TaskRecord(_NO_SEQ, 0.0, wall, 0, *what, "REJECTED", reason, ref=task.ref)
         self.enqueue(self._private.hide(refused))
 
     def publish_next(self) -> bool:
-        """Publish one of those that wait; false when nothing did."""
+        """Publish one of the waiting records; false when there was none."""
         if not self._waiting:
             return False
         self._publish_record(self._waiting.popleft())
@@ -171,10 +169,10 @@ class RecordTopics:
     def _publish_record(self, record: AnyRecord) -> None:
         header = make_header(wall_to_nanoseconds(record.wall))
         self._publish_log_line(log_line_for_record(record), header)
-        # What is about one thing comes first: a node that hears the whole record is seldom the one in a hurry.
+        # Specific topics come first: a node that reads the whole record is rarely in a hurry.
         if isinstance(record, RuleRecord):
             self._publish_rule(record, header)
-        elif isinstance(record, TaskRecord):  # also while nobody hears it: who comes later gets the latest of them
+        elif isinstance(record, TaskRecord):  # even without listeners: later ones get the latest
             self._publish(
                 self._tasks,
                 task_state_message(record, header),
@@ -199,7 +197,7 @@ class RecordTopics:
         self._publish_rule_message(record.name, message, {**message, "status": REPEATED_STATUS} if is_running else None)
 
     def _publish_rule_message(self, name: str, message: Message, again: Message | None) -> None:
-        """`again`: how to say it for those who come later; None when the rule has ended."""
+        """Publish a rule's message. `again`: its form for later subscribers; None when the rule has ended."""
         running = self._running
         self._publish(self._rules, message)
         self._rule_messages += 1
@@ -220,7 +218,7 @@ class RecordTopics:
         try:
             try:
                 publisher.publish(message)
-            except UnicodeEncodeError:  # half a character, as it stands for the bytes of a file name that is no text
+            except UnicodeEncodeError:  # a lone surrogate, from the bytes of a file name that is not text
                 publisher.publish(escape_all_surrogates(message))
         except PortError as error:
             if not self.error:

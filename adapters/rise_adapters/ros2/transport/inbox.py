@@ -1,7 +1,7 @@
-"""What a transport's own thread has taken from the wire and the asyncio loop has not dealt with yet.
+"""Items that a transport's own thread has taken from the wire and the asyncio loop has not handled yet.
 
-The loop works it off in slices of `SLICE_SECONDS` seconds with everything else between them. When it is far behind, the
-thread waits, so that what comes stays in the middleware, whose quality of service says what becomes of it.
+The loop handles them in slices of `SLICE` seconds, with everything else in between. When it is far behind, the thread
+waits, so that further messages stay in the middleware, whose quality of service decides about them.
 """
 
 from __future__ import annotations
@@ -13,13 +13,13 @@ from threading import Condition
 from time import perf_counter
 
 SLICE = 0.0005
-"""Seconds that one turn of the loop may be taken: a wizard's key waits for some turns."""
+"""Seconds of work in one turn of the loop: a wizard's key waits for some turns."""
 LIMIT = 2000
-"""What may wait before the thread does; it goes on when half of that is dealt with."""
+"""Items that may wait before the thread does. It continues when half of them are handled."""
 
 
 class Inbox:
-    """Belongs to the loop's thread, but for `put`."""
+    """Belongs to the loop's thread, except for `put`."""
 
     def __init__(self, loop: asyncio.AbstractEventLoop) -> None:
         self._loop = loop
@@ -29,7 +29,7 @@ class Inbox:
         self._closed = False
 
     def put(self, *calls: Callable[[], object], wait: bool = True) -> None:
-        """From any thread: have the loop make these calls, in their order. `wait`: until there is room; only for a
+        """Make the loop call these functions, in order. May be called on any thread. `wait`: wait for room; only for a
         thread that the loop never waits for."""
         with self._room:
             if wait and len(self._waiting) >= LIMIT:
@@ -40,14 +40,14 @@ class Inbox:
             if self._scheduled:
                 return
             self._scheduled = True
-        # Without the lock, which the loop wants as soon as it is woken.
+        # Without the lock, because the loop needs it as soon as it wakes.
         try:
             self._loop.call_soon_threadsafe(self._deliver)
         except RuntimeError:  # the loop was closed before the transport
             self._closed = True
 
     def close(self) -> None:
-        """Nothing is delivered any more, and nobody waits for room."""
+        """Stop delivering. Nobody waits for room any longer."""
         with self._room:
             self._closed = True
             self._waiting.clear()
@@ -65,7 +65,7 @@ class Inbox:
                     self._room.notify_all()
             try:
                 call()
-            except Exception as error:  # of whoever listens: what else came is dealt with
+            except Exception as error:  # a listener's error: the other items are still handled
                 self._loop.call_exception_handler(
                     {"message": f"what was received from ROS was not dealt with: {error}", "exception": error}
                 )

@@ -1,4 +1,4 @@
-"""Names of topics, services and actions, from what is written to what is on the wire
+"""Resolves written names of topics, services and actions into those on the wire
 (https://design.ros2.org/articles/topic_and_service_names.html)."""
 
 from __future__ import annotations
@@ -14,12 +14,12 @@ _NODE = re.compile(_TOKEN)
 
 
 def is_ros_name(name: object) -> bool:
-    """Whether this can be the name of an action, a topic or a service, relative or not."""
+    """Whether this is a valid name of an action, a topic or a service, relative or not."""
     return isinstance(name, str) and name != "~" and _NAME.fullmatch(name) is not None and "__" not in name
 
 
 def check_node(name: str) -> str:
-    """The name of a node. Raises PortError."""
+    """Check the name of a node. Raises PortError."""
     if not _NODE.fullmatch(name):
         raise PortError(
             f"{name!r} cannot be the name of a node: letters, digits and _ only, and no digit at the beginning"
@@ -28,7 +28,7 @@ def check_node(name: str) -> str:
 
 
 def check_namespace(name: str) -> str:
-    """A namespace, always with a slash first and none last (but `/` itself). Raises PortError."""
+    """A namespace with a leading slash and without a final one (except `/` itself). Raises PortError."""
     full = "/" + name.strip("/")
     if full != "/" and not _NAME.fullmatch(full):
         raise PortError(f"{name!r} cannot be a namespace: it is made of names with / between them")
@@ -36,11 +36,11 @@ def check_namespace(name: str) -> str:
 
 
 class NameResolver:
-    """Resolves names for one node: `~` and relative names first, then the first remapping that fits."""
+    """Resolves names for one node: `~` and relative names first, then the first matching remapping."""
 
     def __init__(self, node: str, namespace: str, remaps: Iterable[tuple[str, str]]) -> None:
-        """`node` without its namespace; `remaps`: what is replaced and by what, of which the first that fits counts.
-        Raises PortError for a name that cannot be."""
+        """`node` without its namespace; `remaps`: what is replaced and by what; the first match counts. Raises
+        PortError for an invalid name."""
         self.namespace = check_namespace(namespace)
         self.node = self._join(self.namespace, check_node(node))
         self._remaps: dict[str, str] = {}
@@ -48,7 +48,7 @@ class NameResolver:
             self._remaps.setdefault(self._make_absolute(source), self._make_absolute(target))
 
     def resolve(self, name: str) -> str:
-        """The full name. Raises PortError for a name that cannot be."""
+        """The full name. Raises PortError for an invalid name."""
         full = self._make_absolute(name)
         return self._remaps.get(full, full)
 

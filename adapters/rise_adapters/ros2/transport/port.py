@@ -1,18 +1,18 @@
-"""The narrow port between what RISE does on ROS 2 and the middleware that carries it (docs/explanation/ros2.md).
+"""The narrow port between RISE and the middleware of ROS 2 (docs/explanation/ros2.md).
 
-Below it stands a transport: `rclpy` where ROS is installed, `dds` (the Cyclone DDS wheel) where it is not. Both move
-messages, as plain values, on topics and services; nothing else. Everything that is hard about actions (goal ids,
-deadlines, cancelling, one ending for each goal) is written once, above the port, on the three services and two topics
-that make up a ROS 2 action (https://design.ros2.org/articles/actions.html).
+Below it is a transport: `rclpy` with a ROS installation, `dds` (the Cyclone DDS wheel) without one. Both only move
+messages, as plain values, on topics and services. The hard parts of actions (goal ids, deadlines, cancelling, one
+ending for each goal) are written once, above the port, on the three services and two topics of a ROS 2 action
+(https://design.ros2.org/articles/actions.html).
 
-Types are named as ROS names them, `std_msgs/msg/String`, and so are those that an action implies:
-`PKG/action/NAME_SendGoal` and `PKG/action/NAME_GetResult` are services, `PKG/action/NAME_FeedbackMessage` is a message.
+Types have ROS's names, `std_msgs/msg/String`, and so do those that an action implies: `PKG/action/NAME_SendGoal` and
+`PKG/action/NAME_GetResult` are services, `PKG/action/NAME_FeedbackMessage` is a message.
 
-Names are given as ROS takes them: relative ones get the node's namespace, and remappings apply to all of them, also to
-the name of an action, before `/_action/...` is added to it (`action_topic` does that).
+Names are those of ROS: relative ones get the node's namespace. Remappings apply to all of them, also to the name of an
+action, before `action_topic` adds `/_action/...` to it.
 
-Threads: every method belongs to the thread of the asyncio loop that the transport was opened on, returns at once, and
-every callback comes on that thread, never inside a call of the port.
+Threads: every method belongs to the thread of the asyncio loop that the transport was opened on, and returns
+immediately. Every callback runs on that thread, never inside a call of the port.
 """
 
 from __future__ import annotations
@@ -26,48 +26,47 @@ from rise_engine.base.errors import AdapterError
 
 Message: TypeAlias = dict[str, Any]
 """A message by field name: numbers, texts and booleans; nested messages as dicts; arrays and sequences as lists, those
-of `uint8` and `byte` as `bytes`. Fields that are left out of one that is sent have their zero value (the default of the
-definition does not count). Received ones are complete."""
+of `uint8` and `byte` as `bytes`. In a sent message, missing fields are zero (the definition's defaults do not count).
+Received messages are complete."""
 
 SendReply: TypeAlias = Callable[[Message], None]
-"""Sends the answer to a request, at once or later; only the first call counts, and one that raises PortError does not
-count."""
+"""Sends the answer to a request, now or later. Only the first call counts; one that raises PortError does not count."""
 
 
 class QoS(Struct, frozen=True):
-    """What a topic promises (the part of ROS's quality of service that is used here)."""
+    """A topic's guarantees (the part of ROS's quality of service that is used here)."""
 
     depth: int = 10
     reliable: bool = True
     latched: bool = False
-    """Transient local: who subscribes later gets the last `depth` messages."""
+    """Transient local: later subscribers get the last `depth` messages."""
 
 
 class RemoteEndpoint(Struct, frozen=True):
-    """What another node has on a topic or a service, as it announces it to everybody."""
+    """Another node's endpoint on a topic or a service, as it is announced to everybody."""
 
     node: str = ""
     """The full name of the node; empty when it is not known (yet)."""
     type: str = ""
-    """As ROS names it; empty when it is no type of ROS. Of a service, `PKG/srv/NAME_Request` for what takes its
-    requests and `PKG/srv/NAME_Response` for what answers."""
+    """ROS's name of the type; empty when it is not a ROS type. For a service, `PKG/srv/NAME_Request` for the endpoint
+    that receives requests and `PKG/srv/NAME_Response` for the one that answers."""
     hash: str = ""
-    """Of that type, `RIHS01_...`; empty when it does not say."""
+    """The hash of that type, `RIHS01_...`; empty when it is not announced."""
     vendor: str = ""
-    """Whose software carries it, by the number that DDS gives out (`0110`); empty when that is not known."""
+    """The vendor of its software, by DDS's number (`0110`); empty when unknown."""
     qos: QoS | None = None
-    """What it promises, or asks for; None: not known. (Of the depth others know nothing.)"""
+    """What it guarantees, or asks for; None: unknown. (The depth is never announced.)"""
     program: bytes = b""
-    """What tells the program that has it from all others, also from itself after a restart (12 bytes, the prefix of
-    the DDS GUID); empty when that is not known."""
+    """The id of its program, which also changes when the program restarts (12 bytes, the prefix of the DDS GUID); empty
+    when unknown."""
 
 
 RELIABLE = QoS()
 SENSOR = QoS(reliable=False)
-"""For subscriptions: this takes from every publisher, those that promise nothing included (cameras, trackers,
-recognisers), of whom a reliable subscription hears nothing, without a word. But what is lost on the way is lost."""
+"""For subscriptions: this accepts every publisher, including those without guarantees (cameras, trackers, recognisers).
+A reliable subscription would receive nothing from them, and ROS would not report it. But lost messages stay lost."""
 STATUS = QoS(depth=1, latched=True)
-"""Of an action's status topic."""
+"""For an action's status topic."""
 
 
 class PortError(AdapterError):
@@ -79,7 +78,7 @@ class Closable(Protocol):
     """Something that is in use until it is closed."""
 
     def close(self) -> None:
-        """Let go of it; no callback of it comes any more. Closing it twice does nothing."""
+        """Close it. No callback of it runs after that. A second call does nothing."""
         ...
 
 
@@ -87,15 +86,15 @@ class Publisher(Closable, Protocol):
     """Sends messages of one type on one topic."""
 
     def publish(self, message: Message) -> None:
-        """Send one message to all who subscribe now (latched: and later).
+        """Send one message to all present subscribers (latched: and later ones).
 
-        :param message: the fields by name; those that are left out are zero.
-        :raises PortError: it does not fit the type, and the sentence names the field; or the middleware refuses.
+        :param message: the fields by name; missing ones are zero.
+        :raises PortError: it does not fit the type (the sentence names the field), or the middleware refuses.
         """
         ...
 
     def count_subscribers(self) -> int:
-        """Count the subscriptions that it reaches now: of its type, and asking for no more than it promises.
+        """Count the subscriptions that it reaches now: of its type, and asking for no more than it guarantees.
 
         :returns: how many.
         """
@@ -103,10 +102,10 @@ class Publisher(Closable, Protocol):
 
 
 class Subscription(Closable, Protocol):
-    """Hears the messages of one type on one topic."""
+    """Receives the messages of one type on one topic."""
 
     def count_publishers(self) -> int:
-        """Count the publishers that it hears now: of its type, and promising what it asks for.
+        """Count the publishers that it hears now: of its type, and with the guarantees that it asks for.
 
         :returns: how many.
         """
@@ -119,29 +118,29 @@ class ServiceClient(Closable, Protocol):
     def count_servers(self) -> int:
         """Count the servers that would get a request now, and whose answer would arrive.
 
-        :returns: how many; 0: a request would vanish.
+        :returns: how many; 0: a request would be lost.
         """
         ...
 
     def call(self, request: Message, on_response: Callable[[Message], None]) -> None:
         """Send a request.
 
-        :param request: its fields by name, as of `Publisher.publish`.
-        :param on_response: gets the response, if ever one comes; there is no deadline here.
-        :raises PortError: as `Publisher.publish`.
+        :param request: its fields by name, as for `Publisher.publish`.
+        :param on_response: receives the response, if one arrives; there is no deadline here.
+        :raises PortError: as for `Publisher.publish`.
         """
         ...
 
 
 class Transport(Protocol):
-    """One node on the wire: what it sends, hears, offers and calls, and what it sees of other nodes.
+    """One node on the wire: what it sends, receives, offers and calls, and what it sees of other nodes.
 
-    What it gives out (publishers, subscriptions, services, clients) is closed with it, if not before.
+    Its publishers, subscriptions, services and clients are closed with it, if not before.
     """
 
     @property
     def kind(self) -> Literal["rclpy", "dds", "memory"]:
-        """Which transport it is; `memory` is the one of the tests."""
+        """The kind of transport; `memory` is for tests."""
         ...
 
     about: str
@@ -149,27 +148,26 @@ class Transport(Protocol):
     node: str
     """The node's full name, `/rise/engine`."""
     vendor: str
-    """Whose software carries its messages, as in `RemoteEndpoint`; empty when that says nothing about who can talk to
-    whom."""
+    """The vendor of its software, as in `RemoteEndpoint`; empty when the vendor does not decide who can be reached."""
 
-    # --- what this node has -------------------------------------------------------------------------------------
+    # --- this node's endpoints ----------------------------------------------------------------------------------
 
     def resolve(self, name: str) -> str:
         """Apply the node's namespace and remappings to a name.
 
-        :param name: of a topic, a service or an action, as ROS takes it: absolute, relative, or private (`~/x`).
+        :param name: the name of a topic, a service or an action in ROS's form: absolute, relative, or private (`~/x`).
         :returns: the full name, which begins with `/`.
-        :raises PortError: it can be no name of ROS.
+        :raises PortError: it is not a valid ROS name.
         """
         ...
 
     def publisher(self, topic: str, type: str, qos: QoS = RELIABLE) -> Publisher:
-        """Publish on a topic, until what is returned is closed.
+        """Publish on a topic, until the returned publisher is closed.
 
         :param topic: its name, which is resolved.
-        :param type: of the messages, `PKG/msg/NAME`.
-        :param qos: what the publisher promises.
-        :raises PortError: there is no such name or type, the middleware refuses, or the transport is closed.
+        :param type: the type of the messages, `PKG/msg/NAME`.
+        :param qos: what the publisher guarantees.
+        :raises PortError: the name or type does not exist, the middleware refuses, or the transport is closed.
         """
         ...
 
@@ -181,36 +179,36 @@ class Transport(Protocol):
         qos: QoS = RELIABLE,
         pause: float = 0.0,
     ) -> Subscription:
-        """Hear a topic, until what is returned is closed.
+        """Listen to a topic, until the returned subscription is closed.
 
         :param topic: its name, which is resolved.
-        :param type: of the messages, `PKG/msg/NAME`.
-        :param on_message: called with each message. One that cannot be read is reported to the loop's exception handler
-            and left out.
-        :param qos: what the subscription asks for; publishers that promise less are not heard.
-        :param pause: seconds for which nothing is read after something was. Then the newest messages are read, as many
-            as the depth. What is published a thousand times a second costs no more than that.
+        :param type: the type of the messages, `PKG/msg/NAME`.
+        :param on_message: called with each message. A message that cannot be read is reported to the loop's exception
+            handler and left out.
+        :param qos: what the subscription asks for; publishers that guarantee less are not heard.
+        :param pause: seconds after reading in which nothing more is read. Then the newest messages are read, as many as
+            the depth. A topic with a thousand messages a second costs no more than that.
         :raises PortError: as `publisher`.
         """
         ...
 
     def serve(self, name: str, type: str, on_request: Callable[[Message, SendReply], None]) -> Closable:
-        """Offer a service, until what is returned is closed.
+        """Offer a service, until the returned object is closed.
 
-        :param name: of the service, which is resolved.
-        :param type: of the service, `PKG/srv/NAME`.
-        :param on_request: called with each request and with what sends the answer to it, at once or later. One that
-            cannot be read is reported as in `subscribe`, and has no answer.
+        :param name: the service's name, which is resolved.
+        :param type: the service's type, `PKG/srv/NAME`.
+        :param on_request: called with each request and a function that sends its answer, now or later. A request
+            that cannot be read is reported as in `subscribe`, and has no answer.
         :raises PortError: as `publisher`.
         """
         ...
 
     def client(self, name: str, type: str) -> ServiceClient:
-        """Use a service, until what is returned is closed. It need not be there.
+        """Use a service, until the returned client is closed. The service need not exist yet.
 
-        :param name: of the service, which is resolved.
-        :param type: of the service, `PKG/srv/NAME`.
-        :raises PortError: as `publisher`.
+        :param name: the service's name, which is resolved.
+        :param type: the service's type, `PKG/srv/NAME`.
+        :raises PortError: as for `publisher`.
         """
         ...
 
@@ -221,64 +219,64 @@ class Transport(Protocol):
 
         :param type: `PKG/msg/NAME`; of an action `PKG/action/NAME_Goal`, `_Result` or `_Feedback`; of a service
             `PKG/srv/NAME_Request` or `_Response`.
-        :returns: by name, in the order of the definition, the type as ROS writes it: `string`, `float64[3]`,
-            `geometry_msgs/msg/Point`, `string[]`.
-        :raises PortError: the type is not there; the sentence names what is missing and from where it could come.
+        :returns: the type of each field by name, in the order of the definition and in ROS's spelling: `string`,
+            `float64[3]`, `geometry_msgs/msg/Point`, `string[]`.
+        :raises PortError: the type is not available; the sentence names what is missing and where it could come from.
         """
         ...
 
     def type_hash(self, type: str) -> str:
         """Give the hash of a type as ROS announces it.
 
-        :param type: as for `fields`; for an action and a service also that of the whole.
-        :returns: `RIHS01_...` (REP-2016); empty when it is not known.
+        :param type: as for `fields`, and also a whole action or service.
+        :returns: `RIHS01_...` (REP-2016); empty when unknown.
         """
         ...
 
-    # --- what others have ---------------------------------------------------------------------------------------
+    # --- other nodes' endpoints ---------------------------------------------------------------------------------
 
     def graph_version(self) -> int | None:
-        """Tell whether what the following calls answer may have changed.
+        """Tell whether the answers of the following calls may have changed.
 
-        :returns: a number that grows with every change of what is seen; None: this transport cannot tell, look again.
+        :returns: a number that increases with every visible change; None: this transport cannot tell, so ask again.
         """
         ...
 
     def publisher_endpoints(self, topic: str) -> list[RemoteEndpoint]:
-        """List what other nodes have that publishes on a topic.
+        """List the endpoints of other nodes that publish on a topic.
 
         :param topic: its name, which is resolved.
-        :raises PortError: it can be no name of ROS.
+        :raises PortError: it is not a valid ROS name.
         """
         ...
 
     def subscriber_endpoints(self, topic: str) -> list[RemoteEndpoint]:
-        """List what other nodes have that subscribes to a topic.
+        """List the endpoints of other nodes that subscribe to a topic.
 
         :param topic: its name, which is resolved.
-        :raises PortError: it can be no name of ROS.
+        :raises PortError: it is not a valid ROS name.
         """
         ...
 
     def server_endpoints(self, service: str) -> list[RemoteEndpoint]:
-        """List what other nodes have that takes the requests of a service, and what they have that answers.
+        """List the endpoints of other nodes that receive a service's requests, and those that answer.
 
         :param service: its name, which is resolved.
-        :returns: two for each server. Where the middleware does not list these, one, without more than its type.
-        :raises PortError: it can be no name of ROS.
+        :returns: two for each server. If the middleware does not list these, one that has only its type.
+        :raises PortError: it is not a valid ROS name.
         """
         ...
 
     def topics(self, ending: str = "") -> list[str]:
         """List the topics that other nodes publish on or subscribe to.
 
-        :param ending: of their names; empty: all of them.
+        :param ending: the ending of their names; empty: all topics.
         :returns: full names.
         """
         ...
 
     def programs_of_other_vendors(self) -> list[tuple[str, str]]:
-        """List the programs that other software than this one's carries.
+        """List the programs that use another vendor's software.
 
         :returns: of each the full name of its node (or whatever is known of it), and the vendor, as in
             `RemoteEndpoint`.
@@ -286,31 +284,31 @@ class Transport(Protocol):
         ...
 
     def nodes(self) -> list[str]:
-        """List all nodes that are seen, also this one, by full name; a name that is there twice comes twice."""
+        """List the full names of all visible nodes, including this one. A name that exists twice is listed twice."""
         ...
 
     def client_nodes(self, service: str) -> list[str]:
-        """List the other nodes that are seen to use a service; each may call it at any moment. (Whose request one is,
-        ROS does not tell a server.)
+        """List the other nodes that visibly use a service; each may call it at any moment. (ROS does not tell a server
+        whose request it has.)
 
         :param service: its name, which is resolved.
         :returns: full names, each once.
-        :raises PortError: it can be no name of ROS.
+        :raises PortError: it is not a valid ROS name.
         """
         ...
 
-    # --- its life -----------------------------------------------------------------------------------------------
+    # --- lifetime -----------------------------------------------------------------------------------------------
 
     def failure(self) -> str:
-        """Say why the transport works no more (the middleware was shut down, or it was closed).
+        """Say why the transport no longer works (the middleware was shut down, or it was closed).
 
         :returns: a sentence for a person; empty while it works.
         """
         ...
 
     def close(self) -> None:
-        """Close everything that it gave out, and wait (shortly) for threads of its own. No callback comes after this.
-        Closing it twice does nothing."""
+        """Close everything that it has opened, and wait briefly for its own threads. No callback runs after this. A
+        second call does nothing."""
         ...
 
 
@@ -324,7 +322,7 @@ STATUS_TYPE = "action_msgs/msg/GoalStatusArray"
 def action_topic(action: str, part: str) -> str:
     """The full name of a hidden topic or service of an action.
 
-    :param action: the action's full name, resolved already.
+    :param action: the action's full name, already resolved.
     :param part: `SEND_GOAL`, `CANCEL_GOAL`, `GET_RESULT`, `FEEDBACK` or `STATUS_TOPIC`.
     """
     return f"{action}/_action/{part}"
@@ -333,7 +331,7 @@ def action_topic(action: str, part: str) -> str:
 def action_types(type: str) -> dict[str, str]:
     """The types that an action type implies.
 
-    :param type: of the action, `PKG/action/NAME`.
+    :param type: the action's type, `PKG/action/NAME`.
     :returns: by part (`SEND_GOAL`, ..., `STATUS_TOPIC`), the type of that service or topic.
     """
     return {

@@ -1,4 +1,4 @@
-"""Which transport a session uses, and opening it."""
+"""Selects and opens the transport of a session."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ TransportKind = Literal["rclpy", "dds"]
 
 
 def why_unavailable() -> dict[TransportKind, str]:
-    """The transports, and why each cannot be used here; an empty text: it can."""
+    """The transports, with the reason why each cannot be used here; empty: it can."""
     return {"rclpy": _why_no_rclpy(), "dds": _why_no_dds()}
 
 
@@ -38,15 +38,15 @@ async def open_transport(
 ) -> Transport:
     """A node on the wire.
 
-    `arguments` are those after `--ros-args`; `share` are folders with definitions of types, beside those that come with
-    this program and with a ROS installation (`dds` only: `rclpy` has the types that are built and sourced). Raises
+    `arguments` are those after `--ros-args`. `share`: folders with definitions of types, in addition to those of this
+    program and of a ROS installation (`dds` only: `rclpy` has the types that are built and sourced). Raises
     AdapterError.
     """
     kind = select_transport(choice)
     loop = asyncio.get_running_loop()
     if kind == "rclpy":
         return RclpyTransport(loop, node=node, arguments=arguments)
-    from rise_adapters.ros2.transport.dds import DdsTransport  # imports the wheel, which may not be installed
+    from rise_adapters.ros2.transport.dds import DdsTransport  # imports the wheel, which may be missing
 
     return DdsTransport(loop, node=node, arguments=arguments, share=share)
 

@@ -1,9 +1,9 @@
-"""Whose software carries ROS 2: middleware by the numbers that DDS gives its vendors, with which the id of every
-endpoint begins (https://www.dds-foundation.org/dds-rtps-vendor-and-product-ids/).
+"""The vendors of DDS software, by the numbers with which the id of every endpoint begins
+(https://www.dds-foundation.org/dds-rtps-vendor-and-product-ids/).
 
-Messages on topics cross from one vendor's software to another's. Services, and with them actions, do not cross between
-Cyclone DDS and others: it writes whose request it is into the message, others into what goes with the message. Two
-programs then see each other, each believes that all is well, and no request is ever understood.
+Messages on topics cross between vendors. Services, and with them actions, do not cross between Cyclone DDS and others.
+Cyclone writes the client of a request into the message; others send it beside the message. Two such programs see each
+other and report no error, but no request is ever understood.
 """
 
 from __future__ import annotations
@@ -26,7 +26,7 @@ Crossing: TypeAlias = Literal["yes", "no", "unknown"]
 
 
 def vendor_name(vendor: str) -> str:
-    """For a person: `eProsima Fast DDS (rmw_fastrtps_cpp)`."""
+    """A vendor for a person: `eProsima Fast DDS (rmw_fastrtps_cpp)`."""
     if vendor not in _KNOWN:
         return f"DDS software of another vendor (number {vendor})"
     name, rmw = _KNOWN[vendor]
@@ -34,20 +34,20 @@ def vendor_name(vendor: str) -> str:
 
 
 def rmw_of_vendor(vendor: str) -> str:
-    """What RMW_IMPLEMENTATION is for it; empty when that is not known."""
+    """The vendor's RMW_IMPLEMENTATION; empty when unknown."""
     return _KNOWN.get(vendor, ("", ""))[1]
 
 
 def vendor_of_rmw(identifier: str) -> str:
-    """The vendor of an RMW_IMPLEMENTATION; empty when it is not one of these (Zenoh is no DDS)."""
+    """The vendor of an RMW_IMPLEMENTATION; empty for others (Zenoh is not DDS)."""
     known = {rmw: vendor for vendor, (_, rmw) in _KNOWN.items() if rmw} | _MORE
     return known.get(identifier, "")
 
 
 def services_cross(one: str, other: str) -> Crossing:
-    """Whether a service of one vendor can be used over another's software."""
+    """Whether a service of one vendor works with another's software."""
     if not one or not other or one == other:
         return "yes"
-    if CYCLONE in (one, other) and CONNEXT not in (one, other):  # Connext can be told to write as Cyclone does
+    if CYCLONE in (one, other) and CONNEXT not in (one, other):  # Connext can be set to write like Cyclone
         return "no"
     return "unknown"

@@ -1,13 +1,13 @@
-"""Feature node: when a rule enters a state, asks a language model for an answer to what the memory holds, writes it
-into the memory and starts the act that says it. Arrows (4) to (8) of figure 8 of the RISE paper.
+"""Feature node: when a rule enters a state, it asks a language model for an answer to a text in the memory, writes the
+answer into the memory, and starts the act that says it. Arrows (4) to (8) of figure 8 of the RISE paper.
 
     python -m rise_ros.examples.answer_node --rule Conversation --state Thinking --act R_Answer \\
         --base-url http://localhost:8080/v1 --model local
 
-The model is any that speaks `POST BASE_URL/chat/completions` as OpenAI's does: llama.cpp, Ollama, vLLM, GPT4All, or a
-service. A key, if one is needed, is read from the environment: OPENAI_API_KEY (and OPENAI_BASE_URL, OPENAI_MODEL).
+Any model works that answers `POST BASE_URL/chat/completions` like OpenAI's: llama.cpp, Ollama, vLLM, GPT4All, or a
+service. A key, if needed, comes from the environment: OPENAI_API_KEY (and OPENAI_BASE_URL, OPENAI_MODEL).
 
-Copy this file for a node of your own; all that it knows about RISE is `SessionClient`.
+Copy this file for your own node. All that it knows about RISE is `SessionClient`.
 """
 
 from __future__ import annotations
@@ -28,11 +28,11 @@ from rise_ros.examples.session_client import SessionClient, SessionGoneError
 
 SYSTEM = "You are a robot that talks with a visitor. Answer in one or two short sentences that can be spoken aloud."
 LONGEST = 2_000_000
-"""Bytes of an answer that are read at most."""
+"""The most bytes that are read of an answer."""
 
 
 def ask_model(url: str, model: str, key: str, system: str, question: str, seconds: float) -> str:
-    """The model's answer; waits for it, so it belongs into a thread. Raises OSError, ValueError, LookupError."""
+    """The model's answer. This waits for it, so call it in a thread. Raises OSError, ValueError, LookupError."""
     messages = [{"role": "system", "content": system}, {"role": "user", "content": question}]
     body = json.dumps({"model": model, "messages": messages}).encode()
     headers = {"Content-Type": "application/json", **({"Authorization": f"Bearer {key}"} if key else {})}
@@ -48,19 +48,19 @@ def ask_model(url: str, model: str, key: str, system: str, question: str, second
 
 
 class AnswerNode:
-    """One question at a time: the latest."""
+    """Handles one question at a time: the latest."""
 
     def __init__(self, session: SessionClient, options: Namespace, system: str, key: str) -> None:
         self.session, self.options, self.system, self.key = session, options, system, key
         self.url = options.base_url.rstrip("/")
         self.thinking: asyncio.Task[None] | None = None
-        """Until the answer is there; from then on it is said, whatever the rule does."""
+        """The running request, cancelled when the rule moves on. An answer that has arrived is always used."""
 
     def take_rule_state(self, message: Message) -> None:
         if message["rule"] != self.options.rule or message["status"] not in ("entered", "ended", "stopped", "faulted"):
             return
         if self.thinking is not None:
-            self.thinking.cancel()  # the rule has gone on: an answer would come too late
+            self.thinking.cancel()  # the rule has moved on: an answer would be too late
         if message["status"] == "entered" and message["state"] == self.options.state:
             self.thinking = asyncio.get_running_loop().create_task(self.ask_and_say())
 

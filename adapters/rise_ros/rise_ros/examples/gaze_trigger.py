@@ -1,11 +1,11 @@
-"""Feature node: hears what the person looks at, and raises `/gaze/TARGET` when they have looked at it for a while;
-`/gaze/nothing` when they have looked at nothing for longer. A blink or a glance elsewhere that is shorter than the gap
-does not end a look. (The gaze node of the RISE paper, section 5.1.2.)
+"""Feature node: follows what a person looks at. It raises `/gaze/TARGET` when they have looked at a target for a while,
+and `/gaze/nothing` when they have looked at nothing for longer. A blink or a glance elsewhere that is shorter than the
+gap does not end a look. (The gaze node of the RISE paper, section 5.1.2.)
 
     python -m rise_ros.examples.gaze_trigger --dwell 0.8                     # names, as std_msgs/String
     python -m rise_ros.examples.gaze_trigger --region robot=0,0,1.2,0.3      # points, as PointStamped
 
-Copy this file for a node of your own; all that it knows about RISE is `SessionClient`.
+Copy this file for your own node. All that it knows about RISE is `SessionClient`.
 """
 
 from __future__ import annotations
@@ -25,7 +25,7 @@ _POLL_SECONDS = 0.02
 
 
 class Region:
-    """`robot=0,0,1.2,0.3`: a ball around x, y, z with a radius, all in metres in the frame of the points."""
+    """`robot=0,0,1.2,0.3`: a sphere with centre x, y, z and a radius, all in metres in the frame of the points."""
 
     def __init__(self, text: str) -> None:
         self.text = text
@@ -45,22 +45,22 @@ class Region:
 
 
 class LookTimer:
-    """When a look has lasted. All times are seconds on one clock, whichever."""
+    """Decides when a look has lasted long enough. All times are seconds on one clock."""
 
     def __init__(self, dwell: float, gap: float, away: float) -> None:
         self.dwell, self.gap, self.away = dwell, gap, away
         self.target, self.since = NOTHING, 0.0
-        """What is looked at, and since when."""
+        """The present target, and since when."""
         self._instead: tuple[str, float] | None = None
-        """What is seen instead since when, as long as it may be a blink ..."""
+        """The other target seen, and since when, while it may be a blink ..."""
         self._interrupted_at = 0.0
         """... and since when the look is interrupted."""
         self._seen_at = 0.0
-        """When the last word came; after `away` seconds of silence nobody is there."""
+        """When the last message came; after `away` seconds of silence, nobody is there."""
         self._last_raised = NOTHING
 
     def update(self, target: str, now: float) -> None:
-        """The person looks there now."""
+        """Note that the person looks at this target now."""
         self.advance_to(now)
         self._seen_at = now
         if target == self.target:
@@ -72,14 +72,14 @@ class LookTimer:
             self._instead = (target, now)
 
     def advance_to(self, now: float) -> None:
-        """What becomes of the look as time goes on."""
+        """Update the look for the passed time."""
         if self._instead is not None and now - self._interrupted_at >= self.gap:
             self._turn_to(*self._instead)
         if self.target != NOTHING and now - self._seen_at > self.away:
             self._turn_to(NOTHING, self._seen_at)
 
     def take_completed_look(self, now: float) -> str:
-        """What has been looked at for long enough just now, once for each look; else empty."""
+        """The target that has just been looked at for long enough, once for each look; else empty."""
         self.advance_to(now)
         needed = self.away if self.target == NOTHING else self.dwell
         if self._instead is not None or self.target == self._last_raised or now - self.since < needed:
@@ -92,7 +92,7 @@ class LookTimer:
 
 
 class GazeTrigger:
-    """Each look raises one event, once it has lasted."""
+    """Raises one event for each look, once it has lasted."""
 
     def __init__(self, session: SessionClient, timer: LookTimer, regions: list[Region]) -> None:
         self.session, self.timer, self.regions = session, timer, regions

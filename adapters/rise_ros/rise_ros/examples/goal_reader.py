@@ -1,6 +1,5 @@
-"""From the message of a goal back to the action and the parameters that a carrier made it from, as well as that can be
-told: for a robot that is only simulated, and says what it would do.
-"""
+"""Finds the action and the parameters behind the message of a goal, as far as possible, for a robot that is only
+simulated and prints what it would do."""
 
 from __future__ import annotations
 
@@ -19,19 +18,18 @@ from rise_engine.scenario.model import ActionSpec, Parameter
 from rise_engine.scenario.parameters import accepts_any_name, listed_names
 
 Places: TypeAlias = Mapping[str, Mapping[str, Any]]
-"""By its name, what is known of each place."""
+"""The known values of each place, by its name."""
 
 
 class GoalReader:
-    """Reads what arrives under one name; several actions of a profile may share it."""
+    """Reads the messages under one name, which several actions of a profile may share."""
 
     def __init__(self, specs: Sequence[ActionSpec], places: Places) -> None:
-        """`specs` have carriers, all written out, that `read_mappings` has found right; `places` are those of the
-        profile."""
+        """`specs` have carriers, all written out and accepted by `read_mappings`; `places` are those of the profile."""
         self._actions = [_ActionPattern(spec, places) for spec in specs]
 
     def read(self, message: Message) -> tuple[ActionSpec, dict[str, Any]]:
-        """The action that this message is most likely of, and its parameters; those that say nothing are left out."""
+        """The most likely action of this message, and its parameters, without empty ones."""
         candidates = [
             (action.spec, action.read_parameters(message)) for action in self._actions if action.matches(message)
         ]
@@ -50,7 +48,7 @@ class _ActionPattern:
         self._fields = list(_list_fields(parts[0] if parts else {}))
 
     def matches(self, message: Message) -> bool:
-        """Whether its constants are there."""
+        """Whether the message has its constants."""
         return all(
             field_at(message, path) == value
             for path, value in self._fields
@@ -60,7 +58,7 @@ class _ActionPattern:
     def read_parameters(self, message: Message) -> dict[str, Any]:
         found: dict[str, Any] = {}
         told: dict[str, dict[str, Any]] = {}
-        """By the parameter that names a place, what is told of the place."""
+        """By the parameter that names a place, the place's values in the message."""
         for path, written in self._fields:
             self._read_field(_parse_pieces(written), field_at(message, path), found, told)
         for name, values in told.items():
@@ -91,7 +89,7 @@ class _ActionPattern:
                     found.setdefault(slot.name, read)
 
     def _find_place(self, told: Mapping[str, Any]) -> str | None:
-        """The first place of which all this may have been told."""
+        """The first place that may have these values."""
         return next(
             (
                 name
@@ -102,7 +100,7 @@ class _ActionPattern:
         )
 
     def _read_parameter(self, parameter: Parameter, slot: Placeholder, value: Any) -> Any:
-        """None: the sender left it to the robot."""
+        """The value of a parameter; None: the sender left it to the robot."""
         for written, sent in self._values.get(parameter.name, {}).items():
             if sent == value or (
                 isinstance(value, float) and isinstance(sent, float | int) and _round_single(value) == sent
@@ -118,7 +116,7 @@ class _ActionPattern:
             value = _round_single(float(value))
             if parameter.type == "name":
                 return next((name for name, code in parameter.codes.items() if code == value), value)
-        # What is not said at all, and what would be so if it were not said.
+        # A value that means the same as no value.
         left_out = not parameter.required and (value in (0, "", None) or value == parameter.default)
         return None if left_out else value
 
@@ -135,7 +133,7 @@ def _is_near(one: Any, other: Any) -> bool:
 
 
 def _is_complete(spec: ActionSpec, parameters: Mapping[str, Any]) -> bool:
-    """Whether the names that it needs are there, and are names that it has."""
+    """Whether the names that it needs are there and known."""
     for each in spec.parameters.values():
         if each.type != "name":
             continue
@@ -152,7 +150,7 @@ def _list_fields(table: Mapping[str, Any], path: tuple[str, ...] = ()) -> Iterat
         inside = (*path, *key.split("."))
         if isinstance(value, dict):
             yield from _list_fields(value, inside)
-        elif isinstance(value, list):  # only what parameters fill: numbers of a list may be rounded on the way
+        elif isinstance(value, list):  # only parameters: a list's numbers may be rounded on the way
             items = {str(number): item for number, item in enumerate(value)}
             yield from (each for each in _list_fields(items, inside) if isinstance(each[1], str) and "{" in each[1])
         else:
@@ -164,7 +162,7 @@ def _parse_pieces(value: Any) -> tuple[Any, ...]:
 
 
 def _whole_text(parameter: Parameter, value: Any) -> str | None:
-    """A parameter within a longer text: that text stands for it."""
+    """A parameter within a longer text: the whole text represents it."""
     return value if isinstance(value, str) and parameter.type == "text" else None
 
 
@@ -177,6 +175,6 @@ def _parse_json_object(text: Any) -> dict[str, Any]:
 
 
 def _round_single(number: float) -> int | float:
-    """Without the digits that single precision makes up: 0.30000001 is 0.3."""
+    """The number without the extra digits of single precision: 0.30000001 is 0.3."""
     rounded = round(number, 6)
     return int(rounded) if rounded == int(rounded) else rounded

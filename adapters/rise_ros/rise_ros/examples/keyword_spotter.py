@@ -1,9 +1,9 @@
-"""Feature node: hears what was said as a text, writes it into the memory, and raises the event of the first key word in
-it. Arrows (1) to (3) of figure 8 of the RISE paper, after a speech recogniser.
+"""Feature node: receives what was said as a text, writes it into the memory, and raises the event of the first keyword
+in it. Arrows (1) to (3) of figure 8 of the RISE paper, after a speech recogniser.
 
     python -m rise_ros.examples.keyword_spotter --keyword "goodbye,bye bye=/H_goodbye" --otherwise /H_question
 
-Copy this file for a node of your own; all that it knows about RISE is `SessionClient`.
+Copy this file for your own node. All that it knows about RISE is `SessionClient`.
 """
 
 from __future__ import annotations
@@ -20,7 +20,7 @@ from rise_ros.examples.topic_listener import TopicListener
 
 
 class Keyword:
-    """`hello,good morning=/H_greets`: words or phrases, and the event that each of them raises."""
+    """`hello,good morning=/H_greets`: words or phrases, and the event that they raise."""
 
     def __init__(self, text: str) -> None:
         self.text = text
@@ -38,12 +38,12 @@ class Keyword:
 
 
 def split_words(text: str) -> list[str]:
-    """In small letters, without punctuation."""
+    """The words in lower case, without punctuation."""
     return re.findall(r"[^\W_]+(?:['\u2019][^\W_]+)*", text.casefold())
 
 
 class KeywordSpotter:
-    """Utterances are worked off one after the other, in their order."""
+    """Handles utterances one after the other, in order."""
 
     def __init__(self, session: SessionClient, keywords: list[Keyword], key: str, otherwise: str | None) -> None:
         self.session, self.keywords, self.key, self.otherwise = session, keywords, key, otherwise
@@ -53,7 +53,7 @@ class KeywordSpotter:
         self.utterances.put_nowait(message["data"])
 
     def take_live_speech(self, message: Message) -> None:
-        """Only whole utterances: `incremental` changes while the person speaks."""
+        """Take only whole utterances: `incremental` changes while the person speaks."""
         self.utterances.put_nowait(message["final"])
 
     async def work(self) -> None:
@@ -67,7 +67,7 @@ class KeywordSpotter:
                 print(f'"{utterance}" went unheard: {error}')
 
     async def handle_utterance(self, utterance: str) -> None:
-        # First the memory, then the event: the rule that the event wakes can rely on what the memory says.
+        # First the memory, then the event: the rule that receives the event can rely on the memory.
         await self.session.assign(self.key, utterance)
         event, why = self.otherwise, "no key word"
         for keyword in self.keywords:

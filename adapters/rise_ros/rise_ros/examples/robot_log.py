@@ -1,10 +1,10 @@
-"""What a simulated robot really does, one JSON object a line: for tests that compare it with what a session believes.
+"""What a simulated robot really does, one JSON object per line, for tests that compare it with a session's record.
 
     {"t": 12.5, "wall": 1795460000.1, "event": "begun", "action": "Speech", "goal": "4f1c..."}
 
-`t` counts seconds by a clock that no change of the date moves (`time.monotonic`), `wall` since 1970. Of an action:
-arrived, accepted, rejected, begun, cancel-asked, ended (`how`: succeeded, failed, canceled, vanished). Of a topic:
-begun (repetitions are left out), ended with its `reset`. Of the robot: appeared, vanished, inactive, active.
+`t` is in seconds of `time.monotonic`, which no change of the date affects; `wall` is in seconds since 1970. Events of
+an action: arrived, accepted, rejected, begun, cancel-asked, ended (`how`: succeeded, failed, canceled, vanished). Of a
+topic: begun (repetitions are left out), ended with its `reset`. Of the robot: appeared, vanished, inactive, active.
 """
 
 from __future__ import annotations
@@ -15,7 +15,7 @@ from typing import TextIO
 
 
 class RobotLog:
-    """Writes them, each at once. Without a file, nothing."""
+    """Writes the entries, each immediately. Without a file it writes nothing."""
 
     def __init__(self, file: TextIO | None = None) -> None:
         self._file = file

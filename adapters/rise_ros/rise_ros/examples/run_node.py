@@ -1,4 +1,4 @@
-"""Starting and ending a node: its options, its connection, ctrl+c.
+"""Starts and ends a node: its options, its connection, ctrl+c.
 
     def main() -> None:
         parser = node_parser("my_node", "What it does, in one sentence.")
@@ -8,7 +8,7 @@
     async def work(transport: Transport, options: Namespace) -> None:
         ...
 
-`work` goes on until it is cancelled.
+`work` runs until it is cancelled.
 """
 
 from __future__ import annotations
@@ -51,7 +51,7 @@ class NodeError(RiseError):
 
 
 def node_parser(node: str, about: str) -> ArgumentParser:
-    """The options that every node has."""
+    """The options of every node."""
     parser = ArgumentParser(
         prog=node,
         description=about,
@@ -82,9 +82,9 @@ def run_node(
     """Read the command line, run `work` until it returns, fails, or somebody ends the program, and exit. `prepare` may
     complete the options before the connection is opened.
 
-    Every option can be given as a parameter of ROS, and is shown as one; what the command line says counts more.
+    Every option can be given as a ROS parameter, and is shown as one. The command line overrides parameters.
 
-    Exit status: 0; 1 what stands in the way was said; 2 wrong usage.
+    Exit status: 0; 1 an error, which was printed; 2 wrong usage.
     """
     ours, theirs = split_ros_args(sys.argv[1:] if arguments is None else arguments)
     try:
@@ -104,15 +104,15 @@ def run_node(
         _fail(parser, error.lines)
     except (NodeError, PortError) as error:
         _fail(parser, [str(error)])
-    except BrokenPipeError:  # nobody reads what it says any more
+    except BrokenPipeError:  # nobody reads its output any more
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
-    except KeyboardInterrupt:  # before there was anything to end
+    except KeyboardInterrupt:  # before there was anything to stop
         pass
     sys.exit(OK)
 
 
 def list_parameter_options(parser: ArgumentParser) -> dict[str, ParameterOption]:
-    """Its options, by the names of their parameters."""
+    """The parser's options, by the names of their parameters."""
     return {
         action.dest: ParameterOption(
             action.option_strings[-1], switch=action.nargs == 0, repeatable=isinstance(action.default, list)
@@ -122,7 +122,7 @@ def list_parameter_options(parser: ArgumentParser) -> dict[str, ParameterOption]
 
 
 def list_parameters(parser: ArgumentParser, options: Namespace) -> dict[str, ReadableParameter]:
-    """Its options with their values, as parameters."""
+    """The parser's options with their values, as parameters."""
     return {
         action.dest: ReadableParameter(
             _as_parameter_value(getattr(options, action.dest)), (action.help or "").partition(" (default")[0]
@@ -155,7 +155,7 @@ async def _run(work: Work, options: Namespace, theirs: Sequence[str], parser: Ar
         working = asyncio.ensure_future(work(transport, options))
         loop = asyncio.get_running_loop()
         for number in (signal.SIGINT, signal.SIGTERM):
-            with suppress(NotImplementedError):  # Windows has its own way, KeyboardInterrupt
+            with suppress(NotImplementedError):  # on Windows it is KeyboardInterrupt
                 loop.add_signal_handler(number, working.cancel)
         while not working.done():
             await asyncio.wait([working], timeout=_POLL_SECONDS)
@@ -171,12 +171,12 @@ async def _run(work: Work, options: Namespace, theirs: Sequence[str], parser: Ar
 
 
 async def wait_forever() -> None:
-    """What a node waits for whose work is done by callbacks."""
+    """Wait without end. For nodes whose callbacks do all the work."""
     await asyncio.Event().wait()
 
 
 async def run_in_thread(function: Callable[..., T], *arguments: object) -> T:
-    """Call what waits for something outside, without keeping the node from its work. Unlike `asyncio.to_thread`, nobody
+    """Call a function that waits for something outside, while the node goes on. Unlike with `asyncio.to_thread`, nobody
     waits for the thread when the node ends."""
     result: Future[T] = Future()
     result.set_running_or_notify_cancel()
@@ -184,7 +184,7 @@ async def run_in_thread(function: Callable[..., T], *arguments: object) -> T:
     def run() -> None:
         try:
             result.set_result(function(*arguments))
-        except Exception as error:  # whatever it is, it belongs to the caller
+        except Exception as error:  # any error goes to the caller
             result.set_exception(error)
 
     Thread(target=run, daemon=True).start()

@@ -1,4 +1,4 @@
-"""A call of a service, as a simulated action does it: like a goal that cannot be canceled, and sends no feedback."""
+"""A service call of a simulated action: like a goal that cannot be cancelled and sends no feedback."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ _numbers = count(1)
 
 
 class ServiceCall:
-    """One request; the first answer counts."""
+    """One request. The first answer counts."""
 
     def __init__(self, message: Message, reply: SendReply) -> None:
         self.message = message
@@ -19,13 +19,13 @@ class ServiceCall:
         self._reply = reply
 
     def accept(self) -> None:
-        """Nothing is said of that."""
+        """Do nothing: a service does not report this."""
 
     def execute(self) -> None:
-        """Nor of that."""
+        """Do nothing: a service does not report this."""
 
     def publish_feedback(self, message: Message) -> None:
-        """Nor of that."""
+        """Do nothing: a service sends no feedback."""
 
     def succeed(self, result: Message) -> None:
         self._reply(result)

@@ -1,5 +1,5 @@
-"""A session from the side of a feature node: tasks in, memory and rule states out. It is all that a node of your own
-needs to know about RISE; the names and types are those of docs/reference/rise1-names.md.
+"""A feature node's side of a session: tasks in, memory and rule states out. Your own node needs to know nothing else
+about RISE. The names and types are those of docs/reference/rise1-names.md.
 
     session = SessionClient(transport)
     await session.assign("RecognizedSpeech", "hello")
@@ -24,7 +24,7 @@ from rise_adapters.ros2.transport.port import Message, Transport
 from rise_engine.base.errors import RiseError
 
 _STATUS = {4: "SUCCEEDED", 5: "CANCELED", 6: "ABORTED"}
-"""Of an action's goal (action_msgs/msg/GoalStatus), for a server that says nothing more."""
+"""The end of an action's goal (action_msgs/msg/GoalStatus), for a server that reports nothing else."""
 _POLL_SECONDS = 0.5
 
 
@@ -33,13 +33,13 @@ class SessionGoneError(RiseError):
 
 
 class TaskResult(Struct, frozen=True):
-    """What became of a task."""
+    """The result of a task."""
 
     status: str
     """SUCCEEDED, ABORTED, CANCELED or REJECTED."""
     reason: str = ""
     task: int = 0
-    """Its id in the session's record; 0 when it was rejected."""
+    """Its id in the session's record; 0 if it was rejected."""
 
     @property
     def succeeded(self) -> bool:
@@ -47,17 +47,17 @@ class TaskResult(Struct, frozen=True):
 
 
 class SessionClient:
-    """Takes part in the session that runs on this ROS domain."""
+    """Takes part in the session of this ROS domain."""
 
     def __init__(self, transport: Transport, *, patience: float = 5.0) -> None:
-        """`patience`: seconds that the session has to appear, and to answer what it can answer at once."""
+        """`patience`: seconds for the session to appear, and for its immediate answers."""
         self.patience = patience
         self._transport = transport
         self._tasks = ActionClient(transport, "rise/domain_task", "rise_interfaces/action/DomainTask")
         self._memory = transport.client("rise/get_memory", "rise_interfaces/srv/GetMemory")
 
     async def submit(self, function: str, behavior: str, calling_type: str = "") -> TaskResult:
-        """Submit a DomainTask and wait for its end: of a start, until the act or rule has ended.
+        """Submit a DomainTask and wait for its end. For a start, that is the end of the act or rule.
 
         `function`: startCommunicationRobotAct, stopCommunicationRobotAct, startInteractionRule, stopInteractionRule,
         raiseEventTopic or assignValue. Raises SessionGoneError.
@@ -70,7 +70,7 @@ class SessionClient:
             return TaskResult("REJECTED", "the session refused it; rise/task_state and its record say why")
         ended: asyncio.Future[tuple[Any, ...]] = asyncio.get_running_loop().create_future()
         self._tasks.get_result(goal, partial(_set_result, ended))
-        while True:  # a session that dies says no word
+        while True:  # a session that dies sends nothing
             await asyncio.wait([ended], timeout=_POLL_SECONDS)
             if ended.done():
                 status, result = ended.result()
@@ -92,12 +92,12 @@ class SessionClient:
         return await self.submit("startCommunicationRobotAct", act, calling_type)
 
     async def release_stop(self, rules: dict[str, str] | None = None) -> TaskResult:
-        """Release a stop: for a node that the scenario names, [control] may_release = ["/supervisor"]; others are
-        refused. `rules`: which of the rules that it has ended go on, each `enter` or `wait`."""
+        """Release a stop. Only nodes that the scenario names may do this: [control] may_release = ["/supervisor"];
+        others are refused. `rules`: the ended rules that go on, each with `enter` or `wait`."""
         return await self.submit("releaseStop", f"{self._transport.node} {json.dumps(rules) if rules else ''}".strip())
 
     async def read_memory(self, key: str, otherwise: Any = None) -> Any:
-        """The value of a key of the working memory; `otherwise` when there is none. Raises SessionGoneError."""
+        """The value of a key of the working memory; `otherwise` if there is none. Raises SessionGoneError."""
         await self._wait_until(self._memory.count_servers, "no session offers rise/get_memory")
         ask = partial(self._memory.call, {"request_by_key": key})
         (answer,) = await self._wait_for_answer(ask, "the session did not say what is in its memory")
@@ -109,7 +109,7 @@ class SessionClient:
         self._transport.subscribe("rise/rule_state", "rise_interfaces/msg/RuleState", on_state)
 
     async def _wait_until(self, count_servers: Callable[[], int], missing: str) -> None:
-        """Wait until somebody answers. A request that is sent earlier is lost without a word."""
+        """Wait until a server answers. An earlier request would be lost silently."""
         loop = asyncio.get_running_loop()
         deadline = loop.time() + self.patience
         while not count_servers():
@@ -121,7 +121,7 @@ class SessionClient:
         answer: asyncio.Future[tuple[Any, ...]] = asyncio.get_running_loop().create_future()
         ask(partial(_set_result, answer))
         try:
-            async with asyncio.timeout(self.patience):  # wait_for of Python 3.11 may swallow that the node is ended
+            async with asyncio.timeout(self.patience):  # wait_for of Python 3.11 may swallow a cancellation
                 return await answer
         except TimeoutError:
             raise SessionGoneError(missing) from None

@@ -1,4 +1,4 @@
-"""One action server or service of the simulated robot: what waits, what runs, and how it ends."""
+"""One action server or service of the simulated robot: waiting goals, the running goal, and its ending."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ from rise_ros.examples.service_call import ServiceCall
 from rise_ros.examples.simulated_messages import CANCELED, FAILED, ResultMaker, make_feedback
 
 WhenBusy: TypeAlias = Literal["wait", "reject"]
-"""What becomes of a goal that comes while another one of its action runs."""
+"""What happens to a goal that arrives while another one of its action runs."""
 PrintLine: TypeAlias = Callable[[str], None]
 FaultOf: TypeAlias = Callable[[str], ActionFault | None]
 
@@ -33,11 +33,11 @@ Die: TypeAlias = Callable[[float | None], None]
 STOPPING_SECONDS = 0.05
 """Seconds until a movement has stopped."""
 PROGRESS_SECONDS = 0.2
-"""Between two messages of feedback, unless the profile expects them sooner."""
+"""Seconds between two messages of feedback, unless the profile expects them sooner."""
 
 
 class SimulatedAction:
-    """Does one goal at a time. All methods belong to the transport's loop."""
+    """Carries out one goal at a time. All methods belong to the transport's loop."""
 
     def __init__(
         self,
@@ -53,9 +53,8 @@ class SimulatedAction:
         die: Die,
         is_active: Callable[[], bool],
     ) -> None:
-        """`specs` are the actions that come under this name, with their carriers (`with_all_carriers`); `next_fault`
-        tells what goes wrong with the next goal of an action; `die` lets the whole robot vanish, for some seconds or
-        for good."""
+        """`specs`: the actions under this name, with their carriers (`with_all_carriers`). `next_fault` returns the
+        fault of an action's next goal. `die` makes the whole robot vanish, for some seconds or permanently."""
         self._clock, self._print, self._next_fault, self._busy = clock, print_line, next_fault, busy
         self._log, self._die, self._is_active = log, die, is_active
         self._reader = GoalReader(specs, places)
@@ -65,7 +64,7 @@ class SimulatedAction:
         self._waiting: deque[_RunningGoal] = deque()
         self._running: _RunningGoal | None = None
         self._goals: set[_RunningGoal] = set()
-        """All that have not ended, also those that are still to be accepted."""
+        """All goals that have not ended, including undecided ones."""
         self._server: ActionServer | None = None
         self._service: Closable | None = None
         if mapping.kind == "service":
@@ -83,7 +82,7 @@ class SimulatedAction:
         )
 
     def close(self) -> None:
-        """Abort what runs and waits, and offer the action no more."""
+        """Abort running and waiting goals, and stop offering the action."""
         for run in self._drop_all("failed"):
             if isinstance(run.goal, ServiceCall):
                 run.goal.abort(self._results.make_result("the simulated robot was switched off", FAILED))
@@ -93,7 +92,7 @@ class SimulatedAction:
             self._service.close()
 
     def vanish(self) -> None:
-        """Be gone, without a word about what was running."""
+        """Disappear without a report of what was running."""
         self._drop_all("vanished")
         if self._server is not None:
             self._server.vanish()
@@ -130,7 +129,7 @@ class SimulatedAction:
             self._decide(run)
 
     def _decide(self, run: _RunningGoal) -> None:
-        """Take it or refuse it."""
+        """Accept or reject the goal."""
         is_faulty = run.has_fault("reject", "slow-reject")
         if is_faulty or not self._is_active() or (self._running is not None and self._busy == "reject"):
             why = "a simulated fault" if is_faulty else "the robot is busy" if self._is_active() else "it is inactive"
@@ -207,7 +206,7 @@ class SimulatedAction:
         if run.has_fault("die-on-cancel"):
             self._die(run.amount)
         elif run.seconds == inf or run.has_fault("ignore-cancel"):
-            return  # one that hangs says nothing to that either
+            return  # a hanging goal does not answer this either
         elif run.has_fault("refuse-cancel"):
             decide(False)
             self._print(f"{run}: does not let itself be stopped, a simulated fault")
@@ -237,7 +236,7 @@ def describe_action(spec: ActionSpec, parameters: dict[str, Any]) -> str:
 
 
 class _RunningGoal:
-    """A goal on its way."""
+    """A goal in progress."""
 
     def __init__(
         self, goal: ServerGoal | ServiceCall, spec: ActionSpec, parameters: dict[str, Any], fault: ActionFault | None
@@ -255,7 +254,7 @@ class _RunningGoal:
 
     @property
     def amount(self) -> float | None:
-        """The number of its fault."""
+        """The number in its fault."""
         return self.fault.amount if self.fault is not None else None
 
     def drop_timers(self) -> None:
@@ -268,4 +267,4 @@ class _RunningGoal:
 
 
 def _lose(message: Message) -> None:
-    """An answer that never arrives."""
+    """Lose the answer: it never arrives."""

@@ -1,4 +1,4 @@
-"""What a simulated robot answers: results and feedback of any type, as far as a profile says what they mean."""
+"""A simulated robot's answers: results and feedback of any type, as far as a profile gives their meaning."""
 
 from __future__ import annotations
 
@@ -10,12 +10,11 @@ from rise_adapters.ros2.mapping import ActionMapping
 from rise_adapters.ros2.transport.port import Message, Transport
 
 CANCELED, FAILED = 125, 255
-"""Error codes for results that have one, as std_skills/msg/Result defines them."""
+"""Error codes for results with a code, as in std_skills/msg/Result."""
 
 
 class ResultMaker:
-    """The results of an action (the responses of a service), whatever fields they have: a reason, an error code with
-    its text."""
+    """Makes results of an action, or responses of a service, with any fields: a reason, an error code and its text."""
 
     def __init__(self, transport: Transport, mapping: ActionMapping) -> None:
         self._rule = rule = mapping.result_rule
@@ -23,7 +22,7 @@ class ResultMaker:
         self._text = rule.text or (("reason",) if fields.get("reason") == "string" else ())
 
     def make_result(self, reason: str, code: int) -> Message:
-        """`code` 0 is success."""
+        """Make a result. `code` 0 is success."""
         result: Message = {}
         if self._text:
             _put(result, self._text, reason)
@@ -32,7 +31,7 @@ class ResultMaker:
         return result
 
     def _choose_code(self, code: int) -> Any:
-        """A value that the profile takes for a success, or for a failure."""
+        """A value that the profile counts as a success, or as a failure."""
         rule = self._rule
         if not rule.ok:
             finite = [each for each in (rule.minimum, rule.maximum) if math.isfinite(each)]
@@ -47,7 +46,7 @@ class ResultMaker:
 
 
 def make_feedback(transport: Transport, type: str) -> Callable[[float], Message]:
-    """How this action's feedback tells what part is done, from 0 to 1. Without a field for that it is sent empty."""
+    """A function that makes feedback for the finished part, from 0 to 1; empty if the action has no field for it."""
     fields = transport.fields(f"{type}_Feedback")
     if fields.get("progress") in ("float32", "float64"):
         return lambda done: {"progress": done}
@@ -57,7 +56,7 @@ def make_feedback(transport: Transport, type: str) -> Callable[[float], Message]
 
 
 def is_same(received: Any, sent: Any) -> bool:
-    """Whether a message that has arrived is one that was sent so: what that left out is zero. Stamps differ."""
+    """Whether a received message equals a sent one, in which missing fields are zero. Stamps may differ."""
     if isinstance(received, dict):
         return all(is_same(value, (sent or {}).get(key)) for key, value in received.items() if key != "stamp")
     if sent is None:

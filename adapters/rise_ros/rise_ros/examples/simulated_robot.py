@@ -1,14 +1,14 @@
-"""A robot that is not there: an action server or a service for each action of a robot's profile, and a subscriber for
-each topic, as the profile says (quality of service, definitions, feedback). It takes believable time, says what a
-person would see, and does wrong on request. A whole study runs over the wire with it, on one computer.
+"""A simulated robot: an action server or a service for each action of a robot's profile, and a subscriber for each
+topic, as in the profile (quality of service, definitions, feedback). It takes believable time, prints what a person
+would see, and makes mistakes on request. With it, a whole study runs over the wire on one computer.
 
     python -m rise_ros.examples.simulated_robot --robot pepper
     python -m rise_ros.examples.simulated_robot --config scenarios/greeting --fault Speech=fail@2
 
 Faults are those of the simulated driver (rise_adapters.simulated.faults): ACTION=reject, =fail, =slow:FACTOR, =hang,
 =slow-accept:SECONDS and so on, each also with @N, and vanish@SECONDS[-SECONDS], counted from the node's start. While it
-has vanished it offers nothing, and when it comes back it knows of no earlier goal. `--log FILE` writes what it really
-does (rise_ros.examples.robot_log).
+has vanished it offers nothing, and when it returns it knows no earlier goal. `--log FILE` writes what it really does
+(rise_ros.examples.robot_log).
 """
 
 from __future__ import annotations
@@ -43,7 +43,7 @@ from rise_ros.examples.simulated_messages import is_same
 
 
 class RobotOnWire:
-    """All methods belong to the transport's loop."""
+    """The robot. All methods belong to the transport's loop."""
 
     def __init__(
         self,
@@ -56,7 +56,7 @@ class RobotOnWire:
         busy: WhenBusy = "wait",
         log: RobotLog | None = None,
     ) -> None:
-        """Raises ValueError for a fault that cannot be understood, PortError for what ROS cannot carry."""
+        """Raises ValueError for an invalid fault, PortError for what ROS cannot carry."""
         parsed = [parse_fault(text, profile) for text in faults]
         self._faults = [fault for fault in parsed if isinstance(fault, ActionFault)]
         self._transport, self._profile, self._clock = transport, with_all_carriers(profile), clock
@@ -81,7 +81,7 @@ class RobotOnWire:
                     self._timers.append(clock.call_at(vanish.back, back))
 
     def _check_faults(self) -> None:
-        """Raises ValueError for what cannot go wrong with an action that is carried so."""
+        """Check that each fault is possible for the carrier of its action. Raises ValueError."""
         for fault in self._faults:
             mapping = self._mappings.get(fault.action)
             if mapping is not None and (
@@ -96,7 +96,7 @@ class RobotOnWire:
             return
         self._is_there = True
         self._log.note("appeared")
-        if self._has_lifecycle:  # as a lifecycle node; others have none
+        if self._has_lifecycle:  # only for a lifecycle node
             self._lifecycle.append(self._transport.serve("~/get_state", STATE_TYPE, self._tell_state))
             self._events = self._transport.publisher("~/transition_event", EVENT_TYPE)
             self._lifecycle.append(self._events)
@@ -128,7 +128,7 @@ class RobotOnWire:
                 )
 
     def vanish(self) -> None:
-        """Be gone, without a word about what was running."""
+        """Disappear without a report of what was running."""
         if self._is_there:
             for action in self._actions:
                 action.vanish()
@@ -137,14 +137,14 @@ class RobotOnWire:
             self._print("the robot has vanished (simulated fault)")
 
     def deactivate(self) -> None:
-        """Go on with what runs, and take nothing more, as a lifecycle node that is inactive."""
+        """Finish running goals, and accept no more, like an inactive lifecycle node."""
         self._is_active = False
         self._tell_transition()
         self._log.note("inactive")
         self._print("the robot is inactive (simulated fault)")
 
     def activate(self) -> None:
-        """Take goals again."""
+        """Accept goals again."""
         self._is_active = True
         self._tell_transition()
         self._log.note("active")
@@ -161,14 +161,14 @@ class RobotOnWire:
         return {"id": 3, "label": "active"} if self._is_active else {"id": 2, "label": "inactive"}
 
     def _die(self, seconds: float | None) -> None:
-        """Vanish, for so many seconds; None: for good. (Not within a request, whose server that would close.)"""
+        """Vanish for `seconds`; None: permanently. (Not within a request, because that would close its server.)"""
         now = self._clock.now()
         self._timers.append(self._clock.call_at(now, self.vanish))
         if seconds is not None:
             self._timers.append(self._clock.call_at(now + seconds, self.appear))
 
     def close(self) -> None:
-        """Abort what runs, and offer nothing any more."""
+        """Abort running goals, and stop offering everything."""
         for timer in self._timers:
             timer.cancel()
         for action in self._actions:
@@ -191,7 +191,7 @@ class RobotOnWire:
         self, reader: GoalReader, mappings: Sequence[ActionMapping], last: _LastMessage, message: Message
     ) -> None:
         if any(each.rate for each in mappings) and last.message is not None and is_same(message, last.message):
-            return  # it is repeated
+            return  # a repetition
         last.message = message
         resets = [mapping.make_reset() for mapping in mappings]
         if any(reset is not None and is_same(message, reset) for reset in resets):
@@ -205,7 +205,7 @@ class RobotOnWire:
 
 
 class _LastMessage:
-    """What came last on a topic."""
+    """The last message on a topic."""
 
     def __init__(self) -> None:
         self.message: Message | None = None
@@ -213,9 +213,9 @@ class _LastMessage:
 
 
 def find_robot(robot: str | None, scenario: Path | None) -> RobotProfile:
-    """The profile of a robot: by its name or its file, or that of a scenario with what the scenario changes about it.
+    """The profile of a robot, by its name or its file, or from a scenario with the scenario's changes.
 
-    Raises NodeError with everything that is wrong with it.
+    Raises NodeError with all mistakes in it.
     """
     folder = Path() if scenario is None else scenario.parent if scenario.is_file() else scenario
     findings = Diagnostics()
@@ -256,9 +256,9 @@ async def work(transport: Transport, options: Namespace) -> None:
 
 
 def _find_profile(options: Namespace) -> None:
-    """Before there is a connection: that needs the definitions that the profile names."""
+    """Find the profile before the connection is opened, which needs the profile's definitions."""
     options.profile = find_robot(options.robot, options.config)
-    with suppress(PortError):  # said with everything else that is wrong in the profile
+    with suppress(PortError):  # reported with all other mistakes in the profile
         options.share = [*options.share, *map(Path, read_options(options.profile).share)]
 
 

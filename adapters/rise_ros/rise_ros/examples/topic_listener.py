@@ -1,6 +1,5 @@
-"""Hearing a topic that somebody else publishes, whatever they promise about delivery; and saying so when nothing can
-come. ROS itself says nothing then: a subscription that asks for more than a publisher promises just hears nothing.
-"""
+"""Listens to somebody else's topic, whatever its publishers guarantee, and reports when nothing can arrive. ROS itself
+reports nothing: a subscription that asks for more than a publisher guarantees just stays silent."""
 
 from __future__ import annotations
 
@@ -12,18 +11,18 @@ from rise_adapters.ros2.graph_checks import describe_other_versions
 from rise_adapters.ros2.transport.port import RELIABLE, SENSOR, Message, QoS, Subscription, Transport
 
 POLL_SECONDS = 0.5
-"""Seconds between two looks at who publishes."""
+"""Seconds between two checks of the publishers."""
 PATIENCE_SECONDS = 5.0
-"""Seconds until it is said that nothing can come."""
+"""Seconds until it is reported that nothing can arrive."""
 
 
 class TopicListener:
-    """Has `on_message` called with every message on a topic, until it is closed.
+    """Calls `on_message` with every message on a topic, until it is closed.
 
-    Reliably, so that nothing is lost of what a publisher promises to deliver; as soon as there is a publisher that does
-    not promise it (a sensor's), without asking for that. While somebody publishes another version of the type, nothing
-    is taken: whose message is whose cannot be told, and theirs would be garbage. `report` gets a sentence about what is
-    in the way: nobody publishes, or somebody publishes another type, or another version.
+    It subscribes reliably, so that nothing is lost that a publisher guarantees to deliver. As soon as there is a
+    publisher without this guarantee (a sensor's), it subscribes without it. While somebody publishes another version of
+    the type, it takes nothing, because it cannot tell which messages would be garbage. `report` receives a sentence
+    about each obstacle: nobody publishes, or somebody publishes another type, or another version.
     """
 
     def __init__(
@@ -38,18 +37,18 @@ class TopicListener:
         patience: float = PATIENCE_SECONDS,
         pause: float = 0.0,
     ) -> None:
-        """`pause`: seconds between two messages, of those that come quickly only the newest; 0: every message is
-        wanted. Raises PortError."""
+        """`pause`: seconds between two messages; of those in quick succession only the newest is taken. 0: every
+        message is wanted. Raises PortError."""
         self._transport, self._name, self._type, self._report = transport, topic, type, report
         self._topic = transport.resolve(topic)
         self._interval, self._patience, self._pause = interval, patience, pause
         self._on_message = on_message
         self._has_arrived = False
         self._other_versions: list[str] = []
-        """Who publishes another version of the type."""
+        """The publishers of another version of the type."""
         self._reported = ""
         self._unmatched = False
-        """At the last look there was a publisher that it does not take from. (It may only just be coming.)"""
+        """Whether the last check found a publisher that it does not hear. (That one may only just be appearing.)"""
         self._loop = asyncio.get_running_loop()
         self._begun = self._loop.time()
         self._best_effort = False
@@ -100,7 +99,7 @@ class TopicListener:
 
 
 def describe_silence(topic: str, type: str, published: Sequence[str]) -> str:
-    """Why nothing can come on a topic; empty when something can. `published`: the types of its publishers."""
+    """Why nothing can arrive on a topic; empty when something can. `published`: the types of its publishers."""
     if not published:
         return f"nobody publishes on {topic} (yet); is its node running, and is the topic called so?"
     others = sorted(set(published))

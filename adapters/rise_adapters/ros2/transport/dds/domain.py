@@ -1,6 +1,6 @@
-"""The DDS domain of this process, configured from the environment as ROS's own rmw_cyclonedds does it, so that both
-find each other with the same settings: `ROS_AUTOMATIC_DISCOVERY_RANGE`, `ROS_STATIC_PEERS`, `ROS_LOCALHOST_ONLY` first,
-then `CYCLONEDDS_URI`, whose settings count more.
+"""The DDS domain of this process, configured from the environment like ROS's own rmw_cyclonedds, so that both find each
+other with the same settings: first `ROS_AUTOMATIC_DISCOVERY_RANGE`, `ROS_STATIC_PEERS` and `ROS_LOCALHOST_ONLY`, then
+`CYCLONEDDS_URI`, which overrides them.
 
 A domain has one configuration in a process, the first; transports of the same domain share it.
 """
@@ -20,15 +20,15 @@ from rise_adapters.ros2.transport.port import PortError
 
 DISCOVERY_RANGES = ("SUBNET", "LOCALHOST", "OFF", "SYSTEM_DEFAULT")
 LARGEST_DOMAIN = 232
-"""Above it the ports that DDS computes do not exist."""
+"""Above this, the ports that DDS computes do not exist."""
 _MOST_PARTICIPANTS = 32
-"""How many programs find each other on one machine without multicast, as in rmw_cyclonedds."""
+"""The number of programs that find each other on one machine without multicast, as in rmw_cyclonedds."""
 _LEASE_SECONDS = 1.0
-"""Without a sign of life after which others take this program for dead."""
+"""Seconds without a sign of life after which others take this program for dead."""
 
 
 def read_domain_id(environment: Mapping[str, str]) -> int:
-    """`ROS_DOMAIN_ID`, 0 when it is not set. Raises PortError when it is no such number."""
+    """`ROS_DOMAIN_ID`; 0 when it is not set. Raises PortError when it is not a valid number."""
     text = environment.get("ROS_DOMAIN_ID", "").strip() or "0"
     try:
         number = int(text)
@@ -52,7 +52,7 @@ def make_configuration(environment: Mapping[str, str]) -> str:
         discovery += f"<MaxAutoParticipantIndex>{_MOST_PARTICIPANTS}</MaxAutoParticipantIndex>"
         if peers:
             discovery += f"<Peers>{''.join(f'<Peer address={quoteattr(peer)}/>' for peer in peers)}</Peers>"
-    # Signs of life at a quarter of the lease: one or two may get lost without anybody being taken for dead.
+    # Signs of life come at a quarter of the lease, so that one or two may get lost.
     discovery += (
         f"<LeaseDuration>{_LEASE_SECONDS:.3f}s</LeaseDuration><SPDPInterval>{_LEASE_SECONDS / 4:.3f}s</SPDPInterval>"
     )
@@ -78,7 +78,7 @@ _lock = Lock()
 
 
 def acquire_domain(number: int, environment: Mapping[str, str]) -> None:
-    """Have the domain configured, to be paired with `release_domain`. Raises PortError: the configuration is wrong."""
+    """Configure the domain; pair each call with `release_domain`. Raises PortError for a wrong configuration."""
     with _lock:
         if number not in _domains:
             _domains[number] = _create_domain(number, make_configuration(environment))
@@ -97,7 +97,7 @@ def _create_domain(number: int, config: str) -> Domain | None:
         return Domain(number, config)
     except DDSException as error:
         if error.code == DDSException.DDS_RETCODE_PRECONDITION_NOT_MET:
-            return None  # Somebody else in this process has it already; its configuration holds.
+            return None  # Something else in this process has it already; that configuration stays.
         raise PortError(
             f"Cyclone DDS does not take its configuration for ROS domain {number}: {error.msg or error}. "
             "It comes from CYCLONEDDS_URI and the ROS_... variables"

@@ -1,7 +1,7 @@
-"""Who is there: participants, endpoints and nodes, from what DDS and ROS announce of them.
+"""The present participants, endpoints and nodes, from the announcements of DDS and ROS.
 
-Fed by three built-in topics of DDS and by `ros_discovery_info`, on which every participant of ROS says which nodes it
-has.
+Its inputs are three built-in topics of DDS and `ros_discovery_info`, on which every participant of ROS announces its
+nodes.
 """
 
 from __future__ import annotations
@@ -20,25 +20,25 @@ from rise_adapters.ros2.transport.dds import names
 from rise_adapters.ros2.transport.port import QoS, RemoteEndpoint
 
 CYCLONE = bytes.fromhex(vendors.CYCLONE)
-"""What the ids of its participants and endpoints begin with."""
+"""The prefix of the ids of its participants and endpoints."""
 
 
 class DdsParticipant(Struct, frozen=True):
-    """A program that talks DDS."""
+    """A program that uses DDS."""
 
     key: bytes
     alive: bool = True
 
 
 class DdsEndpoint(Struct, frozen=True):
-    """A reader or a writer of somebody."""
+    """A reader or a writer of a participant."""
 
     key: bytes
     """Its id; the first 12 bytes are those of its participant."""
     topic: str = ""
-    """As DDS has it: `rt/chatter`."""
+    """DDS's name: `rt/chatter`."""
     type: str = ""
-    """As ROS has it; empty when it is none of ROS."""
+    """ROS's name of the type; empty when it is not a ROS type."""
     user_data: dict[str, str] = {}
     """Its user data: `typehash`, `serviceid`, `clientid`."""
     qos: QoS | None = None
@@ -50,7 +50,7 @@ class DdsEndpoint(Struct, frozen=True):
 
 
 _Announcement: TypeAlias = tuple[bytes, QoS | None]
-"""Of what an endpoint announces: its user data, and its quality of service."""
+"""From an endpoint's announcement: its user data, and its quality of service."""
 
 
 def take_participants(reader: int, most: int) -> Any:
@@ -65,13 +65,13 @@ def take_endpoints(reader: int, most: int) -> Any:
 
 
 def find_matched_reader(writer: int, handle: int) -> DdsEndpoint | None:
-    """Who a matched reader is; None when it is gone."""
+    """The endpoint of a matched reader; None when it is gone."""
     found = _clayer.ddspy_get_matched_subscription_data(writer, handle, _make_endpoint, _read_announcement)
     return found if isinstance(found, DdsEndpoint) else None
 
 
 def find_matched_writer(reader: int, handle: int) -> DdsEndpoint | None:
-    """Who a matched writer is; None when it is gone."""
+    """The endpoint of a matched writer; None when it is gone."""
     found = _clayer.ddspy_get_matched_publication_data(reader, handle, _make_endpoint, _read_announcement)
     return found if isinstance(found, DdsEndpoint) else None
 
@@ -92,8 +92,8 @@ def _make_endpoint(
     return DdsEndpoint(key, topic or "", names.ros_type(type or ""), names.decode_user_data(data), qos)
 
 
-# What is read of a QoS is read one by one and not by the library's own conversion of whole QoS objects: that is slow,
-# and not made for several threads.
+# The settings of a QoS are read one by one. The library's own conversion of whole QoS objects is slow, and not made for
+# several threads.
 
 
 def _read_announcement(pointer: int) -> _Announcement:
@@ -120,11 +120,11 @@ def _read_nothing(pointer: int) -> bytes:
 
 
 _Endpoints: TypeAlias = dict[str, dict[bytes, DdsEndpoint]]
-"""By topic and id, those that read, or those that write."""
+"""The readers, or the writers, by topic and id."""
 
 
 class DdsGraph:
-    """Everybody who is seen, with this process. Belongs to the loop's thread."""
+    """Everybody who is visible, including this process. Belongs to the loop's thread."""
 
     def __init__(self, own: bytes) -> None:
         """`own`: the id of this participant."""
@@ -133,11 +133,11 @@ class DdsGraph:
         self._readers: _Endpoints = {}
         self._writers: _Endpoints = {}
         self._nodes: dict[bytes, list[str]] = {}
-        """By participant, the names of its nodes."""
+        """The names of each participant's nodes."""
         self._owners: dict[bytes, dict[bytes, str]] = {}
-        """By the first 12 bytes of a participant's id, the node that each of its endpoints belongs to."""
+        """By the first 12 bytes of a participant's id, the node that owns each of its endpoints."""
         self.version = 0
-        """Grows with every change."""
+        """Increases with every change."""
 
     def update_participant(self, seen: DdsParticipant) -> None:
         self.version += 1
@@ -157,31 +157,31 @@ class DdsGraph:
         _update_endpoints(self._writers, seen)
 
     def set_nodes(self, participant: bytes, nodes: Sequence[tuple[str, Iterable[bytes]]]) -> None:
-        """A participant says which nodes it has, and the ids of what each of them has."""
+        """Take in a participant's nodes, and the ids of the endpoints of each node."""
         self.version += 1
         self._nodes[participant] = [node for node, _ in nodes]
         self._owners[participant[:12]] = {key: node for node, keys in nodes for key in keys}
 
     def find_writer_nodes(self, topic: str) -> list[str]:
-        """The nodes of others that write a DDS topic, as far as they say so."""
+        """The nodes of others that write a DDS topic, as far as they announce this."""
         return sorted({end.node for end in self.find_writers(topic) if end.node})
 
     def nodes(self) -> list[str]:
-        """Full names, each as often as it is there."""
+        """The full names, each as often as it exists."""
         return sorted(
             node for participant, nodes in self._nodes.items() if participant in self._participants for node in nodes
         )
 
     def find_writers(self, topic: str) -> list[RemoteEndpoint]:
-        """Those of others that write a DDS topic."""
+        """The endpoints of others that write a DDS topic."""
         return self._find_of_others(self._writers, topic)
 
     def find_readers(self, topic: str) -> list[RemoteEndpoint]:
-        """Those of others that read a DDS topic."""
+        """The endpoints of others that read a DDS topic."""
         return self._find_of_others(self._readers, topic)
 
     def topics(self, ending: str) -> list[str]:
-        """The topics of ROS (without those of services) with this end on which others have something."""
+        """The topics of ROS (without those of services) with this ending on which others have an endpoint."""
         found = {
             topic
             for endpoints in (self._readers, self._writers)
@@ -191,7 +191,7 @@ class DdsGraph:
         return sorted(name for topic in found if (name := names.ros_topic(topic)))
 
     def programs_of_other_vendors(self) -> list[tuple[str, str]]:
-        """Programs that use other software for DDS than Cyclone, or talk DDS but are not ROS 2."""
+        """Programs that use other DDS software than Cyclone, or use DDS but not ROS 2."""
         return [
             (
                 ", ".join(dict.fromkeys(self._nodes.get(key, ()))) or f"without named nodes ({key[:12].hex()})",

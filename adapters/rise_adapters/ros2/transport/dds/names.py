@@ -1,4 +1,4 @@
-"""How rmw_cyclonedds names ROS things on DDS: topics, services and types."""
+"""The names of topics, services and types on DDS, as in rmw_cyclonedds."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ def dds_topic(name: str) -> str:
 
 
 def ros_topic(name: str) -> str:
-    """The other way; empty when it is none of ROS, or one of a service."""
+    """The reverse; empty for a topic that is not of ROS, or that belongs to a service."""
     return name[2:] if name.startswith("rt/") else ""
 
 
@@ -29,7 +29,7 @@ def dds_type(type: str) -> str:
 
 
 def ros_type(name: str) -> str:
-    """The other way; empty when it is no type of ROS."""
+    """The reverse; empty when it is not a ROS type."""
     parts = name.split("::")
     if len(parts) != 4 or parts[2] != "dds_" or not parts[3].endswith("_"):
         return ""
@@ -37,7 +37,7 @@ def ros_type(name: str) -> str:
 
 
 def encode_user_data(entries: Mapping[str, str]) -> bytes:
-    """`typehash=RIHS01_...;` and the like, as every endpoint and participant of ROS carries it."""
+    """`typehash=RIHS01_...;` and similar, as on every endpoint and participant of ROS."""
     return "".join(f"{key}={value};" for key, value in entries.items()).encode()
 
 

@@ -1,10 +1,9 @@
-"""One node of ROS on DDS: its participant, the writers and readers that it has, what it announces of them on
-`ros_discovery_info` as every node of ROS does, and whom it sees.
+"""One ROS node on DDS: its participant, writers and readers, their announcement on `ros_discovery_info` as by every ROS
+node, and the other nodes that it sees.
 
-Makes the type descriptions that Cyclone DDS wants of each topic, from ROS definitions.
-
-Only described here: the bytes themselves are made by `interfaces.cdr`. Cyclone checks what comes in against the
-description, and sends it along for nodes that look at types (those of ROS do not).
+It also makes the type descriptions that Cyclone DDS needs for each topic, from ROS definitions. They are descriptions
+only: `interfaces.cdr` makes the bytes. Cyclone checks incoming messages against the description, and sends it along for
+nodes that read types (ROS nodes do not).
 """
 
 from __future__ import annotations
@@ -50,19 +49,19 @@ _PRIMITIVES: dict[str, Any] = {
     **{name: getattr(idl, name) for name in (*INTEGER_RANGES, "float32", "float64")},
 }
 _LARGEST_BOUND = 65535
-"""Cyclone's descriptions know no larger; such a sequence is described as one without a bound."""
+"""Cyclone's descriptions allow no larger bound; such a sequence is described as unbounded."""
 _HEADER = {"rmw_writer_guid": idl.uint64, "rmw_sequence_number": idl.int64}
 
 
 class IdlTypes:
-    """Types for Cyclone DDS, made when they are first wanted."""
+    """Types for Cyclone DDS, made when they are first needed."""
 
     def __init__(self, types: InterfaceCatalog) -> None:
         self._types = types
         self._made: dict[tuple[str, bool], type[IdlStruct]] = {}
 
     def find_or_make(self, type: str, headed: bool = False) -> type[IdlStruct]:
-        """The description of a message; `headed`: of a request or reply, which begins with whose and which it is."""
+        """The description of a message. `headed`: of a request or reply, which begins with a client's id and number."""
         found = self._made.get((type, headed))
         if found is None:
             definition = self._types.message_definition(type)
@@ -93,7 +92,7 @@ _DISCOVERY_TOPIC = "ros_discovery_info"
 _DISCOVERY_TYPE = "rmw_dds_common/msg/ParticipantEntitiesInfo"
 _DISCOVERY_QOS = QoS(depth=1, latched=True)
 _CLOSING_SECONDS = 1.0
-"""How long closing waits for the reading thread at most."""
+"""Seconds that closing waits at most for the reading thread."""
 
 
 class DdsNode:
@@ -128,7 +127,7 @@ class DdsNode:
         self.closed = False
         self._services = 0
         self._gids: dict[DdsReader | DdsWriter, bytes] = {}
-        """The ids of the readers and writers that it has given out."""
+        """The ids of the readers and writers that it has opened."""
         self._announcing = False
         self.reader_thread = ReaderThread(loop, self._participant, f"dds {name}")
         self.graph = graph.DdsGraph(self._gid)
@@ -137,9 +136,9 @@ class DdsNode:
         self._announce()
 
     def open_writer(self, topic: str, type: str, qos: QoS, ids: Mapping[str, str] | None = None) -> DdsWriter:
-        """A writer of a DDS topic, to be given to `release` in the end. `ids`: of an end of a service, what it says of
-        itself; its messages begin with whose request it is and which one. Raises PortError: the type is not known, DDS
-        refuses, or this node is closed."""
+        """A writer of a DDS topic, which the caller passes to `release` at the end. `ids`: the announcement of one end
+        of a service, whose messages begin with their client's id and a number. Raises PortError: the type is unknown,
+        DDS refuses, or this node is closed."""
         settings = self._make_settings(type, qos, ids, reader=False)
         writer = DdsWriter(self.loop, self._participant, topic, *settings)
         self._gids[writer] = writer.gid
@@ -155,7 +154,7 @@ class DdsNode:
         ids: Mapping[str, str] | None = None,
         pause: float = 0.0,
     ) -> DdsReader:
-        """As `open_writer`. `on_sample` is given pairs of bytes and `SampleInfo`; `pause` as of `port.Transport`."""
+        """Like `open_writer`. `on_sample` receives pairs of bytes and `SampleInfo`; `pause`: see `port.Transport`."""
         settings = self._make_settings(type, qos, ids, reader=True, pauses=bool(pause))
         reader = make_reader(self._participant, topic, *settings)
         watched = self.reader_thread.add(reader, on_sample, pause=pause)
@@ -164,14 +163,14 @@ class DdsNode:
         return watched
 
     def release(self, *entities: DdsReader | DdsWriter) -> None:
-        """Close what `open_reader` and `open_writer` gave out, and tell the others. (The rest is closed with it.)"""
+        """Close readers and writers that this node has opened, and announce it. (The node closes the rest.)"""
         for entity in entities:
             entity.close()
             self._gids.pop(entity, None)
         self._announce_soon()
 
     def new_service_id(self) -> str:
-        """By which others see that a reader and a writer are two ends of one client or server."""
+        """An id that shows others that a reader and a writer are two ends of one client or server."""
         self._services += 1
         return ".".join(f"{byte:x}" for byte in self._gid[:12] + self._services.to_bytes(4, "big"))
 
@@ -193,7 +192,7 @@ class DdsNode:
         data = {**(ids or {}), "typehash": self.types.type_hash(type)}
         return self._idl.find_or_make(type, headed=bool(ids)), dds_qos(qos, data, reader=reader, pauses=pauses)
 
-    # --- who is there ---------------------------------------------------------------------------------------------
+    # --- the graph ------------------------------------------------------------------------------------------------
 
     def _watch_builtin_topics(self) -> None:
         for topic, update, take in (
@@ -208,7 +207,7 @@ class DdsNode:
         idl, qos = self._make_settings(_DISCOVERY_TYPE, _DISCOVERY_QOS, reader=False)
         self._info = DdsWriter(self.loop, self._participant, _DISCOVERY_TOPIC, idl, qos)
         _, qos = self._make_settings(_DISCOVERY_TYPE, _DISCOVERY_QOS, reader=True)
-        # All, because it has no key: the last of one participant must not replace that of another.
+        # Keep all, because the topic has no key: the last message of one participant must not replace another's.
         qos = qos - Qos(Policy.History.KeepLast(1)) + Qos(Policy.History.KeepAll)
         self.reader_thread.add(make_reader(self._participant, _DISCOVERY_TOPIC, idl, qos), self._on_discovery_info)
 

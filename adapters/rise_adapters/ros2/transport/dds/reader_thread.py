@@ -1,8 +1,8 @@
-"""Reading from DDS in a thread of its own, and handing over what came to the asyncio loop (`transport.inbox`).
+"""Reads from DDS in its own thread, and passes the messages to the asyncio loop (`transport.inbox`).
 
-The thread does nothing but wait, take and hand over. When the loop is far behind it takes no more: the rest stays in
-DDS, whose quality of service says what becomes of it. So it does with a reader that may pause: until that is over, the
-thread is not woken for it.
+The thread only waits, takes and passes on. When the loop is far behind, it takes no more. The rest stays in DDS, where
+the quality of service decides about it. The same holds for a reader with a pause: during the pause it does not wake the
+thread.
 """
 
 from __future__ import annotations
@@ -46,21 +46,21 @@ _LOG = logging.getLogger(__name__)
 # --- readers and writers ----------------------------------------------------------------------------------------------
 
 _RETRY_SECONDS = 0.005
-"""Seconds until a message is tried again that DDS would not take because a reader is slow."""
+"""Seconds until a message is sent again that DDS refused because a reader is slow."""
 _OUTBOX_LIMIT = 10_000
-"""Messages that wait for that; the oldest is given up for the next."""
+"""The most messages that wait for this; at the limit the oldest is dropped."""
 _READER_HISTORY = 1000
-"""Messages that a reader keeps at least: those that come while the reading thread waits for its turn."""
+"""The least messages that a reader keeps, for those that arrive while the reading thread waits for its turn."""
 
 
 def dds_qos(qos: QoS, data: Mapping[str, str], *, reader: bool, pauses: bool = False) -> Qos:
-    """A ROS quality of service as DDS has it, with an endpoint's user data. `pauses`: a reader wants the newest, and no
-    more of them than the depth."""
+    """A ROS quality of service for DDS, with an endpoint's user data. `pauses`: the reader needs only the newest
+    messages, not more than the depth."""
     depth = max(qos.depth, 1)
     if reader and not qos.latched and not pauses:
         depth = max(depth, _READER_HISTORY)
     chosen: list[BasePolicy] = [
-        # Never wait in a write: it would hold up everything else. What does not go out at once is kept by `DdsWriter`.
+        # Never wait in a write: that would delay everything else. `DdsWriter` keeps what cannot be sent immediately.
         Policy.Reliability.Reliable(0) if qos.reliable else Policy.Reliability.BestEffort,
         Policy.History.KeepLast(depth),
         Policy.Durability.TransientLocal if qos.latched else Policy.Durability.Volatile,
@@ -70,8 +70,8 @@ def dds_qos(qos: QoS, data: Mapping[str, str], *, reader: bool, pauses: bool = F
     if qos.latched and not reader:
         chosen.append(Policy.DurabilityService(0, Policy.History.KeepLast(depth), -1, -1, -1))
     if reader:
-        # Only the very same type. Otherwise Cyclone compares the structures of types that differ, and for that it asks
-        # everybody for their descriptions. The Cyclone of ROS 2 Jazzy (0.10.5) crashes on the answers, in every node.
+        # Accept only the same type. Otherwise Cyclone compares the structures of different types, and asks everybody
+        # for their descriptions. The Cyclone of ROS 2 Jazzy (0.10.5) crashes on the answers, in every node.
         chosen.append(Policy.TypeConsistency.DisallowTypeCoercion())
     else:
         chosen.append(Policy.WriterDataLifecycle(autodispose=False))
@@ -79,8 +79,8 @@ def dds_qos(qos: QoS, data: Mapping[str, str], *, reader: bool, pauses: bool = F
 
 
 def delete_entity(entity: Entity) -> None:
-    """Delete an entity now, not when Python finds that nobody needs it any more."""
-    entity.__del__()  # does nothing the second time
+    """Delete an entity now, not when Python's garbage collection finds it."""
+    entity.__del__()  # a second call does nothing
 
 
 class DdsWriter:
@@ -109,7 +109,7 @@ class DdsWriter:
         self._loses_messages = False
 
     def write(self, data: bytes) -> None:
-        """Send, at once or as soon as slow readers allow it."""
+        """Send data, immediately or as soon as slow readers allow it."""
         if self._writer is None:
             return
         if self._outbox or not self._try_write(data):
@@ -121,7 +121,7 @@ class DdsWriter:
                 self._timer = self._loop.call_later(_RETRY_SECONDS, self._flush)
 
     def matched_readers(self) -> list[int]:
-        """Handles of the readers that take it."""
+        """Handles of the readers that match."""
         return list_matched(self._writer.get_matched_subscriptions) if self._writer is not None else []
 
     def close(self) -> None:
@@ -153,15 +153,15 @@ class DdsWriter:
 
 
 def list_matched(handles: Callable[[], list[int]]) -> list[int]:
-    """Handles of who is matched. DDS counts them first and lists them then; when somebody comes in between, the wheel's
-    list is too short and it raises IndexError, so it is asked again."""
+    """Handles of the matching ends. DDS counts them first and then lists them. If another one appears in between, the
+    wheel's list is too short and it raises IndexError, so this asks again."""
     while True:
         with suppress(IndexError):
             return handles()
 
 
 def make_reader(participant: DomainParticipant, topic: str, idl: type[IdlStruct], qos: Qos) -> DataReader[Any]:
-    """Raises PortError when DDS refuses."""
+    """Create a reader. Raises PortError when DDS refuses."""
     try:
         return DataReader(participant, Topic(participant, topic, idl), qos)
     except DDSException as error:
@@ -173,9 +173,9 @@ _MOST_PER_TAKE = 500
 _NOT_READ = ViewState.Any | InstanceState.Any | SampleState.NotRead
 _ANY = ViewState.Any | InstanceState.Any | SampleState.Any
 TakeSamples = Callable[[int, int], Any]
-"""Takes from a reader (its handle, at most so many): a list, or a negative number."""
+"""Takes from a reader (handle, largest number): returns a list, or a negative number."""
 HandleSample = Callable[[Any], None]
-"""Gets one thing that was taken, on the loop."""
+"""Receives one taken item, on the loop."""
 
 
 def take_samples(reader: int, most: int) -> Any:
@@ -184,7 +184,7 @@ def take_samples(reader: int, most: int) -> Any:
 
 
 class DdsReader:
-    """One reader that the thread reads, until it is closed. Its methods belong to the loop's thread."""
+    """One reader that the thread reads until it is closed. Its methods belong to the loop's thread."""
 
     def __init__(
         self,
@@ -220,16 +220,16 @@ class DdsReader:
 
 
 class ReaderThread:
-    """The thread. Its methods belong to the loop's thread."""
+    """The reading thread. Its methods belong to the loop's thread."""
 
     def __init__(self, loop: asyncio.AbstractEventLoop, participant: DomainParticipant, name: str) -> None:
         self.failure = ""
-        """Why nothing is read any more; empty while all is well."""
+        """Why nothing is read any more; empty while it works."""
         self._inbox = Inbox(loop)
         self._waitset = WaitSet(participant)
         self._guard = GuardCondition(participant)
         self._readers: dict[int, DdsReader] = {}
-        """By the handle, which the wait set gives back when there is something to read."""
+        """By handle, which the wait set returns when there is something to read."""
         self._closing = False
         self._waitset._waitset_attach(self._waitset._ref, self._guard._ref, 0)
         self._thread = Thread(target=self._run, name=name, daemon=True)
@@ -238,8 +238,8 @@ class ReaderThread:
     def add(
         self, reader: DataReader[Any], on_sample: HandleSample, take: TakeSamples = take_samples, pause: float = 0.0
     ) -> DdsReader:
-        """Have `on_sample` called with everything that comes, until what is returned is closed. `pause`: seconds for
-        which nothing is taken after something was."""
+        """Call `on_sample` with everything that arrives, until the returned reader is closed. `pause`: seconds after
+        reading in which nothing more is taken."""
         added = DdsReader(reader, on_sample, take, pause, self._remove)
         self._readers[added.handle] = added
         self._attach(added)
@@ -256,7 +256,7 @@ class ReaderThread:
         self._detach(reader)
 
     def close(self, wait: float) -> None:
-        """End the thread and wait for it, at most so many seconds; close what is still read."""
+        """End the thread, wait for it at most `wait` seconds, and close the remaining readers."""
         self._closing = True
         self._guard.set(True)
         self._inbox.close()
@@ -271,7 +271,7 @@ class ReaderThread:
     def _run(self) -> None:
         try:
             self._read()
-        except Exception as error:  # whatever it is, the transport says that it works no more
+        except Exception as error:  # any error: the transport reports that it has failed
             if not self._closing:
                 self.failure = f"reading from DDS ended: {error}"
                 _LOG.exception("reading from DDS ended")
@@ -280,7 +280,7 @@ class ReaderThread:
         wait, waitset = self._waitset._waitset_wait, self._waitset._ref
         triggered = (ctypes.c_void_p * 64)()
         pausing: deque[tuple[float, DdsReader]] = deque()
-        """And until when."""
+        """The paused readers, and until when."""
         while not self._closing:
             now = monotonic()
             while pausing and pausing[0][0] <= now:

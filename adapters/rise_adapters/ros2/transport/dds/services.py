@@ -1,6 +1,5 @@
-"""Services on DDS, as rmw_cyclonedds has them: a topic of requests and one of replies, every message beginning with
-whose request it is and which one; and ids in the user data by which one sees which writers and readers belong together.
-"""
+"""Services on DDS, as in rmw_cyclonedds: a topic for requests and one for replies. Every message begins with its
+client's id and a number. Ids in the user data show which writers and readers belong together."""
 
 from __future__ import annotations
 
@@ -16,11 +15,11 @@ from rise_adapters.ros2.transport.port import Message, QoS, SendReply
 _HEADER = struct.Struct("<Qq")
 _BODY = 4 + _HEADER.size
 _QOS = QoS(depth=1000)
-"""Of requests and replies. ROS has a depth of 10; only this side's own memory is meant."""
+"""For requests and replies. ROS has a depth of 10; this affects only this side's memory."""
 _UNANSWERED = 10_000
-"""Requests whose answers are waited for; with more, the oldest is forgotten."""
+"""The most requests that wait for answers; beyond this, the oldest is forgotten."""
 _ANSWER_KEPT_SECONDS = 1.0
-"""Seconds that an answer is kept for a client whose reader is not seen yet."""
+"""Seconds that an answer is kept for a client whose reader is not visible yet."""
 _RETRY_SECONDS = 0.005
 _LOG = logging.getLogger(__name__)
 
@@ -29,14 +28,14 @@ class DdsClient:
     """Implements `port.ServiceClient`."""
 
     def __init__(self, node: DdsNode, name: str, type: str) -> None:
-        """`name`: the full name. Raises PortError as `DdsNode.open_writer`."""
+        """`name`: the full name. Raises PortError like `DdsNode.open_writer`."""
         self._node = node
         self._request = node.types.codec(f"{type}_Request")
         self._response = node.types.codec(f"{type}_Response")
         self._waiting: dict[int, Callable[[Message], None]] = {}
         self._number = 0
         self._matched_handles: tuple[list[int], list[int]] | None = None
-        """The other ends when they were looked at last, and all of them were known."""
+        """The other ends at the last check, if all of them were known."""
         self._count = 0
         ids = {"clientid": node.new_service_id()}
         self._reader = node.open_reader(names.reply_topic(name), self._response.type, _QOS, self._on_sample, ids)
@@ -50,7 +49,7 @@ class DdsClient:
             self._count = _count_pairs(
                 _list_service_ids(takers, self._request.type), _list_service_ids(answerers, self._response.type)
             )
-            # This is asked before each goal, and seldom changes; but what is not known yet is asked for again.
+            # This is called before each goal, and rarely changes. Unknown ends are looked up again.
             self._matched_handles = handles if None not in (*takers, *answerers) else None
         return self._count
 
@@ -76,12 +75,12 @@ class DdsClient:
 
 
 def _list_service_ids(ends: list[graph.DdsEndpoint | None], type: str) -> list[str]:
-    """Of the ends that can be meant: types of one structure match each other whatever their names are."""
+    """The service ids of the ends with this type. Types with one structure match each other, whatever their names."""
     return [end.user_data.get("serviceid", "") for end in ends if end and end.is_cyclone and end.type == type]
 
 
 def _count_pairs(takers: list[str], answerers: list[str]) -> int:
-    """How many servers these ends are, by their ids. Those without one are taken for pairs."""
+    """The number of servers that these ends form, by their ids. Ends without an id count as pairs."""
     return len({*takers} & {*answerers} - {""}) + min(takers.count(""), answerers.count(""))
 
 
@@ -89,7 +88,7 @@ class DdsServer:
     """Serves one service."""
 
     def __init__(self, node: DdsNode, name: str, type: str, on_request: Callable[[Message, SendReply], None]) -> None:
-        """As `DdsClient`."""
+        """Like `DdsClient`."""
         self._node = node
         self._name = name
         self._request = node.types.codec(f"{type}_Request")
@@ -121,7 +120,7 @@ class DdsServer:
         self._on_request(self._request.unpack(data, _BODY), reply)
 
     def _send_answer(self, client: int, data: bytes, until: float) -> None:
-        """Send an answer once its client's reader is known; DDS would drop it before that."""
+        """Send an answer once its client's reader is known; before that DDS would drop it."""
         if not self._reader.is_open:
             return
         if client not in self._reachable:
@@ -140,7 +139,7 @@ class DdsServer:
         self._writer.write(data)
 
     def _client_listens(self, client: int) -> bool | None:
-        """Whether the reader of a client is there; None: nothing of the client is."""
+        """Whether the reader of a client is there; None: no part of the client is."""
         writer = graph.find_matched_writer(self._reader.handle, client)
         if writer is None:
             return None

@@ -1,16 +1,14 @@
-"""ROS 2 without a ROS installation: the port over Cyclone DDS (the `cyclonedds` wheel), as rmw_cyclonedds speaks it.
+"""ROS 2 without a ROS installation: the port over Cyclone DDS (the `cyclonedds` wheel), compatible with rmw_cyclonedds.
 
 Nodes on the other side must use `RMW_IMPLEMENTATION=rmw_cyclonedds_cpp`. With another, topics may arrive, but services,
-and with them actions, do not (`DdsTransport.programs_of_other_vendors` says who does).
+and with them actions, do not (`DdsTransport.programs_of_other_vendors` lists such programs).
 
-How fast a death is noticed is announced by the one who may die: this transport has a lease of one second (`domain`);
-others need `<Discovery><LeaseDuration>1s</LeaseDuration></Discovery>` in their own CYCLONEDDS_URI, or it takes 10
-seconds. One that ends in order says so at once.
+Each program announces how fast its death is noticed. This transport has a lease of one second (`domain`). Others need
+`<Discovery><LeaseDuration>1s</LeaseDuration></Discovery>` in their own CYCLONEDDS_URI, or it takes 10 seconds. A
+program that ends in order announces that immediately.
 
-What stands behind `--ros-args`: remappings, as every ROS 2 program takes them
-(https://design.ros2.org/articles/ros_command_line_arguments.html).
-
-The rclpy transport leaves this to rclpy; this is for the transport that does without ROS.
+It also reads the arguments after `--ros-args`: remappings, as in every ROS 2 program
+(https://design.ros2.org/articles/ros_command_line_arguments.html). The rclpy transport leaves this to rclpy.
 """
 
 from __future__ import annotations
@@ -36,7 +34,7 @@ from rise_adapters.ros2.transport.port import RELIABLE, Message, PortError, QoS,
 
 # --- arguments of ROS -------------------------------------------------------------------------------------------------
 
-# What is right for ROS and means nothing here: logging, and parameters, which `parameters` has read before.
+# Arguments that are right for ROS and mean nothing here: logging, and parameters, which `parameters` has already read.
 _WITH_VALUE = {"--params-file", "--log-level", "--log-config-file", "--log-file-name", "-e", "--enclave"}
 _FLAGS = {
     *("--disable-stdout-logs", "--enable-stdout-logs", "--disable-rosout-logs", "--enable-rosout-logs"),
@@ -48,11 +46,11 @@ class RosArguments(Struct, frozen=True):
     node: str
     namespace: str = "/"
     remaps: tuple[tuple[str, str], ...] = ()
-    """Of topics, services and actions of that node: what is replaced, and by what. The first that fits counts."""
+    """For that node's topics, services and actions: what is replaced, and by what. The first match counts."""
 
 
 def parse_ros_arguments(arguments: Sequence[str], node: str) -> RosArguments:
-    """Read the arguments, with or without a leading `--ros-args` and a closing `--`; `node` is the program's own name
+    """Read the arguments, with or without a leading `--ros-args` and a closing `--`. `node` is the program's own name
     for its node, for rules such as `rise:__ns:=/lab`. Raises PortError with a sentence."""
     remaps: list[tuple[str, str, str]] = []
     special: dict[str, str] = {}
@@ -90,7 +88,7 @@ def _next_value(option: str, rest: Iterator[str]) -> str:
 
 
 def _parse_remap(rule: str) -> tuple[str, str, str]:
-    """`[node:]from:=to` as the node that it holds for (empty: for all), from, to."""
+    """`[node:]from:=to` as the node that it applies to (empty: all), from, to."""
     source, separator, target = rule.partition(":=")
     if not separator or not source or not target:
         raise PortError(f"--ros-args: {rule!r} is no remapping; one looks like from:=to")
@@ -107,7 +105,7 @@ class DdsPublisher:
     """Implements `port.Publisher`."""
 
     def __init__(self, node: DdsNode, topic: str, type: str, qos: QoS) -> None:
-        """`topic`: the full name. Raises PortError as `DdsNode.open_writer`."""
+        """`topic`: the full name. Raises PortError like `DdsNode.open_writer`."""
         self._node = node
         self._codec = node.types.codec(type)
         self._writer = node.open_writer(dds_topic(topic), type, qos)
@@ -128,7 +126,7 @@ class DdsSubscription:
     def __init__(
         self, node: DdsNode, topic: str, type: str, on_message: Callable[[Message], None], qos: QoS, pause: float
     ) -> None:
-        """As `DdsPublisher`."""
+        """Like `DdsPublisher`."""
         self._node = node
         self._codec = node.types.codec(type)
         self._on_message = on_message
@@ -160,8 +158,8 @@ class DdsTransport:
         share: Sequence[str | Path] = (),
         environment: Mapping[str, str] = os.environ,
     ) -> None:
-        """`node`: its name, unless `arguments` (what stands behind `--ros-args`) say another. `share`: further folders
-        of definitions. Raises PortError with a sentence."""
+        """`node`: its name, unless `arguments` (those after `--ros-args`) set another. `share`: further folders of
+        definitions. Raises PortError with a sentence."""
         given = parse_ros_arguments(arguments, node)
         self._names = NameResolver(given.node, given.namespace, given.remaps)
         self._types = InterfaceCatalog(share, environment)
@@ -192,7 +190,7 @@ class DdsTransport:
     def client(self, name: str, type: str) -> DdsClient:
         return DdsClient(self._dds, self.resolve(name), type)
 
-    # --- what is known ------------------------------------------------------------------------------------------
+    # --- the graph ----------------------------------------------------------------------------------------------
 
     def resolve(self, name: str) -> str:
         return self._names.resolve(name)

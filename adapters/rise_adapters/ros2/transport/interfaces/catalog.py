@@ -1,8 +1,8 @@
 """The ROS types that are known here, without a ROS installation.
 
-A definition is looked for in this order: folders that the user names; the ROS workspaces that are sourced
-(`AMENT_PREFIX_PATH`); the definitions that travel with this program (`share/`: RISE's own, and the field layouts of the
-robot skills it speaks to); and those of ROS 2 Jazzy's standard packages, as the library `rosbags` has them.
+A definition is looked up in this order: folders that the user names; the sourced ROS workspaces (`AMENT_PREFIX_PATH`);
+the definitions that come with this program (`share/`: RISE's own, and the field layouts of the robot skills that it
+uses); and the standard packages of ROS 2 Jazzy, from the library `rosbags`.
 """
 
 from __future__ import annotations
@@ -28,23 +28,23 @@ from rise_adapters.ros2.transport.port import PortError
 from rise_engine.base.nearest_name import nearest_name
 
 SHARE_FOLDER = Path(rise_adapters.ros2.__file__).parent / "share"
-"""The definitions of others that travel with this program."""
+"""Other packages' definitions that come with this program."""
 RISE_INTERFACES = next(
     folder
     for folder in (SHARE_FOLDER / "rise_interfaces", Path(rise_adapters.ros2.__file__).parents[2] / "rise_interfaces")
     if folder.is_dir()
 )
-"""RISE's own: the package that colcon builds, in a checkout where it lies, in a wheel beside those of others."""
+"""RISE's own package, which colcon builds: in a checkout at its own place, in a wheel beside the others."""
 _KINDS = ("msg", "srv", "action")
 _STANDARD_ORIGIN = "the standard definitions of ROS 2 Jazzy"
 
 
 class InterfaceCatalog:
-    """Definitions by name, read when they are first asked for, and what follows from them."""
+    """Definitions by name, read when they are first needed, and everything derived from them."""
 
     def __init__(self, share: Sequence[str | Path] = (), environment: Mapping[str, str] = os.environ) -> None:
-        """`share`: folders `.../share` with `PACKAGE/{msg,srv,action}` in them, or folders of single packages.
-        Raises PortError when one does not exist."""
+        """`share`: folders `.../share` that contain `PACKAGE/{msg,srv,action}`, or folders of single packages. Raises
+        PortError when one does not exist."""
         own = [Path(folder).expanduser() for folder in share]
         for folder in own:
             if not folder.is_dir():
@@ -58,13 +58,13 @@ class InterfaceCatalog:
             SHARE_FOLDER,
             RISE_INTERFACES,
         )
-        """Where definitions are looked for, before the standard ones."""
+        """The folders that are searched before the standard definitions."""
         self._definitions: dict[str, InterfaceDefinition] = {}
         self._hashes: dict[str, str] = {}
         self._codecs: dict[str, MessageCodec] = {}
 
     def definition(self, type: str) -> InterfaceDefinition:
-        """Raises PortError: not known (with the nearest that is), or its file cannot be understood."""
+        """The definition of a type. Raises PortError: unknown (with the nearest known name), or an invalid file."""
         known = self._definitions.get(type)
         if known is None:
             self._load(type)
@@ -74,7 +74,7 @@ class InterfaceCatalog:
         return known
 
     def message_definition(self, type: str) -> InterfaceDefinition:
-        """The definition of a type that messages have. Raises PortError, also for a whole service or action."""
+        """The definition of a message type. Raises PortError, also for a whole service or action."""
         definition = self.definition(type)
         if definition.is_whole:
             first, others = ("Goal", "_Result and _Feedback") if "/action/" in type else ("Request", "_Response")
@@ -82,26 +82,26 @@ class InterfaceCatalog:
         return definition
 
     def fields(self, type: str) -> dict[str, str]:
-        """As `port.Transport.fields`. All nested types are known then, too."""
+        """As `port.Transport.fields`. All nested types are then known, too."""
         definition = self.message_definition(type)
         self._check_fields(definition, definition, (), ())
         return {field.name: str(field.type) for field in definition.fields}
 
     def type_hash(self, type: str) -> str:
-        """As `port.Transport.type_hash`; raises PortError when the type or one nested in it is not known."""
+        """As `port.Transport.type_hash`. Raises PortError when the type or a nested one is unknown."""
         if type not in self._hashes:
             self._hashes[type] = definitions.type_hash(type, self.definition)
         return self._hashes[type]
 
     def codec(self, type: str) -> MessageCodec:
-        """What makes bytes of a message and back. Raises PortError as `fields`, and for types it cannot handle."""
+        """The codec between a message and its bytes. Raises PortError like `fields`, and for unsupported types."""
         if type not in self._codecs:
             self.fields(type)
             self._codecs[type] = MessageCodec(type, self.message_definition)
         return self._codecs[type]
 
     def known_names(self) -> set[str]:
-        """All messages, services and actions that have a file (or are standard), without those that they imply."""
+        """All messages, services and actions that have a file (or are standard), without the types that they imply."""
         found = {name for name in _standard_definitions() if "/msg/" in name}
         for folder in self.folders:
             for package in (folder, *sorted(folder.iterdir())):
@@ -137,8 +137,8 @@ class InterfaceCatalog:
     def _check_fields(
         self, whole: InterfaceDefinition, part: InterfaceDefinition, within: tuple[str, ...], path: tuple[str, ...]
     ) -> None:
-        """Raises PortError: a nested type is not known, or contains itself, or there is a field that `cdr` cannot make.
-        `within`: the types that `part` stands in; `path`: the fields of `whole` on the way to it."""
+        """Check the fields of a type. Raises PortError: a nested type is unknown, or contains itself, or `cdr` does not
+        support a field. `within`: the types that contain `part`; `path`: the fields of `whole` on the way to it."""
         if part.name in within:
             raise PortError(f"{part.origin}: {part.name} contains itself, by way of {' in '.join(within)}")
         for field in part.fields:
@@ -175,9 +175,9 @@ class InterfaceCatalog:
 
 @cache
 def _standard_definitions() -> dict[str, InterfaceDefinition]:
-    """Jazzy's standard messages; none where `rosbags` is not installed."""
+    """Jazzy's standard messages; none if `rosbags` is not installed."""
     try:
-        from rosbags.typesys.stores import ros2_jazzy  # may not be installed, and takes 80 ms
+        from rosbags.typesys.stores import ros2_jazzy  # may be missing, and takes 80 ms
     except ImportError:
         return {}
     return {

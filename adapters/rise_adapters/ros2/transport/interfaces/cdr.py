@@ -1,10 +1,10 @@
-"""Messages as bytes: CDR, version 1, little endian, with its 4-byte header, as ROS 2 puts them on the wire.
+"""Messages as bytes: CDR, version 1, little endian, with its 4-byte header, as ROS 2 sends them.
 
-A type's codec is put together once from what writes and reads its fields, a pair of small functions for each. Alignment
-is relative to the end of the header, and zeros fill up to it. Source: OMG, Common Object Request Broker Architecture
+A type's codec is built once from a pair of small functions for each field, one to write and one to read it. Alignment
+is relative to the end of the header, and zeros fill the gaps. Source: OMG, Common Object Request Broker Architecture
 (CORBA) 3.3, part 2, 9.3 "CDR Transfer Syntax".
 
-Why not the codec of the library `rosbags`, from which the standard definitions come: docs/decisions/archive.md, 26.
+Why not the codec of the library `rosbags`, which provides the standard definitions: docs/decisions/archive.md, 26.
 """
 
 from __future__ import annotations
@@ -31,22 +31,22 @@ _CODES = {
     "float32": "f",
     "float64": "d",
 }
-"""The numbers, as `struct` names them."""
+"""The numbers, by their `struct` codes."""
 _NO_NUMBERS = (struct.error, TypeError, ValueError, OverflowError)
-"""What `struct` raises for values that are none of the type's."""
+"""The errors of `struct` for values that do not fit the type."""
 _COUNT = struct.Struct("<I")
 
 Write: TypeAlias = Callable[[bytearray, Any], None]
-"""Adds a value to the bytes. Raises `_FieldMisfit`."""
+"""Append a value to the bytes. Raises `_FieldMisfit`."""
 Read: TypeAlias = Callable[[bytes, int], tuple[Any, int]]
-"""The value at a place, and the place behind it. Raises struct.error or ValueError when the bytes end before that."""
+"""The value at a position, and the next position. Raises struct.error or ValueError when the bytes end too early."""
 
 
 class _FieldMisfit(PortError):
-    """A value that does not fit. Who knows in which field it stands adds that on the way out."""
+    """A value that does not fit. Each caller that knows a part of the field's path adds it."""
 
     def __init__(self, sentence: Callable[[str], str]) -> None:
-        """`sentence` is given the path of the field; empty: it is the message itself."""
+        """`sentence` receives the path of the field; empty: the message itself."""
         self._sentence = sentence
         self._path = ""
 
@@ -63,33 +63,33 @@ def _misfit(what: str) -> _FieldMisfit:
 
 
 class _FieldCodec(NamedTuple):
-    """How one field, or one element of a field, is written and read."""
+    """How to write and read one field, or one element of it."""
 
     write: Write
     read: Read
     zero: Any
-    """What is written when it is left out."""
+    """The value that is written if the field is left out."""
 
 
 class MessageCodec:
-    """Makes bytes of one type's messages, and messages of bytes."""
+    """Converts one type's messages to bytes and back."""
 
     def __init__(self, type: str, message: Callable[[str], InterfaceDefinition]) -> None:
-        """`message` gives definitions; every nested type must be known and none a `wstring`."""
+        """`message` returns definitions. Every nested type must be known, and none may be a `wstring`."""
         self.type = type
         self._whole = _CodecBuilder(message).codec(type)
 
     def pack(self, message: Message, head: bytes = b"") -> bytes:
-        """The bytes of a message; `head` comes before it, after the CDR header (its length a multiple of 8). Filled up
-        to a multiple of 4. Raises PortError naming the field that does not fit."""
+        """The bytes of a message, filled up to a multiple of 4. `head` comes before it, after the CDR header (its
+        length is a multiple of 8). Raises PortError that names the field that does not fit."""
         out = bytearray(head)
         self._whole.write(out, message)
         out += bytes(-len(out) & 3)
         return HEADER + out
 
     def unpack(self, data: bytes, start: int = 4) -> Message:
-        """The message in `data`, from `start` (4 more than a multiple of 8) on. Raises PortError when the bytes are no
-        such message."""
+        """The message in `data`, from `start` on (4 more than a multiple of 8). Raises PortError when the bytes are not
+        such a message."""
         if data[:2] != HEADER[:2]:
             raise PortError(f"a message of {self.type} came in an encoding that is not understood: {data[:4].hex()}")
         try:
@@ -102,7 +102,7 @@ class MessageCodec:
 
 
 class _CodecBuilder:
-    """Puts types together, each one once."""
+    """Builds codecs, each type once."""
 
     def __init__(self, message: Callable[[str], InterfaceDefinition]) -> None:
         self._definition = message
@@ -194,14 +194,14 @@ def _text_codec(type: InterfaceFieldType) -> _FieldCodec:
 
     def read(data: bytes, at: int) -> tuple[Any, int]:
         size, at = _read_count(data, at)
-        # The length counts the zero at the end; some writers give an empty text as no bytes at all.
+        # The length includes the zero at the end; some writers send an empty text as no bytes at all.
         return str(data[at : at + size - 1], "utf-8", "replace") if size else "", at + size
 
     return _FieldCodec(write, read, "")
 
 
 def _list_codec(type: InterfaceFieldType, element: _FieldCodec) -> _FieldCodec:
-    """An array or a sequence of what `one` writes and reads."""
+    """The codec of an array or a sequence of elements."""
     code = "" if type.is_nested else _CODES.get(type.base, "")
     plain = code not in ("", "?")
     size = struct.calcsize(f"<{code or 'B'}")
@@ -216,7 +216,7 @@ def _list_codec(type: InterfaceFieldType, element: _FieldCodec) -> _FieldCodec:
             _write_count(out, len(values))
         if plain and len(values):
             out += bytes(-len(out) & (size - 1))
-            with suppress(*_NO_NUMBERS):  # below it is said which one it is
+            with suppress(*_NO_NUMBERS):  # the loop below names the element
                 out += bytes(values) if code == "B" else struct.pack(f"<{len(values)}{code}", *values)
                 return
         for index, value in enumerate(values):

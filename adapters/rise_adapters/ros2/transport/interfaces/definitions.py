@@ -1,12 +1,12 @@
-"""Reads ROS interface definitions: the text of a `.msg`, `.srv` or `.action` file, as ROS 2 writes them
+"""Reads ROS interface definitions: the text of a `.msg`, `.srv` or `.action` file
 (https://docs.ros.org/en/jazzy/Concepts/Basic/About-Interfaces.html).
 
-Names are made full on the way in (`PointStamped` of `geometry_msgs` becomes `geometry_msgs/msg/PointStamped`), and what
-a service or an action implies is derived: requests and responses, and for an action the services and messages that
-carry it (https://design.ros2.org/articles/actions.html).
+Names become full names (`PointStamped` of `geometry_msgs` becomes `geometry_msgs/msg/PointStamped`). The types that a
+service or an action implies are derived: requests and responses, and for an action the services and messages that carry
+it (https://design.ros2.org/articles/actions.html).
 
-Type hashes `RIHS01_...` (https://ros.org/reps/rep-2016.html): by them two nodes see whether they mean the same type
-by one name. A hash covers names, fields and everything nested; comments, constants and defaults do not count.
+Type hashes `RIHS01_...` (https://ros.org/reps/rep-2016.html) show two nodes whether they mean the same type by one
+name. A hash covers names, fields and everything nested; comments, constants and defaults do not count.
 """
 
 from __future__ import annotations
@@ -27,10 +27,10 @@ INTEGER_RANGES = {
     for bits in (8, 16, 32, 64)
     for sign in ("", "u")
 }
-"""The whole numbers, in the order of their ids in type hashes: the least and the largest of each."""
+"""The integer types in the order of their ids in type hashes, with the least and the largest value of each."""
 PRIMITIVES = frozenset({"bool", "byte", "float32", "float64", "string", "wstring", *INTEGER_RANGES})
 _ALIASES = {"char": "uint8"}
-"""ROS 2 keeps `char` as another name of `uint8`; on the wire and in type hashes there is only the latter."""
+"""ROS 2 keeps `char` as another name for `uint8`; the wire and type hashes have only `uint8`."""
 _ROS_1 = {"time": "builtin_interfaces/Time", "duration": "builtin_interfaces/Duration"}
 
 _PACKAGE = r"[a-z][a-z0-9_]*"
@@ -48,9 +48,9 @@ class InterfaceFieldType(Struct, frozen=True):
     """The type of a field."""
 
     base: str
-    """A primitive as ROS names it, or the full name of a message: `float64`, `geometry_msgs/msg/Point`."""
+    """A primitive in ROS's spelling, or the full name of a message: `float64`, `geometry_msgs/msg/Point`."""
     length: int = 0
-    """Of a `string<=N`: bytes at most. 0: as long as it likes."""
+    """The most bytes of a `string<=N`. 0: no limit."""
     container: str = ""
     """Empty for one value; `array` (exactly `count`), `bounded` (at most `count`) or `sequence`."""
     count: int = 0
@@ -71,19 +71,19 @@ class InterfaceField(Struct, frozen=True):
 
 
 class InterfaceDefinition(Struct, frozen=True):
-    """A message type, or the whole of a service or an action (whose fields are then its parts)."""
+    """A message type, or a whole service or action (whose fields are then its parts)."""
 
     name: str
     """`std_msgs/msg/String`, `rise_interfaces/action/Speech_Goal`."""
     fields: tuple[InterfaceField, ...]
     origin: str
-    """Where it was read: a file's path, or a few words."""
+    """Its source: a file's path, or a few words."""
     is_whole: bool = False
-    """A service or an action, of which no messages exist."""
+    """Whether it is a service or an action, which has no messages of its own."""
 
 
 def split_name(name: str) -> tuple[str, str, str]:
-    """The package, the kind (`msg`, `srv`, `action`) and the name of a type. Raises PortError if it is none."""
+    """The package, the kind (`msg`, `srv`, `action`) and the name of a type. Raises PortError if it is not one."""
     match = _FULL.fullmatch(name)
     if match is None:
         raise PortError(f"{name!r} is not the name of a ROS type; one looks like std_msgs/msg/String")
@@ -91,7 +91,7 @@ def split_name(name: str) -> tuple[str, str, str]:
 
 
 def read_definitions(package: str, kind: str, name: str, text: str, origin: str) -> dict[str, InterfaceDefinition]:
-    """Everything that one file defines and implies, by full name. Raises PortError naming the place (`origin:line`)."""
+    """Everything that one file defines and implies, by full name. Raises PortError with the place (`origin:line`)."""
     parts: list[list[tuple[int, str]]] = [[]]
     for number, line in enumerate(text.splitlines(), 1):
         if line.strip() == "---" and kind != "msg":
@@ -119,7 +119,7 @@ def read_definitions(package: str, kind: str, name: str, text: str, origin: str)
 
 
 def service_definitions(name: str, origin: str) -> dict[str, InterfaceDefinition]:
-    """What a service implies, besides its request and response."""
+    """The types that a service implies, other than its request and response."""
     event = (
         _field("info", "service_msgs/msg/ServiceEventInfo"),
         InterfaceField("request", InterfaceFieldType(f"{name}_Request", container="bounded", count=1)),
@@ -137,7 +137,7 @@ def service_definitions(name: str, origin: str) -> dict[str, InterfaceDefinition
 
 
 def action_definitions(name: str, origin: str) -> dict[str, InterfaceDefinition]:
-    """What an action implies, besides its goal, result and feedback."""
+    """The types that an action implies, other than its goal, result and feedback."""
     goal_id = _field("goal_id", "unique_identifier_msgs/msg/UUID")
     messages = {
         f"{name}_SendGoal_Request": (goal_id, _field("goal", f"{name}_Goal")),
@@ -163,8 +163,8 @@ def action_definitions(name: str, origin: str) -> dict[str, InterfaceDefinition]
 
 
 def file_stems(kind: str, name: str) -> Iterator[str]:
-    """The files that may define a type of this name, the likeliest first: what a service or an action implies is called
-    as that is, with more after a `_`."""
+    """The files that may define a type of this name, the likeliest first. Types that a service or an action implies
+    have its name and an ending after `_`."""
     yield name
     while kind != "msg" and "_" in name:
         name = name.rpartition("_")[0]
@@ -176,7 +176,7 @@ def _field(name: str, base: str) -> InterfaceField:
 
 
 def _strip_comments(lines: list[tuple[int, str]], origin: str) -> Iterator[tuple[str, str]]:
-    """The lines that say something, without comments, and where they are."""
+    """The lines with content, without comments, and their places."""
     for number, line in lines:
         content = line.partition("#")[0].strip()
         if content:
@@ -201,7 +201,7 @@ def _read_line(package: str, place: str, line: str, fields: list[InterfaceField]
 
 
 def read_field_type(text: str, place: str, package: str = "") -> InterfaceFieldType:
-    """A type as ROS writes it. `package`: of a message that is named without one. Raises PortError naming the place."""
+    """A type in ROS's spelling. `package`: for a message that is named without one. Raises PortError with the place."""
     match = _TYPE.fullmatch(text)
     if match is None:
         raise PortError(f"{place}: {text!r} is not a type")
@@ -231,7 +231,7 @@ def _qualify_base(package: str, place: str, base: str) -> str:
 
 
 def _check_constant(place: str, type: InterfaceFieldType, text: str) -> None:
-    """Constants are on no wire and in no hash; but a file that ROS would refuse is refused here, too."""
+    """Check a constant. Constants are on no wire and in no hash, but ROS would refuse a file with a wrong one."""
     try:
         if (
             type.container
@@ -261,11 +261,11 @@ _BOUNDED_TEXT = {"string": 21, "wstring": 22}
 _MANY = {"": 0, "array": 48, "bounded": 96, "sequence": 144}
 
 PLACEHOLDER_FIELD = "structure_needs_at_least_one_member"
-"""The one field (a `uint8`) that a message without fields has on the wire and in hashes."""
+"""The one field (a `uint8`) of a message without fields, on the wire and in hashes."""
 
 
 def type_hash(name: str, definition: Callable[[str], InterfaceDefinition]) -> str:
-    """The hash of a type. `definition` gives the types nested in it; what it raises passes through."""
+    """The hash of a type. `definition` returns the types nested in it; its errors pass through."""
     described: dict[str, dict[str, Any]] = {}
 
     def describe(type: str) -> None:
@@ -286,13 +286,12 @@ def type_hash(name: str, definition: Callable[[str], InterfaceDefinition]) -> st
         "type_description": described.pop(name),
         "referenced_type_descriptions": [described[type] for type in sorted(described)],
     }
-    # The hash is one of text: this separator and this order of keys are part of the standard.
+    # The hash is that of a text: this separator and this order of keys are part of the standard.
     return f"RIHS01_{sha256(json.dumps(whole, separators=(', ', ': ')).encode()).hexdigest()}"
 
 
 def read_built_hashes(file: Path) -> dict[str, str]:
-    """By type, the hashes that rosidl wrote beside a definition when its package was built; none if they cannot be
-    read."""
+    """The hashes, by type, that rosidl wrote beside a definition at build time; none if they cannot be read."""
     try:
         return {each["type_name"]: each["hash_string"] for each in json.loads(file.read_text("utf-8"))["type_hashes"]}
     except (OSError, ValueError, LookupError, TypeError):

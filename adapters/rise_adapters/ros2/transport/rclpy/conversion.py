@@ -1,7 +1,7 @@
-"""Messages of an installed ROS as the port's plain values, and back.
+"""Converts messages of an installed ROS to the port's plain values, and back.
 
-rclpy itself checks nothing of what is put into a message (and a wrong value can end the process in its C code), so all
-of it is checked here, and what does not fit is said with the path of the field: `pose.position.x`.
+rclpy does not check what is put into a message (and a wrong value can end the process in its C code). This module
+therefore checks everything, and names the path of a field that does not fit: `pose.position.x`.
 """
 
 from __future__ import annotations
@@ -15,35 +15,34 @@ from rise_adapters.ros2.transport.port import Message, PortError
 
 _FLOATS = {"float": "float32", "double": "float64"}
 _LARGEST_FLOAT32 = 3.4028235677973366e38
-"""Everything below it (in size) is rounded to a finite float32."""
+"""Everything smaller (in size) is rounded to a finite float32."""
 
 Read: TypeAlias = Callable[[Any], Any]
 Write: TypeAlias = Callable[[Any, str], Any]
-"""Gets the value and the path of its field. Raises PortError when it does not fit."""
+"""Receives the value and the path of its field. Raises PortError when it does not fit."""
 
 
 class FieldConverter(NamedTuple):
     """How one field (or one element of an array) is read from a message of rclpy, and written into it."""
 
     type: str
-    """As ROS writes it."""
+    """The type in ROS's spelling."""
     write: Write
     zero: Callable[[], Any]
     """Makes the zero value."""
     read: Read | None = None
-    """None: as it is."""
+    """None: unchanged."""
     has_default: bool = False
-    """Whether a new message of rclpy holds something else than zero there."""
+    """Whether this field is not zero in a new message of rclpy."""
 
 
 class MessageConverter:
-    """One message type, made ready once."""
+    """The converter of one message type, prepared once."""
 
     def __init__(
         self, type: str, maker: Callable[[], Any], converters: Mapping[str, FieldConverter], defaults: Sequence[str]
     ) -> None:
-        """`maker`: rclpy's class of the type. `converters`: by field. `defaults`: the fields that are not zero in a new
-        message of rclpy."""
+        """`maker`: rclpy's class of the type. `converters`: by field. `defaults`: fields that are not zero at first."""
         self.type = type
         self._maker = maker
         self.fields = {name: converter.type for name, converter in converters.items()}
@@ -55,7 +54,7 @@ class MessageConverter:
 
     @property
     def has_defaults(self) -> bool:
-        """Whether a new message of rclpy holds something else than zero."""
+        """Whether a new message of rclpy has fields that are not zero."""
         return bool(self._zero)
 
     def read(self, message: Any) -> Message:

@@ -17,7 +17,7 @@ from rise_adapters.ros2.transport.rclpy.node import SpinningNode
 
 
 class RclpyEntity:
-    """One of these, until it is closed."""
+    """A publisher, subscription, service or client, until it is closed."""
 
     def __init__(
         self,
@@ -29,7 +29,7 @@ class RclpyEntity:
         qos: QoS,
         **more: Any,
     ) -> None:
-        """`of_rclpy`: rclpy's class of the type. Raises PortError; rclpy's manifold complaints become one sentence."""
+        """`of_rclpy`: rclpy's class of the type. Raises PortError, with one sentence for rclpy's many errors."""
         node.check_works()
         self._node = node
         self._kind = kind
@@ -37,7 +37,7 @@ class RclpyEntity:
         try:
             create = getattr(node.rclpy_node, f"create_{kind}")
             self._entity: Any = create(of_rclpy, name, qos_profile=node.make_profile(qos), **more)
-        except Exception as error:  # rclpy and its C code raise all kinds
+        except Exception as error:  # rclpy and its C code raise many kinds
             what = "topic" if kind in ("publisher", "subscription") else "service"
             raise PortError(f"The {what} {name} of the type {type} cannot be made: {first_line(error)}") from error
 
@@ -51,7 +51,7 @@ class RclpyEntity:
             self._node.destroy(getattr(self._node.rclpy_node, f"destroy_{self._kind}"), self._entity)
 
     def hand_over(self, callback: Callable[..., object], *arguments: Any) -> None:
-        """From any thread: have it called on the loop's, unless this is closed by then."""
+        """Call a function on the loop's thread, unless this is closed by then. May be called on any thread."""
         self._node.call_on_loop(self._call_unless_closed, callback, *arguments)
 
     def _call_unless_closed(self, callback: Callable[..., object], *arguments: Any) -> None:
@@ -59,7 +59,7 @@ class RclpyEntity:
             callback(*arguments)
 
 
-# rclpy's own callbacks for events would only write log lines, and each makes every turn of the executor longer.
+# rclpy's own callbacks for events would only write log lines, and each slows down every turn of the executor.
 
 
 # --- services ---------------------------------------------------------------------------------------------------------
@@ -67,12 +67,12 @@ class RclpyEntity:
 _log = logging.getLogger(__name__)
 
 _QOS = QoS(depth=1000)
-"""Requests and replies that may wait in the middleware. ROS's own 10 are overrun by a burst, and then they are lost."""
+"""Requests and replies that may wait in the middleware. A burst overruns ROS's own 10, and the rest would be lost."""
 
 
 class RclpyServer(RclpyEntity):
-    """Answers at any time: it takes the header of each request from rclpy, instead of having rclpy wait for the answer
-    in a coroutine, which would cost each turn of the executor something for every request that waits."""
+    """Answers at any time. It takes the header of each request from rclpy. Otherwise rclpy would wait for the answer in
+    a coroutine, and every waiting request would slow down each turn of the executor."""
 
     def __init__(
         self,
@@ -90,7 +90,7 @@ class RclpyServer(RclpyEntity):
         self._response = response
         self._on_request = on_request
         self._ready = threading.Lock()
-        """Held until `send_response` is replaced: a request that comes before waits in `_pass_on`."""
+        """Held until `send_response` is replaced: an earlier request waits in `_pass_on`."""
         with self._ready:
             if node.spins_on:
                 node.call_on_thread(self._pass_on, None, None)  # holds the thread before it sees the service
@@ -99,13 +99,12 @@ class RclpyServer(RclpyEntity):
             self._entity.send_response = self._take_request
 
     def _pass_on(self, request: Any, response: Any) -> Any:
-        """rclpy's callback, in the spinning thread. What it returns goes to `send_response`, together with the header
-        of the request: to `_take_request`."""
+        """rclpy's callback, in the spinning thread. Its result goes with the request's header to `_take_request`."""
         with self._ready:
             return request
 
     def _take_request(self, request: Any, header: Any) -> None:
-        """In the spinning thread, where the executor believes to send an answer."""
+        """Take a request, in the spinning thread, where the executor means to send an answer."""
         self.hand_over(self._handle_request, self._request.read(request), header)
 
     def _handle_request(self, request: Message, header: Any) -> None:
@@ -119,7 +118,7 @@ class RclpyServer(RclpyEntity):
             answered = True
             try:
                 self._send(written, header)
-            except Exception as error:  # the client is gone, or cannot be reached: nobody to tell
+            except Exception as error:  # the client is gone or cannot be reached
                 _log.info("an answer could not be sent: %s", first_line(error))
 
         self._on_request(request, reply)
@@ -137,7 +136,7 @@ class RclpyClient(RclpyEntity):
         request: MessageConverter,
         response: MessageConverter,
     ) -> None:
-        """As `RclpyServer`."""
+        """Like `RclpyServer`."""
         super().__init__(node, "client", name, type, service, _QOS)
         self._request = request
         self._response = response
@@ -158,7 +157,7 @@ class RclpyClient(RclpyEntity):
         future.add_done_callback(lambda done: self._take_response(done, on_response))
 
     def _take_response(self, done: Any, on_response: Callable[[Message], None]) -> None:
-        """In the spinning thread; on the loop's when the answer was quicker than `call`."""
+        """Take a response, in the spinning thread; on the loop's thread if the answer was faster than `call`."""
         response = done.result()
         if response is not None:
             self.hand_over(on_response, self._response.read(response))
@@ -171,7 +170,7 @@ class RclpyPublisher(RclpyEntity):
     """Implements `port.Publisher`."""
 
     def __init__(self, node: SpinningNode, topic: str, type: Any, converter: MessageConverter, qos: QoS) -> None:
-        """`type`: rclpy's class of it. Raises PortError."""
+        """`type`: rclpy's class of the type. Raises PortError."""
         events = node.rclpy.events.PublisherEventCallbacks(use_default_callbacks=False)
         super().__init__(node, "publisher", topic, converter.type, type, qos, event_callbacks=events)
         self._converter = converter
@@ -203,14 +202,14 @@ class RclpySubscription(RclpyEntity):
         qos: QoS,
         pause: float,
     ) -> None:
-        """As `RclpyPublisher`; `pause` as of `port.Transport`."""
+        """Like `RclpyPublisher`; `pause` is that of `port.Transport`."""
 
         def take(message: Any) -> None:
-            """In the spinning thread."""
+            """Take a message, in the spinning thread."""
             self.hand_over(on_message, converter.read(message))
 
         events = node.rclpy.events.SubscriptionEventCallbacks(use_default_callbacks=False)
-        more = {"callback": take, "raw": pause > 0}  # raw: the executor leaves it alone (`SpinningNode`)
+        more = {"callback": take, "raw": pause > 0}  # raw: the executor does not read it (`SpinningNode`)
         super().__init__(node, "subscription", topic, converter.type, type, qos, event_callbacks=events, **more)
         if pause:
             self._poll = partial(
@@ -219,15 +218,15 @@ class RclpySubscription(RclpyEntity):
             node.loop.call_later(pause, self._poll)
 
     def _read_newest(self, pause: float, depth: int, type: Any, read: Callable[[Any], None]) -> None:
-        """On the loop: read what the middleware has kept, and look again after the pause.
+        """Read on the loop what the middleware has kept, and again after the pause.
 
-        rclpy's executor would take each message that comes; what the middleware drops costs nothing.
+        rclpy's executor would take each message; messages that the middleware drops cost nothing.
         """
         if not self.works:
             return
         self._node.loop.call_later(pause, self._poll)
         with self._entity.handle:
-            for _ in range(max(depth, 1)):  # not as long as more come: the loop has other work
+            for _ in range(max(depth, 1)):  # not until none is left: the loop has other work
                 if (taken := self._entity.handle.take_message(type, False)) is None:
                     break
                 read(taken[0])

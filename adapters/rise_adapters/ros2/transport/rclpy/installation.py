@@ -1,4 +1,4 @@
-"""rclpy, where it is installed. It belongs to ROS and not to this program: it is imported here, when it is wanted."""
+"""Imports rclpy when it is needed. It belongs to ROS, not to this program."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from rise_adapters.ros2.transport.port import PortError
 
 
 class Rclpy(NamedTuple):
-    """The parts of rclpy that are used."""
+    """The parts of rclpy that this program uses."""
 
     Context: Any
     Node: Any
@@ -18,11 +18,11 @@ class Rclpy(NamedTuple):
     events: Any
     qos: Any
     rmw: str
-    """Which RMW carries it: `rmw_cyclonedds_cpp`."""
+    """The RMW in use: `rmw_cyclonedds_cpp`."""
 
 
 def load_rclpy() -> Rclpy:
-    """Raises PortError when it cannot be used here."""
+    """Import rclpy. Raises PortError when it cannot be used here."""
     why = rclpy_missing()
     if why:
         raise PortError(why)
@@ -40,7 +40,7 @@ def rclpy_missing() -> str:
     """Why rclpy cannot be used here, as a sentence; empty when it can."""
     try:
         rclpy = import_module("rclpy")
-        import_module("rclpy.node")  # loads the compiled part, which fails under another Python
+        import_module("rclpy.node")  # loads the compiled part, which fails with another Python
         rclpy.get_rmw_implementation_identifier()
     except ImportError as error:
         if isinstance(error, ModuleNotFoundError) and error.name == "rclpy":
@@ -49,13 +49,13 @@ def rclpy_missing() -> str:
                 "this Python is not the one it was made for."
             )
         return f"rclpy is here, but it cannot be loaded: {first_line(error)}"
-    except Exception as error:  # an RMW that is asked for but not installed
+    except Exception as error:  # a requested RMW that is not installed
         return f"rclpy is here, but it does not start: {first_line(error)}"
     return ""
 
 
 def first_line(error: BaseException) -> str:
-    """rclpy's messages end in places of C files; the first line says it."""
+    """The first line of an error. rclpy's messages continue with places in C files."""
     if type(error).__name__ == "UnknownROSArgsError":
         return f"it does not know the arguments {error}"
     text = str(error).strip() or type(error).__name__

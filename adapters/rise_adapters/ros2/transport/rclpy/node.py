@@ -1,5 +1,5 @@
-"""One node of rclpy and the thread that spins it for its life, on a context of its own, so that other users of rclpy in
-the same process are not disturbed."""
+"""One node of rclpy and the thread that spins it. It has its own context, so that other users of rclpy in the same
+process are not affected."""
 
 from __future__ import annotations
 
@@ -21,9 +21,9 @@ _log = logging.getLogger(__name__)
 
 _JOIN_SECONDS = 2.0
 _CLOSED_KEPT = 256
-"""Closed publishers, subscriptions, services and clients that are kept from being reused."""
+"""Closed publishers, subscriptions, services and clients that are kept for a while."""
 _MOST_FAILURES = 20
-"""Failures of the executor, one after the other, after which it is given up."""
+"""Failures of the executor in a row after which it is given up."""
 
 
 class SpinningNode:
@@ -35,8 +35,7 @@ class SpinningNode:
         node: str,
         arguments: Sequence[str],
     ) -> None:
-        """Make the node and begin to spin. Arguments as for `RclpyTransport`. Raises PortError when rclpy cannot be
-        used or refuses them."""
+        """Create the node and begin to spin, with `RclpyTransport`'s arguments. Raises PortError if rclpy refuses."""
         self.rclpy = load_rclpy()
         self._context: Any = self.rclpy.Context()
         try:
@@ -47,7 +46,7 @@ class SpinningNode:
                 context=self._context,
                 start_parameter_services=False,  # ours are the same on both transports (parameters.py)
             )
-        except Exception as error:  # rclpy and its C code raise all kinds
+        except Exception as error:  # rclpy and its C code raise many kinds
             self._context.try_shutdown()
             raise PortError(f"ROS does not start the node {node!r}: {first_line(error)}") from error
         self.name: str = self.rclpy_node.get_fully_qualified_name()
@@ -62,23 +61,23 @@ class SpinningNode:
         self._executor.add_node(self.rclpy_node)
         self._thread = threading.Thread(target=self._spin, name=f"rclpy {self.name}", daemon=True)
         self._thread.start()
-        # A thread that is inside of rclpy while the interpreter ends would abort the process.
+        # A thread inside rclpy at the end of the interpreter would abort the process.
         atexit.register(self.close)
 
     # --- between the threads --------------------------------------------------------------------------------------
 
     def call_on_loop(self, callback: Callable[..., object], *arguments: Any) -> None:
-        """From any thread."""
+        """Call a function on the loop's thread. May be called on any thread."""
         self._inbox.put(partial(callback, *arguments), wait=threading.current_thread() is self._thread)
 
     def call_on_thread(self, callback: Callable[..., Any], *arguments: Any) -> None:
-        """Have it called where the node is spun."""
+        """Call a function on the spinning thread."""
         self._executor.create_task(callback, *arguments)
 
     def destroy(self, destroy: Callable[[Any], Any], thing: Any) -> None:
-        """Destroy it in the spinning thread, which may be in the middle of looking at it.
+        """Destroy an entity in the spinning thread, which may be using it.
 
-        The executor may still hold events for it that name it by its address only, so it is kept for a while.
+        The executor may still have events that know it only by its address, so it is kept for a while.
         """
         self._closed_things.append(thing)
         if not self.failure():
@@ -87,7 +86,7 @@ class SpinningNode:
     # --- quality of service -----------------------------------------------------------------------------------------
 
     def read_profile(self, profile: Any) -> QoS | None:
-        """What a quality of service of rclpy means; None: the middleware does not say."""
+        """A quality of service of rclpy for the port; None: the middleware does not report it."""
         policies = self.rclpy.qos
         reliable = {policies.ReliabilityPolicy.RELIABLE: True, policies.ReliabilityPolicy.BEST_EFFORT: False}
         latched = {policies.DurabilityPolicy.TRANSIENT_LOCAL: True, policies.DurabilityPolicy.VOLATILE: False}
@@ -97,7 +96,7 @@ class SpinningNode:
             return None
 
     def make_profile(self, qos: QoS) -> Any:
-        """rclpy's own quality of service."""
+        """A quality of service for rclpy."""
         policies = self.rclpy.qos
         return policies.QoSProfile(
             history=policies.HistoryPolicy.KEEP_LAST,
@@ -106,21 +105,21 @@ class SpinningNode:
             durability=policies.DurabilityPolicy.TRANSIENT_LOCAL if qos.latched else policies.DurabilityPolicy.VOLATILE,
         )
 
-    # --- its end --------------------------------------------------------------------------------------------------
+    # --- the end --------------------------------------------------------------------------------------------------
 
     def failure(self) -> str:
-        """Why it works no more; empty while it does."""
+        """Why the node no longer works; empty while it does."""
         if not self._lost and not self._context.ok():
             self._lost = "the ROS context was shut down"
         return self._lost
 
     def check_works(self) -> None:
-        """Raises PortError when it has ended."""
+        """Raise PortError when the node has ended."""
         if self.failure():
             raise PortError(f"The ROS node {self.name} can be used no more: {self.failure()}.")
 
     def close(self) -> None:
-        """End the thread and wait for it, shortly."""
+        """End the thread and wait for it briefly."""
         if self._closed:
             return
         self._closed = True
@@ -130,7 +129,7 @@ class SpinningNode:
         if self.spins_on:
             self._executor.shutdown(timeout_sec=_JOIN_SECONDS)
         elif self._context.ok():
-            self._executor.create_task(lambda: None)  # wakes the thread, which then sees that it is to end
+            self._executor.create_task(lambda: None)  # wakes the thread, which then sees that it must end
         self._thread.join(_JOIN_SECONDS)
         if self._thread.is_alive():
             _log.warning("the thread of the ROS node %s did not end", self.name)
@@ -139,7 +138,7 @@ class SpinningNode:
         for step in (self._executor.shutdown, self.rclpy_node.destroy_node, self._context.try_shutdown):
             try:
                 step()
-            except Exception as error:  # the other steps are still to be done
+            except Exception as error:  # the other steps must still be done
                 _log.warning("closing the ROS node %s: %s", self.name, first_line(error))
 
     def _spin(self) -> None:
@@ -152,7 +151,8 @@ class SpinningNode:
             except self.rclpy.executors.ExternalShutdownException:
                 break
             except Exception as error:
-                # One bad message or one entity that was closed meanwhile; what else is ready comes in the next turn.
+                # One bad message, or one entity that was closed in the meantime. Everything else follows in the next
+                # turn.
                 failures += 1
                 _log.warning("the executor of the ROS node %s failed: %s", self.name, first_line(error))
                 if failures >= _MOST_FAILURES:
@@ -161,7 +161,7 @@ class SpinningNode:
 
 
 def _node_class(rclpy: Rclpy) -> Any:
-    """rclpy's node, whose raw subscriptions are read by whoever made them and not by its executor."""
+    """A node class of rclpy whose raw subscriptions are read by their owners, not by its executor."""
 
     def subscriptions(node: Any) -> Iterator[Any]:
         return (each for each in rclpy.Node.subscriptions.fget(node) if not each.raw)
@@ -170,15 +170,15 @@ def _node_class(rclpy: Rclpy) -> Any:
 
 
 def _make_executor(context: Any, rclpy: Rclpy) -> tuple[Any, bool]:
-    """What waits for the middleware, and whether its `spin` goes on until `shutdown` and may be ended by it.
+    """An executor, and whether its `spin` runs until `shutdown` and can be ended by it.
 
-    rclpy's executor of events costs the same for a node with a hundred endpoints as for one with three, 0.5 ms for a
-    call that comes and is answered; the usual one looks at all of them again for each message, 2 to 3 ms with the
-    thirty endpoints of a robot with six actions. It is there from rclpy 7.1.4 on.
+    rclpy's executor of events costs the same for a node with a hundred endpoints as for one with three: 0.5 ms for a
+    call that arrives and is answered. The usual executor examines all endpoints again for each message: 2 to 3 ms with
+    the thirty endpoints of a robot with six actions. The executor of events exists from rclpy 7.1.4 on.
     """
     try:
         events = import_module("rclpy.experimental.events_executor")
         return events.EventsExecutor(context=context), True
-    except Exception as error:  # not there, or not as it was when this was written: it is an experiment of rclpy's
+    except Exception as error:  # missing or changed: it is an experiment of rclpy's
         _log.info("rclpy's executor of events cannot be used (%s); the usual one is", first_line(error))
         return rclpy.executors.SingleThreadedExecutor(context=context), False

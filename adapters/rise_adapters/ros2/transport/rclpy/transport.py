@@ -1,7 +1,7 @@
-"""The port over rclpy (Jazzy, 7.1 or newer), with any RMW: for machines on which ROS is installed.
+"""The port over rclpy (Jazzy, 7.1 or newer), with any RMW, for machines with a ROS installation.
 
-One thread spins the node (`node`). It takes messages, turns them into plain values (`conversion`), and hands them to
-the asyncio loop (`inbox`). Sending, making and looking is done on the loop's thread.
+One thread spins the node (`node`). It takes messages, converts them to plain values (`conversion`), and passes them to
+the asyncio loop (`inbox`). The loop's thread sends, creates and looks up.
 """
 
 from __future__ import annotations
@@ -24,14 +24,14 @@ from rise_adapters.ros2.transport.rclpy.types import InstalledTypes
 _log = logging.getLogger(__name__)
 
 _UNKNOWN = "_UNKNOWN_"
-"""Within the name of a node that ROS does not know (yet): `_NODE_NAME_UNKNOWN_`."""
+"""Part of the name of a node that ROS does not know (yet): `_NODE_NAME_UNKNOWN_`."""
 
 
 class RclpyGraph:
-    """Names are full ones. Nothing is there once the node has ended."""
+    """The other nodes, by full names. It is empty once the node has ended."""
 
     def __init__(self, node: SpinningNode, vendor: str) -> None:
-        """`vendor`: whose software carries this node, as in `RemoteEndpoint`."""
+        """`vendor`: the vendor of this node's software, as in `RemoteEndpoint`."""
         self._spinning = node
         self._node: Any = node.rclpy_node
         self._vendor = vendor
@@ -43,7 +43,7 @@ class RclpyGraph:
         return self._find_endpoints(self._node.get_subscriptions_info_by_topic, topic)
 
     def find_servers(self, service: str) -> list[RemoteEndpoint]:
-        # RMWs on DDS carry a service on two topics: what reads the one and writes the other are the servers.
+        # RMWs on DDS carry a service on two topics: the servers read the one and write the other.
         found = [
             *self._find_endpoints(self._node.get_subscriptions_info_by_topic, f"rq{service}Request", no_mangle=True),
             *self._find_endpoints(self._node.get_publishers_info_by_topic, f"rr{service}Reply", no_mangle=True),
@@ -52,7 +52,7 @@ class RclpyGraph:
 
     def find_clients(self, service: str) -> list[str]:
         """The nodes that call a service."""
-        # As in `find_servers`: on DDS, who writes this topic calls the service.
+        # As in `find_servers`: on DDS, clients of the service write this topic.
         infos = self._look_up(self._node.get_publishers_info_by_topic, f"rq{service}Request", no_mangle=True)
         return sorted({_full_name(info) for info in infos} - {self._spinning.name})
 
@@ -67,7 +67,7 @@ class RclpyGraph:
         """As `port.Transport.programs_of_other_vendors`."""
         if not self._vendor:
             return []
-        # By what they have: what a program is carried by is nowhere else to be seen.
+        # From their endpoints, because nothing else shows a program's vendor.
         found = {
             (end.node, end.vendor)
             for name, _ in self._look_up(self._node.get_topic_names_and_types, no_demangle=True)
@@ -75,21 +75,21 @@ class RclpyGraph:
             for end in self._find_endpoints(list_infos, name, no_mangle=True)
             if end.vendor != self._vendor
         }
-        named = {vendor for node, vendor in found if node}  # of those, what has no name is their middleware's own
+        named = {vendor for node, vendor in found if node}  # their unnamed ends are the middleware's own
         return sorted((node or "without a name", vendor) for node, vendor in found if node or vendor not in named)
 
     def _look_up(self, question: Callable[..., Any], *about: str, **more: bool) -> list[Any]:
-        """What rclpy lists; nothing of what it cannot look up, such as a node that has just gone."""
+        """What rclpy lists; nothing if it cannot look something up, such as a node that has just gone."""
         if self._spinning.failure():
             return []
         try:
             return list(question(*about, **more))
-        except Exception as error:  # rclpy and its C code raise all kinds
+        except Exception as error:  # rclpy and its C code raise many kinds
             _log.debug("%s cannot be looked up: %s", " ".join(about), first_line(error))
             return []
 
     def _find_endpoints(self, list_infos: Callable[..., Any], name: str, **more: bool) -> list[RemoteEndpoint]:
-        """What others have under a name."""
+        """The endpoints of others under a name."""
         infos = self._look_up(list_infos, name, **more)
         return [self._make_endpoint(info) for info in infos if _full_name(info) != self._spinning.name]
 
@@ -105,7 +105,7 @@ class RclpyGraph:
         )
 
     def _find_servers_by_node(self, service: str) -> list[RemoteEndpoint]:
-        """The service of that name as far as other nodes, each by itself, are known to offer it."""
+        """A service's endpoints from those nodes that are known to offer it."""
         found: list[RemoteEndpoint] = []
         for name, namespace in self._look_up(self._node.get_node_names_and_namespaces):
             node = f"{namespace.rstrip('/')}/{name}"
@@ -125,7 +125,7 @@ def _full_name(info: Any) -> str:
 
 
 def _read_hash(value: Any) -> str:
-    """A type hash of an endpoint; `INVALID` when the endpoint does not say."""
+    """The type hash of an endpoint; empty when it announces none (rclpy then has `INVALID`)."""
     text = "" if value is None else str(value)
     return text if text.startswith("RIHS") else ""
 
@@ -148,7 +148,7 @@ class RclpyTransport:
         node: str,
         arguments: Sequence[str] = (),
     ) -> None:
-        """Make the node `node` and begin to spin. Must be called on the thread of `loop`.
+        """Create the node `node` and begin to spin. Must be called on the thread of `loop`.
 
         `arguments` are those of `--ros-args` (remappings, parameters, enclave, log levels), with or without the flag
         itself. Raises PortError when rclpy cannot be used or refuses them.
@@ -181,10 +181,10 @@ class RclpyTransport:
     def client(self, name: str, type: str) -> RclpyClient:
         return RclpyClient(self._node, name, type, *self._types.find_service(type))
 
-    # --- what is known --------------------------------------------------------------------------------------------
+    # --- the graph ------------------------------------------------------------------------------------------------
 
     def resolve(self, name: str) -> str:
-        # A rule for topics only (`rostopic://a:=b`) or services only names the other kind not at all, so the first one
+        # A rule for topics only (`rostopic://a:=b`) or services only does not affect the other kind, so the first one
         # that applies is meant. An action's name is resolved before `/_action/...` is added, so all its parts follow.
         node = self._node.rclpy_node
         try:
@@ -201,7 +201,7 @@ class RclpyTransport:
         return self._types.find_hash(type)
 
     def graph_version(self) -> None:
-        """rclpy does not tell that the graph has changed."""
+        """None, because rclpy does not report changes of the graph."""
 
     def publisher_endpoints(self, topic: str) -> list[RemoteEndpoint]:
         return self._graph.find_publishers(self.resolve(topic))

@@ -34,25 +34,25 @@ _PARTS = {
     ("action", "GetResult_Request"): "Impl.GetResultService.Request",
     ("action", "GetResult_Response"): "Impl.GetResultService.Response",
 }
-"""Where the class that a service or an action implies stands below its own class."""
+"""Where an implied class of a service or an action is, below its own class."""
 
 
 class InstalledTypes:
-    """The types that can be imported. Every method raises PortError, naming what is missing and where to get it."""
+    """The types that can be imported. Every method raises PortError that names what is missing and where to get it."""
 
     def __init__(self) -> None:
         self._converters: dict[str, MessageConverter] = {}
         self._hashes: dict[str, dict[str, str]] = {}
 
     def find_message(self, type: str) -> tuple[Any, MessageConverter]:
-        """rclpy's class of a message type, and how to convert it."""
+        """rclpy's class of a message type, and its converter."""
         found = self._import_class(type)
         if not hasattr(found, "SLOT_TYPES"):
             raise PortError(f"{type} is not a message")
         return found, self._converter_of(type, found)
 
     def find_service(self, type: str) -> tuple[Any, MessageConverter, MessageConverter]:
-        """rclpy's class of a service type, and how to convert its request and its response."""
+        """rclpy's class of a service type, and the converters of its request and response."""
         found = self._import_class(type)
         if not hasattr(found, "Request") or not hasattr(found, "Response"):
             raise PortError(f"{type} is not a service")
@@ -67,7 +67,7 @@ class InstalledTypes:
         return dict(self.find_message(type)[1].fields)
 
     def find_hash(self, type: str) -> str:
-        """`RIHS01_...` as rosidl wrote it next to the definition; empty when it cannot be had."""
+        """`RIHS01_...` as rosidl wrote it beside the definition; empty when it is not available."""
         match = _NAME.fullmatch(type)
         if match is None:
             return ""
@@ -101,7 +101,7 @@ class InstalledTypes:
         return self._converters[type]
 
     def _field_converter(self, slot: Any) -> FieldConverter:
-        """From the definition's own syntax tree, which rosidl keeps with each class."""
+        """The converter for a field, from the syntax tree of the definition, which rosidl keeps with each class."""
         kind = type(slot).__name__
         if kind == "BasicType":
             return number_converter(slot.typename)
@@ -128,7 +128,7 @@ class InstalledTypes:
         )
 
 
-# --- what is not there ------------------------------------------------------------------------------------------------
+# --- missing types ----------------------------------------------------------------------------------------------------
 
 
 def _describe_missing(type: str, package: str, kind: str, error: ImportError) -> str:
