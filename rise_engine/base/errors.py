@@ -13,13 +13,13 @@
       ExportError                 An export or a bundle cannot be made or read
       ExportFailed                Nothing was written
       FileError                   A file with mistakes
-      InvalidFilter               What is typed is no filter
-      JsonError                   A text that is no JSON
+      InvalidFilter               A text that is not a filter
+      JsonError                   A text that is not JSON
       KeyRefusedError             A key that a scenario cannot bind
       LanguageError               An expression or an assignment that cannot be used
         EvaluationError           A value of this moment does not fit the expression
           MissingPartError        `items[i].text` names a part that is not there
-        ExpressionError           A text that is no expression
+        ExpressionError           A text that is not an expression
       LineError                   A line is not what was written
       MissingValueError           A memory key without value was needed to fill a template
       NoSuchPath                  The value has no such part
@@ -27,18 +27,18 @@
       RegistryError               The folder or the name under which a session is reached cannot be used
       Rejected                    The session did not accept what was asked for
       RobotOptionsError           The driver cannot understand the profile's options or a fault
-      ScenarioDecodeError         What was received is no scenario of this version
-      ServeRefused                Nothing is served
+      ScenarioDecodeError         A received text is not a scenario of this version
+      ServeRefused                A session cannot be served
       SessionError                A session's folder
         JournalLockedError        An engine runs the session
-        RelabelledError           Something says of a session what its journal does not say
+        RelabelledError           A file says something else about a session than its journal
       StudyError                  Something cannot be done with a study
         CannotBegin               The session cannot begin
         StudyLogError             The study's log cannot be read or written
       TemplateError               A template that cannot be read
       UnreadableError             A file that cannot be read
       WordError                   A word cannot be replaced like this
-      XmlSyntaxError              A text that is no XML
+      XmlSyntaxError              A text that is not XML
 
 Mistakes in the files of a scenario are not errors but a list of diagnostics
 (`rise_engine.scenario.loader.load`). Some errors are also a ValueError, for callers who catch that.

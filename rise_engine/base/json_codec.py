@@ -38,7 +38,7 @@ def is_64_bit(value: int) -> bool:
 
 
 class JsonError(RiseError, ValueError):
-    """A text that is no JSON, or that the memory cannot hold; the message is a sentence without a location.
+    """A text that is not JSON, or that the memory cannot hold; the message is a sentence without a location.
 
     `offset` counts characters from 0 within the text that was read.
     """
@@ -193,7 +193,7 @@ class _JsonReader:
     def read_word(self, at: int) -> tuple[Any, int]:
         found = _WORD.match(self.text, at)
         if found is None:
-            raise JsonError("the file ends where a value should stand", at)
+            raise JsonError("the file ends before a value", at)
         word = found.group()
         if word in _WORDS:
             return _WORDS[word], found.end()
@@ -203,12 +203,12 @@ class _JsonReader:
         if word.lower() in _WORDS:
             raise JsonError(f"write {word.lower()} in lower case", at)
         if word == "'":
-            raise JsonError('texts stand in double quotation marks: "..."', at)
+            raise JsonError('write texts in double quotation marks: "..."', at)
         if word in (",", "]", "}"):
             raise JsonError(f"a value is missing before `{word}`", at)
         if word[0].isdigit() or word[0] in "+-.":
             raise JsonError("this is not a JSON number; write it as 12, -0.5 or 1e3", at)
-        raise JsonError(f"`{word}` is not a JSON value; texts stand in double quotation marks", at)
+        raise JsonError(f"`{word}` is not a JSON value; write texts in double quotation marks", at)
 
     def read_string(self, at: int) -> tuple[str, int]:
         simple = _STRING.match(self.text, at)
@@ -265,12 +265,12 @@ class _JsonReader:
             if not self.text.startswith('"', at):
                 if self.text.startswith("}", at):
                     raise JsonError("no comma before the closing `}`", self.text.rfind(",", 0, at))
-                raise JsonError('here a key in double quotation marks should stand: "key": value', at)
+                raise JsonError('a key in double quotation marks is missing here: "key": value', at)
             key_at = at
             key, at = self.read_string(at)
             at = self.skip_blanks(at)
             if not self.text.startswith(":", at):
-                raise JsonError(f'after the key "{key}" a colon should stand', at)
+                raise JsonError(f'a colon is missing after the key "{key}"', at)
             value_at = self.skip_blanks(at + 1)
             value, at = self.read_value(value_at, depth + 1)
             if key in first:

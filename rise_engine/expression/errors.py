@@ -26,7 +26,7 @@ class LanguageError(RiseError, ValueError):
 
 
 class ExpressionError(LanguageError):
-    """A text that is no expression (or no assignment). Raised when it is parsed, never later.
+    """A text that is not an expression (or no assignment). Raised when it is parsed, never later.
 
     `column` counts from 1 within `text`; one past the end means that something is missing there. `hint` is a remedy
     for the author, or empty. `suggestion` is the replacement for a wrong word, if that is the remedy.

@@ -72,21 +72,21 @@ SIGNATURES: tuple[Signature, ...] = (
     ),
     _declare(
         "latin(list, k)",
-        "row k (from 0 on, and round again) of the balanced Latin square of a list: for as many participants as it has "
-        "entries (with an odd number: twice as many), every entry has every place and follows every other one, "
-        "equally often",
+        "row k (from 0 on, then again from the start) of the balanced Latin square of a list: for as many participants "
+        "as it has entries (with an odd number: twice as many), every entry has every place and follows every other "
+        "one, equally often",
         "latin(range(4), 1)",
         "[1, 2, 0, 3]",
     ),
     _declare("abs(x)", "x without its sign", "abs(-2.5)", "2.5"),
-    _declare("floor(x)", "the next whole number below", "floor(-2.5)", "-3"),
-    _declare("ceil(x)", "the next whole number above", "ceil(2.1)", "3"),
+    _declare("floor(x)", "the largest whole number that is not above x", "floor(-2.5)", "-3"),
+    _declare("ceil(x)", "the smallest whole number that is not below x", "ceil(2.1)", "3"),
     _declare("round(x)", "the nearest whole number; of two, the even one", "round(2.5)", "2"),
     _declare("min(a, b, ...)", "the smallest of two or more numbers", "min(3, 1, 2)", "1"),
     _declare("max(a, b, ...)", "the largest of two or more numbers", "max(3, 1, 2)", "3"),
     _declare("clamp(x, low, high)", "x, but not below `low` and not above `high`", "clamp(12, 0, 10)", "10"),
     _declare("clamp01(x)", "x, but not below 0 and not above 1", "clamp01(1.5)", "1"),
-    _declare("lerp(a, b, t)", "the number on the way from a (t = 0) to b (t = 1)", "lerp(10, 20, 0.25)", "12.5"),
+    _declare("lerp(a, b, t)", "the number between a (t = 0) and b (t = 1)", "lerp(10, 20, 0.25)", "12.5"),
     _declare("sqrt(x)", "the square root", "sqrt(9)", "3"),
     _declare("pow(x, y)", "x to the power of y, as `x ^ y`", "pow(2, 10)", "1024"),
     _declare("exp(x)", "e to the power of x", "exp(0)", "1"),

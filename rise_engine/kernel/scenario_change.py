@@ -33,13 +33,13 @@ def why_not_take_over(before: Scenario, after: Scenario, snapshot: Snapshot, *, 
     if before.mode != after.mode or before.robot != after.robot:
         problems.append("the robot or its profile is another one; a session keeps the robot that it was begun with")
     if snapshot.acts or snapshot.waiting:
-        problems.append("an act runs or waits; wait until the robot has done what it does")
+        problems.append("an act runs or waits; wait until the robot has finished")
     if snapshot.stop != "released":
         problems.append("everything is stopped; release the stop first")
     elif is_busy and not problems:
-        problems.append("something runs; wait until it has ended")
+        problems.append("something is running; wait until it ends")
     if snapshot.failures.asked:
-        problems.append("an act has failed, and somebody is asked what is to become of it; answer first")
+        problems.append("an act has failed, and the wizard is asked about it; answer first")
     for key in sorted(after.tables.keys() & snapshot.memory.keys()):
         problems.append(f"`{key}` is a table now, and the memory has a value of that name")
     for rule in snapshot.rules.running:
@@ -49,14 +49,14 @@ def why_not_take_over(before: Scenario, after: Scenario, snapshot: Snapshot, *, 
 
 def _rule_problems(before: Rule, after: Rule | None, standing: RuleSnapshot) -> Iterator[str]:
     if after is None:
-        yield f"the rule `{before.name}` runs, and it is not there any more; stop it first"
+        yield f"the rule `{before.name}` is running and no longer exists; stop it first"
         return
     state = after.states.get(standing.state)
     if state is None:
-        yield f"the rule `{before.name}` is in the state `{standing.state}`, which is not there any more"
+        yield f"the rule `{before.name}` is in the state `{standing.state}`, which no longer exists"
         return
     if not state.transitions and before.states[standing.state].transitions:
-        yield f"the rule `{before.name}` is in the state `{standing.state}`, which would end it now"
+        yield f"the rule `{before.name}` is in the state `{standing.state}`, where it would end now"
     numbers = _new_numbers(before.states[standing.state], state)
     for index in standing.timers.values():
         if numbers.get(index) is None:

@@ -90,7 +90,7 @@ class ChangedSession:
             offer_changed(self._kernel, self._folder, line.input)
             records, _ = self._kernel.handle(line.input)
         except Exception as error:  # a failure of the kernel must not show a trace of what was removed
-            raise self._explain(number, f"input {line.n} cannot be carried out ({error})") from error
+            raise self._explain(number, f"input {line.n} cannot be carried out ({error})") from None
         return records
 
 

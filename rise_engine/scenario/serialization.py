@@ -15,7 +15,7 @@ from rise_engine.scenario.model import Scenario
 
 
 class ScenarioDecodeError(RiseError, ValueError):
-    """What was received is no scenario of this version."""
+    """A received text is not a scenario of this version."""
 
 
 def encode_scenario(scenario: Scenario) -> bytes:

@@ -29,7 +29,7 @@ _CALLED = {"scenario": "title", "injected_faults": "faults"}
 
 
 class RelabelledError(SessionError):
-    """Something says of a session what its journal does not say; the text names both, and what to do."""
+    """A file says something else about a session than its journal; the text names both, and what to do."""
 
 
 def read_labels(journal: Path) -> dict[str, Any] | None:

@@ -249,7 +249,7 @@ class ShadowWriter:
                 disk.write(descriptor, b"\n", size)
                 writer._size += 1
         except OSError as error:
-            raise SessionError(f"{path} cannot be gone on with: {error_message(error)}") from None
+            raise SessionError(f"{path} cannot be continued: {error_message(error)}") from None
         return writer
 
     @classmethod

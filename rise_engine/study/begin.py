@@ -277,7 +277,7 @@ def _hindrance(standing: ParticipantStanding) -> str:
         case "withdrawn":
             return f"{name} has withdrawn"
         case "unfinished":
-            return f"a session of {name} did not end ({standing.why}): go on with it, or give it up"
+            return f"a session of {name} did not end ({standing.why}): continue it, or give it up"
         case "to-judge":
             what = f"a session of {name} is not judged yet ({standing.why})"
             return f"{what}: say whether it is complete, aborted or excluded"

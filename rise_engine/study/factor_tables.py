@@ -31,7 +31,7 @@ def read_factors(table: TomlTable, reserved: Collection[str]) -> tuple[Factor, .
     factors: list[Factor] = []
     for name, values in table.values.items():
         if not _NAME.match(name):
-            message = f"a factor is called with letters, digits and `_`, beginning with a letter, not `{name}`"
+            message = f"a factor has a name of letters, digits and `_`, beginning with a letter, not `{name}`"
             table.report_key("bad-name", message, name)
         elif name in reserved:
             table.report_key("bad-name", f"plan.csv has a column `{name}` of another meaning", name)
@@ -100,7 +100,7 @@ def _read_levels(table: TomlTable, labels: dict[str, str]) -> tuple[Level, ...]:
 
 def _read_level(levels: TomlTable, name: str, label: str) -> Level:
     if not _LEVEL.match(name):
-        message = f"a level is called with letters, digits, `_` and `-`, not `{name}`; `labels` can be any text"
+        message = f"a level has a name of letters, digits, `_` and `-`, not `{name}`; `labels` can be any text"
         levels.report_key("bad-name", message, name)
     values = levels.values[name]
     if not isinstance(values, dict):

@@ -82,7 +82,7 @@ def _read_settings(all_tables: TomlTable, name: str, folder: Path) -> Questionna
     if table is None:
         return None
     if not _NAME.match(name):
-        message = f"a questionnaire is called with letters, digits and `_`, beginning with a letter, not `{name}`"
+        message = f"a questionnaire has a name of letters, digits and `_`, beginning with a letter, not `{name}`"
         all_tables.report_key("bad-name", message, name)
     table.report_unknown_keys(_KEYS)
     file = table.read("file", str, "", form=f': file = "questionnaires/{name}.csv"').strip()

@@ -79,7 +79,7 @@ def read_recording(study: TomlTable, folder: Path) -> RecordingSettings:
     place: str = table.read("folder", str, "", form=': folder = "/data/videos"').strip()
     consent: str = table.read("consent", str, "recording", form=': consent = "recording"')
     if not _CONSENT.match(consent):
-        message = f"what is consented to is called with letters, digits and `_`, not `{consent}`"
+        message = f"a consent has a name of letters, digits and `_`, not `{consent}`"
         table.report_value("bad-name", "consent", message)
         consent = "recording"
     return RecordingSettings(
@@ -99,7 +99,7 @@ def _read_recorder(table: TomlTable, name: str) -> RecorderSettings | None:
         table.report_key("unknown-key" if near else "wrong-type", f"unknown key `{name}`{near}" if near else form, name)
         return None
     if not _NAME.match(name):
-        message = f"a recorder is called with letters, digits, `_` and `-`, beginning with a letter, not `{name}`"
+        message = f"a recorder has a name of letters, digits, `_` and `-`, beginning with a letter, not `{name}`"
         table.report_key("bad-name", message, name)
     elif name in _TAKEN:
         table.report_key("bad-name", f"records call something else `{name}`; take another name", name)

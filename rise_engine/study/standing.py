@@ -282,7 +282,7 @@ def _due(
         name = standing.participant
         for entry in standing.sessions:
             if entry.status == "unfinished" and standing.state == "unfinished":
-                due.append(f"{describe_entry(entry)}: its engine has gone; go on with it, or give it up")
+                due.append(f"{describe_entry(entry)}: its engine has gone; continue it, or give it up")
             elif entry.status == "ended" and entry.outcome is None and standing.state not in ("excluded", "withdrawn"):
                 due.append(f"{describe_entry(entry)}: it ended without outcome; say complete, aborted or excluded")
         if name in unlisted:
@@ -291,7 +291,7 @@ def _due(
             due.append(f"{name} has not consented: {standing.why} of participants.csv")
         elif standing.state in BEGINNABLE and standing.why and plan:
             due.append(f"{name} cannot begin: {standing.why}")
-    due += [f"{name} is not in participants.csv any more, but in the study's log" for name in sorted(unlisted - gone)]
+    due += [f"{name} is in the study's log, but no longer in participants.csv" for name in sorted(unlisted - gone)]
     due += [
         f"{each.name} of {each.entry.participant} {each.missing}"
         for each in sessions

@@ -235,7 +235,7 @@ class _StudyReader:
     def check_column(self, table: TomlTable, column: str) -> bool:
         """Whether participants.csv can have a further column of that name."""
         if not COLUMN_NAME.match(column):
-            message = f"a column is called with letters, digits and `_`, beginning with a letter, not `{column}`"
+            message = f"a column has a name of letters, digits and `_`, beginning with a letter, not `{column}`"
             table.report_key("bad-name", message, column)
         elif column in RESERVED_COLUMNS or column.startswith(CONSENT_PREFIX):
             table.report_key("bad-name", f"participants.csv has a column `{column}` of another meaning", column)
@@ -305,7 +305,7 @@ class _StudyReader:
                 message = f"write `{name.removeprefix(CONSENT_PREFIX)}`: the column is called {name}"
                 self.diagnostics.error("bad-name", location, message)
             elif not COLUMN_NAME.match(name):
-                message = f"what is consented to is called with letters, digits and `_`, not `{name}`"
+                message = f"a consent has a name of letters, digits and `_`, not `{name}`"
                 self.diagnostics.error("bad-name", location, message)
             elif name in needed[:at]:
                 self.diagnostics.error("duplicate-name", location, f"`{name}` stands there twice")

@@ -47,7 +47,7 @@ _LONG = 40_000
 
 
 class XmlSyntaxError(RiseError, ValueError):
-    """A text that is no XML, or none that is read here: the first mistake as a sentence, and its place."""
+    """A text that is not XML, or none that is read here: the first mistake as a sentence, and its place."""
 
     def __init__(self, code: str, offset: int, message: str, *, is_final: bool = False) -> None:
         super().__init__(message)

@@ -66,7 +66,7 @@ class _Program(LazyGroup):
 @click.option(
     "--wizard",
     metavar="NAME",
-    help="Record the session with this wizard's name. Default: your name in this session before, else your login name.",
+    help="Record the session with this wizard's name. Default: the last wizard here, else your login name.",
 )
 @click.option("--replay", "replay", metavar="SESSION", help="Watch the recorded session with this folder or name.")
 @click.option(
@@ -93,7 +93,7 @@ class _Program(LazyGroup):
     type=click.IntRange(1, MOST_FRAMES),
     default=USUAL_FRAMES,
     show_default=True,
-    help="Paint the screen at most this many times a second. Fewer help on a slow link.",
+    help="Paint the screen at most this many times a second. Use fewer on a slow link.",
 )
 @KEYS
 @click.option("--fresh", is_flag=True, help="Do not restore the layout, filters and theme of the last time.")

@@ -46,7 +46,7 @@ _REASONS = (
 
 
 class InvalidFilter(RiseError, ValueError):
-    """What is typed is no filter, or not yet; the message says where and why, for a person."""
+    """A text that is not a filter, or not yet; the message says where and why, for a person."""
 
 
 class Filter:

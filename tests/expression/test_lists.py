@@ -147,4 +147,4 @@ def test_a_latin_square_is_balanced(size: int) -> None:
         assert set(Counter(row[place] for row in square).values()) == {rows // size}, "every entry in every place"
     following = Counter(pair for row in square for pair in pairwise(row))
     assert len(following) == size * (size - 1) and set(following.values()) == {rows // size}
-    assert Expression.parse(f"latin(range({size}), {rows})").value({}) == square[0], "and round again"
+    assert Expression.parse(f"latin(range({size}), {rows})").value({}) == square[0], "then again from the start"

@@ -152,7 +152,7 @@ async def test_a_client_attaches_by_the_socket_that_the_folder_names(runtimes: R
     client = SocketClient(holder.socket, "anna")
     assert (await client.attach()).folder == str(it.record)
     it.end(signal.SIGKILL)
-    with pytest.raises(EngineGone, match="its process is not there any more"):
+    with pytest.raises(EngineGone, match="its process no longer exists"):
         async for _ in client.records():
             pass
     await client.close()

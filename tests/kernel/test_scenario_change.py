@@ -157,10 +157,10 @@ def test_a_changed_text_is_spoken_and_the_picks_stay(tmp_path: Path) -> None:
 @pytest.mark.parametrize(
     ("rules", "sentence"),
     [
-        (RULES.replace('name="R"', 'name="Other"'), "the rule `R` runs, and it is not there any more; stop it first"),
+        (RULES.replace('name="R"', 'name="Other"'), "the rule `R` is running and no longer exists; stop it first"),
         (
             RULES.replace('id="A"', 'id="Z"').replace('"A"', '"Z"'),
-            "the rule `R` is in the state `A`, which is not there any more",
+            "the rule `R` is in the state `A`, which no longer exists",
         ),
         (RULES.replace("5s", "6s"), "the rule `R` counts `after 5s` in the state `A`, and this way out is another"),
         (RULES.replace('after="5s" target="B"', 'after="5s" target="C"'), "the rule `R` counts `after 5s`"),
@@ -184,7 +184,7 @@ def test_only_while_nothing_runs_and_with_the_same_robot(tmp_path: Path) -> None
     robot = replace(other, robot=replace(other.robot, title="Another"))
     assert kernel.why_not_take_over(robot)[0].startswith("the robot or its profile is another one")
     kernel.handle(task("startCommunicationRobotAct", "Say", 2.0))
-    assert kernel.why_not_take_over(other) == ["an act runs or waits; wait until the robot has done what it does"]
+    assert kernel.why_not_take_over(other) == ["an act runs or waits; wait until the robot has finished"]
     kernel.handle(task("stopAll", "", 3.0))
     assert "everything is stopped; release the stop first" in kernel.why_not_take_over(other)
 

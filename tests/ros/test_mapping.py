@@ -500,7 +500,7 @@ def test_a_value_of_a_place_that_nothing_takes_may_be_a_slip(tmp_path: Path) -> 
     slip = replace(one, places={"desk": {"x": 1.0, "y": 0.0, "yow": 1.0}})
     (found,) = mapping_findings(slip, fields)
     assert (found.kind, found.where, found.refuses) == ("unread", "places.desk.yow", False)
-    assert found.sentence == "robot bob: `places.desk.yow` is taken by no carrier; did you mean `yaw`?"
+    assert found.sentence == "robot bob: `places.desk.yow` is used by no carrier; did you mean `yaw`?"
 
 
 def test_a_place_that_there_is_not(tmp_path: Path) -> None:

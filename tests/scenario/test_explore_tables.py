@@ -163,8 +163,8 @@ def test_what_is_wrong_in_explore(tmp_path: Path, line: str, finding: str) -> No
             '[always]\nx = "near"\n[reachable]\nx = "near"',
             "4:1 error duplicate-name: there is another property `x` in [always]",
         ),
-        ('[eventually]\nx = "near"', "2:1 error wrong-type: what comes by itself is said by `then`"),
-        ('[eventually]\nx = { after = "near" }', "2:1 error missing-value: `x` does not say what comes by itself"),
+        ('[eventually]\nx = "near"', "2:1 error wrong-type: `then` says what happens without help"),
+        ('[eventually]\nx = { after = "near" }', "2:1 error missing-value: `x` does not say what happens without help"),
         (
             '[eventually]\nx = { then = "near", afer = "near" }',
             "2:22 error unknown-key: unknown key `afer`; did you mean `after`?",

@@ -136,7 +136,7 @@ def test_a_wrong_header_does_not_hide_what_is_wrong_in_rows(
     ("toml", "told"),
     [
         ("[questionnaire.a]\n", "`file` is missing"),
-        ('[questionnaire.a-b]\nfile = "a.csv"\n', "a questionnaire is called with letters"),
+        ('[questionnaire.a-b]\nfile = "a.csv"\n', "a questionnaire has a name of letters"),
         ('[questionnaire.a]\nfile = "../a.csv"\n', "leads out of the study's folder"),
         ('[questionnaire.a]\nfile = "/tmp/a.csv"\n', "leads out of the study's folder"),
         ('[questionnaire.a]\nfile = "a.xlsx"\n', "it has to end in .csv, .tsv or .txt"),

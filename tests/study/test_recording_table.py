@@ -97,7 +97,7 @@ folder = 7
         "`node` has its own",
         '6:1: error missing-value: `room` does not say by what it records: room = { by = "..." }, one of '
         "`ffmpeg`, `labrecorder`, `obs`, `rosbag2`",
-        "7:1: error bad-name: a recorder is called with letters, digits, `_` and `-`, beginning with a "
+        "7:1: error bad-name: a recorder has a name of letters, digits, `_` and `-`, beginning with a "
         "letter, not `2nd`",
         "8:1: error bad-name: records call something else `marks`; take another name",
         '9:1: error wrong-type: a recorder is a table: video = { by = "ffmpeg", ... }',
@@ -109,7 +109,7 @@ folder = 7
         '["aplay", "{file}"]',
         "13:17: error wrong-value: `scope` is one of `machine`, `link`, `site`, not `world`",
         "13:36: error wrong-type: `payload` is a text",
-        "14:11: error bad-name: what is consented to is called with letters, digits and `_`, not `the video`",
+        "14:11: error bad-name: a consent has a name of letters, digits and `_`, not `the video`",
         '15:10: error wrong-type: `folder` is a text: folder = "/data/videos"',
     ]
 

@@ -176,8 +176,8 @@ def test_what_is_due() -> None:
     standing = stand([taken("P01", 1), taken("P02", 2), taken("P09", 3)], sessions)
     assert standing.due == (
         "P01, run 1, attempt 1, begun 2026-11-22 14:15: it ended without outcome; say complete, aborted or excluded",
-        "P02, run 1, attempt 1, begun 2026-11-22 14:15: its engine has gone; go on with it, or give it up",
-        "P09 is not in participants.csv any more, but in the study's log",
+        "P02, run 1, attempt 1, begun 2026-11-22 14:15: its engine has gone; continue it, or give it up",
+        "P09 is in the study's log, but no longer in participants.csv",
     )
     assert of(standing, "P09").slot == 3, "a line that is deleted frees no row"
 

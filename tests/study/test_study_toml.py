@@ -164,7 +164,7 @@ WRONG: dict[str, tuple[str, str, list[str]]] = {
     ),
     "no kind": ('kind = "between"\n', "", ["study.toml:7:10: error missing-value: `kind` is missing"]),
     "a factor called order": ("factors.noise", "factors.order", ["bad-name: plan.csv has a column `order` of another"]),
-    "a factor with a blank": ("factors.noise", 'factors."a b"', ["bad-name: a factor is called with letters"]),
+    "a factor with a blank": ("factors.noise", 'factors."a b"', ["bad-name: a factor has a name of letters"]),
     "a factor called as a stratum": (
         "factors.noise",
         "factors.language",
@@ -176,7 +176,7 @@ WRONG: dict[str, tuple[str, str, list[str]]] = {
         ["study.toml:19:1: error wrong-type: a factor is a table: [factors.x]"],
     ),
     "one level": ("levels.no.memory = { hesitation = false }\n", "", ["`hesitation` has only the level `yes`"]),
-    "a level with a plus": ("levels.no.", 'levels."n+o".', ["study.toml:10:8: error bad-name: a level is called with"]),
+    "a level with a plus": ("levels.no.", 'levels."n+o".', ["study.toml:10:8: error bad-name: a level has a name of"]),
     "a level that is a number": (
         "levels.quiet = {}",
         "levels.quiet = 1",
@@ -274,7 +274,7 @@ WRONG: dict[str, tuple[str, str, list[str]]] = {
     "a consent with a blank": (
         'needed = ["study"]',
         'needed = ["the study"]',
-        ["bad-name: what is consented to is called with letters"],
+        ["bad-name: a consent has a name of letters"],
     ),
     "a column for names": (
         "[consent]",

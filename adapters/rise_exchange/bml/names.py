@@ -96,13 +96,13 @@ class BmlNames(Struct, frozen=True):
         """The message about an unknown lexeme."""
         known = [*self.lexemes[kind], *_USUAL[kind], *(value for _, value in self._own_names(kind))]
         near = did_you_mean(lexeme, dict.fromkeys(known))
-        return f"nobody has said what `{lexeme}` is here{near}; give it a line under [{kind}] in the file of --names"
+        return f"`{lexeme}` has no meaning here{near}; give it a line under [{kind}] in the file of --names"
 
     def unknown_target(self, target: str) -> str:
         """The message about an unknown target."""
         near = did_you_mean(target, self.targets)
         return (
-            f"nobody has said where `{target}` is{near}; give it a line under [targets] in the file of --names: "
+            f"`{target}` has no place here{near}; give it a line under [targets] in the file of --names: "
             f"{target} = {{ x = 1.5, y = 0, z = 1.2 }}"
         )
 

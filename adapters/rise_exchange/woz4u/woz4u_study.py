@@ -259,7 +259,7 @@ class _StudyMaker:
         left = "\n".join(f"- {sentence}" for sentence in self.left_out) or "- nothing"
         table = "\n".join(["| key | act | before |", "|---|---|---|", *rows])
         head = f"# {self.title}\n\nMade from a configuration of WoZ4U.\n"
-        return f"{head}\n{table}\n\nNot taken over, or to be looked at:\n\n{left}\n"
+        return f"{head}\n{table}\n\nNot imported, or to be checked:\n\n{left}\n"
 
 
 def _act_text(act: _MadeAct) -> str:

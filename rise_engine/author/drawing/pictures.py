@@ -47,7 +47,7 @@ class Picture(NamedTuple):
     kind: Literal["rule", "act"]
     name: str
     summary: str
-    """Its size in words: `45 states, 69 ways out`."""
+    """Its size in words: `45 states, 69 transitions`."""
     rows: tuple[PictureRow, ...]
     width: int
     """The maximum number of cells in a row."""

@@ -221,7 +221,7 @@ def _notice_failure(place: FindingPlace) -> Iterator[Remedy]:
         heard = replace(form, event=f"{event.removesuffix('_end')}_succeeded")
         edit = SetTransition(way.rule.name, way.state.id, way.index, form, heard)
         yield Remedy(f"wait for {heard.event}", edit)
-    yield Remedy('let somebody be asked: on_failure = "ask"', SetSetting(("on_failure",), "ask"))
+    yield Remedy('ask the wizard: on_failure = "ask"', SetSetting(("on_failure",), "ask"))
 
 
 # --- settings, translations -----------------------------------------------------------------------------------------
@@ -269,7 +269,10 @@ def _keep_translation(place: FindingPlace) -> Iterator[Remedy]:
     act, text = path[:2]
     value = tomllib.loads(place.text).get(act, {}).get(text, {}).get("text")
     if isinstance(value, str):
-        yield Remedy("it still holds: write into `of` what the text is now", SetTranslation(language, act, text, value))
+        yield Remedy(
+            "the translation is still right: update `of` to the present text",
+            SetTranslation(language, act, text, value),
+        )
 
 
 _REMEDIES: Mapping[str, Callable[[FindingPlace], Iterable[Remedy]]] = {

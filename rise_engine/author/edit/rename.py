@@ -169,7 +169,7 @@ def _check_new_name(names: _RenamedName) -> None:
     if not new or new.strip() != new or find_unseen(new) >= 0 or any(each in new for each in BLANKS[1:]):
         raise EditRefused(f"`{new}` is not a name: a name has visible characters, and no blanks around it")
     if new == names.old:
-        raise EditRefused(f"{names.what} is called so already")
+        raise EditRefused(f"{names.what} has this name already")
     if kind == "key" and (not is_writable_key(new) or new in _CONSTANTS):
         raise EditRefused(f"`{new}` cannot be a memory key: use letters, digits and `_`, and no word of conditions")
     if kind == "key" and "." in new:

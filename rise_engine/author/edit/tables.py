@@ -122,7 +122,7 @@ def plan_add_row(edit: AddRow, study: StudyState) -> Plan:
     _check_row(values, table)
     number = len(table.rows) if edit.at is None else edit.at
     if not 0 <= number <= len(table.rows):
-        raise EditRefused(f"{table.file.name} has {pluralize(len(table.rows), 'row')}; a row cannot be put in there")
+        raise EditRefused(f"{table.file.name} has {pluralize(len(table.rows), 'row')}; a row cannot be inserted there")
     before = table.rows[number - 1] if number else table.header
     end = len(table.file.text[: before.end].rstrip("\r\n"))
     extra = [""] * (len(before.values) - len(table.columns))  # columns without name that Excel leaves at the end
@@ -161,7 +161,7 @@ def plan_add_column(edit: AddColumn, study: StudyState) -> Plan:
         raise EditRefused(f"a table has at most {MAX_COLUMNS} columns")
     at = count if edit.at is None else edit.at
     if not 0 <= at <= count:
-        raise EditRefused(f"{table.file.name} has {pluralize(count, 'column')}; a column cannot be put in there")
+        raise EditRefused(f"{table.file.name} has {pluralize(count, 'column')}; a column cannot be inserted there")
     changes, rows = [], []
     for record in (table.header, *table.rows):
         spans = find_spans(table.file.text[record.start : record.end], table.separator)

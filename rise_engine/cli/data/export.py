@@ -134,7 +134,7 @@ def export(
     if spreadsheet_safe and not load_format(format).spreadsheet_safe:
         raise ExportError(f"--spreadsheet-safe goes with the formats tables and csv, not with {format}")
     if wide and format != "tables":
-        raise ExportError("--wide is a table more of --format tables; the other formats have none")
+        raise ExportError("--wide adds a table to --format tables; other formats have no tables")
     selection = select_sessions(named, all=all_sessions)
     if format in RECORD_FORMATS and not selection.several:
         return _export_records(selection.folders[0], request)

@@ -216,7 +216,7 @@ class _Progress:
     def __call__(self, space: Space) -> bool:
         if self._interrupted:
             if self._shown:
-                print_notes("broken off: what was found so far comes now (ctrl+c again: without it)")
+                print_notes("stopped: here is what was found so far (ctrl+c again skips it)")
             return False
         now = time.monotonic()
         if self._shown and now >= self._next:

@@ -166,7 +166,7 @@ class _Conversation:
         checks = self.ask_checks()
         hidden: bool = given["hidden"]
         if self.asks and factors and not hidden:
-            question = "Is the wizard to see the condition only when the session begins (y/n)"
+            question = "Hide the condition from the wizard until the session begins (y/n)"
             hidden = self.answer(question, "n", answers.parse_yes)
         mode: Mode = given["mode"] or "real"
         study = with_blocks_that_fit(

@@ -132,7 +132,7 @@ class _Bundle:
         (root / ENVIRONMENT_FILE).write_text(environment_text(self._versions), "utf-8")
         state = read_state(root)
         changed = check_inputs(root, state, sessions_in_order(root, state)).problems
-        self.report.look_at += [f"{each}. rise-engine reproduce will say so, too" for each in changed]
+        self.report.look_at += [f"{each}. rise-engine reproduce will report it too" for each in changed]
         self.report.look_at += self._look_at.sentences(root, self._people, license)
         self.report.contents += self._contents(root)
         readme = readme_text(self._study, self._level, self.report.contents, self.report.left_out, wheel_in(root))

@@ -58,7 +58,7 @@ ACTS = TableSchema(
         ),
         Column("act", "The act's name; say: free speech.", required=True),
         SOURCE,
-        Column("by", "Whose doing it is: the source of what caused it, through any number of rules."),
+        Column("by", "Who caused it: the source of its cause, through any number of rules."),
         Column(
             "via",
             "The rules between `by` and the act, the first one first, joined by ` > `.",
@@ -300,7 +300,7 @@ CODED = TableSchema(
         seconds("duration_s", "From begin to end.", span("begin", "end")),
         *outage_columns("duration_s", "begin", "end"),
         Column("value", "What was annotated; of BORIS, the behaviour. Below the level full, speech is counted words."),
-        Column("modifiers", "Of BORIS, joined by |."),
+        Column("modifiers", "Of BORIS, joined by a vertical bar."),
         Column("comment", "Of BORIS; below the level full, counted words."),
         Column("file", "The file in `coded/` of the session's folder that has it; only at the level full."),
         Column("speech", "Whether its tier holds what the participant said.", type="boolean", required=True),

@@ -219,7 +219,7 @@ def _acts(figures: SessionFigures) -> Iterable[Block]:
     if shares:
         spoken = figures.said_freely
         freely = f" Of what the robot said, {share_text(spoken.count, spoken.n)} was typed freely." if spoken.n else ""
-        yield Paragraph(f"Whose doing the acts were that began: {', '.join(shares)}.{freely}")
+        yield Paragraph(f"Who caused the acts that began: {', '.join(shares)}.{freely}")
     rows = []
     for act in figures.acts:
         ended = ", ".join(f"{number} {status}" for status, number in act.statuses.items() if status != "SUCCEEDED")

@@ -353,7 +353,7 @@ class _ServerConnection:
             await asyncio.sleep(0.02)
         if not lock.exists() and await _accepts_connections(self._path):  # an engine without a lock
             return LinkLost("the engine has cut this connection, but it goes on; attach again")
-        return EngineGone("its process is not there any more")
+        return EngineGone("its process no longer exists")
 
     async def read_batches(self) -> AsyncIterator[Sequence[Update]]:
         while True:

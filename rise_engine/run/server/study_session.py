@@ -45,7 +45,7 @@ from rise_engine.study.study_log import LockedLog, StudyLogError
 
 
 class ServeRefused(RiseError):
-    """Nothing is served."""
+    """A session cannot be served."""
 
     def __init__(
         self,

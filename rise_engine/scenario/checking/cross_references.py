@@ -233,12 +233,12 @@ def check_failures(
         found = list(_unanswered_ends(rule))
         acts = list(dict.fromkeys(name for name, _ in found if goes_on(name)))
         if acts:
-            others = f"; so it is with {len(acts) - 1} more of its acts" if len(acts) > 1 else ""
+            others = f"; the same is true of {len(acts) - 1} more of its acts" if len(acts) > 1 else ""
             diagnostics.warning(
                 "unnoticed-failure",
                 next(location for name, location in found if name == acts[0]),
-                f"`{acts[0]}{END}` comes also when `{acts[0]}` has failed, and the rule goes on as if it had not: wait "
-                f'for `{acts[0]}_succeeded`, or let somebody be asked, on_failure = "ask" in scenario.toml{others}',
+                f"`{acts[0]}{END}` is also raised when `{acts[0]}` has failed, and the rule goes on as if it had not: "
+                f'wait for `{acts[0]}_succeeded`, or ask the wizard with on_failure = "ask" in scenario.toml{others}',
             )
 
 

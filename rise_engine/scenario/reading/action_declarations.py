@@ -130,7 +130,7 @@ def _check_substitutes(actions: TomlTable, specs: dict[str, ActionSpec]) -> None
             continue
         missing = [p.name for p in other.parameters.values() if p.required and p.name not in spec.parameters]
         if missing:
-            message = f"`{name}` has no `{missing[0]}`, which `{other.name}` cannot do without"
+            message = f"`{name}` has no `{missing[0]}`, which `{other.name}` requires"
             actions.diagnostics.error("missing-parameter", location, message)
         specs[name] = replace(spec, channels=other.channels)
 

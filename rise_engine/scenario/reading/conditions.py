@@ -98,8 +98,8 @@ def _check_difference(table: TomlTable, conditions: dict[str, Condition]) -> Non
             table.report_key("duplicate-name", message, name)
         if condition.memory and (same := set_by.setdefault(encode(condition.memory, order="sorted"), name)) != name:
             message = (
-                f"the robot does the same in `{same}` and `{name}`: let them set other values; or write "
-                "label_only = true in both, if what differs lies outside of the robot"
+                f"the robot does the same in `{same}` and `{name}`: give them different values, or write "
+                "label_only = true in both, if the difference is outside the robot"
             )
             table.report_key("same-condition", message, name)
 

@@ -27,12 +27,12 @@ PROPERTY_TABLES: tuple[PropertyKind, ...] = get_args(PropertyKind)
 PROPERTY_MEANINGS: dict[PropertyKind, str] = {
     "always": "it holds in every situation",
     "reachable": "it can still come from every situation",
-    "eventually": "it comes by itself: acts end and time passes, and nobody helps",
+    "eventually": "it happens without help, as acts end and time passes",
 }
 EVENTUALLY_KEYS = {
-    "after": "from where on it is waited for; without it, from everywhere",
-    "then": "what comes by itself",
-    "unless": "what makes it needless",
+    "after": "the situation from which it must happen; without it, from every situation",
+    "then": "what happens without help",
+    "unless": "what makes it unnecessary",
 }
 """The meaning of each part of an entry of `[eventually]`, for editors."""
 MOST_AT_ONCE = 5
@@ -170,12 +170,12 @@ class _PropertyReader:
             condition = self.read_condition(self.table, self.name, f": {shown} = \"in('RULE', 'STATE')\"")
             return StudyProperty(self.kind, self.name, condition, location=self.location) if condition else None
         form = f"{shown} = {{ after = \"in('RULE', 'STATE')\", then = \"runs('ACT')\" }}"
-        inner = self.table.subtable(self.name, f"what comes by itself is said by `then`, and `after` what: {form}")
+        inner = self.table.subtable(self.name, f"`then` says what happens without help, and `after` from where: {form}")
         if inner is None:
             return None
         inner.report_unknown_keys(EVENTUALLY_KEYS)
         if "then" not in inner.values:
-            inner.report_key("missing-value", f"`{self.name}` does not say what comes by itself: {form}")
+            inner.report_key("missing-value", f"`{self.name}` does not say what happens without help: {form}")
         parts = {key: self.read_condition(inner, key) for key in EVENTUALLY_KEYS if key in inner.values}
         then = parts.get("then")
         if then is None:

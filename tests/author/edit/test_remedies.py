@@ -98,7 +98,7 @@ CASES = (
     Case("texts/de.toml", "", '[R_Zzz]\n"1" = { text = "a", of = "b" }\n', "unknown-text",
          ("remove R_Zzz from texts/de.toml",)),
     Case("texts/de.toml", "", '[R_Introduction]\n1 = { text = "Ich heiße Floka.", of = "b" }\n', "stale-translation",
-         ("it still holds: write into `of` what the text is now",), 'of = "My name is Floka'),
+         ("the translation is still right: update `of` to the present text",), 'of = "My name is Floka'),
 )  # fmt: skip
 
 
@@ -166,7 +166,7 @@ def test_a_failure_that_nobody_notices_has_two_remedies(tmp_path: Path) -> None:
     assert finding.location.file == GAZE
     assert [each.title for each in found] == [
         "wait for /R_FollowGaze_succeeded",
-        'let somebody be asked: on_failure = "ask"',
+        'ask the wizard: on_failure = "ask"',
     ]
     study.apply(found[1].edit)
     assert "unnoticed-failure" not in [each.code for each in study.checked.diagnostics]

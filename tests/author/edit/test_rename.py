@@ -284,7 +284,7 @@ def test_states_and_rules_take_the_events_of_their_ends_with_them(state: StudySt
         ("act", "R_A", " x", "is not a name"),
         ("act", "R_A", "", "is not a name"),
         ("act", "R_A", "a\u200bb", "is not a name"),
-        ("act", "R_A", "R_A", "is called so already"),
+        ("act", "R_A", "R_A", "has this name already"),
         (
             "act",
             "R_1",

@@ -33,7 +33,7 @@ end = { event = "runs(" }
             ],
         ),
         ("ne|ar and not", ['read as `near and (not (runs("R_A") or in("R", "S")))`']),
-        ("the|n =", ["**then**: what comes by itself"]),
+        ("the|n =", ["**then**: what happens without help"]),
         (
             "wai|ts(",
             [

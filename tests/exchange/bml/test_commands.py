@@ -81,7 +81,7 @@ def test_an_error_writes_nothing_and_tells_all(files: Path) -> None:
         "from-bml", files / "hello.xml", files / "other.xml", "--names", files / "names.toml", "--into", files / "s"
     )
     assert found.exit_code == 1 and not (files / "s").exists()
-    assert "other.xml:3:29: error bml-name: nobody has said where `vistor` is; did you mean `visitor`?" in found.stderr
+    assert "other.xml:3:29: error bml-name: `vistor` has no place here; did you mean `visitor`?" in found.stderr
     assert "other.xml:3:44: error bml-time: `m` is a mark in the words of `s1`" in found.stderr
     assert "2 errors; nothing was written" in found.stderr
 

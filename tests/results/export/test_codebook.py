@@ -59,7 +59,7 @@ def test_spss_reads_every_column_of_every_table_and_labels_it(tables: Path) -> N
         assert all(re.fullmatch(r"A[1-9]\d*|F16\.[06]", each) for each in formats)
         assert [each.split()[0].lstrip("/") for each in labels.splitlines()[1:]] == names
     assert "'SUCCEEDED' 'done to its end'" in text
-    assert "  /by_ 'by: Whose doing it is" in text
+    assert "  /by_ 'by: Who caused it" in text
 
 
 def test_widths_hold_every_cell_and_every_level(tables: Path) -> None:

@@ -129,7 +129,7 @@ async def test_what_cannot_be_taken_over_is_refused_and_nothing_is_kept(scratch:
         change(study)
         assert (await anna.client.send(NOD)).accepted
         reply = await take_over(session)
-        assert reply.reason == "an act runs or waits; wait until the robot has done what it does"
+        assert reply.reason == "an act runs or waits; wait until the robot has finished"
         watcher = session.client("bob", "observer")
         await watcher.attach()
         assert (await watcher.take_over()).reason == "an observer cannot take over changed files"

@@ -159,7 +159,7 @@ def test_a_stop_that_could_not_be_recorded_is_told_all_the_same() -> None:
 
 def test_a_gone_engine_hides_everything_else_and_says_how_to_come_back() -> None:
     store = store_after(lose, full)
-    store.gone_reason = "its process is not there any more"
+    store.gone_reason = "its process no longer exists"
     told = said(store)
     assert "ENGINE GONE" in told[0] and "not even F9" in told[1] and "recovers" in told[2]
     store.ended_in_order = True

@@ -172,7 +172,7 @@ async def test_a_session_whose_engine_has_gone_goes_on_in_the_same_console() -> 
 
     async with console(client=client, launcher=FakeLauncher(client, recover=recover)) as it:
         gone = it.screen
-        client.end("its process is not there any more")
+        client.end("its process no longer exists")
         await it.until(lambda: "ENGINE GONE" in it.bars.alarm_bar.text)
         assert "recovers the session, or leaves" in it.bars.alarm_bar.text
         assert await leaving(it) == ["Stay (esc)", "Recover (r)", "Leave (l)"]
@@ -199,7 +199,7 @@ async def test_who_does_not_recover_leaves() -> None:
     client = FakeClient(demo(), you="observer:ben", role="observer")
     launcher = FakeLauncher(client, recover=lambda attach_reply, tell: RecoveredClient(client))
     async with console(client=client, launcher=launcher) as it:
-        client.end("its process is not there any more")
+        client.end("its process no longer exists")
         await it.until(lambda: "ENGINE GONE" in it.bars.alarm_bar.text)
         assert "watches again once it is recovered, or leaves" in it.bars.alarm_bar.text
         assert await leaving(it) == ["Stay (esc)", "Watch (r)", "Leave (l)"]
@@ -213,7 +213,7 @@ async def test_leaving_what_is_over_asks_nothing(in_order: bool) -> None:
         if in_order:
             it.client.end_in_order("ended by wizard:ben")
         else:
-            it.client.end("its process is not there any more")
+            it.client.end("its process no longer exists")
         await it.until(lambda: ("SESSION ENDED" if in_order else "ENGINE GONE") in it.bars.alarm_bar.text)
         await it.press("ctrl+c")
         await it.until(lambda: not it.app.is_running)

@@ -43,7 +43,7 @@ async def test_a_cut_connection_comes_back_by_itself_with_the_true_state() -> No
         await attached_again(it, 3)
         await it.until(lambda: "ben took control while the connection was cut" in it.bars.attention_bar.text)
         assert "WATCHING · ben has control" in it.bars.status_line.text
-        it.client.gone = "its process is not there any more"
+        it.client.gone = "its process no longer exists"
         it.client.cut()
         await it.until(lambda: "ENGINE GONE" in it.bars.alarm_bar.text, "an engine may go while the connection is cut")
 
@@ -154,9 +154,9 @@ async def test_a_record_that_lags_shows_and_one_that_fails_is_an_alarm_and_nothi
         it.client.journal()
         await it.until(lambda: "NOT RECORDING" not in it.bars.alarm_bar.text)
         assert "the disk accepts records again" in it.notice
-        it.client.end("its process is not there any more")
+        it.client.end("its process no longer exists")
         await it.until(lambda: "ENGINE GONE" in it.bars.alarm_bar.text)
-        assert "its process is not there any more" in it.bars.alarm_bar.text
+        assert "its process no longer exists" in it.bars.alarm_bar.text
         assert "ctrl+c recovers the session, or leaves" in it.bars.alarm_bar.text
         assert "GONE" in it.bars.status_line.text
 

@@ -233,7 +233,7 @@ def of_discarded_result(status: int, name: str, *, cancel_wanted: bool) -> Outco
 
 def of_restart(name: str) -> Outcome:
     """The ending when the server does not know the goal, and reports nothing else."""
-    return "lost", f"server-restarted: {name} does not know it any more; was the robot's wrapper restarted?"
+    return "lost", f"server-restarted: {name} no longer knows it; was the robot's wrapper restarted?"
 
 
 def of_failed_cancel(cancellation: Cancellation, name: str) -> Outcome:
@@ -242,7 +242,7 @@ def of_failed_cancel(cancellation: Cancellation, name: str) -> Outcome:
     if cancellation.confirmed:
         return "lost", f"cancel-unconfirmed: {name} said that it stops, and did not within {seconds:g} s"
     if cancellation.refused_at is not None:
-        return "failed", f"cancel-refused: {name} did not let it be stopped; it may still be going on"
+        return "failed", f"cancel-refused: {name} refused to cancel it; it may still be running"
     return "lost", f"cancel-unanswered: {name} did not answer within {seconds:g} s"
 
 

@@ -87,7 +87,7 @@ class AnswerNode:
                 result = await session.start_act(options.act)
                 print(f"{options.act} {result.status.lower()}{result.reason and ': ' + result.reason}")
         except SessionGoneError as error:
-            print(f"the question came to nothing: {error}")
+            print(f"the question failed: {error}")
 
 
 async def work(transport: Transport, options: Namespace) -> None:

@@ -117,7 +117,7 @@ class GazeTrigger:
             try:
                 await self.session.raise_event(f"/gaze/{target}")
             except SessionGoneError as error:
-                print(f"the event came to nothing: {error}")
+                print(f"the event was not raised: {error}")
 
 
 async def work(transport: Transport, options: Namespace) -> None:
