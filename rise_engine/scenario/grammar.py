@@ -53,7 +53,7 @@ COMMON = ("actionID", "waitForActions", "onFailure")
 
 _ACT, _RULE, _STATE = AttributeForm("act"), AttributeForm("rule"), AttributeForm("state")
 _CONDITION = {"cond": AttributeForm("expression")}
-_FUNCTIONS: dict[FunctionName, AttributeForm] = {
+_FUNCTIONS: dict[str, AttributeForm] = {
     "startCommunicationRobotAct": _ACT,
     "stopCommunicationRobotAct": _ACT,
     "startInteractionRule": _RULE,
