@@ -224,8 +224,8 @@ def explore_kind(
     """Explore and play one kind of session; the arguments are those of `explore`."""
     started = kind.first_input(study)
     exploration = explore(scenario, bounds, sessions=[started], cores=cores, go_on=go_on)
-    until = time.monotonic() + QUICK_SECONDS
-    return exploration, play_through(scenario, started, main_rule(scenario), lambda: time.monotonic() < until)
+    until = time.thread_time() + QUICK_SECONDS
+    return exploration, play_through(scenario, started, main_rule(scenario), lambda: time.thread_time() < until)
 
 
 def findings_of(
@@ -279,9 +279,9 @@ _NUMBERS = re.compile(r"[0-9][0-9,.]*")
 
 
 def _look(study: Study, kind: SessionKind, scenario: Scenario) -> KindLook:
-    until = time.monotonic() + QUICK_SECONDS
+    until = time.thread_time() + QUICK_SECONDS
     exploration, played = explore_kind(
-        study, kind, scenario, quick_bounds(scenario), go_on=lambda space: time.monotonic() < until
+        study, kind, scenario, quick_bounds(scenario), go_on=lambda space: time.thread_time() < until
     )
     findings = findings_of(study, kind, exploration, played)
     acts = tuple(sorted(played.acts))

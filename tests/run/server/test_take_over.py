@@ -31,8 +31,8 @@ NOD = Submit(function="startCommunicationRobotAct", behavior="R_Greeting")
 
 
 @asynccontextmanager
-async def serving_copy(scratch: Path, *, speed: float = 400.0) -> AsyncIterator[tuple[Served, Path]]:
-    """A session of a study whose files the test may change."""
+async def serving_copy(scratch: Path, *, speed: float = 10.0) -> AsyncIterator[tuple[Served, Path]]:
+    """A session of a study whose files the test may change. Quicker, a busy machine would miss an action's deadline."""
     study = scratch / "study"
     shutil.copytree(GREETING, study)
     async with served(scratch, study, speed=speed, disk=Disk()) as session:
