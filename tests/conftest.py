@@ -32,16 +32,24 @@ settings.register_profile("search", settings.get_profile("fixed"), derandomize=F
 settings.load_profile("search" if chance.SEARCH else "fixed")
 
 
+ONE_PROCESS = ("explore", "test_site", "test_architecture", "test_bundle", "test_crate")
+"""A folder and files whose tests share what took long to make: explorations, a site, parsed modules, a study."""
+
+
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
-    """What is explored, or made of the documentation, is kept for the other tests of it: one process runs them all.
+    """Run the tests of ONE_PROCESS in one process each, so that they make what they share once.
 
     What takes longest comes first: at the end, one process would run it while the others have nothing left to do.
     """
+
+    def group(item: pytest.Item) -> str:
+        folder = item.path.parent.name
+        return folder if folder in ("explore", "tutorials") else item.path.stem
+
     for item in items:
-        group = item.path.parent.name if item.path.parent.name == "explore" else item.path.stem
-        if group in ("explore", "test_site"):
-            item.add_marker(pytest.mark.xdist_group(group))
-    items.sort(key=lambda item: item.path.stem != "test_site" and item.path.parent.name not in ("explore", "tutorials"))
+        if group(item) in ONE_PROCESS:
+            item.add_marker(pytest.mark.xdist_group(group(item)))
+    items.sort(key=lambda item: group(item) not in (*ONE_PROCESS, "tutorials"))
 
 
 def pytest_collection_finish() -> None:
