@@ -593,7 +593,7 @@ def test_no_folder(tmp_path: Path) -> None:
 def test_every_code_is_documented() -> None:
     codes: set[str] = set()
     engine = Path(rise_engine.scenario.__file__).parents[1]
-    for path in (*(engine / "scenario").glob("*.py"), *(engine / "syntax").glob("*.py")):
+    for path in (*(engine / "scenario").rglob("*.py"), *(engine / "syntax").glob("*.py")):
         text = path.read_text("utf-8")
         called = r"\.(?:error|warning|report_[a-z]+|parse_attribute)"
         codes.update(re.findall(rf"(?:{called}|unknown_code|XmlSyntaxError)\(\s*\"([a-z]+(?:-[a-z]+)*)\"", text))

@@ -125,7 +125,7 @@ def test_check_says_how_many(tmp_path: Path) -> None:
 
 def test_every_warning_can_be_silenced() -> None:
     codes: set[str] = set()
-    for path in Path(rise_engine.scenario.__file__).parent.glob("*.py"):
+    for path in Path(rise_engine.scenario.__file__).parent.rglob("*.py"):
         warning = r"\.(?:report_)?warning\(\s*(?:unknown_code\()?\"([a-z-]+)\""
         codes.update(re.findall(warning, path.read_text("utf-8")))
     assert codes - {"bad-allow", "unused-allow"} == WARNING_CODES - {"unicode-form"}

@@ -177,8 +177,8 @@ def test_ssml_of_a_description_is_said() -> None:
 @pytest.mark.parametrize(
     ("inside", "place", "code", "sentence"),
     [
-        ('<gesture id="g" lexeme="BEET"/>', "2:25", "bml-name", "what `BEET` is here; did you mean `BEAT`?"),
-        ('<gazeShift id="g" target="dooor"/>', "2:27", "bml-name", "where `dooor` is; did you mean `door`?"),
+        ('<gesture id="g" lexeme="BEET"/>', "2:25", "bml-name", "`BEET` has no meaning here; did you mean `BEAT`?"),
+        ('<gazeShift id="g" target="dooor"/>', "2:27", "bml-name", "`dooor` has no place here; did you mean `door`?"),
         ('<locomotion id="g" target="door"/>', "2:1", "bml-no-action", "no action moves the robot from its place"),
         ('<gezture id="g"/>', "2:1", "bml-no-action", "no behaviour of BML 1.0; did you mean `gesture`?"),
         ('<x:torso xmlns:x="urn:x" id="t"/>', "2:1", "bml-no-action", "nobody here knows what it does"),

@@ -166,7 +166,7 @@ async def test_a_cut_connection_and_an_engine_that_has_gone_are_different_errors
             connection.abort()
         session.server._server.close()  # type: ignore[union-attr]
         error = await first.over()
-        assert isinstance(error, EngineGone) and not isinstance(error, LinkLost) and "is not there" in str(error)
+        assert isinstance(error, EngineGone) and not isinstance(error, LinkLost) and "no longer exists" in str(error)
         await second.over()
 
 

@@ -30,7 +30,7 @@ def busy(it: Terminal) -> None:
     """The rule runs and the gaze follows for ever: the screen repaints all the time."""
     it.until("LIVE")
     it.press(b"b")
-    it.until("running")
+    it.until("► running")
     it.press(b"a")
     it.until("R_FollowGaze")
 

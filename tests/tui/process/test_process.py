@@ -21,7 +21,7 @@ def test_start_press_stop_leave_and_see_it_played_again() -> None:
     with terminal("--config", DEMO, "--seed", "1", "--wizard", "anna", program=STARTED) as it:
         it.until("LIVE")
         it.press(b"g")
-        it.until("running")
+        it.until("► running")
         it.press(F9)
         it.until("every part has confirmed")
         it.press(CTRL_C)
@@ -63,7 +63,7 @@ def test_consoles_come_and_go_and_the_session_goes_on() -> None:
         it.press(b"t")
         it.until("LIVE")
         it.press(b"m")
-        it.until("running")
+        it.until("► running")
         it.press(CTRL_C)
         it.until("Detach (d)")
         it.press(b"d")
@@ -99,7 +99,7 @@ def test_an_engine_that_is_killed_is_told_and_its_session_recovered() -> None:
         with terminal("--observe", home=it.home) as watching:
             watching.until("WATCHING")
             it.press(b"p")
-            it.until("running")
+            it.until("► running")
             os.kill(it.engines()[0], signal.SIGKILL)
             watching.until("ENGINE GONE")
             watching.press(CTRL_C)
@@ -115,7 +115,7 @@ def test_an_engine_that_is_killed_is_told_and_its_session_recovered() -> None:
             it.until("what the robot was doing counts as lost")
             it.until("failed")  # the act that the robot was doing counts as lost
             it.press(b"p")
-            it.until("running")
+            it.until("► running")
             watching.press(CTRL_C)
             watching.until("Watch (r)")
             watching.press(b"r")

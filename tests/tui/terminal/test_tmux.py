@@ -15,7 +15,7 @@ import pytest
 
 from tests.patience import PATIENCE
 from tests.tui.fake import DEMO
-from tests.tui.terminals import ROOT, environment_of, kill_engines
+from tests.tui.terminals import FINGERS, ROOT, environment_of, kill_engines
 
 pytestmark = [pytest.mark.pty, pytest.mark.skipif(shutil.which("tmux") is None, reason="tmux is not installed")]
 
@@ -40,6 +40,8 @@ class Tmux:
         self("new-session", "-d", "-x", "80", "-y", "24", "-c", str(ROOT), f"{program}; sleep 600")
 
     def keys(self, *keys: str) -> None:
+        """Press keys as a person does, who is never quicker than a finger."""
+        sleep(FINGERS)
         self("send-keys", *keys)
 
     @property
@@ -67,7 +69,7 @@ def test_start_act_stop_release_detach_and_come_back(tmux: Tmux) -> None:
     tmux.start("--config", DEMO, "--seed", "1", "--wizard", "anna")
     tmux.until("LIVE")
     tmux.keys("g")
-    tmux.until("running")
+    tmux.until("► running")
     tmux.keys("F9")
     tmux.until("STOPPED")
     tmux.until("every part has confirmed")
@@ -76,7 +78,7 @@ def test_start_act_stop_release_detach_and_come_back(tmux: Tmux) -> None:
     tmux.keys("r")
     tmux.until("LIVE")
     tmux.keys("m")
-    tmux.until("running")
+    tmux.until("► running")
     tmux.keys("C-c")
     tmux.until("Detach (d)")
     tmux.keys("d")
