@@ -11,6 +11,7 @@ from typing import Any
 import pytest
 from rise_adapters.ros2.transport.interfaces import RISE_INTERFACES, SHARE_FOLDER, InterfaceCatalog
 from rise_adapters.ros2.transport.port import CANCEL_TYPE, STATUS_TYPE, PortError, action_types
+from rise_adapters.ros2.transport.rclpy.types import InstalledTypes
 
 pytest.importorskip("rosbags", reason="the standard definitions come with the extra dds")
 
@@ -377,3 +378,11 @@ def test_texts_of_two_bytes_a_letter_have_a_hash_but_no_bytes(tmp_path: Path) ->
     assert types.type_hash("example_interfaces/msg/WString") == official
     with pytest.raises(PortError, match=r"the field data of .*WString is a wstring .*`dds` cannot carry"):
         types.codec("example_interfaces/msg/WString")
+
+
+def test_a_folder_of_definitions_is_no_installed_package(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """As in a checkout, where `adapters/rise_interfaces` can be imported although nobody has built it."""
+    share(tmp_path, Say_action="string text\n---\n---\n")
+    monkeypatch.syspath_prepend(str(tmp_path))
+    with pytest.raises(PortError, match="the ROS package lab is not installed, or not sourced"):
+        InstalledTypes().find_message("lab/action/Say_Goal")

@@ -82,7 +82,10 @@ class InstalledTypes:
             raise PortError(f"{type!r} is not the name of a type; one is written like std_msgs/msg/String")
         package, kind, base, part = match["package"], match["kind"], match["base"], match["part"]
         try:
-            found = getattr(import_module(f"{package}.{kind}"), base, None)
+            module = import_module(f"{package}.{kind}")
+            if module.__spec__ is not None and module.__spec__.origin is None:  # a checkout's folder of definitions
+                raise ImportError(name=package)
+            found = getattr(module, base, None)
         except ImportError as error:
             raise PortError(_describe_missing(type, package, kind, error)) from None
         path = _PARTS.get((kind, part), "?") if part else ""
