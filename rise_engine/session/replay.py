@@ -29,7 +29,7 @@ from rise_engine.session.journal_reader import JournalContents, ProgressCallback
 from rise_engine.session.scenario_copies import offer_changed
 
 _BLOCK_LINES = 64
-"""Lines that are read at once. Reading and replaying line by line takes an eighth longer."""
+"""Lines that are read, replayed and compared together. Line by line, all of it takes a third longer."""
 NO_RECORD = "(no record)"
 """Replaces the field when a whole record exists on one side only."""
 
@@ -212,32 +212,47 @@ class Replay:
         """Replay each step and compare its records by number. Raises SessionError, also when an input is missing."""
         contents, tape = self.contents, self._tape
         wall, line = "", 0
-        while self.difference is None and (found := tape.next_input()) is not None:
-            line, text, input = found
-            self.missing += len(self.unwritten)  # a later input exists, so they are not just a torn end
-            self.unwritten = []
-            records = self._handle(line, input)
-            self.inputs += 1
-            written = [tape.record(record.seq) for record in records]
-            # A missing record gets the `wall` of the same step, or else of the step before.
-            wall = next((recorded.record.wall for recorded in written if recorded is not None), wall)
-            for record, recorded in zip(records, written, strict=True):
-                record.wall = wall if recorded is None else recorded.record.wall
-                if recorded is None:
-                    self.unwritten.append(record)
-                    continue
-                self.difference = _first_difference(contents, input.n, recorded, record)
+        while self.difference is None and (inputs := tape.next_inputs()):
+            replayed, failure = [], None
+            for line, text, input in inputs:
+                try:
+                    replayed.append((input.n, text, self._handle(line, input)))
+                except SessionError as error:  # after any difference before it
+                    failure = error
+                    break
+            for n, text, records in replayed:
+                self.missing += len(self.unwritten)  # a later input exists, so they are not just a torn end
+                self.unwritten = []
+                self.inputs += 1
+                written = [tape.record(record.seq) for record in records]
+                # A missing record gets the `wall` of the same step, or else of the step before.
+                wall = next((recorded.record.wall for recorded in written if recorded is not None), wall)
+                self.difference = self._compare(n, records, written, wall)
                 if self.difference is not None:
                     break
-                self.compared += 1
-            else:
-                yield ReplayedStep(input.n, text, records, written)
+                yield ReplayedStep(n, text, records, written)
+            if failure is not None and self.difference is None:
+                raise failure
         tape.read_rest()
         lost = [record for record in self.unwritten if record.seq < contents.last_seq]
         self.missing += len(lost)
         self.unwritten = self.unwritten[len(lost) :]
         if self.difference is None and contents.last_seq > self._kernel.seq:
             self.difference = _first_beyond(contents, tape, line)
+
+    def _compare(
+        self, n: int, records: list[AnyRecord], written: list[RecordedLine | None], wall: str
+    ) -> ReplayDifference | None:
+        """Return the first difference in the records of input `n`, which get the recorded `wall`."""
+        for record, recorded in zip(records, written, strict=True):
+            record.wall = wall if recorded is None else recorded.record.wall
+            if recorded is None:
+                self.unwritten.append(record)
+            elif (difference := _first_difference(self.contents, n, recorded, record)) is not None:
+                return difference
+            else:
+                self.compared += 1
+        return None
 
     def _handle(self, line: int, input: InputLine) -> list[AnyRecord]:
         """Replay one input and return its records. Updates `timers`."""
@@ -270,15 +285,19 @@ class _JournalTape:
     def __init__(self, contents: JournalContents, on_progress: ProgressCallback | None) -> None:
         self._contents = contents
         self._lines = contents.follow(on_progress)
-        self._inputs: deque[tuple[int, bytes, InputLine]] = deque()
+        self._inputs: list[tuple[int, bytes, InputLine]] = []
         self._records: deque[RecordedLine] = deque()
 
-    def next_input(self) -> tuple[int, bytes, InputLine] | None:
-        """Return the next input with its line number and line. Raises SessionError when an earlier input is missing."""
+    def next_inputs(self) -> list[tuple[int, bytes, InputLine]]:
+        """Return the next inputs with their line numbers and lines; at the end, none.
+
+        Raises SessionError when an earlier input is missing.
+        """
         while not self._inputs:
             if not self._read():
-                return None
-        return self._inputs.popleft()
+                return []
+        taken, self._inputs = self._inputs, []
+        return taken
 
     def record(self, seq: int) -> RecordedLine | None:
         """Take the record `seq`, if the journal has it. Ask for all records in ascending order."""
