@@ -7,6 +7,7 @@ import io
 import statistics as python
 from collections import Counter, defaultdict
 from pathlib import Path
+from types import SimpleNamespace
 
 import pytest
 
@@ -16,8 +17,9 @@ from rise_engine.results.report.document import Facts
 from rise_engine.results.report.making import MadeReport, make_study_report
 from rise_engine.results.report.page import page_text
 from rise_engine.results.report.plain_text import cells_wide, text_lines
+from rise_engine.results.report.sheet import _hashes_text
 from rise_engine.results.report.study_facts import study_figures
-from rise_engine.results.report.study_report import StudyReportInput, _assignment, study_report
+from rise_engine.results.report.study_report import StudyReportInput, _assignment, _cells, study_report
 from rise_engine.study.publishing import ITEM_NAMES, REPORT_ITEMS
 from rise_engine.study.state import read_state
 from rise_engine.study.withdrawn import Withdrawn
@@ -225,3 +227,14 @@ def test_withdrawn_people_are_counted_and_not_named(study):
     flow = next(block for block in blocks if isinstance(block, Facts))
     assert ("Withdrawn", "2") in flow.rows
     assert "2 withdrawn" in " ".join(sentence for item in given.sheet for sentence in item.known)
+
+
+def test_hashes_of_a_scenario_in_several_languages_say_which_is_which():
+    assert _hashes_text({"a" * 64: "en", "b" * 64: "de"}) == f"{'a' * 16} (en), {'b' * 16} (de)"
+    assert _hashes_text({"a" * 64: "en"}) == "a" * 16
+
+
+@pytest.mark.parametrize("planned", [0, 3])
+def test_planned_rows_are_explained_only_where_there_are_some(planned):
+    cell = SimpleNamespace(strata={}, condition="polite", complete=1, open=0, planned=planned)
+    assert bool(_cells(SimpleNamespace(cells=(cell,))).note) is bool(planned)
