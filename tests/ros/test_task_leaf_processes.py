@@ -70,7 +70,7 @@ def why_not(kind: str) -> str:
     if why := missing("rclpy"):
         return why
     if not cyclone_rmw():
-        return "rmw_cyclonedds_cpp is not installed, by which a session that was killed is missed after 2 s"
+        return "rclpy does not run on rmw_cyclonedds_cpp here, which misses a killed session after 2 s"
     if find_spec("rise_interfaces") is None:
         return "rise_interfaces is not built, or its workspace is not sourced"
     if kind == "behaviortree_cpp":

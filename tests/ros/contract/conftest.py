@@ -46,7 +46,7 @@ def why_not(pair: tuple[str, str]) -> str:
         if missing(kind):
             return f"{kind}: {missing(kind)}"
     if near != far and not cyclone_rmw():
-        return "rclpy has no rmw_cyclonedds_cpp here, the only one that the dds transport can talk to"
+        return "rclpy does not run on rmw_cyclonedds_cpp here, the only one that the dds transport can talk to"
     return ""
 
 

@@ -30,6 +30,7 @@ _CYCLONE = (
     '<MaxAutoParticipantIndex>64</MaxAutoParticipantIndex><Peers><Peer address="localhost"/></Peers>'
     f"<LeaseDuration>{LEASE:g} s</LeaseDuration></Discovery></Domain></CycloneDDS>"
 )
+_CYCLONE_RMW = "rmw_cyclonedds_cpp"
 _DOMAIN = str(own_domain())
 
 
@@ -45,8 +46,9 @@ def missing(kind: str) -> str:
 
 
 def cyclone_rmw() -> bool:
-    """Whether rclpy can run on Cyclone DDS."""
-    return has_rmw("rmw_cyclonedds_cpp")
+    """Whether rclpy runs on Cyclone DDS here: it is installed, and `RMW_IMPLEMENTATION` names no other. A process keeps
+    the middleware that it loaded first, so one test run has one, in this process and in all that it starts."""
+    return os.environ.get("RMW_IMPLEMENTATION", _CYCLONE_RMW) == _CYCLONE_RMW and has_rmw(_CYCLONE_RMW)
 
 
 @cache
@@ -66,7 +68,7 @@ def environment() -> dict[str, str]:
         values.pop(name, None)
     values |= {"ROS_DOMAIN_ID": _DOMAIN, "CYCLONEDDS_URI": _CYCLONE, "PYTHONUNBUFFERED": "1", "PYTHONWARNINGS": "error"}
     if cyclone_rmw():
-        values |= {"RMW_IMPLEMENTATION": "rmw_cyclonedds_cpp", "ROS_AUTOMATIC_DISCOVERY_RANGE": "SYSTEM_DEFAULT"}
+        values |= {"RMW_IMPLEMENTATION": _CYCLONE_RMW, "ROS_AUTOMATIC_DISCOVERY_RANGE": "SYSTEM_DEFAULT"}
     else:  # another RMW is kept on this machine by ROS's own setting
         values["ROS_AUTOMATIC_DISCOVERY_RANGE"] = "LOCALHOST"
         values["FASTRTPS_DEFAULT_PROFILES_FILE"] = str(ROOT / "tests/ros/data/fastdds.xml")

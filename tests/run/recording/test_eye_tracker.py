@@ -20,7 +20,7 @@ from rise_engine.run.client import connect
 from rise_engine.run.protocol.session_options import SessionOptions
 from rise_engine.run.server.spawn import EngineStarted, start_engine
 from tests.patience import PATIENCE
-from tests.run.recording.test_lsl_recorded import finish, line, start
+from tests.run.recording.test_lsl_recorded import ONLY_HERE, finish, line, start
 from tests.run.server.conftest import scratch as scratch
 from tests.run.server.serving import GREETING
 from tests.scenarios.played import process
@@ -75,7 +75,7 @@ async def until_both_are_recorded(recorder: asyncio.subprocess.Process) -> None:
 def session(scratch: Path, monkeypatch: pytest.MonkeyPatch) -> Iterator[EngineStarted]:
     """A session of the greeting, in a process of its own."""
     monkeypatch.setenv("RISE_SESSIONS", str(scratch / "sessions"))
-    started = start_engine(SessionOptions(str(GREETING), mode="debug", seed=1, unfinished="new"))
+    started = start_engine(SessionOptions(str(GREETING), mode="debug", seed=1, unfinished="new", participant=ONLY_HERE))
     assert isinstance(started, EngineStarted), started.lines
     yield started
     process(["stop", started.name])  # it has ended already, but where a test has failed
@@ -89,13 +89,14 @@ async def test_gaze_that_was_streamed_lies_in_the_acts_in_which_it_was_seen(
     moments: list[tuple[float, float, int]] = []
     """Session seconds before and after the eye was told to look there."""
     folder = Path(session.folder)
+    source = f"stand-in-{ONLY_HERE}"
     outlet = await start("rise_engine", "lsl", session.name)
-    tracker = await start("tests.run.recording.eye_tracker", "stand-in")
+    tracker = await start("tests.run.recording.eye_tracker", source)
     await line(outlet.stderr, "sending markers")
     await line(tracker.stdout, "streaming")
     async with connect(session.name, "experimenter") as program:
         await program.raise_event("/begin")  # LabRecorder begins with a stream when something comes from it
-        sources = f"rise/{folder.name}", "stand-in"
+        sources = f"rise/{folder.name}", source
         recorder = await start("tests.run.recording.lab_recorder", str(scratch / "P01.xdf"), *sources)
         await until_both_are_recorded(recorder)
         origin = program.attach_reply.origin

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import asyncio
+import os
 import sys
 import time
 from pathlib import Path
@@ -17,6 +18,8 @@ from tests.run.server.serving import GREETING, served
 
 pytest.importorskip("labrecorder", reason="LabRecorder's wheel (labrecorder) is not there for this system")
 pytest.importorskip("pylsl")
+ONLY_HERE = f"T{os.getpid()}"
+"""A participant whom no test beside this one has: LSL finds streams by the session's name, whoever began it."""
 COUNT, BEFORE = 1000, 400
 """Markers in all, and those that happen before anybody records."""
 
@@ -56,7 +59,7 @@ async def test_labrecorder_has_every_marker_in_order_with_its_exact_time(scratch
 
     file = scratch / "session.xdf"
     bounds: list[tuple[float, float]] = []
-    async with served(scratch, GREETING, speed=1.0, disk=Disk()) as session:
+    async with served(scratch, GREETING, speed=1.0, disk=Disk(), participant=ONLY_HERE) as session:
         outlet = await start("rise_engine", "lsl", str(session.path))
         opened = await line(outlet.stderr, "sending markers")
         source = f"rise/{session.folder.name}"

@@ -61,6 +61,7 @@ async def test_a_film_is_aligned_as_well_as_the_marks_say(tmp_path: Path, monkey
     [found] = json.loads(done.output)["files"]
     [file] = read_media(folder)
     assert found["aligned_by"] == "marks" and len(file.marks) == 2 and file.offset is not None
-    bound = max(each.within or 0.0 for each in given) + 0.01
+    # Two marks near each other and off in opposite directions make the rate wrong, and with it what is between them.
+    bound = max(each.within or 0.0 for each in given) * max(1.0, file.rate) + 0.01
     for at in (heard[0], sum(heard) / 2, heard[1]):
         assert abs(file.offset + file.rate * at - (BEGAN + RATE * at)) <= bound

@@ -51,12 +51,20 @@ class Served:
 
 @asynccontextmanager
 async def served(
-    root: Path, scenario: Path = LABLINKING, *, speed: float = FAST, disk: Disk | None = None
+    root: Path, scenario: Path = LABLINKING, *, speed: float = FAST, disk: Disk | None = None, participant: str = ""
 ) -> AsyncIterator[Served]:
+    """`participant` is in the name of the session's folder, and so makes it another one than that of a test beside."""
     loaded = load(scenario)
     assert loaded.scenario is not None
     folder = create_session(
-        root / "sessions", loaded.scenario, loaded.files, seed=1, speed=speed, faults=(), versions={"rise-tui": "test"}
+        root / "sessions",
+        loaded.scenario,
+        loaded.files,
+        seed=1,
+        speed=speed,
+        faults=(),
+        versions={"rise-tui": "test"},
+        participant=participant,
     )
     lock = registry.acquire_lock(registry.session_name(scenario))
     assert lock is not None
