@@ -8,7 +8,7 @@ from typing import Any
 import pytest
 
 from .conftest import PAIRS, Pair, why_not
-from .peers import Peer, fast_dds, has_rmw, missing, until
+from .peers import Peer, cyclone_rmw, fast_dds, has_rmw, missing, until
 
 pytestmark = pytest.mark.dds
 
@@ -66,8 +66,8 @@ def test_an_action_of_another_version(kind: str, tmp_path: Path) -> None:
 
 
 @pytest.mark.skipif(
-    bool(missing("rclpy")) or not has_rmw("rmw_fastrtps_cpp") or not has_rmw("rmw_cyclonedds_cpp"),
-    reason="needs ROS 2 with Fast DDS and Cyclone DDS",
+    bool(missing("rclpy")) or not has_rmw("rmw_fastrtps_cpp") or not cyclone_rmw(),
+    reason="needs rclpy on Cyclone DDS, and Fast DDS beside it",
 )
 @pytest.mark.parametrize("kind", ["rclpy", "dds"])
 def test_a_robot_on_fast_dds(kind: str, tmp_path: Path) -> None:
