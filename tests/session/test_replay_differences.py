@@ -7,7 +7,7 @@ import pytest
 from msgspec.structs import replace
 
 from rise_engine.base.errors import SessionError
-from rise_engine.kernel.inputs import SessionRecovered
+from rise_engine.kernel.inputs import AnyInput, Note, SessionRecovered
 from rise_engine.kernel.records import MemoryRecord
 from rise_engine.session.journal_format import (
     encode_input,
@@ -87,6 +87,28 @@ def test_an_input_that_makes_the_kernel_fail_is_told(made: Made, monkeypatch: py
     for action in (recover, compare_replay):
         with pytest.raises(SessionError, match=r"journal.jsonl:2: input 1 makes the engine fail"):
             action(made.folder)
+
+
+def test_a_difference_is_told_before_a_later_failure(made: Made, monkeypatch: pytest.MonkeyPatch) -> None:
+    """Both lie in one block of lines, which is replayed before it is compared."""
+    from rise_engine.kernel import Kernel
+
+    handle = Kernel.handle
+
+    def fail(self: Kernel, input: AnyInput) -> object:
+        if isinstance(input, Note):
+            raise ZeroDivisionError("division by zero")
+        return handle(self, input)
+
+    index = next(i for i, line in enumerate(made.lines) if b'"key":"count","value":1' in line)
+    record = next(r for r in made.records if isinstance(r, MemoryRecord) and (r.key, r.value) == ("count", 1))
+    monkeypatch.setattr(Kernel, "handle", fail)
+    with pytest.raises(SessionError, match=r"input 9 makes the engine fail"):
+        compare_replay(made.folder)
+    lines = list(made.lines)
+    lines[index] = with_checksum(encode_record(replace(record, value=2)))
+    made.write(b"".join(lines))
+    assert "`value` is 2, but the replay gives 1" in str(compare_replay(made.folder).difference)
 
 
 def test_a_session_that_was_recovered_twice_replays(made: Made) -> None:
