@@ -16,6 +16,7 @@ import pytest
 
 from rise_engine.run.client import EngineGone
 from rise_engine.run.protocol.client import Rejected
+from rise_engine.run.recording import marks
 from rise_engine.run.recording.chirp import CHIRP_SECONDS, PLAYED_RATE, SOUND_SECONDS, chirp, mark_sound
 from rise_engine.run.recording.marks import PLAY_SECONDS, give_mark
 from rise_engine.study.model import SyncSettings
@@ -106,12 +107,15 @@ async def test_the_next_player_is_asked_when_one_fails(tmp_path: Path) -> None:
         ("echo one >&2; echo 'no card' >&2; exit 3", "player ended with exit status 3: no card"),
         (
             "exit 0",
-            r"player has played nothing that could be heard: it was there for \d\.\d s, and the sound",
+            r"player has played nothing that could be heard: it was there for \d+\.\d s, and the sound",
         ),
         ("exec sleep 60", f"player did not come to an end within {PLAY_SECONDS:g} s"),
     ],
 )
-async def test_what_goes_wrong_is_said_and_harms_nothing(tmp_path: Path, script: str, problem: str) -> None:
+async def test_what_goes_wrong_is_said_and_harms_nothing(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, script: str, problem: str
+) -> None:
+    monkeypatch.setattr(marks, "EARLY_SECONDS", -PLAY_SECONDS)  # a busy machine may take a second to run `exit 0`
     session = MarkedSession()
     given = await give_mark(session, 1, SyncSettings(play=player(tmp_path, "player", script)))
     assert given.at is None and not session.marks
