@@ -38,6 +38,7 @@ from rise_engine.kernel.records import (
     describe_open_goals,
     stopper_words,
 )
+from rise_engine.scenario.model import ALWAYS
 from rise_engine.scenario.speech.ssml import plain_words
 
 FUNCTION_WORDS = {
@@ -227,11 +228,15 @@ def trigger_text(trigger: str | None) -> str:
     (' on /tea', ' when Greet failed', ' after 2s of calm')
     >>> trigger_text("visits > 0"), trigger_text("after 2s"), trigger_text("stepped back"), trigger_text("start")
     (' when visits > 0', ' after 2s', ' (stepped back)', '')
+    >>> trigger_text("true")
+    ' at once'
     """
     if not trigger or trigger == "start":
         return ""
     if trigger.startswith("/"):
         return f" on {trigger}"
+    if trigger == ALWAYS:
+        return " at once"
     if trigger.startswith("after "):
         return f" {trigger}"
     if trigger.startswith(("resumed", "stepped back", "start,")):

@@ -8,7 +8,7 @@ snapshot that an engine sends to a late client.
 from __future__ import annotations
 
 from collections import deque
-from collections.abc import Iterable
+from collections.abc import Callable, Iterable
 from itertools import islice
 from typing import Any
 
@@ -258,72 +258,9 @@ class SessionView(Struct):
         if self.raised and record.t != self.t:
             self.raised = {}
         self.seq, self.t = record.seq, record.t
-        match record:
-            case TaskRecord():
-                self._apply_task(record)
-            case ActionRecord():
-                add_action_record(self.tasks, record)
-            case RuleRecord():
-                self._apply_rule(record)
-            case TimingRecord() | MistakeRecord():
-                add_record(self.tasks, record)
-            case MemoryRecord(deleted=True):
-                self._note_change(record)
-                self.memory.pop(record.key, None)
-            case MemoryRecord():
-                self._note_change(record)
-                self.memory[record.key] = MemoryView(record.value, record.old, record.source, record.t)
-            case EventRecord():
-                if self.raised:
-                    self._apply_event(record)
-                if record.taken_by is None:
-                    self.unhandled.append(record)
-            case RobotRecord():
-                if self.robot is not None or record.status != "connected":  # a good link at the start is no news
-                    self._add_remark(RemarkView("robot", record.t, "robot", record.detail, record.status))
-                self.robot = record
-            case NoteRecord():
-                self._add_remark(RemarkView("note", record.t, record.source, record.text))
-            case CountdownRecord():
-                self._apply_countdown(record)
-            case KeptRecord(status="kept"):
-                self._apply_kept(record)
-            case KeptRecord():
-                self.kept.pop(record.task, None)
-            case StopRecord(status="let-go"):
-                self.stop.held_by = record.held_by
-            case StopRecord():
-                again = self.stop.status == record.status == "latched"  # a further answer of the robot
-                self.stop = StopView(
-                    record.status,
-                    self.stop.since if again else record.t,
-                    record.confirmed,
-                    record.unconfirmed,
-                    record.unstoppable,
-                    record.source or self.stop.source,
-                    self.stop.stood if record.status != "released" else [],
-                    record.held_by,
-                )
-            case CueRecord():
-                self._apply_cue(record)
-            case FailureRecord():
-                self._apply_question(record)
-            case ControlRecord(status="asked"):
-                self.asked = record.by
-            case ControlRecord():
-                self.control, self.asked = record.holder, None
-                if record.holder is not None and record.holder.startswith("wizard:"):
-                    self.wizard = record.holder.removeprefix("wizard:").partition("#")[0]
-            case CheckRecord() | OutcomeRecord() | RecordingRecord() | SyncRecord():
-                self._apply_report(record)
-            case ScenarioRecord():
-                self._add_remark(RemarkView("note", record.t, record.source, words_of(record).sentence))
-            case SessionRecord():
-                if record.status == "ended":
-                    self.ended = True
-                    self.end_reason = "; ".join(filter(None, (record.reason, describe_open_goals(record.open))))
-                else:
-                    self.session = record
+        apply = _APPLY.get(type(record))
+        if apply is not None:
+            apply(self, record)
 
     def running_rules(self) -> list[str]:
         """The running rules, top of the stack first."""
@@ -340,6 +277,64 @@ class SessionView(Struct):
         if len(remark.text) > MAX_REMARK_CHARACTERS:
             remark.text = f"{remark.text[: MAX_REMARK_CHARACTERS - 1]}…"
         self.remarks.append(remark)
+
+    def _apply_memory(self, record: MemoryRecord) -> None:
+        if record.source != ENGINE:
+            self.memory_log.note(record.seq, record.key, not record.created, record.old)
+        if self.memory_log.is_full:
+            self.memory_log.trim((rule.steps for rule in self.rules.values()), 4 * len(self.rules))
+        if record.deleted:
+            self.memory.pop(record.key, None)
+        else:
+            self.memory[record.key] = MemoryView(record.value, record.old, record.source, record.t)
+
+    def _apply_action(self, record: ActionRecord) -> None:
+        add_action_record(self.tasks, record)
+
+    def _apply_to_task(self, record: TimingRecord | MistakeRecord) -> None:
+        add_record(self.tasks, record)
+
+    def _apply_robot(self, record: RobotRecord) -> None:
+        if self.robot is not None or record.status != "connected":  # a good link at the start is no news
+            self._add_remark(RemarkView("robot", record.t, "robot", record.detail, record.status))
+        self.robot = record
+
+    def _apply_note(self, record: NoteRecord) -> None:
+        self._add_remark(RemarkView("note", record.t, record.source, record.text))
+
+    def _apply_scenario(self, record: ScenarioRecord) -> None:
+        self._add_remark(RemarkView("note", record.t, record.source, words_of(record).sentence))
+
+    def _apply_stop(self, record: StopRecord) -> None:
+        if record.status == "let-go":
+            self.stop.held_by = record.held_by
+            return
+        again = self.stop.status == record.status == "latched"  # a further answer of the robot
+        self.stop = StopView(
+            record.status,
+            self.stop.since if again else record.t,
+            record.confirmed,
+            record.unconfirmed,
+            record.unstoppable,
+            record.source or self.stop.source,
+            self.stop.stood if record.status != "released" else [],
+            record.held_by,
+        )
+
+    def _apply_control(self, record: ControlRecord) -> None:
+        if record.status == "asked":
+            self.asked = record.by
+            return
+        self.control, self.asked = record.holder, None
+        if record.holder is not None and record.holder.startswith("wizard:"):
+            self.wizard = record.holder.removeprefix("wizard:").partition("#")[0]
+
+    def _apply_session(self, record: SessionRecord) -> None:
+        if record.status == "ended":
+            self.ended = True
+            self.end_reason = "; ".join(filter(None, (record.reason, describe_open_goals(record.open))))
+        else:
+            self.session = record
 
     def _apply_report(self, record: ReportRecord) -> None:
         match record:
@@ -444,6 +439,10 @@ class SessionView(Struct):
             self.raised = {task.id: raised, **self.raised}
 
     def _apply_event(self, record: EventRecord) -> None:
+        if record.taken_by is None:
+            self.unhandled.append(record)
+        if not self.raised:
+            return
         topic = normal_topic(record.topic)
         for id, raised in self.raised.items():
             if raised.topic == topic and raised.source == record.source and raised.next_seq in (None, record.seq):
@@ -481,6 +480,9 @@ class SessionView(Struct):
             countdowns[record.transition] = CountdownView(record.t, record.seconds, record.reason)
 
     def _apply_kept(self, record: KeptRecord) -> None:
+        if record.status != "kept":
+            self.kept.pop(record.task, None)
+            return
         task = self.tasks.get(record.task)
         source = task.source if task is not None else ""
         self.kept[record.task] = KeptView(record.topic, source, record.t + (record.seconds or 0.0))
@@ -502,12 +504,6 @@ class SessionView(Struct):
         values = {key: entry.value for key, entry in self.memory.items()}
         return self.memory_log.changed_since(rule.steps[-2][1], values) if len(rule.steps) > 1 else {}
 
-    def _note_change(self, record: MemoryRecord) -> None:
-        if record.source != ENGINE:
-            self.memory_log.note(record.seq, record.key, not record.created, record.old)
-        if self.memory_log.is_full:
-            self.memory_log.trim((rule.steps for rule in self.rules.values()), 4 * len(self.rules))
-
     def _forget_oldest(self) -> None:
         ended = (id for id, task in self.tasks.items() if task.status in FINAL)
         oldest = list(islice(ended, len(self.tasks) - MAX_ENDED_TASKS))
@@ -517,3 +513,29 @@ class SessionView(Struct):
         self.questions = [id for id in self.questions if id in self.tasks]
         self.repeats = {id: at for id, at in self.repeats.items() if id in self.tasks}
         self.forgotten += len(oldest)
+
+
+_APPLY: dict[type, Callable[[SessionView, Any], None]] = {
+    TaskRecord: SessionView._apply_task,
+    ActionRecord: SessionView._apply_action,
+    RuleRecord: SessionView._apply_rule,
+    EventRecord: SessionView._apply_event,
+    MemoryRecord: SessionView._apply_memory,
+    RobotRecord: SessionView._apply_robot,
+    StopRecord: SessionView._apply_stop,
+    ControlRecord: SessionView._apply_control,
+    NoteRecord: SessionView._apply_note,
+    CueRecord: SessionView._apply_cue,
+    MistakeRecord: SessionView._apply_to_task,
+    TimingRecord: SessionView._apply_to_task,
+    CountdownRecord: SessionView._apply_countdown,
+    KeptRecord: SessionView._apply_kept,
+    FailureRecord: SessionView._apply_question,
+    CheckRecord: SessionView._apply_report,
+    OutcomeRecord: SessionView._apply_report,
+    RecordingRecord: SessionView._apply_report,
+    SyncRecord: SessionView._apply_report,
+    ScenarioRecord: SessionView._apply_scenario,
+    SessionRecord: SessionView._apply_session,
+}
+"""How each kind of record changes the view; a condition changes nothing."""

@@ -43,6 +43,8 @@ class ElementForm(Struct, frozen=True):
     children: tuple[str, ...] = ()
     attributes: Mapping[str, AttributeForm] = {}
     """In the order in which they are written."""
+    foreign: Mapping[str, str] = {}
+    """Attributes of SCXML that it does not have, and what to do instead."""
     in_rise: bool = True
 
 
@@ -78,6 +80,10 @@ ELEMENTS: dict[str, ElementForm] = {
         "belongs in <InteractionRule>",
         ("onEntry", "onExit", "transition"),
         {"id": AttributeForm("state", defines=True)},
+        {
+            "final": "a state without transitions ends its rule",
+            "initial": "the first state is named by its rule: <InteractionRule initial=...>",
+        },
     ),
     "transitions": ElementForm(
         "belongs in <InteractionRule>", ("transition",), {"in": AttributeForm("states")}, in_rise=False

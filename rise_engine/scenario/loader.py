@@ -284,9 +284,10 @@ class ScenarioLoader:
 
     def read_settings(self) -> None:
         path = self.folder / (self.path.name if self.path.suffix == ".toml" else SCENARIO_FILE)
-        source = self.files.read(path, MAX_TOML_BYTES) if self.tree.exists(path) else None
+        exists = self.tree.exists(path)
+        source = self.files.read(path, MAX_TOML_BYTES) if exists else None
         file = toml_of(source, self.files) if source is not None else None
-        if file is None and self.tree.exists(path):
+        if exists and (file is None or file.source is not source):  # without the lines that are not TOML
             self.draft.unreadable_parts.add("settings")
         self.file = file or self.file
 

@@ -214,6 +214,10 @@ class Delay(Struct, frozen=True):
     """Seconds per unit of the expression's number; null: it is a number of seconds, or a text such as `2s`."""
 
 
+ALWAYS = "true"
+"""The condition of a transition that waits for nothing."""
+
+
 class Transition(Struct, frozen=True):
     """A transition. At most one of `event`, `ended` and `after` is set; if none is, the condition alone triggers it."""
 

@@ -52,6 +52,8 @@ _read_number = msgspec.json.Decoder(_Number).decode
 _read_input = msgspec.json.Decoder(AnyInput).decode
 _read_record = msgspec.json.Decoder(AnyRecord).decode
 
+INPUT_START = b'{"n"'
+"""How the line of an input begins, and no other line."""
 _CHECKSUM_BYTES = len(b',"crc":"01234567"}')
 """The length of the checksum at the end of a line."""
 
@@ -121,7 +123,7 @@ def read_line(data: bytes) -> JournalLine:
         if text.startswith(b'{"kind"'):
             record: AnyRecord = _read_record(text)
             return record
-        if text.startswith(b'{"n"'):
+        if text.startswith(INPUT_START):
             return InputLine(_read_number(text).n, _read_input(text))
         header = msgspec.json.decode(text, type=JournalHeader)
     except (msgspec.DecodeError, UnicodeDecodeError) as error:

@@ -9,13 +9,13 @@ says what is there and what is valid. Callers that need the lines read the file 
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from itertools import takewhile
 from os import SEEK_END
 from pathlib import Path
 from time import monotonic
-from typing import IO, Literal
+from typing import IO, Literal, TypeAlias
 
 from msgspec import Struct, field
 
@@ -23,6 +23,7 @@ from rise_engine.base.errors import SessionError
 from rise_engine.kernel.inputs import SessionEnded
 from rise_engine.kernel.records import AnyRecord, SessionRecord
 from rise_engine.session.journal_format import (
+    INPUT_START,
     InputLine,
     JournalHeader,
     JournalLine,
@@ -33,6 +34,10 @@ from rise_engine.session.journal_format import (
 ProgressCallback = Callable[[str], object]
 """Gets a sentence about the progress, about twice a second."""
 
+StepInput: TypeAlias = tuple[int, InputLine]
+"""The place of an input among the lines of its block, from 0, and the input."""
+_BLOCK_BYTES = 2**14
+"""Bytes of lines that `read_steps` gives together."""
 _PROGRESS_LINES = 1_000
 """Lines between two looks at the clock."""
 PROGRESS_SECONDS = 0.5
@@ -121,19 +126,69 @@ class JournalContents(Struct):
         with _open_journal(self.path) as file:
             yield from _read_valid_lines(file, self.size, JournalContents(self.path))
 
+    @property
+    def next_line(self) -> int:
+        """The number of the next line, as long as every line was valid."""
+        return 1 + (self.header is not None) + self.inputs + self.records
+
+    def read_steps(self, on_progress: ProgressCallback | None = None) -> Iterator[tuple[list[bytes], list[StepInput]]]:
+        """Give all lines of many steps at a time, with their ends, and where the inputs are in them.
+
+        This is for a caller that knows what the records must be, which are not decoded here. It takes each block by
+        `take_steps`, and may leave the last one. Ends before the last step, and before any line that is not a valid
+        input in its place. `follow` goes on after what was taken.
+        """
+        progress = ReadingProgress(on_progress)
+        with _open_journal(self.path) as file:
+            end = file.seek(0, SEEK_END)
+            file.seek(0)
+            try:
+                header = read_line((line := file.readline())[:-1])
+                if not isinstance(header, JournalHeader):
+                    return
+                self.header, self.size = header, len(line)
+                lines: list[bytes] = []
+                while more := file.readlines(_BLOCK_BYTES):
+                    lines += more
+                    starts = [at for at, line in enumerate(lines) if line.startswith(INPUT_START)]
+                    inputs = [
+                        (at, found)
+                        for number, at in enumerate(starts[:-1], self.last_input + 1)
+                        if isinstance(found := read_line(lines[at][:-1]), InputLine) and found.n == number
+                    ]
+                    if starts[:1] != [0] or len(inputs) < len(starts) - 1:
+                        return
+                    if inputs:
+                        yield lines[: starts[-1]], inputs
+                        del lines[: starts[-1]]
+                    progress.report(lambda: _how_far(self.size, end))
+            except LineError:
+                return
+
+    def take_steps(self, lines: Sequence[bytes], inputs: Sequence[StepInput], records: Sequence[AnyRecord]) -> None:
+        """Take a block of `read_steps`, with the records that are in its lines."""
+        self.size += sum(map(len, lines))
+        self.inputs += len(inputs)
+        self.last_input += len(inputs)
+        self.records += len(records)
+        self.last_seq += len(records)
+        self.last_record = records[-1] if records else self.last_record
+        last = inputs[-1][1].input
+        self.input_t, self.ended = last.t, isinstance(last, SessionEnded)
+
     def follow(self, on_progress: ProgressCallback | None = None) -> Iterator[tuple[int, bytes, JournalLine]]:
-        """Give the lines of a journal that was not read before. The other fields are filled in on the way, and are
+        """Give the lines of a journal that were not read before. The other fields are filled in on the way, and are
         complete after the last line. Parameters and errors as in `read_journal`."""
         progress = ReadingProgress(on_progress)
         with _open_journal(self.path) as file:
             end = file.seek(0, SEEK_END)
             if not end:
                 raise SessionError(f"{self.path} is empty: nothing was ever recorded")
-            file.seek(0)
+            file.seek(self.size)
             for number, line, found in _read_valid_lines(file, end, self):
                 yield number, line, found
                 if number % _PROGRESS_LINES == 0:
-                    progress.report(lambda: f"reading the record: {self.size / 1e6:,.0f} of {end / 1e6:,.0f} MB")
+                    progress.report(lambda: _how_far(self.size, end))
             file.seek(self.size)
             self.torn = file.read(end - self.size)
         if self.size == 0:
@@ -197,8 +252,8 @@ def _read_valid_lines(file: IO[bytes], end: int, contents: JournalContents) -> I
     """
     suspect: dict[int, str] = {}
     """Unreadable lines with nothing valid after them so far."""
-    offset = input_line = record_line = 0
-    for number, line in enumerate(file, 1):
+    offset, input_line, record_line = contents.size, 0, 0
+    for number, line in enumerate(file, contents.next_line):
         offset += len(line)
         if offset > end or not line.endswith(b"\n"):
             break  # an incomplete line
@@ -239,6 +294,10 @@ def _read_valid_lines(file: IO[bytes], end: int, contents: JournalContents) -> I
             contents.records += 1
             contents.last_record = found
         yield number, line, found
+
+
+def _how_far(read: int, size: int) -> str:
+    return f"reading the record: {read / 1e6:,.0f} of {size / 1e6:,.0f} MB"
 
 
 def _note_gap(

@@ -194,10 +194,10 @@ def _intact_lines(
             yield file.readline()
     unwritten = {record.seq for record in replay.unwritten}
     for step in fresh_replay.steps():
-        yield step.text + b"\n"
+        yield step.line
         for record, written in zip(step.records, step.written, strict=True):
             if written is not None:
-                yield written.text + b"\n"
+                yield written
             elif record.seq not in unwritten:
                 yield with_checksum(encode_record(record))
 

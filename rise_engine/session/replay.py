@@ -7,7 +7,6 @@ from __future__ import annotations
 
 from collections import deque
 from collections.abc import Iterator
-from itertools import islice
 from pathlib import Path
 from typing import Any
 
@@ -28,8 +27,6 @@ from rise_engine.session.journal_format import InputLine, JournalHeader, encode_
 from rise_engine.session.journal_reader import JournalContents, ProgressCallback
 from rise_engine.session.scenario_copies import offer_changed
 
-_BLOCK_LINES = 64
-"""Lines that are read, replayed and compared together. Line by line, all of it takes a sixth longer."""
 NO_RECORD = "(no record)"
 """Replaces the field when a whole record exists on one side only."""
 
@@ -176,26 +173,28 @@ class ReplayedStep(Struct, frozen=True):
     """A step of the replay."""
 
     n: int
-    text: bytes
-    """The input's line without its end."""
+    line: bytes
+    """The input's line with its end."""
     records: list[AnyRecord]
     """The step's records, with the recorded `wall` if there is one."""
-    written: list[RecordedLine | None]
-    """The recorded line of each record. None: the journal does not have it."""
+    written: list[bytes | None]
+    """The recorded line of each record, with its end. None: the journal does not have it."""
 
 
 class Replay:
     """A replay of a journal's inputs through a fresh kernel, step by step, up to the first difference.
 
-    Iterate over `steps` to the end. Only one step is in memory at a time.
+    Iterate over `steps` to the end. Only some steps are in memory at a time.
     """
 
     def __init__(self, kernel: Kernel, path: Path, on_progress: ProgressCallback | None = None) -> None:
         self._kernel = kernel
         self._folder = path.parent
+        self._on_progress = on_progress
         self.contents = JournalContents(path)
         """The contents of the journal, complete after the last step."""
-        self._tape = _JournalTape(self.contents, on_progress)
+        self._ahead: deque[list[AnyRecord] | SessionError] = deque()
+        """What the next inputs gave, which were replayed already."""
         self.inputs = 0
         """The number of replayed inputs."""
         self.compared = 0
@@ -210,29 +209,33 @@ class Replay:
 
     def steps(self) -> Iterator[ReplayedStep]:
         """Replay each step and compare its records by number. Raises SessionError, also when an input is missing."""
-        contents, tape = self.contents, self._tape
-        wall, line = "", 0
-        while self.difference is None and (inputs := tape.next_inputs()):
-            replayed, failure = [], None
-            for line, text, input in inputs:
-                try:
-                    replayed.append((input.n, text, self._handle(line, input)))
-                except SessionError as error:  # after any difference before it
-                    failure = error
-                    break
-            for n, text, records in replayed:
-                self.missing += len(self.unwritten)  # a later input exists, so they are not just a torn end
-                self.unwritten = []
-                self.inputs += 1
-                written = [tape.record(record.seq) for record in records]
-                # A missing record gets the `wall` of the same step, or else of the step before.
-                wall = next((recorded.record.wall for recorded in written if recorded is not None), wall)
-                self.difference = self._compare(n, records, written, wall)
+        yield from self._exact_steps()
+        contents = self.contents
+        tape = _JournalTape(contents, self._on_progress)
+        wall, line = contents.last_record.wall if contents.last_record is not None else "", 0
+        while self.difference is None and (found := tape.next_input()) is not None:
+            line, text, input = found
+            self.missing += len(self.unwritten)  # a later input exists, so they are not just a torn end
+            self.unwritten = []
+            result = self._ahead.popleft() if self._ahead else self._handle(line, input)
+            if isinstance(result, SessionError):
+                raise result
+            self.inputs += 1
+            written = [tape.record(record.seq) for record in result]
+            # A missing record gets the `wall` of the same step, or else of the step before.
+            wall = next((recorded.record.wall for recorded in written if recorded is not None), wall)
+            for record, recorded in zip(result, written, strict=True):
+                record.wall = wall if recorded is None else recorded.record.wall
+                if recorded is None:
+                    self.unwritten.append(record)
+                    continue
+                self.difference = _first_difference(contents, input.n, recorded, record)
                 if self.difference is not None:
                     break
-                yield ReplayedStep(n, text, records, written)
-            if failure is not None and self.difference is None:
-                raise failure
+                self.compared += 1
+            else:
+                lines = [recorded.text + b"\n" if recorded is not None else None for recorded in written]
+                yield ReplayedStep(input.n, text + b"\n", result, lines)
         tape.read_rest()
         lost = [record for record in self.unwritten if record.seq < contents.last_seq]
         self.missing += len(lost)
@@ -240,19 +243,36 @@ class Replay:
         if self.difference is None and contents.last_seq > self._kernel.seq:
             self.difference = _first_beyond(contents, tape, line)
 
-    def _compare(
-        self, n: int, records: list[AnyRecord], written: list[RecordedLine | None], wall: str
-    ) -> ReplayDifference | None:
-        """Return the first difference in the records of input `n`, which get the recorded `wall`."""
-        for record, recorded in zip(records, written, strict=True):
-            record.wall = wall if recorded is None else recorded.record.wall
-            if recorded is None:
-                self.unwritten.append(record)
-            elif (difference := _first_difference(self.contents, n, recorded, record)) is not None:
-                return difference
-            else:
-                self.compared += 1
-        return None
+    def _exact_steps(self) -> Iterator[ReplayedStep]:
+        """Replay and compare many steps at a time without decoding their records, up to the first block of lines that
+        is not exactly what the replay writes. For a million records, this saves a third of the time."""
+        contents = self.contents
+        for lines, inputs in contents.read_steps(self._on_progress):
+            first = contents.next_line
+            for at, input in inputs:
+                try:
+                    self._ahead.append(self._handle(first + at, input))
+                except SessionError as error:
+                    self._ahead.append(error)
+                    return
+            expected: list[bytes] = []
+            steps, replayed = [], []
+            for (at, input), records in zip(inputs, self._ahead, strict=True):
+                assert not isinstance(records, SessionError)
+                wall = _read_wall(lines[at + 1]) if at + 1 < len(lines) else ""
+                for record in records:
+                    record.wall = wall  # all records of a step are of one moment
+                written = [with_checksum(encode_record(record)) for record in records]
+                expected += (lines[at], *written)
+                replayed += records
+                steps.append(ReplayedStep(input.n, lines[at], records, [*written]))
+            if expected != lines:
+                return
+            self._ahead.clear()
+            contents.take_steps(lines, inputs, replayed)
+            self.inputs += len(inputs)
+            self.compared += len(replayed)
+            yield from steps
 
     def _handle(self, line: int, input: InputLine) -> list[AnyRecord]:
         """Replay one input and return its records. Updates `timers`."""
@@ -285,19 +305,15 @@ class _JournalTape:
     def __init__(self, contents: JournalContents, on_progress: ProgressCallback | None) -> None:
         self._contents = contents
         self._lines = contents.follow(on_progress)
-        self._inputs: list[tuple[int, bytes, InputLine]] = []
+        self._inputs: deque[tuple[int, bytes, InputLine]] = deque()
         self._records: deque[RecordedLine] = deque()
 
-    def next_inputs(self) -> list[tuple[int, bytes, InputLine]]:
-        """Return the next inputs with their line numbers and lines; at the end, none.
-
-        Raises SessionError when an earlier input is missing.
-        """
+    def next_input(self) -> tuple[int, bytes, InputLine] | None:
+        """Return the next input with its line number and line. Raises SessionError when an earlier input is missing."""
         while not self._inputs:
             if not self._read():
-                return []
-        taken, self._inputs = self._inputs, []
-        return taken
+                return None
+        return self._inputs.popleft()
 
     def record(self, seq: int) -> RecordedLine | None:
         """Take the record `seq`, if the journal has it. Ask for all records in ascending order."""
@@ -317,16 +333,14 @@ class _JournalTape:
             pass
 
     def _read(self) -> bool:
-        read = False
-        for number, text, found in islice(self._lines, _BLOCK_LINES):
-            read = True
-            if isinstance(found, InputLine):
-                self._inputs.append((number, text, found))
-            elif not isinstance(found, JournalHeader):
-                self._records.append(RecordedLine(number, text, found))
+        number, text, found = next(self._lines, (0, b"", None))
+        if isinstance(found, InputLine):
+            self._inputs.append((number, text, found))
+        elif found is not None and not isinstance(found, JournalHeader):
+            self._records.append(RecordedLine(number, text, found))
         if self._contents.gaps:
             require_inputs(self._contents)
-        return read
+        return found is not None
 
 
 def _first_difference(
@@ -374,6 +388,11 @@ def _load_other_scenario(path: Path, info: SessionInfo, notes: list[str]) -> Sce
     if loaded.scenario.hash != info.scenario_hash:
         notes.append(f"{path} is not what this session ran: something in it is different")
     return replace(loaded.scenario, title=info.title, folder=info.scenario_folder, hash=info.scenario_hash)
+
+
+def _read_wall(line: bytes) -> str:
+    """The `wall` of a record's line."""
+    return line.partition(b'"wall":"')[2].partition(b'"')[0].decode(errors="replace")
 
 
 def _short_json(value: Any) -> str:

@@ -9,6 +9,7 @@ from textual.widget import Widget
 from rise_engine.author.drawing.rule_text import engine_raises_text
 from rise_engine.author.drawing.state_graph import GraphLayout, lay_out_graph
 from rise_engine.author.drawing.study_keys import RULE
+from rise_engine.kernel.record_words import trigger_text
 from rise_engine.kernel.view import RuleView
 from rise_engine.scenario.model import Rule
 from rise_tui.actions import bindings_in
@@ -158,7 +159,7 @@ class RulePane(ListPane):
             if view.previous:
                 line = (*line, ("  from ", "muted"), (view.previous, "plain"))
             if view.trigger:
-                line = (*line, ("  by ", "muted"), (view.trigger, "plain"))
+                line = (*line, (" ", "muted"), (trigger_text(view.trigger), "plain"))
         else:
             if view.reason:
                 line = ((f" {view.reason}", "fault" if view.status == "faulted" else "muted"),)

@@ -137,7 +137,7 @@ def test_fmt_lays_out_and_leaves_what_cannot_be_read(study: Path, capsys: pytest
     status, out, _ = call(capsys, "fmt", study, "--diff")
     assert status == 0 and '-robot="floka"  \n+robot = "floka"\n' in out and contents(study) == odd
     status, out, _ = call(capsys, "fmt", study)
-    assert (status, out) == (0, "acts/greeting.xml: laid out anew\nscenario.toml: laid out anew\n")
+    assert (status, out) == (0, "acts/greeting.xml: formatted\nscenario.toml: formatted\n")
     assert contents(study) == shipped
     acts.write_bytes(b"<Dialogs>")
     status, out, err = call(capsys, "fmt", study)

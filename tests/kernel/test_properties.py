@@ -7,7 +7,7 @@ import json
 from collections import Counter
 from collections.abc import Callable
 from random import Random
-from typing import Any
+from typing import Any, get_args
 
 import msgspec
 import pytest
@@ -29,9 +29,18 @@ from rise_engine.kernel.inputs import (
     Submit,
     TimerElapsed,
 )
-from rise_engine.kernel.records import ENDINGS, ActionRecord, AnyRecord, EventRecord, RuleRecord, StopRecord, TaskRecord
+from rise_engine.kernel.records import (
+    ENDINGS,
+    ActionRecord,
+    AnyRecord,
+    ConditionRecord,
+    EventRecord,
+    RuleRecord,
+    StopRecord,
+    TaskRecord,
+)
 from rise_engine.kernel.snapshot import Snapshot
-from rise_engine.kernel.view import SessionView
+from rise_engine.kernel.view import _APPLY, SessionView
 from rise_engine.scenario.model import (
     Act,
     Action,
@@ -533,3 +542,7 @@ def test_a_runaway_rule_is_faulted_alone(scenario: Scenario, moves: list[Move]) 
     assert "calm" in run.kernel.rules.stack
     run.play("event", "calm_event", "")
     assert [r.taken_by for r in run.records if isinstance(r, EventRecord)][-1] == "calm"
+
+
+def test_every_kind_of_record_but_a_condition_changes_the_view() -> None:
+    assert set(get_args(AnyRecord)) - set(_APPLY) == {ConditionRecord}

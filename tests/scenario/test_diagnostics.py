@@ -348,6 +348,10 @@ FILES: dict[str, tuple[dict[str, str | bytes], list[str]]] = {
             "scenario.toml:8:1 wrong-type",
         ],
     ),
+    "an event whose key may be in a line that is not TOML": (
+        {"scenario.toml": "[keys]\ne = { event = “x” }\n", "rules/r.xml": in_state("", '<transition eventTopic="x"/>')},
+        ["rules/r.xml:3:20 no-effect", "scenario.toml:2:15 toml-syntax"],
+    ),
     "rules with a broken header": (
         {
             "rules/a.xml": rule('<State id="S"/>', "A").replace("initial", 'priority="x" intial'),
@@ -358,12 +362,25 @@ FILES: dict[str, tuple[dict[str, str | bytes], list[str]]] = {
             ),
         },
         [
-            "rules/a.xml:1:1 missing-attribute",
             "rules/a.xml:1:37 wrong-type",
             "rules/a.xml:1:40 unknown-attribute",
             "rules/b.xml:1:1 missing-attribute",
             "rules/b.xml:1:1 no-states",
             "rules/b.xml:1:37 wrong-type",
+        ],
+    ),
+    "one finding for each typing mistake": (
+        {
+            "rules/a.xml": '<InteractionRule name="A" intial="S"><Stat id="S"/>\n'
+            '<State id="T"><transition afer="8s" target="S"/><transition cond="true" target="U"/></State>\n'
+            '<State Id="U"/><State id="V"><onEntry><if con="true"/></onEntry></State></InteractionRule>'
+        },
+        [
+            "rules/a.xml:1:27 unknown-attribute",
+            "rules/a.xml:1:38 unknown-element",
+            "rules/a.xml:2:27 unknown-attribute",
+            "rules/a.xml:3:8 unknown-attribute",
+            "rules/a.xml:3:43 unknown-attribute",
         ],
     ),
     "an act and a rule of one name": (

@@ -17,9 +17,9 @@ from rise_engine.run.protocol.session_options import SessionOptions
 from rise_engine.scenario import shipped_studies
 from rise_engine.scenario.loader import load
 from rise_engine.scenario.reading.element_templates import LIBRARY
-from rise_tui.config.initial_memory import memory_file_path
 from rise_tui.config.launch import ScenarioProblems, load_scenario
 from rise_tui.config.settings import scenario_path
+from rise_tui.panes.save_start_values import memory_file_path
 
 STUDIES = Path(__file__).parents[2] / "scenarios"
 NAMES = sorted(path.name for path in STUDIES.iterdir() if path.is_dir())

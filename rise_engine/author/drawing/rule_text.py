@@ -8,6 +8,7 @@ from typing import Any, NamedTuple
 from rise_engine.base.typed_values import format_value
 from rise_engine.expression import Environment, EvaluationError, Expression, lookup
 from rise_engine.scenario.model import (
+    ALWAYS,
     CUE_TOPICS,
     Block,
     Delay,
@@ -50,7 +51,8 @@ def _waited_label(transition: Transition) -> str:
     if transition.after is not None:
         time = f"after {delay_text(transition.after)}"
         return time if transition.held is None else f"{time} of {transition.held.text}"
-    return transition.condition.text if transition.condition is not None else "at once"
+    condition = transition.condition.text if transition.condition is not None else ALWAYS
+    return "at once" if condition == ALWAYS else condition
 
 
 ENDINGS = {"_end": "to end", "_succeeded": "to succeed", "_failed": "to fail", "_stopped": "to be stopped"}

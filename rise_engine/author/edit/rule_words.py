@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from rise_engine.author.edit.edits import CallForm, TransitionForm
 from rise_engine.author.edit.outline import WrittenBranch, WrittenStatement
-from rise_engine.scenario.model import FunctionName, normal_topic
+from rise_engine.scenario.model import ALWAYS, FunctionName, normal_topic
 from rise_engine.syntax.xml_writing import one_line
 
 FUNCTION_WORDS: dict[FunctionName, str] = {
@@ -61,7 +61,7 @@ def trigger_words(form: TransitionForm) -> str:
         if form.held is not None:
             return f"when this has been true for {form.after.strip()}: {one_line(form.held)}"
         return f"when {form.after.strip()} have passed"
-    if form.condition is not None and form.condition.strip() == "true":
+    if form.condition is not None and form.condition.strip() == ALWAYS:
         return "at once"
     return f"as soon as this is true: {one_line(form.condition or '–')}"
 

@@ -123,7 +123,7 @@ def fmt(folder: str, check_only: bool, as_diff: bool) -> int:
     if as_diff:
         print(diff_of(files, after), end="")
     else:
-        done = "would change" if check_only else "laid out anew"
+        done = "would change" if check_only else "formatted"
         usual = f"{pluralize(layout.files, 'file')}, all in the usual layout"
         print_lines(*[f"{name}: {done}" for name in layout.changed] or [usual])
     print_notes(*(f"{name} stays as it is: {problem}" for name, problem in layout.problems.items()))

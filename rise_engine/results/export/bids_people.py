@@ -32,7 +32,7 @@ _COLUMNS = {
     column.name: column
     for column in (
         Column("participant_id", "The pseudonym of the participant, after sub-.", lambda person: f"sub-{person.label}"),
-        Column("age", f"In years; {OLDEST} also stands for anybody who is older.", unit="year"),
+        Column("age", f"Age in years; {OLDEST} also stands for everybody older.", unit="year"),
         Column("group", "The condition between participants: levels joined by +.", lambda person: person.group),
     )
 }

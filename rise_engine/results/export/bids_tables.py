@@ -35,23 +35,23 @@ ENTITIES = frozenset(_OF_FILES.split())
 _EMPTY = re.compile(r"\b[Ee]mpty\b")
 _BLANKS = re.compile(r"[\s\x00-\x1f\x7f-\x9f\u2028\u2029]+")
 _TRIAL_TYPES = {
-    "robot_act": "An act of the robot, or free speech, from the robot's confirmation of its first action to its end.",
+    "robot_act": "An act of the robot or free speech, from the confirmation of its first action to its end.",
     "robot_action": "One action of an act, from the robot's confirmation to its end.",
-    "cue": "The participant's turn ended; it lasts until the robot began to answer, or until it was taken back.",
+    "cue": "The participant's turn ended. The row lasts until the robot began to answer or the cue was taken back.",
     "rule_state": "A rule of the scenario was in a state.",
-    "trial": "A trial, as the scenario says where each begins. Only these rows have the columns of trials.",
+    "trial": "A trial. Only these rows have the columns of trials.",
     "event": "An event that rules can react to.",
     "memory": "A value of the scenario's memory changed.",
     "note": "A remark for the record.",
-    "mistake": "A wizard said that something was a mistake.",
+    "mistake": "A wizard marked something as a mistake.",
     "stop": "The robot was stopped, or released.",
-    "sync": "A mark that recordings show.",
+    "sync": "A mark for recordings.",
     "control": "Control passed from one console to another.",
     "robot": "The link to the robot changed.",
     "fault": "Something went wrong.",
-    "check": "Something was looked at before or after the session.",
-    "coded": "Something that people have annotated; name: its tier; value: what they annotated.",
-    "recovery": "Another engine went on with the session; outage_s says for how long it had none.",
+    "check": "A check before or after the session.",
+    "coded": "An annotation by a person; name: its tier; value: the annotation.",
+    "recovery": "Another engine continued the session; outage_s says how long there was none.",
 }
 """The kinds of rows in `_events.tsv`."""
 _OF_TRIALS = (
@@ -130,7 +130,7 @@ def session_columns(factors: Iterable[Column], *, dated: bool) -> Columns:
     :param dated: whether to include start times; BIDS allows no empty ones.
     """
     table = "The table of events of the session, in the participant's folder."
-    began = "When the session began, in the time of the place where it ran."
+    began = "When the session began, in local time."
     return {
         "filename": Column("filename", table, lambda row: row.beside),
         **({"acq_time": Column("acq_time", began, _local_time)} if dated else {}),
@@ -178,45 +178,45 @@ EVENT_COLUMNS: Columns = {
     for column in (
         seconds(
             "onset",
-            "Seconds since the session began, on a monotonic clock. Of robot_act and robot_action: when the robot "
-            "confirmed it; the first sound or movement comes later. An act that the robot never confirmed has the "
+            "Seconds since the session began, on a monotonic clock. For robot_act and robot_action: when the robot "
+            "confirmed it. The first sound or movement comes later. An act that the robot never confirmed has the "
             "time of its turn.",
         ),
         seconds(
             "duration",
-            "Seconds; 0 for what happens at one moment, n/a for what had not ended with the record.",
+            "Seconds; 0 for a moment, n/a for what was still running when the record ended.",
             _duration,
         ),
         Column("trial_type", "The kind of the row.", levels=_TRIAL_TYPES),
         seconds(
             "response_time",
-            "Only of a robot_act that answered a cue and was asked for after it: seconds from the cue to the "
-            "confirmation of the first action that takes the robot's voice, or of its first action where it does not "
-            "speak.",
+            "Only for a robot_act that answered a cue and was requested after it: seconds from the cue to the "
+            "confirmation of its first action that uses the robot's voice or, if it does not speak, of its first "
+            "action.",
         ),
         Column(
             "actor",
-            "Who did it: wizard:NAME, rule:NAME, a program; coder:NAME of what people annotated; of a robot_act, whose "
-            "key, event or rule caused it, through any number of rules; of a robot_action: robot.",
+            "Who did it: wizard:NAME, rule:NAME, a program; coder:NAME for an annotation; for a robot_act, who caused "
+            "it, directly or through any number of rules; for a robot_action: robot.",
         ),
         Column(
             "name",
             "The act, the type of the action, RULE.STATE, the event's topic, the memory key, the check, the trial.",
         ),
-        Column("value", "What was said or written, as the export's level tells it."),
+        Column("value", "What was said or written, as far as the export's level shows it."),
         Column(
             "channel",
-            "Of a robot_action: what of the robot it takes (speech, gaze, face, body, arms), joined by +.",
+            "For a robot_action: the parts of the robot that it uses (speech, gaze, face, body, arms), joined by +.",
         ),
         Column(
-            "status", "How an act or an action ended; `filler` follows after a blank. Of coded: modifiers of BORIS."
+            "status", "How an act or an action ended; for a filler, `filler` follows. For coded: modifiers of BORIS."
         ),
-        Column("task_id", "Number of the task in the session's record that it belongs to."),
-        Column("mark", "What a wizard said was wrong about the act.", levels=MARKS),
+        Column("task_id", "The number of its task in the session's record."),
+        Column("mark", "What a wizard marked as wrong about the act.", levels=MARKS),
         seconds(
             "outage_s",
-            "Seconds by the wall clock within the duration, or before a recovery, for which the session had no engine. "
-            "Its time stopped meanwhile: the duration does not count them.",
+            "Seconds of the wall clock without an engine, during the event or before a recovery. Session time stands "
+            "still then: the duration does not include them.",
             _outage,
         ),
         *_picked(ACTS, "condition").values(),

@@ -102,7 +102,7 @@ def _told(read: Questionnaire, level: ExportLevel, known: Sequence[SessionFacts]
     columns = tuple(
         Column(
             item.name,
-            item.about or f"The answer to {item.name}, as {settings.file} has it; empty: none.",
+            item.about or f"The answer to {item.name}, from {settings.file}; empty: none.",
             lambda answers, name=item.name: answers.values[name],  # type: ignore[misc]
             _TYPES.get(item.type, "string"),
             levels=item.levels,

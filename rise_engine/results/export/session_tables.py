@@ -42,7 +42,7 @@ from rise_engine.study.withdrawn import CONSENT, ID, new_id
 
 LONG = 2.0
 """Answers count as late after this number of seconds."""
-SOURCE = Column("source", "Who asked for it, as the record has it: wizard:NAME, rule:NAME, engine.")
+SOURCE = Column("source", "Who asked for it, as in the record: wizard:NAME, rule:NAME, engine.")
 OF_SESSION = (Reference(("session",), "sessions"),)
 _HASH = "^[0-9a-f]{64}$"
 
@@ -88,122 +88,126 @@ def _started(row: Row) -> str:
 
 
 FACTS = (
-    Column("session", "Which session. The key of sessions.csv.", _fact("session"), required=True),
+    Column("session", "The session's folder name. The key of sessions.csv.", _fact("session"), required=True),
     Column("participant", "The participant's pseudonym; empty: no participant was named.", _fact("participant")),
     Column(
         "run",
-        "Which of the participant's runs, from 1; empty: the session is of no study.",
+        "The number of the participant's run, from 1; empty: the session belongs to no study.",
         _fact("run"),
         "integer",
         minimum=1,
     ),
     Column("condition", "The condition: the levels of all factors, joined by +.", _fact("condition")),
-    Column("mode", "In which mode the session was run.", _fact("mode"), levels=MODES),
-    Column("purpose", "Why the session was run; empty: it is of no study.", _fact("purpose"), levels=PURPOSES),
-    Column("outcome", "How the session counts; empty: not said.", _fact("outcome"), levels=OUTCOMES),
+    Column("mode", "The mode of the session.", _fact("mode"), levels=MODES),
+    Column("purpose", "Why the session was run; empty: it belongs to no study.", _fact("purpose"), levels=PURPOSES),
+    Column("outcome", "Whether the session counts; empty: nobody said.", _fact("outcome"), levels=OUTCOMES),
 )
 """The session's facts in every row of every table. The factors follow them."""
 SESSIONS = TableSchema(
     "sessions",
     "One row is one session.",
     (
-        Column("study", "The study's id; empty: the session is of no study."),
-        Column("study_hash", "SHA-256 of what study.toml said about sessions when the session began.", pattern=_HASH),
-        Column("slot", "The row of the study's plan; empty: it takes none.", type="integer", minimum=1),
+        Column("study", "The study's id; empty: the session belongs to no study."),
+        Column(
+            "study_hash", "SHA-256 of what study.toml said about sessions at the start of the session.", pattern=_HASH
+        ),
+        Column("slot", "The session's row in the study's plan; empty: none.", type="integer", minimum=1),
         Column(
             "attempt",
-            "The number of this session among those of the same run, from 1.",
+            "The number of the attempt at this run, from 1.",
             _fact("attempt"),
             "integer",
             minimum=1,
         ),
-        Column("outcome_reason", "Why it is aborted or excluded, as somebody wrote it."),
+        Column("outcome_reason", "The written reason why it is aborted or excluded."),
         Column("title", "The scenario's title."),
-        Column("scenario_hash", "SHA-256 of all that is in the scenario, and of the language.", pattern=_HASH),
-        Column("language", "In which everything was said, by BCP 47; empty: the scenario does not say."),
+        Column("scenario_hash", "SHA-256 of the whole scenario and the language.", pattern=_HASH),
+        Column("language", "The language in which the robot spoke (BCP 47); empty: the scenario names none."),
         Column("robot", "The robot's profile."),
-        Column("driver", "What reached the robot; simulated: no robot moved, in any mode. Empty: not known."),
+        Column("driver", "The driver of the robot; simulated: no robot moved, in any mode. Empty: not known."),
         Column(
             "injected_faults",
-            "What the simulated robot was told to do wrong, joined by ` ; `; empty: nothing.",
+            "Faults that the simulated robot was told to make, joined by ` ; `; empty: none.",
             lambda row: " ; ".join(row.of.injected_faults),
         ),
-        Column("seed", "Of everything that was picked at random.", type="integer"),
-        Column("speed", "Session seconds in a second of the wall clock.", lambda row: float(row.of.speed), "number"),
+        Column("seed", "The seed of all random choices.", type="integer"),
+        Column("speed", "Session seconds per second of the wall clock.", lambda row: float(row.of.speed), "number"),
         Column("started", "Date and time of day; only at the level full.", _started, "datetime"),
         Column("program", "The version of rise-tui that began it.", lambda row: row.of.versions.get("rise-tui")),
-        seconds("duration_s", "Session seconds until the last record.", lambda row: row.of.duration),
-        Column("ended", "Whether it came to its end in order.", type="boolean"),
-        count("recoveries", "How often its engine had gone, and another one went on with it."),
+        seconds("duration_s", "Length of the session until its last record.", lambda row: row.of.duration),
+        Column("ended", "Whether the session ended properly.", type="boolean"),
+        count("recoveries", "How often another engine continued the session after a failure."),
         seconds(
             "downtime_s",
-            "Seconds of the wall clock without an engine; session time does not count them.",
+            "Seconds of the wall clock without an engine. Session time does not include them.",
             lambda row: row.of.downtime,
         ),
-        count("acts", "Acts that somebody asked for, refused ones too.", lambda row: len(row.data.acts)),
+        count("acts", "Requested acts, including refused ones.", lambda row: len(row.data.acts)),
         count(
             "wizard_acts",
-            "Those that a wizard's key caused, through rules, too.",
+            "Acts that a wizard's key caused, directly or through rules.",
             _acts(lambda act: act.actor == "wizard"),
         ),
-        count("rejected_acts", "Those that were refused.", _acts(lambda act: act.status == "REJECTED")),
-        count("failed_acts", "Those that failed.", _acts(lambda act: act.status == "ABORTED")),
-        count("fillers", "Acts that bridged the time of a cue; they are not answers.", _acts(lambda act: act.filler)),
-        count("cues", "How often the end of the participant's turn was marked.", lambda row: len(row.data.cues)),
+        count("rejected_acts", "Acts that were refused.", _acts(lambda act: act.status == "REJECTED")),
+        count("failed_acts", "Acts that failed.", _acts(lambda act: act.status == "ABORTED")),
+        count(
+            "fillers", "Acts that bridged the time after a cue. They are not answers.", _acts(lambda act: act.filler)
+        ),
+        count("cues", "How often somebody marked the end of the participant's turn.", lambda row: len(row.data.cues)),
         count(
             "cues_answered",
-            "Cues that an act answered, also one that was never heard.",
+            "Cues that an act answered, even if the act was never heard.",
             lambda row: sum(cue.task is not None for cue in row.data.cues),
         ),
         count("cues_undone", "Cues that were taken back.", _repairs("cues_undone")),
         count(
             "responses",
-            "Answers with a response time that were not asked for before their cue: the next three.",
+            "Answers with a response time, requested after their cue. The next three columns are about them.",
             lambda row: len(_answers(row.data)),
         ),
         seconds(
             "response_median_s",
-            "Median of response_s over these answers; empty: there is none.",
+            "Median of response_s of these answers; empty: there are none.",
             _told(lambda told: told.median),
         ),
         seconds(
             "response_iqr_s",
-            "Its interquartile range; quartiles as in R and numpy (Hyndman and Fan 7).",
+            "Interquartile range of response_s; quartiles as in R and numpy (Hyndman and Fan 7).",
             _told(lambda told: told.iqr),
         ),
         count(
             "responses_over_2s",
-            "Those of them that took longer than 2 s.",
+            "Answers that took longer than 2 s.",
             lambda row: share_over(_answers(row.data), LONG).count,
         ),
         count(
             "before_cue",
-            "Answers that were asked for before their cue came.",
+            "Answers that were requested before their cue.",
             _acts(lambda act: act.before_cue and not act.filler),
         ),
         count(
             "wizard_keys",
-            "What wizards asked for: acts, rules, events, values, cues, speech, stops.",
+            "Requests by wizards: acts, rules, events, values, cues, speech, stops.",
             lambda row: len(row.data.keys),
         ),
         count("mistakes", "Mistakes that were marked and not taken back.", _points("mistake")),
-        count("stops", "Stop-all, how often a person or a program asked for it.", _stops),
+        count("stops", "How often a person or a program requested stop-all.", _stops),
         count("faults", "Acts, rules and expressions that failed.", _points("fault")),
         count(
             "repairs",
-            "How often something was corrected: acts_repeated, steps_back, cues_undone, acts_stopped.",
+            "Corrections: the sum of acts_repeated, steps_back, cues_undone and acts_stopped.",
             _repairs("total"),
         ),
-        count("acts_repeated", "Acts that were done again after they had failed.", _repairs("repeated")),
-        count("steps_back", "Rules that a wizard put back into an earlier state.", _repairs("stepped_back")),
+        count("acts_repeated", "Acts that were repeated after they had failed.", _repairs("repeated")),
+        count("steps_back", "How often a wizard put a rule back into an earlier state.", _repairs("stepped_back")),
         count("acts_stopped", "Acts that a wizard stopped or interrupted after they had begun.", _repairs("canceled")),
         count("stops_released", "Stops that were released.", _repairs("released")),
         count("checks_skipped", "Checks that were skipped, with a reason.", _checks("skipped")),
         count("checks_failed", "Checks that failed.", _checks("failed")),
-        count("notes", "Notes that were written down.", _points("note")),
+        count("notes", "Notes.", _points("note")),
         count(
             "unreadable",
-            "Things that could not be read of its record: 0 is a whole record.",
+            "Parts of the record that could not be read; 0: the record is complete.",
             lambda row: len(row.data.problems),
         ),
     ),
@@ -212,14 +216,19 @@ SESSIONS = TableSchema(
 )
 CHECKS = TableSchema(
     "checks",
-    "One row is something that was looked at before or after a session; the last result of each.",
+    "One row is one check before or after a session, with its last result.",
     (
-        Column("check", "Its id in study.toml; the key together with session.", lambda row: row.of.id, required=True),
-        moment("at", "It is in the record from then on.", lambda row: row.of.t, required=True),
-        Column("text", "What was looked at."),
-        Column("result", "What came of it.", levels=CHECK_RESULTS, required=True),
-        Column("value", "What was found."),
-        Column("reason", "Why it failed, or why somebody skipped it."),
+        Column(
+            "check",
+            "The check's id in study.toml; the key together with session.",
+            lambda row: row.of.id,
+            required=True,
+        ),
+        moment("at", "the result was recorded.", lambda row: row.of.t, required=True),
+        Column("text", "The question of the check."),
+        Column("result", "The result.", levels=CHECK_RESULTS, required=True),
+        Column("value", "The value that was found."),
+        Column("reason", "Why it failed or was skipped."),
         SOURCE,
     ),
     ("session", "check"),
@@ -257,28 +266,28 @@ def _rate(row: Row) -> float | None:
 
 RECORDINGS = TableSchema(
     "recordings",
-    "One row is one recording of a session: what its recorder said last, and how its file is aligned with the session.",
+    "One row is one recording of a session: its recorder's last report, and how its file is aligned with the session.",
     (
         numbering("recording"),
-        Column("name", "Of its recorder; empty: the file was added later.", _file_or_recorder("name")),
+        Column("name", "The recorder's name; empty: the file was added later.", _file_or_recorder("name")),
         Column(
             "status",
-            "What its recorder said last; empty: it said nothing.",
+            "The recorder's last report; empty: none.",
             _recorder("status"),
             levels=RECORDING_STATES,
         ),
         Column("reason", "Why it stalled or failed.", _recorder("reason")),
-        Column("kind", "What it is; empty: not known.", _file("kind"), levels=MEDIA_KINDS),
-        Column("path", "Of its file; only at the level full.", _file_or_recorder("path")),
-        Column("bytes", "How large its file is.", _file_or_recorder("bytes"), "integer", "bytes", minimum=0),
-        seconds("duration_s", "How long it is.", _file("duration")),
+        Column("kind", "The kind of recording; empty: not known.", _file("kind"), levels=MEDIA_KINDS),
+        Column("path", "The path of its file; only at the level full.", _file_or_recorder("path")),
+        Column("bytes", "Size of its file.", _file_or_recorder("bytes"), "integer", "bytes", minimum=0),
+        seconds("duration_s", "Length of the recording.", _file("duration")),
         seconds("offset_s", "Media time = offset_s + rate * session time; empty: not known.", _file("offset"), None),
-        Column("rate", "Seconds of the file for one second of the session.", _rate, "number"),
-        Column("aligned_by", "How that is known.", _file("aligned_by"), levels=ALIGNMENTS),
+        Column("rate", "Seconds of the recording per session second.", _rate, "number"),
+        Column("aligned_by", "How the alignment is known.", _file("aligned_by"), levels=ALIGNMENTS),
         seconds(
             "within_s",
-            "By which that is wrong at most between its marks, as far as the marks' own times are known; in a short "
-            "session, rate can then be nothing but that.",
+            "The largest error of the alignment between the marks, as far as the marks' own times are known. In a "
+            "short session, the rate can be as uncertain as this.",
             _file("within"),
         ),
     ),

@@ -1,34 +1,34 @@
 """The possible values of columns in tables, with their meanings, as in docs/reference/exports.md."""
 
 STATUS = {
-    "PENDING": "it still waits: the record ends before its turn",
-    "ACTIVE": "it still runs: the record ends before it does",
-    "SUCCEEDED": "done to its end",
+    "PENDING": "still waiting: the record ends before its turn",
+    "ACTIVE": "still running: the record ends before it does",
+    "SUCCEEDED": "completed",
     "ABORTED": "failed",
     "CANCELED": "stopped, interrupted, or taken out of the queue",
     "REJECTED": "refused at once, with a reason",
 }
 ACTION_STATUS = {
-    "started": "sent to the robot; the record ends before it confirms",
-    "accepted": "confirmed by the robot; the record ends before it does",
-    "succeeded": "done to its end",
+    "started": "sent to the robot; the record ends before the confirmation",
+    "accepted": "confirmed by the robot; the record ends before the action",
+    "succeeded": "completed",
     "failed": "the robot could not do it",
-    "canceled": "stopped before its end",
+    "canceled": "stopped before it was complete",
     "timed-out": "the robot reported no end in time",
-    "lost": "it is not known what became of it",
+    "lost": "nobody knows what became of it",
     "skipped": "never begun",
 }
 ACTORS = {
     "wizard": "a person at a console",
-    "rule": "an interaction rule by itself, as after a time",
+    "rule": "an interaction rule by itself, for example after a time",
     "program": "a node, a client, the command line",
-    "engine": "the engine by itself, as for fillers that it starts",
+    "engine": "the engine by itself, for example a filler",
 }
 MARKS = {
     "wrong": "it was the wrong one",
     "late": "it came too late",
     "early": "it came too early",
-    "double": "it was asked for twice",
+    "double": "it was requested twice",
 }
 OUTCOMES = {
     "complete": "the run counts",
@@ -42,8 +42,8 @@ PURPOSES = {
     "debug": "with a simulated robot; does not count",
 }
 MODES = {
-    "real": "for a robot; driver in sessions.csv says whether there was one",
-    "debug": "the robot was simulated: no data of a participant",
+    "real": "a robot was meant; `driver` says whether there was one",
+    "debug": "the robot was simulated: not a participant's data",
 }
 CUE_STATES = {
     "answered": "an act answered it",
@@ -52,26 +52,26 @@ CUE_STATES = {
 }
 TRIAL_ENDS = {
     "trial": "the next one began",
-    "rule": "the rule ended, whose state had begun it",
-    "key": "the memory key that had begun it is gone or null",
+    "rule": "the rule whose state began it ended",
+    "key": "the memory key that began it was deleted or became null",
     "record": "the record ended",
 }
 PHASE_ENDS = {
-    "ended": "the rule came to its end in it",
-    "stopped": "the rule was stopped in it",
-    "faulted": "the rule was stopped for a fault in it",
+    "ended": "the rule ended by itself",
+    "stopped": "the rule was stopped",
+    "faulted": "a fault stopped the rule",
 }
 CHECK_RESULTS = {
     "passed": "as it should be",
     "failed": "not as it should be",
-    "skipped": "not looked at, with a reason",
+    "skipped": "not done, with a reason",
 }
 RECORDING_STATES = {
-    "started": "told to record",
+    "started": "asked to record",
     "running": "it records",
-    "stalled": "it says that it records, and its file did not grow",
+    "stalled": "the recorder reports that it records, but its file does not grow",
     "stopped": "ended as it should",
-    "failed": "it did not record, or not to its end",
+    "failed": "it did not record, or not until the end",
 }
 MEDIA_KINDS = {
     "video": "video, perhaps with sound",
@@ -81,23 +81,23 @@ MEDIA_KINDS = {
     "other": "something else",
 }
 ALIGNMENTS = {
-    "marks": "by marks that were found in it",
-    "given": "somebody said it",
-    "start": "by when its recorder was started; that is not the time of the first frame",
+    "marks": "by marks in the recording",
+    "given": "somebody entered it",
+    "start": "by the start of its recorder, which is not the time of the first frame",
 }
 EVENT_KINDS = {
-    "act": "an act, from when its turn came to its end; name: the act; value: how it ended",
+    "act": "an act from its turn to its end; name: the act; value: how it ended",
     "phase": "a rule in a state; name: the rule; value: the state",
-    "cue": "the participant's turn ended; value: what the wizard said of it",
+    "cue": "the participant's turn ended; value: what the wizard said about it",
     "note": "a note; value: its text",
-    "mistake": "a wizard's mark at an act; name: the mark; value: the act",
+    "mistake": "a wizard marked an act as a mistake; name: the mark; value: the act",
     "stop": "stop-all; name: requested, latched, let-go or released",
     "sync": "a mark for recordings; name: its number; value: sound or flash",
     "event": "an event; name: its topic; value: the rule that took it",
-    "memory": "a memory value was set; name: the key; value: what it is now",
-    "control": "who may act; name: what happened; value: who has control now",
+    "memory": "a memory value was set; name: the key; value: the new value",
+    "control": "control changed; name: what happened; value: who has control now",
     "robot": "the link to the robot; name: its state",
     "fault": "an act, a rule or an expression failed; name: which; value: why",
-    "check": "something was looked at; name: which check; value: the result",
-    "recovery": "another engine went on with the session; outage_s: for how long it had none",
+    "check": "a check; name: its id; value: the result",
+    "recovery": "another engine continued the session; outage_s: how long there was none",
 }

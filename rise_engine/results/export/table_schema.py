@@ -108,9 +108,7 @@ def rows_of(attribute: str) -> Callable[[SessionData], Iterator[Row]]:
 
 def moment(name: str, about: str, value: Value | None = None, *, required: bool = False) -> Column:
     """Make a column with a session time."""
-    return Column(
-        name, f"Session seconds; the session's clock begins at 0. {about}", value, "number", "s", {}, "", required
-    )
+    return Column(name, f"Session time when {about}", value, "number", "s", {}, "", required)
 
 
 def seconds(name: str, about: str, value: Value | None = None, minimum: float | None = 0) -> Column:
@@ -148,8 +146,10 @@ def outage_columns(what: str, start: str, end: str) -> tuple[Column, Column]:
         return None if seconds is None or missing is None else round(seconds + missing, 6)
 
     return (
-        seconds("outage_s", f"Seconds without an engine in {what}; empty: none. Session time stopped meanwhile.", away),
-        seconds("wall_s", f"{what} by the wall clock, with outage_s; empty: as in session time.", by_wall_clock),
+        seconds(
+            "outage_s", f"Seconds without an engine during {what}; empty: none. Session time stands still then.", away
+        ),
+        seconds("wall_s", f"{what} by the wall clock, including outage_s; empty: as in session time.", by_wall_clock),
     )
 
 

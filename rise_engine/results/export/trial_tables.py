@@ -37,40 +37,46 @@ def _trial_rows(data: SessionData) -> Iterator[Row]:
 
 TRIALS = TableSchema(
     "trials",
-    "One row is one trial, as [trials] of the scenario says where each begins.",
+    "One row is one trial. [trials] in the scenario says where each begins.",
     (
         numbering("trial"),
-        moment("start", "It began.", required=True),
-        moment("end", "It ended.", required=True),
+        moment("start", "it began.", required=True),
+        moment("end", "it ended.", required=True),
         seconds("duration_s", "From start to end."),
         Column("ended_by", "What ended it.", levels=TRIAL_ENDS, required=True),
-        Column("robot_said", "What the act that spoke first in it says. Empty: none did, as in what follows of it."),
-        Column("asked_task", "That act: its number in acts.csv.", lambda row: row.of.task, type="integer", minimum=1),
-        moment("asked_at", "The robot confirmed its first action that takes the voice. The first sound comes later."),
-        moment("asked_end", "Its last action that takes the voice ended; empty: it did not."),
-        moment("cue_at", "The first cue from asked_at on, without those that were taken back."),
-        seconds(
-            PARTICIPANT, "From asked_end to cue_at. Below 0: the cue came while the robot still spoke.", minimum=None
+        Column(
+            "robot_said",
+            "What the robot said first in the trial. If it said nothing, this column and the next three are empty.",
         ),
-        moment("key_at", "The wizard's first key from cue_at on; from asked_at on, where there is no cue."),
-        Column("wizard_key", "Which key that is in the scenario; empty: none, or one of the console."),
-        Column("wizard_asked", "What it asked for: a function and what it was given."),
+        Column("asked_task", "The number in acts.csv of that act.", lambda row: row.of.task, type="integer", minimum=1),
+        moment("asked_at", "the robot confirmed its first action that uses the voice. The first sound comes later."),
+        moment("asked_end", "its last action that uses the voice ended; empty: it did not end."),
+        moment("cue_at", "the first cue from asked_at on was marked. Cues that were taken back do not count."),
+        seconds(
+            PARTICIPANT, "From asked_end to cue_at. Negative: the robot was still speaking at the cue.", minimum=None
+        ),
+        moment("key_at", "the wizard pressed the first key from cue_at on; without a cue, from asked_at on."),
+        Column("wizard_key", "That key, if it is one of the scenario; empty: none, or a key of the console."),
+        Column("wizard_asked", "What the key requested: a function and its argument."),
         seconds("wizard_s", "From cue_at to key_at."),
-        seconds("key_s", "From asked_end to key_at. Below 0: it came while the robot still spoke.", minimum=None),
+        seconds("key_s", "From asked_end to key_at. Negative: the robot was still speaking at the key.", minimum=None),
         moment(
             "robot_next_at",
-            "The robot's next onset from cue_at on (key_at, where there is no cue), also after the trial: of an act "
-            "that speaks its voice, else its first action.",
+            "the robot acted next, from cue_at (without a cue: key_at) on, even after the trial: it confirmed an act's "
+            "voice or, if the act does not speak, its first action.",
         ),
-        count("prompts", "Further acts that spoke from asked_end to cue_at (else to key_at, else to the end)."),
-        count("repairs", "As repairs of sessions.csv, in the trial."),
+        count(
+            "prompts",
+            "Further acts that spoke from asked_end to cue_at; without a cue to key_at, without a key to the end.",
+        ),
+        count("repairs", "Corrections in the trial, counted as in sessions.csv."),
         Column(
             "events",
-            "What wizards raised in it, also by keys that start rules which raise it at once.",
+            "Events that wizards raised in the trial, directly or by a key whose rule raises them at once.",
             lambda row: " ; ".join(row.of.events),
         ),
-        Column("marks", "Of the tasks in it: wrong, late, early, double.", lambda row: " ".join(row.of.marks)),
-        count("failures", "Acts, rules and expressions that failed in it."),
+        Column("marks", "Marks of the trial's tasks: wrong, late, early, double.", lambda row: " ".join(row.of.marks)),
+        count("failures", "Acts, rules and expressions that failed in the trial."),
         *outage_columns("duration_s", "start", "end"),
     ),
     ("session", "trial"),
@@ -85,7 +91,7 @@ def declared_column(name: str) -> Column:
     :param name: the memory key, or the part of a value.
     """
     taken = name in {column.name for column in TRIALS.columns}
-    about = f"The memory's {name} before the moment at which the trial ended; empty: there was none."
+    about = f"{name} in memory just before the trial ended; empty: it was not set."
     return Column(f"memory_{name}" if taken else name, about, lambda row: row.of.values.get(name), "any")
 
 
@@ -154,14 +160,14 @@ class WideTable:
             Column("participant", "The participant's pseudonym; empty: no participant was named.", lambda row: row[0]),
             *self._columns_of_people(),
             *(self._between_column(name) for name in sorted(self._between())),
-            count("sessions", "That are complete, or of no study.", lambda row: row[1].sessions),
+            count("sessions", "Sessions that are complete, or belong to no study.", lambda row: row[1].sessions),
         ]
         for condition in conditions:
             columns += self._columns_of(condition)
         for answers in answered:
             columns += _columns_of_answers(answers)
         key = ("participant",) if all(self._people) else ()  # several people without a name cannot be told apart
-        about = "One row is one participant: their trials in sessions that are complete, or of no study."
+        about = "One row is one participant: their trials in sessions that are complete, or belong to no study."
         return TableSchema("wide", about, tuple(columns), key, lambda data: iter(()))
 
     def rows(self) -> list[_WideRowRow]:
@@ -182,7 +188,7 @@ class WideTable:
                 told = (person.strata.get(name) or person.columns.get(name, "")) if person is not None else ""
                 return told if is_full else cut_age(name, told)
 
-            yield Column(name, f"{name}, as participants.csv has it.", value)
+            yield Column(name, f"{name}, from participants.csv.", value)
 
     def _between_column(self, name: str) -> Column:
         described = factor_column(name, self._study)
@@ -200,7 +206,7 @@ class WideTable:
         unit = "s" if measure.endswith("_s") else ""
         yield count(f"trials.{condition}", f"Trials {where}.", lambda row: len(all_of(row)))
         yield count(f"measured.{condition}", f"Trials {where} that have a {measure}.", lambda row: len(known(row)))
-        about = f"of {measure} over the trials {where} that have one; empty: none has."
+        about = f"of {measure} over the trials {where} that have one; empty: there are none."
         median_name, mean_name = f"{measure}.{condition}.median", f"{measure}.{condition}.mean"
         yield Column(median_name, f"Median {about}", lambda row: median(known(row)), "number", unit)
         yield Column(mean_name, f"Mean {about}", lambda row: fmean(known(row)) if known(row) else None, "number", unit)

@@ -9,6 +9,7 @@ from typing import Literal, TypeAlias
 from msgspec import Struct
 
 from rise_engine.base.text import clean
+from rise_engine.kernel.record_words import trigger_text
 from rise_engine.results.analysis.model import ActorKind, Cue, Phase, PlayedAct, Point, SessionData
 from rise_engine.results.report.document import Figure, clock_text, seconds_text
 from rise_engine.results.report.svg import Drawing
@@ -128,9 +129,8 @@ def _rule_lanes(phases: Sequence[Phase]) -> list[Lane]:
         spans: list[LaneSpan] = []
         for phase in phases:
             if phase.rule == rule and phase.end > phase.start:
-                hover = (
-                    f"{rule}: {phase.state}, {clock_text(phase.start)} to {clock_text(phase.end)}, by {phase.trigger}"
-                )
+                time = f"{clock_text(phase.start)} to {clock_text(phase.end)}"
+                hover = f"{rule}: {phase.state}{trigger_text(phase.trigger)}, {time}"
                 spans.append(LaneSpan(phase.start, phase.end, phase.state, hover, kinds[len(spans) % 2]))
         lanes.append(Lane(rule, tuple(spans)))
     return lanes

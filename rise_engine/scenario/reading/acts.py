@@ -65,7 +65,7 @@ class _ActReader(ElementReader):
         self.check_no_text(element)
         name = (element.get("name") or "").strip()
         if not name:
-            self.report_error("missing-attribute", element, 'an act needs a name: <Dialog name="...">')
+            self.report_missing(["name"], element, 'an act needs a name: <Dialog name="...">')
         actions: dict[str, Action] = {}
         channels: set[str] = set()
         for child in element:

@@ -116,9 +116,8 @@ class BlockReader(ElementReader):
     def read_branches(self, element: Element, depth: int) -> list[Branch]:
         """The branches of an `if` or `elseif`, including those nested inside it."""
         if "cond" not in self.check_attributes(element):
-            self.report_error(
-                "missing-attribute", element, f'`<{element.tag}>` needs a condition: <{element.tag} cond="...">'
-            )
+            message = f'`<{element.tag}>` needs a condition: <{element.tag} cond="...">'
+            self.report_missing(["cond"], element, message)
         condition = self.read_condition(element, "cond") or UNREADABLE_CONDITION
         block, later = self.read_statements(element, depth + 1, chain=True)
         return [Branch(condition, block), *later]

@@ -6,7 +6,7 @@ import re
 from collections.abc import Callable, Collection, Iterator
 from functools import partial
 
-from rise_engine.base.nearest_name import Correction, suggest
+from rise_engine.base.nearest_name import Correction, nearest_name, suggest
 from rise_engine.base.text import BLANKS, character_name, find_unseen
 from rise_engine.expression import EvaluationError, Expression, ExpressionError
 from rise_engine.scenario.diagnostics import Diagnostics
@@ -95,8 +95,21 @@ class ElementReader:
 
     def report_unknown_attribute(self, element: Element, name: str, known: Collection[str]) -> None:
         """Report an unknown attribute."""
-        message, near = f"`<{element.tag}>` has no attribute `{name}`", suggest(name, sorted(known))
-        self.report_attribute("unknown-attribute", element, name, message, near)
+        message, instead = f"`<{element.tag}>` has no attribute `{name}`", form_of(element.tag).foreign.get(name)
+        if instead is not None:
+            self.report_attribute("unknown-attribute", element, name, f"{message}: {instead}")
+        else:
+            self.report_attribute("unknown-attribute", element, name, message, suggest(name, sorted(known)))
+
+    def report_missing(
+        self, names: Collection[str], element: Element, message: str, code: str = "missing-attribute"
+    ) -> None:
+        """Report that an element has none of these attributes, unless it has one with a typing mistake, which was
+        reported."""
+        known = form_of(element.tag).attributes
+        meant = {nearest_name(name, known) for name in element.attributes if name not in known}
+        if meant.isdisjoint(names):
+            self.report_error(code, element, message)
 
     def check_no_text(self, element: Element) -> None:
         """Report text between the children of an element that may contain only elements."""

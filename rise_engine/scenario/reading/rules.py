@@ -72,19 +72,20 @@ class _RuleReader(BlockReader):
         self.check_no_text(element)
         name = (element.get("name") or "").strip()
         if not name:
-            self.report_error(
-                "missing-attribute", element, 'a rule needs a name: <InteractionRule name="..." initial="...">'
-            )
+            self.report_missing(["name"], element, 'a rule needs a name: <InteractionRule name="..." initial="...">')
         states: dict[str, State] = {}
+        unread: set[str] = set()  # among them the names of states with a typing mistake
         for child in element:
             if child.tag == "transitions":
                 self.read_shared(child)
                 continue
             if child.tag != "State":
                 self.report_misplaced(child, element, form_of("InteractionRule").children)
+                unread.update(child.attributes.values())
                 continue
             state = self.read_state(child)
             if state is None:
+                unread.update(child.attributes.values())
                 continue
             if state.id in states:
                 message = f"there is another state `{state.id}` in line {states[state.id].location.line}"
@@ -96,8 +97,9 @@ class _RuleReader(BlockReader):
         for target, transition in self.targets:
             if target not in states:
                 self.unknown_states.append((transition, "target", target))
-        for place in self.unknown_states if self.file.is_complete(element) else ():
-            self.report_unknown_state(*place, states)
+        for transition, attribute, target in self.unknown_states if self.file.is_complete(element) else ():
+            if target not in unread:
+                self.report_unknown_state(transition, attribute, target, states)
         priority = self.read_priority(element)
         self.check_short_loops(states)
         self.check_own_ends(states)
@@ -109,13 +111,13 @@ class _RuleReader(BlockReader):
     def read_initial(self, element: Element, states: dict[str, State]) -> str | None:
         initial = element.get("initial")
         has_states = (
-            bool(states) or any(child.tag == "State" for child in element) or not self.file.is_complete(element)
+            bool(states) or any(child.tag != "transitions" for child in element) or not self.file.is_complete(element)
         )
         if not has_states:
             self.report_error("no-states", element, "this rule has no states")
         if initial is None:
             example = next(iter(states), "...")
-            self.report_error("missing-attribute", element, f'a rule says where it begins: initial="{example}"')
+            self.report_missing(["initial"], element, f'a rule says where it begins: initial="{example}"')
             return None
         initial = initial.strip()
         if initial in states:
@@ -165,7 +167,7 @@ class _RuleReader(BlockReader):
         self.check_no_text(element)
         name = attributes.get("id", "").strip()
         if not name:
-            self.report_error("missing-attribute", element, 'a state needs a name: <State id="...">')
+            self.report_missing(["id"], element, 'a state needs a name: <State id="...">')
         blocks: dict[str, Block] = {}
         transitions: list[Transition] = []
         for child in element:
@@ -202,7 +204,7 @@ class _RuleReader(BlockReader):
         self.check_no_text(element)
         if names is None:
             message = '`<transitions>` says which states have them: <transitions in="A | B">'
-            self.report_error("missing-attribute", element, message)
+            self.report_missing(["in"], element, message)
         transitions = []
         for child in element:
             if child.tag != "transition":
@@ -240,7 +242,7 @@ class _RuleReader(BlockReader):
             self.report_attribute("trigger", element, other, message)
         if not given and "cond" not in attributes:
             message = "a transition waits for something: give it eventTopic, ended, after or cond"
-            self.report_error("trigger", element, message)
+            self.report_missing((*_TRIGGERS, "cond"), element, message, "trigger")
         topic: str | None = None
         if event is not None:
             topic = normal_topic(event)

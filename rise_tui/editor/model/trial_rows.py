@@ -17,6 +17,7 @@ from rise_engine.author.trial.trial_state import (
     running_acts,
     standing_rules,
 )
+from rise_engine.kernel.record_words import trigger_text
 from rise_engine.scenario.model import KeyBinding, Scenario
 from rise_tui.editor.model.study_names import short_value
 from rise_tui.rendering.text import (
@@ -61,9 +62,8 @@ def head_lines(trial: Trial, rule: str, width: int) -> tuple[StyledLine, StyledL
     if standing is None:
         return first, crop(((f" {rule}", "strong"), ("  does not run", "muted")), width)
     came = f"   from {standing.previous}" if standing.previous else ""
-    by = f" by {standing.trigger}" if standing.trigger not in ("", "start") else ""
     where: StyledLine = ((f" {standing.name}", "strong"), ("  in ", "muted"), (standing.state, "accent"))
-    return first, crop((*where, (f"{came}{by}", "muted")), width)
+    return first, crop((*where, (f"{came}{trigger_text(standing.trigger)}", "muted")), width)
 
 
 def trial_rows(trial: Trial, rule: str, width: int) -> list[ListRow]:

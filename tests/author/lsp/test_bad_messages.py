@@ -11,9 +11,9 @@ from typing import Any
 
 import pytest
 
-from rise_engine.author.lsp.headers import CheckedHeaders
 from rise_engine.author.lsp.positions import PositionEncoding, TextPositions
 from rise_engine.base.errors import ExchangeError
+from rise_engine.cli.scenario.lsp import CheckedHeaders
 
 PLACE = {"textDocument": {"uri": "file:///a.xml"}, "position": {"line": 0, "character": 0}}
 BAD_PARAMETERS: list[tuple[str, Any, str]] = [

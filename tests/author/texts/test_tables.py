@@ -23,12 +23,18 @@ from rise_engine.author.edit.edits import (
     SetTranslation,
     SetUseParameter,
 )
-from rise_engine.author.texts import xlsx_file
-from rise_engine.author.texts.csv_file import read_csv, usual_separator, write_csv
+from rise_engine.author.texts import table_files
 from rise_engine.author.texts.importing import TextImport, import_table, summary
-from rise_engine.author.texts.po_file import read_po, write_po
 from rise_engine.author.texts.table import ReadRow, ReadTable, TextRow, TextTable, make_table
-from rise_engine.author.texts.xlsx_file import read_xlsx, write_xlsx
+from rise_engine.author.texts.table_files import (
+    read_csv,
+    read_po,
+    read_xlsx,
+    usual_separator,
+    write_csv,
+    write_po,
+    write_xlsx,
+)
 from rise_engine.base.errors import ExchangeError
 from rise_engine.scenario.loader import LoadResult, load
 from tests.scenario.folders import act
@@ -304,7 +310,7 @@ def test_what_is_no_table_is_told(data: bytes, sentence: str) -> None:
 def test_an_excel_file_that_becomes_too_large_is_not_opened() -> None:
     stream = io.BytesIO()
     with zipfile.ZipFile(stream, "w", zipfile.ZIP_DEFLATED) as archive:
-        archive.writestr("xl/worksheets/sheet1.xml", bytes(xlsx_file.MAX_BYTES + 1))
+        archive.writestr("xl/worksheets/sheet1.xml", bytes(table_files.MAX_BYTES + 1))
     with pytest.raises(ExchangeError, match="becomes 100,000,001 bytes"):
         read_xlsx(stream.getvalue())
 

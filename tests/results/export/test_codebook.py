@@ -58,7 +58,7 @@ def test_spss_reads_every_column_of_every_table_and_labels_it(tables: Path) -> N
         assert all(re.fullmatch(r"[A-Za-z][A-Za-z0-9_]*", name) for name in names)
         assert all(re.fullmatch(r"A[1-9]\d*|F16\.[06]", each) for each in formats)
         assert [each.split()[0].lstrip("/") for each in labels.splitlines()[1:]] == names
-    assert "'SUCCEEDED' 'done to its end'" in text
+    assert "'SUCCEEDED' 'completed'" in text
     assert "  /by_ 'by: Who caused it" in text
 
 
@@ -85,7 +85,7 @@ def test_r_reads_every_column_of_every_table_and_labels_it(tables: Path) -> None
         types = call.partition("c(")[2].partition("\n  ),")[0]
         assert [each[1:-1] for each in _R_QUOTED.findall(types)[::2]] == header(tables / schema.file)
         assert set(_R_QUOTED.findall(types)[1::2]) <= {'"character"', '"numeric"', '"logical"'}
-    assert '"done to its end" = "SUCCEEDED"' in text
+    assert '"completed" = "SUCCEEDED"' in text
 
 
 def _table(*columns: Column, line_ends: bool = False) -> DescribedTable:

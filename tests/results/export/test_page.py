@@ -19,7 +19,7 @@ def column_table(columns: tuple[Column, ...]) -> str:
     lines = ["| column | type | means |", "|---|---|---|"]
     for column in columns:
         kind = f"{column.type}, {column.unit}" if column.unit else column.type
-        about = column.about.replace("Session seconds; the session's clock begins at 0. ", "")
+        about = column.about.replace("Session time when", "When")
         levels = "; ".join(f"`{name}`: {text}" for name, text in column.levels.items())
         lines.append(f"| `{column.name}` | {kind} | {about}{' ' if levels else ''}{levels} |")
     return "\n".join(lines)

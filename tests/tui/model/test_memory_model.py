@@ -16,11 +16,6 @@ from rise_engine.expression import lookup
 from rise_engine.kernel.records import MemoryRecord
 from rise_engine.kernel.view import MemoryView
 from rise_engine.scenario.loader import load
-from rise_tui.config.initial_memory import (
-    describe_changes,
-    memory_file_path,
-    save_memory,
-)
 from rise_tui.model.memory_changes import (
     MOST,
     NoSuchPath,
@@ -30,6 +25,11 @@ from rise_tui.model.memory_changes import (
     value_at,
     with_removed,
     with_replaced,
+)
+from rise_tui.panes.save_start_values import (
+    describe_changes,
+    memory_file_path,
+    save_memory,
 )
 from tests.tui.fake import demo
 

@@ -143,7 +143,7 @@ def test_the_rule_of_the_study() -> None:
     layout = check(scenario.rules["Table setting"], 80)
     drawn = [line.rstrip() for line in texts(layout, GraphPosition("After the welcome", ("Welcome", 0)))]
     assert drawn[:11] == [
-        "           ○ Start  start                           ↓ true",
+        "           ○ Start  start                           ↓ at once",
         "       ╭───┤   task = 1",
         "     ╭─│───┤   task = 2 → Task 2, introduction",
         "   ╭─│─│───┤   task = 3 → Task 3, introduction",

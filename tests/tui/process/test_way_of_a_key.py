@@ -22,7 +22,7 @@ from tests.tui.fake import DEMO, FakeClient, FakeLauncher, demo
 MAP = ROOT / "docs/explanation/architecture.md"
 NOT_HERE = re.compile(
     r"adapters/rise_adapters/ros2/|rise_engine/ports/|rise_engine/run/server/process\.py|"
-    r"rise_tui/rendering/(terminal_(reader|driver|writer)|diff|cell_buffer|style_codes)"
+    r"rise_tui/rendering/(terminal_(reader|driver|writer)|diff|cell_buffer)"
 )
 """What a session in this process, with a simulated robot and without a terminal, does not come by."""
 STEP = re.compile(r"^\| \d+ \|.*", re.MULTILINE)
