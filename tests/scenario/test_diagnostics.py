@@ -694,3 +694,10 @@ def test_what_was_meant_and_a_related_place_are_beside_the_sentence(tmp_path: Pa
     files = {"scenario.toml": 'titel = "x"\n', "acts/a.xml": act(SPEECH)}
     (unknown,) = [each for each in load(folder(tmp_path, files)).diagnostics if each.code == "unknown-key"]
     assert (unknown.suggestion.written, unknown.suggestion.meant) == ("titel", "title")
+
+
+def test_an_attribute_of_scxml_is_told_with_what_to_do_instead(tmp_path: Path) -> None:
+    result = loaded(tmp_path, {"rules/r.xml": rule('<State id="S" final="true" initial="true"/>')})
+    final, initial = (error.message for error in result.errors)
+    assert final == "`<State>` has no attribute `final`: a state without transitions ends its rule"
+    assert "named by its rule" in initial and "did you mean" not in initial
