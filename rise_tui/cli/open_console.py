@@ -3,11 +3,9 @@
 from __future__ import annotations
 
 import os
-from contextlib import suppress
 from pathlib import Path
 from time import monotonic, sleep
 
-import click
 from msgspec.structs import replace
 
 from rise_engine.base.errors import SessionError
@@ -97,9 +95,8 @@ def _run_console(
         ui_state=ui_state,
     )
     app.run(mouse=options.display.mouse)
-    if app.exit_message and not app.is_terminal_gone:
-        with suppress(OSError):  # the terminal may have gone just now
-            click.echo(app.exit_message, err=True)
+    if app.exit_message and app.terminal_writer is not None:  # which gives a stalled terminal up
+        app.terminal_writer.write(f"{app.exit_message}\n")
     return app.return_code or 0
 
 

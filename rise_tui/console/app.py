@@ -126,11 +126,6 @@ class ConsoleApp(TerminalApp):
                 signal.signal(number, before)
 
     @property
-    def is_terminal_gone(self) -> bool:
-        """Whether the terminal can show nothing more."""
-        return self.terminal_writer is not None and self.terminal_writer.is_gone
-
-    @property
     def console_screen(self) -> ConsoleScreen | None:
         """The console's screen, even under an open dialog."""
         return next((screen for screen in self.screen_stack if isinstance(screen, ConsoleScreen)), None)

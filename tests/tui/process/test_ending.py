@@ -6,6 +6,7 @@ import os
 import pty
 import signal
 import subprocess
+import sys
 import tempfile
 import threading
 from pathlib import Path
@@ -51,6 +52,33 @@ def test_a_signal_ends_a_busy_console_whose_terminal_takes_nothing(number: signa
             it.process.wait(8)
         it.process.send_signal(number)
         assert it.process.wait(PATIENCE) == 128 + number
+
+
+FILLED = """
+import os, sys
+from contextlib import suppress
+from rise_tui.cli.main import main
+from rise_tui.console.app import ConsoleApp
+
+run = ConsoleApp.run
+
+def run_and_fill(app, **options):
+    run(app, **options)
+    terminal = os.open(os.ttyname(2), os.O_WRONLY | os.O_NONBLOCK | os.O_NOCTTY)
+    with suppress(BlockingIOError):
+        while True:
+            os.write(terminal, b"x" * 4096)
+
+ConsoleApp.run = run_and_fill
+main()
+"""
+
+
+def test_a_console_ends_although_its_terminal_takes_the_last_frame_but_not_the_sentence_after_it() -> None:
+    with terminal("--config", GREETING, "--seed", "1", program=(sys.executable, "-c", FILLED)) as it:
+        it.until("LIVE")
+        it.process.send_signal(signal.SIGTERM)
+        assert it.process.wait(PATIENCE) == 128 + signal.SIGTERM
 
 
 def test_stop_works_while_the_terminal_takes_nothing_and_the_screen_is_right_once_it_does() -> None:
