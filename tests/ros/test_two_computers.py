@@ -14,6 +14,7 @@ import sys
 from collections.abc import Iterator
 from pathlib import Path
 from shutil import which
+from time import monotonic
 from typing import Any
 
 import pytest
@@ -84,6 +85,10 @@ def computers() -> Iterator[tuple[str, str]]:
                 ("link", "set", "lab", "multicast", "off", "up"),
             ):
                 assert ip("-n", name, *step).returncode == 0
+        for name in names:  # Fast DDS uses only networks that were up when the program started
+            end = monotonic() + PATIENCE
+            while "state UP" not in ip("-n", name, "link", "show", "lab").stdout:
+                assert monotonic() < end, "the cable was never plugged in"
             if which("nft") is not None:
                 rules = FIREWALL.format(*OPENED[0])
                 subprocess.run(in_namespace(name, "nft", "-f", "-"), input=rules, text=True, check=True)
