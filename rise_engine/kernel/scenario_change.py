@@ -64,7 +64,7 @@ def _rule_problems(before: Rule, after: Rule | None, standing: RuleSnapshot) -> 
             time = transition.after.text if transition.after is not None else ""
             yield (
                 f"the rule `{before.name}` counts `after {time}` in the state `{standing.state}`, "
-                "and this way out is another one now"
+                "and this transition is another one now"
             )
 
 

@@ -383,6 +383,17 @@ FILES: dict[str, tuple[dict[str, str | bytes], list[str]]] = {
             "rules/a.xml:3:43 unknown-attribute",
         ],
     ),
+    "names whose attribute is misspelt": (
+        {
+            "acts/a.xml": act(SPEECH).replace("name=", "nmae="),
+            "rules/a.xml": '<InteractionRule nmae="A" initial="S"><State id="S"/></InteractionRule>',
+            "rules/r.xml": in_state(
+                '<function startCommunicationRobotAct="A"/><function startInteractionRule="A"/>',
+                '<transition eventTopic="A_end" target="S"/>',
+            ),
+        },
+        ["acts/a.xml:1:9 unknown-attribute", "rules/a.xml:1:18 unknown-attribute"],
+    ),
     "an act and a rule of one name": (
         {"acts/a.xml": act(SPEECH, "R"), "rules/r.xml": rule('<State id="S"/>')},
         ["rules/r.xml:1:1 same-name"],

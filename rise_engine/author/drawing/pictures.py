@@ -57,7 +57,7 @@ def picture_of_rule(rule: Rule, width: int) -> Picture:
     """Draw a rule as the console shows it while it does not run."""
     layout = lay_out_graph(rule, width)
     ways = sum(len(state.transitions) for state in rule.states.values())
-    summary = f"{pluralize(len(rule.states), 'state')}, {pluralize(ways, 'way')} out"
+    summary = f"{pluralize(len(rule.states), 'state')}, {pluralize(ways, 'transition')}"
     return Picture("rule", rule.name, summary, tuple(_state_row(layout, row) for row in layout.rows), width)
 
 

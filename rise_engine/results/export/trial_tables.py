@@ -56,7 +56,7 @@ TRIALS = TableSchema(
             PARTICIPANT, "From asked_end to cue_at. Negative: the robot was still speaking at the cue.", minimum=None
         ),
         moment("key_at", "the wizard pressed the first key from cue_at on; without a cue, from asked_at on."),
-        Column("wizard_key", "That key, if it is one of the scenario; empty: none, or a key of the console."),
+        Column("wizard_key", "The key, if the scenario declares it. Empty: no key, or a key of the console."),
         Column("wizard_asked", "What the key requested: a function and its argument."),
         seconds("wizard_s", "From cue_at to key_at."),
         seconds("key_s", "From asked_end to key_at. Negative: the robot was still speaking at the key.", minimum=None),

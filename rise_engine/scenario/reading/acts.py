@@ -66,6 +66,7 @@ class _ActReader(ElementReader):
         name = (element.get("name") or "").strip()
         if not name:
             self.report_missing(["name"], element, 'an act needs a name: <Dialog name="...">')
+            self.draft.unreadable_parts.add("acts")
         actions: dict[str, Action] = {}
         channels: set[str] = set()
         for child in element:

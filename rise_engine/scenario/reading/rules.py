@@ -73,6 +73,7 @@ class _RuleReader(BlockReader):
         name = (element.get("name") or "").strip()
         if not name:
             self.report_missing(["name"], element, 'a rule needs a name: <InteractionRule name="..." initial="...">')
+            self.draft.unreadable_parts.add("rules")
         states: dict[str, State] = {}
         unread: set[str] = set()  # among them the names of states with a typing mistake
         for child in element:

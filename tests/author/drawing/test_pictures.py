@@ -146,7 +146,7 @@ def test_the_command_writes_files_and_refuses_what_it_must(tmp_path: Path) -> No
     assert runner.invoke(main, ["graph", folder, "Table setting", "--format", "svg", "-o", str(picture)]).exit_code == 0
     assert picture.read_bytes().startswith(b"<svg")
     shown = runner.invoke(main, ["graph", folder, "Next"])
-    assert shown.exit_code == 0 and shown.output.startswith("rule Next: 1 state, 0 ways out\n")
+    assert shown.exit_code == 0 and shown.output.startswith("rule Next: 1 state, 0 transitions\n")
     assert runner.invoke(main, ["graph", folder, "Nxt"]).exit_code == 2
     assert runner.invoke(main, ["graph", folder, "-o", str(tmp_path / "no/where.txt")]).exit_code == 1
     (tmp_path / "broken").mkdir()
