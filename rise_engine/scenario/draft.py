@@ -81,8 +81,8 @@ class ScenarioDraft:
         """The places of memory keys, tables and columns that warnings may be about."""
         self.tables: dict[str, Table] = {}
         self.unreadable_parts: set[str] = set()
-        """Which of acts, rules, memory, tables and settings (scenario.toml) could not be read completely, or have a part
-        without its name. Nothing can be reported as missing there."""
+        """Which of acts, rules, memory, tables and settings (scenario.toml) could not be read completely, or have a
+        part without a name. Nothing can be reported as missing there."""
         self.act_mentions: list[Mention] = []
         self.rule_mentions: list[Mention] = []
         self.state_mentions: list[StateMention] = []
