@@ -41,7 +41,7 @@ from rise_engine.session.folder import create_session
 async def main(root, records):
     loaded = load("scenarios/lablinking")
     scenario = loaded.scenario
-    folder = create_session(Path(root) / "sessions", scenario, loaded.files, seed=1, speed=1000, faults=(), versions={})
+    folder = create_session(Path(root) / "sessions", scenario, loaded.files, seed=1, faults=(), versions={})
     clock = RealClock(asyncio.get_running_loop(), 1000)
     engine = Engine(scenario, make_robot(scenario.robot, scenario.mode, clock, 1, ()), clock, 1)
     with closing(acquire_lock("attach")) as name:

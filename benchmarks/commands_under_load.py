@@ -51,7 +51,7 @@ async def serve(folder: Path) -> None:
     loaded = load(str(ROOT / "scenarios" / "lablinking"))
     scenario = loaded.scenario
     assert scenario is not None
-    record = create_session(folder, scenario, loaded.files, seed=1, speed=1, faults=(), versions=versions())
+    record = create_session(folder, scenario, loaded.files, seed=1, faults=(), versions=versions())
     clock = RealClock(loop)
     robot = make_robot(scenario.robot, scenario.mode, clock, 1)
     stops: list[float] = []

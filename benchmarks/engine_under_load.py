@@ -53,7 +53,7 @@ async def serve(root: Path, disk: Path, rate: float) -> None:
     loaded = load(str(root / "scenario"))
     scenario = loaded.scenario
     assert scenario is not None
-    folder = create_session(disk, scenario, loaded.files, seed=1, speed=1, faults=(), versions=versions())
+    folder = create_session(disk, scenario, loaded.files, seed=1, faults=(), versions=versions())
     clock = RealClock(loop, 1)
 
     def changed() -> None:

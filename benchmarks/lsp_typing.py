@@ -17,8 +17,7 @@ from pygls.lsp.client import LanguageClient
 from pygls.workspace import Workspace
 
 from rise_engine.author.lsp.served_study import ServedStudy
-from rise_engine.author.lsp.server import make_server
-from rise_engine.author.lsp.symbols import file_symbols
+from rise_engine.author.lsp.server import file_symbols, make_server
 
 FILE = Path(__file__).parents[1] / "scenarios" / "lablinking" / "rules" / "table_setting.xml"
 KEYS = 200

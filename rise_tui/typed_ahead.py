@@ -7,7 +7,7 @@ from textual.app import App
 
 from rise_tui.actions import BY_ID
 from rise_tui.key_labels import keys_of
-from rise_tui.rendering.terminal_reader import read_first
+from rise_tui.rendering.terminal_driver import read_first
 from rise_tui.rendering.typing_fields import takes_text
 
 EDITOR = "-editor"

@@ -16,10 +16,9 @@ from rise_engine.base.files import is_locked
 from rise_engine.base.json_codec import encode
 from rise_engine.base.text import pluralize, restore_all_surrogates
 from rise_engine.checks.child import ChildRequest
+from rise_engine.checks.devices import look_at_recorders, look_at_robot, say_word
 from rise_engine.checks.kinds import look_at_explored
 from rise_engine.checks.outcome import Finding
-from rise_engine.checks.recorder import look_at_recorders
-from rise_engine.checks.robot import look_at_robot, say_word
 from rise_engine.session.folder import JOURNAL, has_begun, read_info
 from rise_engine.session.replay import compare_replay
 from rise_engine.study.labels import refuse_relabelled

@@ -129,6 +129,7 @@ class SessionStarted(Input, frozen=True, tag="session_started", kw_only=True, gc
     purpose: Purpose | Literal[""] = ""
     driver: str = ""
     injected_faults: tuple[str, ...] = ()
+    speed: float = 1.0
     """The fields above are as in `rise_engine.kernel.records.SessionRecord`."""
     memory: dict[str, Any] = {}
     """The memory values of the condition, set after the scenario's start values and before anything runs."""

@@ -399,4 +399,5 @@ class Kernel:
             open=open,
             driver=begun.driver,
             injected_faults=begun.injected_faults,
+            speed=begun.speed,
         )

@@ -124,6 +124,8 @@ class SessionRecord(Record, tag="session", kw_only=True):
     """The driver of the robot: `simulated` moves none, whatever the mode. Empty: unknown."""
     injected_faults: tuple[str, ...] = ()
     """The faults that the simulated robot was told to make, as its driver documents them."""
+    speed: float = 1.0
+    """Session seconds in a second of the wall clock."""
 
 
 class TaskRecord(Record, tag="task"):
@@ -139,7 +141,7 @@ class TaskRecord(Record, tag="task"):
     ref: str | None = None
     """The submitter's name for it (a ROS goal id, a console's own number)."""
     cause: int | None = None
-    """For a task of a rule: the task that led to it (semantics.md 4.5); null: a timer or the robot's link did."""
+    """The task that led to it (semantics.md 4.5). Null: somebody submitted it, or a timer or the robot's link did."""
     via: tuple[str, ...] = ()
     """The rules that led from that task to the rule in `source`, without the latter."""
 

@@ -25,16 +25,25 @@ from rise_engine.kernel.compiled_rules import (
     Op,
 )
 from rise_engine.kernel.core import Cause, Core, EventTopic, RuleList, Task, TimerTarget
-from rise_engine.kernel.countdowns import begin_countdown, break_countdown
 from rise_engine.kernel.history import ValueBefore, step_before
 from rise_engine.kernel.kept_events import OFFER, KeptEvents
 from rise_engine.kernel.memory import WorkingMemory
-from rise_engine.kernel.own_acts import OwnActs
 from rise_engine.kernel.records import ConditionRecord, EventRecord, RuleRecord, TaskRecord, TaskStatus
-from rise_engine.kernel.rule_stack import RuleRun, RuleStack, append_to_lists, rank, remove_from_lists
-from rise_engine.kernel.runaway import MAX_VAIN_SEARCHES, MULTIPLIED, STEP_LIMIT, find_culprit, find_multiplier
+from rise_engine.kernel.rule_stack import (
+    MAX_VAIN_SEARCHES,
+    MULTIPLIED,
+    STEP_LIMIT,
+    RuleRun,
+    RuleStack,
+    append_to_lists,
+    find_culprit,
+    find_multiplier,
+    rank,
+    remove_from_lists,
+)
 from rise_engine.kernel.snapshot import RuleSnapshot, RulesSnapshot
 from rise_engine.kernel.stop import StoodRule
+from rise_engine.kernel.waits import OwnActs, begin_countdown, break_countdown
 
 Frame: TypeAlias = tuple[RuleRun, Op | None, bool, CompiledTransition | None, Cause]
 """The rest of a block: the rule, the next step, whether a state has been entered when the block ends, the transition

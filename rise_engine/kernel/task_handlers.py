@@ -90,7 +90,8 @@ class TaskHandlers:
 
     # --- acts ---
 
-    def _start_act(self, task: Submit) -> None:
+    def _start_act(self, task: Submit, cause: int | None = None) -> None:
+        """`cause`: the task whose consequence this one is, if no rule asks for it."""
         name = task.behavior
         if name not in self._scenario.acts:
             self._reject(task, f"there is no act {name!r}" + _did_you_mean(name, self._scenario.acts))
@@ -100,6 +101,7 @@ class TaskHandlers:
             self._reject(task, STOPPED)
         else:
             started = self._core.new_task(task, self._calling_type(task))
+            started.cause = started.cause if cause is None else cause
             self.rules.own_acts.note_started(started)
             self._scheduler.add(started)
 
@@ -356,11 +358,12 @@ class TaskHandlers:
         elif self._stop.latched:
             self._reject(task, STOPPED)
         else:
+            asked = self._core.next_task
             self._record_finished(task, "SUCCEEDED", name)
-            self.start_filler(name, task.source)
+            self.start_filler(name, task.source, asked)
 
-    def start_filler(self, name: str, source: str) -> None:
-        self._start_act(Submit(function="startCommunicationRobotAct", behavior=name, source=source))
+    def start_filler(self, name: str, source: str, cause: int | None = None) -> None:
+        self._start_act(Submit(function="startCommunicationRobotAct", behavior=name, source=source), cause)
 
     def _mark_mistake(self, task: Submit) -> None:
         if self._succeed_unless(task, self._wizard.why_not_mark(task.behavior)):
@@ -426,16 +429,18 @@ class TaskHandlers:
             problem = self._stop.why_not_release or _why_not_resume(chosen, stood)
         except BehaviorError as unreadable:
             chosen, problem = {}, str(unreadable)
+        asked = self._core.next_task
         if not self._succeed_unless(task, problem):
             return
         self._stop.release(task.source)
         for rule in stood:
             if (how := chosen.get(rule.name, "leave")) != "leave":
-                self._resume_rule(rule, how == "enter", task.source)
+                self._resume_rule(rule, how == "enter", task.source, asked)
 
-    def _resume_rule(self, rule: StoodRule, enter: bool, source: str) -> None:
+    def _resume_rule(self, rule: StoodRule, enter: bool, source: str, cause: int) -> None:
         behavior = rule_start_behavior(rule.name, rule.state, enter)
         started = self._core.new_task(Submit(function="startInteractionRule", behavior=behavior, source=source), "None")
+        started.cause = cause
         self._core.record_task(started)
         started.status = "ACTIVE"
         self._core.record_task(started)

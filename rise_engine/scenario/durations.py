@@ -71,11 +71,12 @@ def _estimate_seconds(spec: ActionSpec, parameters: Mapping[str, Any]) -> float:
         rate = _number(parameters.get("rate"), 1.0) or 1.0
         length, pauses = len(plain_words(message)), pause_seconds(message) if spec.ssml else 0.0
         return max(SPEECH_MINIMUM, SPEECH_START + length / (CHARACTERS_PER_SECOND * rate)) + pauses
-    repetitions = max(_number(parameters.get("repetitions"), 1.0), 0.0)
-    duration = spec.parameters.get("duration")
-    if "duration" in parameters:
+    given = {name: each.default for name, each in spec.parameters.items() if each.default is not None} | {**parameters}
+    repetitions = max(_number(given.get("repetitions"), 1.0), 0.0)
+    if "duration" in given:
+        duration = spec.parameters.get("duration")
         factor = 1.0 if duration is not None and duration.unit == "s" else 0.001
-        return max(_number(parameters["duration"], 0.0), 0.0) * factor * repetitions
+        return max(_number(given["duration"], 0.0), 0.0) * factor * repetitions
     return spec.seconds * repetitions
 
 

@@ -21,7 +21,7 @@ from rise_engine.session.journal_format import JOURNAL, LineError, read_line
 
 _LABELS = (
     *IDENTITY,
-    *("mode", "robot", "seed", "scenario", "scenario_hash", "injected_faults"),
+    *("mode", "robot", "seed", "scenario", "scenario_hash", "injected_faults", "speed"),
 )
 """The labels among the fields of a session's record."""
 _CALLED = {"scenario": "title", "injected_faults": "faults"}

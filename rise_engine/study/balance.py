@@ -204,7 +204,7 @@ def _cell_lines(study: Study, strata: Sequence[StratumBalance], slots: Sequence[
             difference = max(counts.counts.values()) - min(counts.counts.values())
             yield f"  NOT BALANCED: at the end they differ by {difference}"
     number, rest = len(cells(study)), study.n % len(cells(study))
-    if rest:
+    if rest and len(strata) < 2:  # which cells are fuller depends on who comes from each stratum
         yield f"n = {study.n} is not a multiple of the {number} cells: {rest} of them will have one more."
     yield from (f"NOTE: {problem}." for problem in block_problems(study, slots))
     if len(strata) > 1:

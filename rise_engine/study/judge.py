@@ -11,9 +11,10 @@ from rise_engine.kernel.records import OutcomeStatus
 from rise_engine.scenario.model import Json
 from rise_engine.session.folder import mark_abandoned
 from rise_engine.study.labels import Reassignment, reassignments
-from rise_engine.study.sessions import StudySession, outcome_fields, read_verdict, refuse_running_elsewhere
+from rise_engine.study.sessions import StudySession, outcome_fields, refuse_running_elsewhere
 from rise_engine.study.standing import describe_entry, in_stratum
 from rise_engine.study.state import OpenStudy, StudyStatus
+from rise_engine.study.verdict import read_verdict
 
 COMMAND_LINE = "command-line"
 """The source of a decision when nobody gives a name."""

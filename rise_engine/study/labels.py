@@ -6,7 +6,7 @@ The journal stays unchanged, and readers who need the participant follow the log
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -15,6 +15,7 @@ from msgspec import Struct
 from rise_engine.session.folder import JOURNAL, info_differences
 from rise_engine.session.labels import label_differences, read_labels, refuse_differences
 from rise_engine.study.study_log import LOG_FILE, LogEntry, StudyLogError, read_kept_log
+from rise_engine.study.verdict import read_verdict
 from rise_engine.study.withdrawn import PREFIX
 
 _ABOUT_SESSIONS = frozenset({"session", "outcome", "reassigned"})
@@ -89,6 +90,7 @@ def session_differences(folder: Path, log: Sequence[LogEntry] | None = None) -> 
     ]
     labels = read_labels(folder / JOURNAL) if told else None
     given: Mapping[str, Any] | None = labels
+    found += _outcome_differences(folder, [each for each in told if each.kind == "outcome"])
     for each in told:
         where = f"{LOG_FILE}, line {each.line},"
         if each.kind == "reassigned":
@@ -100,6 +102,26 @@ def session_differences(folder: Path, log: Sequence[LogEntry] | None = None) -> 
         differences = label_differences(labels, each.fields, where)
         found += differences if label_differences(given, each.fields, where) else []
     return found
+
+
+def _outcome_differences(folder: Path, told: Sequence[LogEntry]) -> Iterator[str]:
+    """Say where the log's outcomes of a session do not follow from its journal.
+
+    The log begins with the journal's last outcome, if there is one. Each later entry is a correction with a reason.
+
+    :param told: the session's outcomes in the log.
+    """
+    if not told:
+        return
+    judged = read_verdict(folder).report
+    if judged is not None and told[0].get("status") != judged.status:
+        yield (
+            f'{LOG_FILE}, line {told[0].line}, says status = "{told[0].get("status")}", but {JOURNAL} says '
+            f'status = "{judged.status}"'
+        )
+    for each in told[1:]:
+        if not str(each.get("reason") or "").strip():
+            yield f"{LOG_FILE}, line {each.line}, corrects the outcome and gives no reason"
 
 
 def refuse_relabelled(folder: Path) -> None:

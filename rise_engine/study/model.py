@@ -312,12 +312,14 @@ class StudyStanding(Struct, frozen=True):
     """The study's progress: the plan compared with what happened."""
 
     participants: tuple[ParticipantStanding, ...]
-    """In the order of participants.csv."""
+    """In the order of participants.csv, then those who are not in it (`unlisted`)."""
     cells: tuple[CellStanding, ...]
     complete: int
     wanted: int
     next: str = ""
     """The first participant who can begin. Empty: nobody."""
+    unlisted: tuple[str, ...] = ()
+    """Participants of the log who are not in participants.csv and have not withdrawn."""
     rehearsals: tuple[SessionEntry, ...] = ()
     """Sessions that do not count."""
     due: tuple[str, ...] = ()

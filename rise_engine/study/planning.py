@@ -245,15 +245,15 @@ def plan_problem(study: Study, planned: LogEntry, present: str) -> str:
     :param planned: the log's last entry of a plan.
     :param present: the hash of plan.csv; empty: there is none.
     """
-    date = planned.at[:10]
+    when = f" on {planned.at[:10]}" if planned.at else ""
     again = "make a new plan: rise-engine study plan --again REASON"
     if not present:
-        return f"{PLAN_FILE}, planned on {date}, is gone; put it back"
+        return f"{PLAN_FILE}, planned{when}, is gone; put it back"
     if planned.get("design_hash") != study.design_hash:
         parts = in_backquotes(changed_parts(planned.get("design") or {}, study))
-        return f"since the plan was made on {date}, {parts} of study.toml changed. Put it back, or {again}"
+        return f"since the plan was made{when}, {parts} of study.toml changed. Put it back, or {again}"
     if planned.get("plan_hash") != present:
-        return f"{PLAN_FILE} was changed after it was planned on {date}; put it back, or {again}"
+        return f"{PLAN_FILE} was changed after it was planned{when}; put it back, or {again}"
     return ""
 
 

@@ -8,43 +8,30 @@ log's lock, so that a kill at any moment loses nothing.
 from __future__ import annotations
 
 import os
-from collections.abc import Collection, Iterable, Iterator, Sequence
+from collections.abc import Collection, Iterable, Sequence
 from contextlib import suppress
 from datetime import datetime
 from pathlib import Path
-from typing import Any, BinaryIO, NamedTuple
+from typing import Any, NamedTuple
 
 from msgspec import Struct
 from msgspec.structs import replace
 
 from rise_engine.base.errors import SessionError
 from rise_engine.base.files import is_locked
-from rise_engine.kernel.inputs import AnyInput, CheckReport, OutcomeReport
+from rise_engine.kernel.inputs import CheckReport, OutcomeReport
 from rise_engine.scenario.model import Json
 from rise_engine.session.folder import JOURNAL, SessionInfo, has_begun, has_ended, is_abandoned, read_info
-from rise_engine.session.journal_format import InputLine, JournalHeader, LineError, read_line
 from rise_engine.session.lock import JournalLock
 from rise_engine.study.labels import Reassignment, reassignments, session_differences
 from rise_engine.study.model import SessionEntry
 from rise_engine.study.study_log import EntryKind, LogEntry
+from rise_engine.study.verdict import read_checks, read_verdict
 
 SESSIONS = "sessions"
 """The folder of the sessions within a study's folder."""
 GIVEN_UP = "its engine had gone, and it was given up"
 """The reason for aborting a session that nobody continued."""
-_BLOCK = 1 << 20
-_OUTCOME, _CHECK = b'"input":"outcome"', b'"input":"check"'
-_BEFORE_INPUT = 64
-"""The largest number of bytes before that in an input's line."""
-
-
-class Verdict(NamedTuple):
-    """The outcome of a session according to its journal."""
-
-    report: OutcomeReport | None
-    """None: there is no outcome."""
-    seconds: float
-    """Session time of the last known input or record."""
 
 
 _MOVED_AWAY = "is not in the study's sessions any more"
@@ -304,77 +291,6 @@ def given_up_fields(session: StudySession) -> dict[str, Json]:
     verdict = read_verdict(session.path)
     report = verdict.report or OutcomeReport(status="aborted", reason=GIVEN_UP)
     return outcome_fields(session.entry, report, verdict.seconds)
-
-
-def read_verdict(path: Path) -> Verdict:
-    """Read how a session was judged while it ran, and its length. The last outcome counts.
-
-    Reads from the end of the journal, only as far as needed. Torn or damaged lines are skipped.
-
-    :param path: the session's folder.
-    """
-    try:
-        with (path / JOURNAL).open("rb") as file:
-            return Verdict(_last_outcome(file), _last_time(file))
-    except OSError:
-        return Verdict(None, 0.0)
-
-
-def read_checks(path: Path, ids: Collection[str]) -> dict[str, CheckReport]:
-    """Read the reports of some checks in a session, by id. The last one of each counts.
-
-    :param path: the session's folder.
-    :param ids: the ids of the checks.
-    """
-    found: dict[str, CheckReport] = {}
-    with suppress(OSError), (path / JOURNAL).open("rb") as file:
-        for input in _inputs_from_end(file, _CHECK):
-            if isinstance(input, CheckReport) and input.id in ids:
-                found.setdefault(input.id, input)
-    return found
-
-
-def _last_outcome(file: BinaryIO) -> OutcomeReport | None:
-    return next((each for each in _inputs_from_end(file, _OUTCOME) if isinstance(each, OutcomeReport)), None)
-
-
-def _inputs_from_end(file: BinaryIO, wanted: bytes) -> Iterator[AnyInput]:
-    """Give the inputs whose lines contain some bytes, the last one first."""
-    for position in _positions_from_end(file, wanted):
-        begin = max(0, position - _BEFORE_INPUT)
-        file.seek(begin)
-        begin += file.read(position - begin).rfind(b"\n") + 1
-        file.seek(begin)
-        with suppress(LineError):
-            found = read_line(file.readline().removesuffix(b"\n"))
-            if isinstance(found, InputLine):
-                yield found.input
-
-
-def _last_time(file: BinaryIO) -> float:
-    """Return the session time of the last known input or record."""
-    for position in _positions_from_end(file, b"\n{"):
-        file.seek(position + 1)
-        with suppress(LineError):
-            found = read_line(file.readline().removesuffix(b"\n"))
-            if not isinstance(found, JournalHeader):
-                return found.input.t if isinstance(found, InputLine) else found.t
-    return 0.0
-
-
-def _positions_from_end(file: BinaryIO, wanted: bytes) -> Iterator[int]:
-    """Find bytes in a file and give their places, the last first. Only one block is in memory at a time."""
-    at, rest = file.seek(0, os.SEEK_END), b""
-    while at:
-        size = min(_BLOCK, at)
-        at -= size
-        file.seek(at)
-        block = file.read(size) + rest
-        position = block.rfind(wanted)
-        while position >= 0:
-            yield at + position
-            position = block.rfind(wanted, 0, position + len(wanted) - 1)
-        rest = block[: len(wanted) - 1]
 
 
 def _text(entry: LogEntry, name: str) -> str:

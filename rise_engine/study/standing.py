@@ -126,7 +126,8 @@ def study_standing(
     listed = {each.participant for each in participants}
     unlisted = dict.fromkeys(each.participant for each in counted if each.participant not in listed)
     unlisted |= dict.fromkeys(name for name in places.slots if name not in listed)
-    everybody = [*participants, *(Participant(name) for name in unlisted if name not in places.withdrawn)]
+    kept = tuple(name for name in unlisted if name not in places.withdrawn)
+    everybody = [*participants, *map(Participant, kept)]
     standings = tuple(
         _standing_of(study, each, plan, places, [entry for entry in counted if entry.participant == each.participant])
         for each in everybody
@@ -139,6 +140,7 @@ def study_standing(
         complete=sum(each.state == "complete" for each in standings),
         wanted=study.n,
         next="" if problems else _next_of(standings),
+        unlisted=kept,
         rehearsals=tuple(each for each in entries if each.purpose != "counted"),
         due=tuple(due),
     )

@@ -10,8 +10,8 @@ import pytest
 
 from rise_engine.checks import CheckContext, run_check
 from rise_engine.checks.child import ChildRequest
+from rise_engine.checks.devices import look_at_recorders
 from rise_engine.checks.outcome import Finding
-from rise_engine.checks.recorder import look_at_recorders
 from rise_engine.ports.recorder import RecorderStatus
 from rise_engine.study.model import RecorderSettings, RecordingSettings, StudyCheck
 from tests.run.recording.recorders import ScriptedRecorder, hang, refuse
@@ -36,7 +36,7 @@ def request(monkeypatch: pytest.MonkeyPatch, **recorders: dict[str, Any]) -> tup
         made.append(TestRecorder(name, options, **recorders[name]))
         return made[-1]
 
-    monkeypatch.setattr("rise_engine.checks.recorder.open_recorder", open_recorder)
+    monkeypatch.setattr("rise_engine.checks.devices.open_recorder", open_recorder)
     settings = RecordingSettings(tuple(RecorderSettings(name, "scripted") for name in recorders))
     return ChildRequest("recorder", recording=settings, task="lab"), made
 

@@ -8,8 +8,7 @@ from pathlib import Path
 import pytest
 from msgspec.structs import replace
 
-from rise_engine.checks.outcome import Finding
-from rise_engine.checks.robot import (
+from rise_engine.checks.devices import (
     ANSWER_SECONDS,
     WORD_SECONDS,
     look_at_robot,
@@ -18,6 +17,7 @@ from rise_engine.checks.robot import (
     say_word,
     word_for,
 )
+from rise_engine.checks.outcome import Finding
 from rise_engine.ports.bridge import ProfileFinding
 from rise_engine.scenario.loader import load
 from tests.checks.robots import ACTIONS, Lamp, scenario
@@ -38,7 +38,7 @@ async def test_one_that_answers_has_passed(tmp_path: Path, monkeypatch: pytest.M
 async def test_what_nothing_stops_is_named(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     use(monkeypatch)
     said = [ProfileFinding("cannot be stopped", "actions.Speech.carrier.topic", "unstoppable")]
-    monkeypatch.setattr("rise_engine.checks.robot.profile_findings", lambda profile: said)
+    monkeypatch.setattr("rise_engine.checks.devices.profile_findings", lambda profile: said)
     found = await look_at_robot(scenario(tmp_path))
     assert found == Finding(True, "Lamp on a wire: 2 actions offered; F9 cannot stop Speech")
     said.append(ProfileFinding("no such field", "actions.Speech.carrier.message.x"))

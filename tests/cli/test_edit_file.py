@@ -191,3 +191,28 @@ def test_new_asks_in_a_terminal(tmp_path: Path) -> None:
     scenario = load(tmp_path / "mine").scenario
     assert scenario is not None
     assert (scenario.title, scenario.robot.name) == ("My study", "pepper")
+
+
+@pytest.mark.parametrize(
+    ("path", "value", "told"),
+    [
+        (["check"], [{"id": "evil", "run": ["/bin/sh", "-c", "id"]}], "by the check evil: ['/bin/sh', '-c', 'id']"),
+        (["recording", "sync", "play"], ["sh", "{file}"], "a recorder, sync: "),
+    ],
+)
+def test_edits_that_let_a_study_start_programs_are_asked_for(
+    folder: Path, path: list[str], value: object, told: str
+) -> None:
+    study = folder
+    (study / "study.toml").write_text('title = "T"\nid = "t"\nseed = 1\nn = 1\nscenario = "."\n')
+    edit = {"edit": "set_setting", "file": "study.toml", "path": path, "value": value}
+    before = _disk(study)
+    ran = _edit(study, [edit])
+    assert ran.exit_code == 1 and _disk(study) == before
+    assert "error: the study would then start a" in ran.stderr and told in ran.stderr
+    assert "--allow-programs writes it" in ran.stderr
+    ran = _edit(study, [edit], "--allow-programs")
+    assert ran.exit_code == 0, ran.output
+    assert _disk(study) != before
+    unchanged = {"edit": "set_setting", "file": "study.toml", "path": ["title"], "value": "Another"}
+    assert _edit(study, [unchanged]).exit_code == 0, "what it starts already is no news"

@@ -15,7 +15,7 @@ ROOT = Path(__file__).parents[2]
 def test_a_handful_of_kills() -> None:
     """`./dev soak --days` goes on for hundreds, at other moments."""
     result = subprocess.run(
-        [sys.executable, "-m", "tests.faults.study_day", "--kills", "8", "--seed", "1", "--exports", "0"],
+        [sys.executable, "-m", "tests.faults.study_day", "--kills", "8", "--seed", "1", "--exports", "1"],
         cwd=ROOT,
         capture_output=True,
         text=True,

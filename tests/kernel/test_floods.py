@@ -10,7 +10,7 @@ from hypothesis import strategies as st
 
 from rise_engine.kernel import rules as kernel_rules
 from rise_engine.kernel.records import EventRecord, RuleRecord
-from rise_engine.kernel.runaway import STEP_LIMIT
+from rise_engine.kernel.rule_stack import STEP_LIMIT
 from rise_engine.scenario.model import Function, RobotProfile, Rule, Scenario, State, Transition
 from tests.chance import examples
 from tests.kernel.harness import Session, dialog, pause

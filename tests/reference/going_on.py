@@ -69,7 +69,7 @@ class GoingOn:
                 raise Refused("enter, wait or leave")
         return words
 
-    def released(self, words: dict[str, str], source: str) -> None:
+    def released(self, words: dict[str, str], asked: Task) -> None:
         """Begin what goes on, the bottom of the stack first; then their functions, the highest first."""
         session, begun = self.session, []
         remembered, self.stopped = self.stopped, []
@@ -79,9 +79,9 @@ class GoingOn:
                 continue
             enter = word == "enter"
             task = session.tasks.numbered(
-                STARTS_RULE, rule_start_behavior(each.rule.name, each.state, enter), "None", source
+                STARTS_RULE, rule_start_behavior(each.rule.name, each.state, enter), "None", asked.source
             )
-            task.follows = True
+            task.follows, task.cause = True, asked.id
             run = Run(each.rule, task, each.priority, each.rule.states[each.state])
             self.pasts[run] = each.past[:-1]
             session.rules.resume(run, enter, set() if enter else each.held)

@@ -123,6 +123,7 @@ class Interpreter:
         told = ("participant", "condition", "study", "study_hash", "slot", "run", "attempt", "purpose", "factors")
         self.told = {name: getattr(input, name) for name in (*told, "driver")}
         self.told["injected_faults"] = list(input.injected_faults)
+        self.told["speed"] = input.speed
         self._session_record("started")
         self.session.memory.begin()
         self.session.memory.set_by_condition(input.memory, "study" if input.study else "condition")

@@ -88,7 +88,7 @@ class Marks:
         if name is None:
             raise Refused("the scenario has no filler")
         self.session.tasks.record(task, "SUCCEEDED", name)
-        self.session.tasks.new(STARTS_ACT, name, source=task.source)
+        self.session.tasks.new(STARTS_ACT, name, source=task.source, cause=task.id)
 
     def _next(self) -> str | None:
         names = [name for name in self.session.scenario.acts if self.session.scenario.settings_of(name).filler]

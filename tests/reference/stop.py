@@ -95,7 +95,7 @@ class Stop:
         self.session.tasks.record(task, "SUCCEEDED")
         self.status = ""
         self._record("released", source=task.source)
-        self.session.going_on.released(words, task.source)
+        self.session.going_on.released(words, task)
 
     def _record(self, status: str, source: str = "", **parts: list[str]) -> None:
         told = {"confirmed": [], "unconfirmed": [], "unstoppable": [], "held_by": list(self.pressed), **parts}

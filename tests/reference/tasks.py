@@ -87,10 +87,17 @@ class Tasks:
             self.new(asked.function, asked.behavior, asked.calling_type, asked.source, asked.ref)
 
     def new(
-        self, function: str, behavior: str = "", calling_type: str = "", source: str = "engine", ref: str | None = None
+        self,
+        function: str,
+        behavior: str = "",
+        calling_type: str = "",
+        source: str = "engine",
+        ref: str | None = None,
+        cause: int | None = None,
     ) -> Task:
         """A task of anybody. Gives it with its number, also when it was refused or has failed."""
         task = self.numbered(function, behavior, calling_type, source, ref)
+        task.cause = task.cause if cause is None else cause
         if function != STARTS_ACT:
             task.calling_type = calling_type or "None"
         try:

@@ -15,6 +15,7 @@ from rise_adapters.ros2.session_node.neighbours import NeighbourSessions
 from rise_adapters.ros2.transport.port import Message, QoS, Transport
 
 from rise_engine.base.files import Disk
+from rise_engine.kernel.inputs import SessionStarted
 from rise_engine.kernel.records import TaskRecord
 from rise_engine.kernel.view import SessionView
 from rise_engine.run.engine.clock import RealClock
@@ -120,21 +121,16 @@ async def faced(
         with suppress(RuntimeError):
             loop.call_soon_threadsafe(engine.flush_durable)
 
-    folder = ""
+    folder, begun = "", SessionStarted(speed=speed)
     journal = None
     if disk is not None:
+        versions = {"rise-tui": "t"}
         made = create_session(
-            place / "sessions",
-            loaded.scenario,
-            loaded.files,
-            seed=1,
-            speed=speed,
-            faults=(),
-            versions={"rise-tui": "t"},
+            place / "sessions", loaded.scenario, loaded.files, seed=1, faults=(), versions=versions, begun=begun
         )
         folder = str(made)
         journal = Journal(made / JOURNAL, changed=changed, disk=disk, retry=0.01)
-    engine = Engine(loaded.scenario, robot, clock, 1, journal=journal)
+    engine = Engine(loaded.scenario, robot, clock, 1, started=begun, journal=journal)
     hub = SessionHub(engine, folder, view=view)
     face = RosSessionInterface(transport, hub, NeighbourSessions(transport))
     if start:

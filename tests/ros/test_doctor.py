@@ -12,9 +12,9 @@ import pytest
 from msgspec.structs import replace
 from rise_adapters.ros2.actions.client import ActionClient
 from rise_adapters.ros2.actions.server import ActionServer
-from rise_adapters.ros2.doctor import DoctorFinding, as_json, as_text, examine, exit_status, installation
+from rise_adapters.ros2.doctor import DoctorFinding, as_json, as_text, computer, examine, exit_status
 from rise_adapters.ros2.doctor import robot as doctor_robot
-from rise_adapters.ros2.doctor.network import check_network
+from rise_adapters.ros2.doctor.computer import check_network
 from rise_adapters.ros2.transport import selection
 from rise_adapters.ros2.transport.port import STATUS, PortError, QoS
 
@@ -77,10 +77,10 @@ def workspace(place: Path, *, rmw: tuple[str, ...] = (), interfaces: dict[str, s
 
 
 def test_without_any_ros(tmp_path: Path, only: Any) -> None:
-    findings = list(installation.check_installation({}, installed=tmp_path))
+    findings = list(computer.check_installation({}, installed=tmp_path))
     assert [finding.level for finding in findings] == ["note", "note"] and "not needed" in findings[0].sentence
     assert exit_status(findings) == 0
-    assert said(list(installation.check_installation({}, wanted=True, installed=tmp_path)), "problem").startswith(
+    assert said(list(computer.check_installation({}, wanted=True, installed=tmp_path)), "problem").startswith(
         "rclpy is not here"
     )
 
@@ -88,35 +88,35 @@ def test_without_any_ros(tmp_path: Path, only: Any) -> None:
 def test_ros_that_is_installed_but_not_sourced(tmp_path: Path, only: Any) -> None:
     (tmp_path / "jazzy").mkdir()
     (tmp_path / "jazzy/setup.bash").touch()
-    finding = next(iter(installation.check_installation({}, wanted=True, installed=tmp_path)))
+    finding = next(iter(computer.check_installation({}, wanted=True, installed=tmp_path)))
     assert finding.level == "warning" and finding.remedy == f"source {tmp_path}/jazzy/setup.bash"
 
 
 def test_ros_that_is_sourced(tmp_path: Path, only: Any) -> None:
     only(rclpy="")
     environment = workspace(tmp_path)
-    findings = list(installation.check_installation(environment, wanted=True))
+    findings = list(computer.check_installation(environment, wanted=True))
     assert {finding.level for finding in findings} == {"ok"} and "Jazzy" in findings[0].sentence
-    findings = list(installation.check_installation({**environment, "ROS_DISTRO": "humble"}))
+    findings = list(computer.check_installation({**environment, "ROS_DISTRO": "humble"}))
     assert "made for" in said(findings, "warning")
-    findings = list(installation.check_installation({"ROS_DISTRO": "jazzy"}))
+    findings = list(computer.check_installation({"ROS_DISTRO": "jazzy"}))
     assert "only in part" in said(findings, "warning")
     findings = list(
-        installation.check_installation({**environment, "AMENT_PREFIX_PATH": f"{tmp_path}{os.pathsep}/no/such"})
+        computer.check_installation({**environment, "AMENT_PREFIX_PATH": f"{tmp_path}{os.pathsep}/no/such"})
     )
     assert "/no/such" in said(findings, "warning")
 
 
 def test_the_middleware(tmp_path: Path) -> None:
     environment = workspace(tmp_path, rmw=("rmw_fastrtps_cpp", "rmw_cyclonedds_cpp"))
-    assert installation.installed_rmw(environment) == ["rmw_cyclonedds_cpp", "rmw_fastrtps_cpp"]
-    assert "use rmw_fastrtps_cpp" in said(list(installation.check_middleware(environment, "rclpy")), "note")
-    assert "topics at best" in said(list(installation.check_middleware(environment, "dds")), "warning")
+    assert computer.installed_rmw(environment) == ["rmw_cyclonedds_cpp", "rmw_fastrtps_cpp"]
+    assert "use rmw_fastrtps_cpp" in said(list(computer.check_middleware(environment, "rclpy")), "note")
+    assert "topics at best" in said(list(computer.check_middleware(environment, "dds")), "warning")
     cyclone = {**environment, "RMW_IMPLEMENTATION": "rmw_cyclonedds_cpp"}
-    assert {finding.level for finding in installation.check_middleware(cyclone, "dds")} == {"ok"}
+    assert {finding.level for finding in computer.check_middleware(cyclone, "dds")} == {"ok"}
     zenoh = {**environment, "RMW_IMPLEMENTATION": "rmw_zenoh_cpp"}
-    assert "apt install ros-jazzy-rmw-zenoh-cpp" in said(list(installation.check_middleware(zenoh, "rclpy")), "problem")
-    assert list(installation.check_middleware({}, "dds")) == []
+    assert "apt install ros-jazzy-rmw-zenoh-cpp" in said(list(computer.check_middleware(zenoh, "rclpy")), "problem")
+    assert list(computer.check_middleware({}, "dds")) == []
 
 
 NETWORK = [
@@ -166,12 +166,12 @@ def test_a_file_of_settings(tmp_path: Path) -> None:
 
 
 def test_which_transport_and_why(only: Any) -> None:
-    kind, findings = installation.check_transport("auto")
+    kind, findings = computer.check_transport("auto")
     assert kind == "dds" and "rclpy is not here" in said(findings, "ok")
     only(rclpy="")
-    assert installation.check_transport("auto")[0] == "rclpy" and installation.check_transport("dds")[0] == "dds"
+    assert computer.check_transport("auto")[0] == "rclpy" and computer.check_transport("dds")[0] == "dds"
     only(dds="it needs cyclonedds")
-    kind, findings = installation.check_transport("auto")
+    kind, findings = computer.check_transport("auto")
     assert (
         kind is None and "rclpy is not here" in said(findings, "problem") and "cyclonedds" in said(findings, "problem")
     )
@@ -179,25 +179,25 @@ def test_which_transport_and_why(only: Any) -> None:
 
 def test_the_interfaces(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     ours = {"rise_interfaces/msg/Record": "RIHS01_1", "rise_interfaces/action/DomainTask": "RIHS01_2"}
-    monkeypatch.setattr(installation, "own_hashes", lambda environment: ours)
-    monkeypatch.setattr(installation, "_is_importable", lambda package: False)  # also where a workspace is sourced
-    assert "comes with" in said(list(installation.check_interfaces({}, "dds")), "ok")
-    assert "colcon build" in said(list(installation.check_interfaces({}, "rclpy")), "problem")
+    monkeypatch.setattr(computer, "own_hashes", lambda environment: ours)
+    monkeypatch.setattr(computer, "_is_importable", lambda package: False)  # also where a workspace is sourced
+    assert "comes with" in said(list(computer.check_interfaces({}, "dds")), "ok")
+    assert "colcon build" in said(list(computer.check_interfaces({}, "rclpy")), "problem")
     good = workspace(tmp_path / "good", interfaces=ours)
-    assert "is the one of this program (2 types)" in said(list(installation.check_interfaces(good, "dds")), "ok")
+    assert "is the one of this program (2 types)" in said(list(computer.check_interfaces(good, "dds")), "ok")
     old = workspace(tmp_path / "old", interfaces={"rise_interfaces/msg/Record": "RIHS01_0"})
-    problems = said(list(installation.check_interfaces(old, "dds")), "problem")
+    problems = said(list(computer.check_interfaces(old, "dds")), "problem")
     assert "lacks action/DomainTask" in problems and "another version of msg/Record" in problems
-    assert "does not find it" in said(list(installation.check_interfaces(good, "rclpy")), "problem")
+    assert "does not find it" in said(list(computer.check_interfaces(good, "rclpy")), "problem")
     both = {**good, "AMENT_PREFIX_PATH": f"{tmp_path}/good{os.pathsep}{tmp_path}/old"}
-    assert "2 times" in said(list(installation.check_interfaces(both, "dds")), "warning")
-    monkeypatch.setattr(installation, "own_hashes", lambda environment: {})
-    assert "cannot be checked" in said(list(installation.check_interfaces(good, "dds")), "note")
+    assert "2 times" in said(list(computer.check_interfaces(both, "dds")), "warning")
+    monkeypatch.setattr(computer, "own_hashes", lambda environment: {})
+    assert "cannot be checked" in said(list(computer.check_interfaces(good, "dds")), "note")
 
 
 def test_our_own_hashes() -> None:
     pytest.importorskip("rosbags")
-    ours = installation.own_hashes()
+    ours = computer.own_hashes()
     assert {"rise_interfaces/action/DomainTask", "rise_interfaces/srv/GetMemory", "rise_interfaces/msg/Record"} <= set(
         ours
     )

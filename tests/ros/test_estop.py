@@ -72,6 +72,30 @@ def test_one_that_speaks_only_of_changes_is_not_known_until_then() -> None:
     assert standing(robot)[0] == "connected" and robot.of(EstopReport) == [LET_GO]
 
 
+@pytest.mark.parametrize("silent_after", [0, 2])
+def test_one_publisher_does_not_let_go_of_the_button_of_another(silent_after: int) -> None:
+    robot = with_estop(**TOPIC, **({"silent_after": silent_after} if silent_after else {}))
+    base, panel = robot.far.publisher(NAME, TYPE), robot.far.publisher(NAME, TYPE)
+    robot.run(1)
+
+    def say(seconds: int, *pressed: bool) -> None:
+        for _ in range(seconds * 2):
+            for button, each in zip((base, panel), pressed, strict=False):
+                button.publish({"data": each})
+            robot.run(robot.clock.now() + 0.5)
+
+    say(3, True, False)
+    assert [report.pressed for report in robot.of(EstopReport)] == [True], "the other one says that it is not pressed"
+    several = "the emergency stop at /estop_pressed has several publishers (/robot), and no `silent_after`: "
+    assert standing(robot)[0] == ("connected" if silent_after else "degraded")
+    assert silent_after or standing(robot)[1].startswith(several)
+    say(3, False, False)
+    assert robot.of(EstopReport)[-1] == (LET_GO if silent_after else PRESSED)
+    panel.close()
+    say(3, False)
+    assert robot.of(EstopReport)[-1] == LET_GO and standing(robot)[0] == "connected"
+
+
 def test_which_values_mean_that_it_is_pressed() -> None:
     robot = with_estop(topic="/safety", type="std_msgs/msg/UInt8", when={"data": [3, 6]})
     button = robot.far.publisher("/safety", "std_msgs/msg/UInt8", STATUS)

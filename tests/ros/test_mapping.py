@@ -503,6 +503,19 @@ def test_a_value_of_a_place_that_nothing_takes_may_be_a_slip(tmp_path: Path) -> 
     assert found.sentence == "robot bob: `places.desk.yow` is used by no carrier; did you mean `yaw`?"
 
 
+def test_a_place_without_a_value_sends_nobody_to_the_origin(tmp_path: Path) -> None:
+    half = replace(
+        robot(tmp_path, ACTION_CARRIER + 'carrier.goal.pose = "{place}"'),
+        places={"desk": {"x": 1.0, "y": 0.0}, "door": {"yaw": 1.0}},
+    )
+    (found, *_) = mapping_findings(half, fields)
+    assert "takes `x`, and `door` lacks it; say it there, or write `{place.x|VALUE}`" in found.sentence
+    action = ACTION.replace(', default = "table"', "") + ACTION_CARRIER + 'carrier.goal.pose = "{place}"'
+    optional = profile(tmp_path, f'driver = "ros2"\n{PLACES}\n{action}')
+    (found, *_) = mapping_findings(optional, fields)
+    assert "takes `x` of a place, and an act need not name one; write `required = true`" in found.sentence
+
+
 def test_a_place_that_there_is_not(tmp_path: Path) -> None:
     with pytest.raises(ValueError, match="needs a place, and `dor` is none; did you mean `door`"):
         made(carrier(tmp_path, 'carrier.goal.real = "{place.x}"'), place="dor")

@@ -11,6 +11,7 @@ from typing import Any
 import click
 import pytest
 
+from rise_engine.base import exit_status
 from rise_engine.cli.arguments import add_ros_parameters
 from rise_engine.cli.program import split_ros_args
 from rise_engine.cli.session.serve import serve
@@ -140,6 +141,8 @@ def test_after_a_crash_the_same_session_goes_on(tmp_path: Path, monkeypatch: pyt
     unit = (PACKAGE.parents[1] / "packaging/systemd/rise-engine@.service").read_text("utf-8")
     prevented = next(line for line in unit.splitlines() if line.startswith("RestartPreventExitStatus=")).partition("=")
     final = {0, *map(int, prevented[2].split())}
+    told = ("REFUSED", "USAGE", "ALREADY_RUNNING", "UNFINISHED", "UNRECOVERABLE", "STILL_RUNNING")
+    assert final == {0, *(getattr(exit_status, name) for name in told)}
     assert {status for status in range(-20, 200) if not made.is_crash(status)} == final, "as the unit for systemd"
 
 

@@ -6,7 +6,9 @@ from pathlib import Path
 
 import pytest
 
+from rise_engine.scenario.durations import expected_seconds
 from rise_engine.scenario.loader import load
+from rise_engine.scenario.model import ActionSpec, Parameter
 from rise_engine.scenario.reading.action_declarations import core_actions
 from rise_engine.scenario.reading.robot_profiles import package_folders, robot_names
 from tests.scenario.folders import act, folder, loaded
@@ -103,3 +105,12 @@ def test_broken_profiles(tmp_path: Path, profile: str, code: str) -> None:
 def test_names_that_lead_out_of_the_folders_are_no_robots(tmp_path: Path) -> None:
     for name in ("../x", "/etc/x", ".x", "a\\b"):
         assert [f.code for f in load(tmp_path, robot=name).diagnostics] == ["unknown-robot"]
+
+
+def test_an_action_takes_as_long_as_its_defaults_say() -> None:
+    timed = [
+        Parameter("duration", "number", unit="ms", default=1000),
+        Parameter("repetitions", "integer", default=3),
+    ]
+    turn = ActionSpec("Turn", {each.name: each for each in timed}, seconds=7.0)
+    assert [expected_seconds(turn, given) for given in ({}, {"duration": 500}, {"repetitions": 1})] == [3.0, 1.5, 1.0]

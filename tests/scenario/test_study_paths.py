@@ -30,6 +30,8 @@ NAMES = {
     "": "names no file",
     ".": "names no file",
     "/abs/x.toml": "leads out of",
+    "Sessions/x.json": "lies in `Sessions`",
+    "package.json": "other programs take orders",
     "../x.toml": "leads out of",
     "acts/../../x.toml": "leads out of",
     "acts/..": "leads out of",
@@ -89,7 +91,7 @@ def test_what_nobody_may_write(study: Path, name: str) -> None:
 
 
 @pytest.mark.parametrize(
-    "name", ["acts/new.xml", "./acts//new.xml", "new/deep/x.csv", "ünï.md", "a b.TOML", "inside/x.xml"]
+    "name", ["acts/new.xml", "./acts//new.xml", "new/deep/x.csv", "AGENTS.md", "ünï.md", "a b.TOML", "inside/x.xml"]
 )
 def test_what_may_be_written(study: Path, name: str) -> None:
     (study / "inside").symlink_to("rules")

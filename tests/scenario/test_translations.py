@@ -250,6 +250,13 @@ def test_a_table_has_a_column_for_each_language() -> None:
     assert set(read(files).files) >= {"tables/items.csv"}  # so a session's folder keeps it
 
 
+def test_every_column_that_a_computed_name_can_mean_is_translated() -> None:
+    says = act("<Speech><actionID>1</actionID><message>{items[i][wording]}</message></Speech>")
+    files = with_table("id,direct,polite,polite.de\na1,Your name?,And you are?,Und Sie?\n", acts=says)
+    (missing,) = [each.message for each in read(files, "de").errors]
+    assert "it has no column `direct.de` beside `direct`, which is spoken" in missing
+
+
 @pytest.mark.parametrize(
     ("csv", "place", "message"),
     [

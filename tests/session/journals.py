@@ -87,7 +87,6 @@ class Made:
             self.scenario,
             loaded.files,
             seed=7,
-            speed=1.0,
             faults=(),
             begun=started,
             versions={"rise-tui": "0.2.0", "python": "3.11"},

@@ -15,9 +15,7 @@ def test_it_names_participant_condition_and_wizard(tmp_path: Path) -> None:
     loaded = load(write(tmp_path / "study", acts=ACTS, toml=TOML))
     assert loaded.scenario is not None
     who = {"participant": "P07", "condition": "B", "wizard": 'anna "A"'}
-    folder = create_session(
-        tmp_path / "sessions", loaded.scenario, loaded.files, seed=1, speed=1.0, faults=(), versions={}, **who
-    )
+    folder = create_session(tmp_path / "sessions", loaded.scenario, loaded.files, seed=1, faults=(), versions={}, **who)
     (folder / JOURNAL).touch()
     info = read_info(folder)
     assert (info.participant, info.condition, info.wizard) == ("P07", "B", 'anna "A"')
@@ -29,9 +27,7 @@ def test_it_names_participant_condition_and_wizard(tmp_path: Path) -> None:
 def test_nobody_is_named_who_was_not(tmp_path: Path) -> None:
     loaded = load(write(tmp_path / "study", acts=ACTS, toml=TOML))
     assert loaded.scenario is not None
-    folder = create_session(
-        tmp_path / "sessions", loaded.scenario, loaded.files, seed=1, speed=1.0, faults=(), versions={}
-    )
+    folder = create_session(tmp_path / "sessions", loaded.scenario, loaded.files, seed=1, faults=(), versions={})
     (folder / JOURNAL).touch()
     assert describe_session(folder).startswith("Sample study (debug, generic), begun 20")
     text = (folder / "session.toml").read_text("utf-8").replace('wizard = ""\n', "")

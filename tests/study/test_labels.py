@@ -21,9 +21,10 @@ from rise_engine.results.export.format import ExportError
 from rise_engine.session.folder import INFO, read_info
 from rise_engine.session.journal_format import with_checksum
 from rise_engine.session.labels import RelabelledError, label_differences
-from rise_engine.study.sessions import SESSIONS, read_verdict
+from rise_engine.study.sessions import SESSIONS
 from rise_engine.study.state import read_state
 from rise_engine.study.study_log import LOG_FILE, read_log
+from rise_engine.study.verdict import read_verdict
 from tests.results.analysis.samples import make_study, play_session, sessions_of, short
 
 
@@ -54,6 +55,8 @@ IN_INFO = [
     (r'^mode = ".*"', 'mode = "debug"', "mode"),
     (r'^robot = ".*"', 'robot = "pepper"', "robot"),
     (r"^seed = \d+", "seed = 1", "seed"),
+    (r"^speed = .*", "speed = 4.0", "speed"),
+    (r"^faults = .*", 'faults = ["Speech=fail"]', "faults"),
     (r'^title = ".*"', 'title = "Coffee"', "title"),
     (r'^scenario_hash = ".*"', 'scenario_hash = "00"', "scenario_hash"),
     (r'^\[factors\]\n"hesitation" = ".*"', '[factors]\n"hesitation" = "never"', "factors"),
@@ -96,6 +99,26 @@ def test_a_log_that_says_something_else(study: Path, pattern: str, new: str, lab
     with pytest.raises(RelabelledError, match=rf"study.jsonl, line {at + 1}, says {label} = .*journal.jsonl says"):
         read_session(folder)
     assert f"error other-label: {LOG_FILE}, line {at + 1}, says {label} = " in run("study", "check", study)[1]
+
+
+def test_a_log_that_judges_a_session_otherwise(study: Path) -> None:
+    folder = next(each for each in sessions_of(study) if read_verdict(each).report and "P01" in each.name)
+    edit(study / LOG_FILE, rf'(?<="kind":"outcome")(.*{folder.name}.*)"status":"complete"', r'\1"status":"aborted"')
+    with pytest.raises(
+        RelabelledError, match=r'study.jsonl, line \d+, says status = "aborted", but journal.jsonl says'
+    ):
+        read_session(folder)
+    status, said = run("study", "check", "--sessions", study)
+    assert status == 1 and 'says status = "aborted", but journal.jsonl says status = "complete"' in said
+
+
+def test_a_corrected_outcome_has_a_reason(study: Path) -> None:
+    folder = [each for each in sessions_of(study) if "P03" in each.name][-1]
+    assert run("study", "outcome", study, "P03", "aborted", "--reason", "the lamp fell")[0] == 0
+    assert read_session(folder).facts.outcome == "aborted"
+    edit(study / LOG_FILE, '"reason":"the lamp fell"', '"reason":""')
+    with pytest.raises(RelabelledError, match="corrects the outcome and gives no reason"):
+        read_session(folder)
 
 
 def _replay(study: Path, folder: Path, out: Path) -> tuple[int, str]:

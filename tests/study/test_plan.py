@@ -372,6 +372,11 @@ def test_the_proof_says_what_is_not_balanced(study: Study, line: str) -> None:
     assert line in "\n".join(prove_balance(study, make_plan(study)).lines)
 
 
+def test_with_strata_nobody_knows_which_cells_have_one_more() -> None:
+    study = make_study([2], n=7, strata=[2])
+    assert "will have one more" not in "\n".join(prove_balance(study, make_plan(study)).lines)
+
+
 @pytest.mark.parametrize(
     ("study", "block"),
     [

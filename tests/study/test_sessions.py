@@ -9,8 +9,8 @@ import pytest
 from rise_engine.kernel.inputs import Note, OutcomeReport, SessionEnded, SessionStarted
 from rise_engine.session.folder import JOURNAL
 from rise_engine.session.journal_format import encode_header, encode_input
-from rise_engine.study import sessions
-from rise_engine.study.sessions import read_verdict
+from rise_engine.study import verdict as verdict_module
+from rise_engine.study.verdict import read_verdict
 
 INPUTS = (
     SessionStarted(),
@@ -27,7 +27,7 @@ LINES = [encode_header("rise-tui test"), *(encode_input(number, each) for number
 def test_the_last_whole_outcome_counts_wherever_the_journal_is_cut(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, block: int
 ) -> None:
-    monkeypatch.setattr(sessions, "_BLOCK", block)
+    monkeypatch.setattr(verdict_module, "_BLOCK", block)
     whole = b"".join(LINES)
     ends = [len(b"".join(LINES[:number])) for number in range(1, len(LINES) + 1)]
     for cut in range(0, len(whole) + 1, 7):

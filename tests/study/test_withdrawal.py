@@ -416,7 +416,7 @@ def test_redacting_a_session_takes_the_words_out_of_the_studys_log(made: Folder)
     assert entries[-1].fields == {"session": path.name, "lines": 3} and entries[-1].kind == "redacted"
     text = (made.study / LOG_FILE).read_text()
     assert text.count("NAME1") == 2 and text.count("Zelda") == 1
-    assert report.remains == [f"{LOG_FILE}, line {len(entries) - 1}: what somebody wrote about another session"]
+    assert report.remains == [f"{LOG_FILE}, line {len(entries) - 1}: what somebody wrote, not about this session"]
 
 
 # --- what media.json names ---

@@ -29,7 +29,7 @@ class ScriptedEngine:
         loaded = load(folder)
         assert loaded.scenario is not None
         kept = create_session(
-            Path(home, "sessions"), loaded.scenario, loaded.files, seed=1, speed=1, faults=(), versions={"rise-tui": ""}
+            Path(home, "sessions"), loaded.scenario, loaded.files, seed=1, faults=(), versions={"rise-tui": ""}
         )
         self.fake = FakeClient(loaded.scenario, folder=str(kept))
         self.speed = speed

@@ -57,8 +57,9 @@ ARGUMENTS = {
 
 _OF_LAUNCH = ("launch-prefix", "launch-prefix-filter")
 """Arguments of ros2 launch itself."""
-_IN_ORDER = range(6)
-"""Exit statuses after which a restart is useless: the session ended, or was refused (as in the systemd unit)."""
+_IN_ORDER = range(7)
+"""Exit statuses after which a restart is useless: the session ended, even with a robot that may still be doing
+something (6), or was refused (as in the systemd unit)."""
 
 
 def typed_arguments(command: Sequence[str], file: str) -> list[str]:

@@ -19,28 +19,33 @@ class SessionWatch:
         ended in order, so that others can use it, such as `ros2 action send_goal`."""
         self._timeout = timeout
         self._required = required
-        self._session: object = None
-        """The id of the last session that was heard; None: there is none."""
-        self._heard_at = 0.0
+        self._heard: dict[str, float] = {}
+        """The sessions that are there, by id, each with its last sign of life."""
 
     def hear(self, said: str, now: float) -> None:
         """Take in a message of the topic."""
         try:
             announced = json.loads(said)
-            session, state = announced["id"], announced["state"]
+            session, state = str(announced["id"]), announced["state"]
         except (ValueError, LookupError, TypeError, RecursionError):
             return  # not from a session
         if state == "serving":
-            self._session, self._heard_at = session, now
-        elif state == "over" and session == self._session:
-            self._session = None
+            self._heard[session] = now
+        elif state == "over":
+            self._heard.pop(session, None)
 
     def why_not_move(self, now: float) -> str:
-        """Why the robot may not move; empty when it may."""
+        """Why the robot may not move; empty when it may.
+
+        One silent session is enough, whatever others say: the robot may be moving for that one. Another session lifts
+        this after twice the timeout, in which the robot has stopped.
+        """
         if self._timeout <= 0:
             return ""
-        if self._session is None:
+        if any(now <= at + self._timeout for at in self._heard.values()):
+            self._heard = {id: at for id, at in self._heard.items() if now <= at + 2 * self._timeout}
+        if not self._heard:
             return "no session is there" if self._required else ""
-        if now <= self._heard_at + self._timeout:
+        if all(now <= at + self._timeout for at in self._heard.values()):
             return ""
         return f"the session has given no sign of life for {self._timeout:g} s"

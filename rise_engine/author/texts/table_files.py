@@ -203,7 +203,8 @@ def read_po(data: bytes, language: str = "") -> ReadTable:
     """
     polib = _polib()
     try:
-        file = polib.pofile(data.decode("utf-8-sig"))
+        # With a line end more, because polib opens a text that is a path as that file.
+        file = polib.pofile(data.decode("utf-8-sig") + "\n")
     except (OSError, ValueError, UnicodeDecodeError) as error:
         raise ExchangeError(f"this is no .po file: {error}") from None
     language = language or str(file.metadata.get("Language", "")).replace("_", "-")

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from typing import Any
 
 from rise_engine.base.text import pluralize
@@ -41,3 +42,9 @@ def proof_row(session: ProvedSession) -> dict[str, Any]:
             "missing": found.missing,
         }
     return row
+
+
+def except_reassigned(sessions: Iterable[ProvedSession]) -> str:
+    """End a sentence about all sessions with those that the log has reassigned. Empty: there are none."""
+    count = sum(bool(each.note) for each in sessions if each.proved)
+    return f", except the participant of {pluralize(count, 'reassigned session')}" if count else ""

@@ -132,7 +132,7 @@ def redact_in_study(folder: Path, report: RedactionReport, words: Words, *, try_
             report.log_lines = sum(one != other for one, other in zip(before, after, strict=True))
             others = [each for each in after if each.with_written(words.replace) != each]
             report.remains += [
-                f"{LOG_FILE}, line {each.line}: what somebody wrote about another session" for each in others
+                f"{LOG_FILE}, line {each.line}: what somebody wrote, not about this session" for each in others
             ]
             if try_only:
                 return []

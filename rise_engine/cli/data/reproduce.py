@@ -14,13 +14,14 @@ from rise_engine import __version__
 from rise_engine.base.errors import FileError, RiseError, SessionError
 from rise_engine.base.exit_status import DIFFERENT, OK, USAGE
 from rise_engine.base.text import pluralize
-from rise_engine.cli.data.proof_text import proof_lines, proof_row
+from rise_engine.cli.data.proof_text import except_reassigned, proof_lines, proof_row
 from rise_engine.cli.options import JSON
 from rise_engine.cli.session.other_robot import compare_on_robot, load_for_robot
 from rise_engine.cli.terminal import Refused, print_lines, refusing, write_json
 from rise_engine.results.bundle.about import AboutBundle, read_about
 from rise_engine.results.bundle.courses import CourseComparison
 from rise_engine.results.bundle.derived import DerivedCheck, check_bundle, compare_derived, sessions_in_order
+from rise_engine.results.bundle.environment import is_running_program, wheel_in
 from rise_engine.results.bundle.inputs import InputsCheck, check_inputs
 from rise_engine.results.bundle.manifest import ManifestCheck, fingerprint, opened_bundle
 from rise_engine.results.export.format import ExportError
@@ -129,6 +130,11 @@ def _make_again(root: Path, state: StudyStatus | None, folders: Sequence[Path], 
     if state is None or not folders:
         return
     found.inputs = check_inputs(root, state, folders)
+    if wheel := wheel_in(root):
+        if is_running_program(root):
+            found.inputs.proved.append(f"{wheel} is the program that runs here, byte for byte")
+        else:
+            found.inputs.open.append(f"that {wheel} is the program that ran the sessions: another one runs here")
     try:
         found.derived = compare_derived(root, found.about, same_version=found.same_version)
     except (RiseError, OSError) as error:
@@ -210,7 +216,7 @@ def _proof_paragraph(found: Reproduction) -> list[str]:
     if proved:
         lines.append(
             f"- {pluralize(proved, 'session')}: every record follows from the recorded inputs and the session's copy "
-            "of the scenario, and study.jsonl and plan.csv say the same of it"
+            f"of the scenario, and study.jsonl and plan.csv say the same of it{except_reassigned(found.sessions)}"
         )
     lines += [f"- {each}" for each in found.inputs.proved]
     if found.derived.files and not found.derived.differences:
@@ -221,6 +227,7 @@ def _proof_paragraph(found: Reproduction) -> list[str]:
         *(f"- {each}" for each in found.inputs.open),
         *(f"- anything about {name}: {why}" for name, why in found.about.absent.items()),
         "- that participants.csv holds what people said: no session has a copy of it",
+        "- that README.md, environment.txt and ro-crate-metadata.json are right: nothing is derived from them",
         "- that nobody has replaced everything together, inputs, records and all that follows. Against that, compare "
         "the fingerprint with the one that the authors have published:",
         f"  {found.fingerprint}",

@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import sys
-from pathlib import Path
+import tomllib
+from collections.abc import Iterator
+from pathlib import Path, PurePosixPath
 from typing import Any
 
 import click
@@ -17,6 +19,7 @@ from rise_engine.base.json_codec import JsonError, decode
 from rise_engine.base.nearest_name import did_you_mean
 from rise_engine.cli.options import JSON, SCENARIO
 from rise_engine.cli.terminal import Refused, exit_with_usage, print_lines, print_notes, reason_of, write_json
+from rise_engine.scenario.files.file_names import STUDY_FILE
 from rise_engine.scenario.loader import LoadResult
 
 _LARGEST = 10_000_000
@@ -26,8 +29,13 @@ _LARGEST = 10_000_000
 @SCENARIO
 @click.argument("edits", metavar="EDITS.json")
 @click.option("--dry-run", is_flag=True, help="Show what would change, and write nothing.")
+@click.option(
+    "--allow-programs",
+    is_flag=True,
+    help="Also write edits after which the study starts other programs than before: checks and recorders.",
+)
 @JSON
-def edit(folder: str, edits: str, dry_run: bool, as_json: bool) -> int:
+def edit(folder: str, edits: str, dry_run: bool, allow_programs: bool, as_json: bool) -> int:
     """Make the changes in EDITS.json in the study in DIR: all of them, or none. `-` reads them from standard input.
 
     EDITS.json is a list of edits (docs/reference/edits.md). Each edit works on the result of the ones before it.
@@ -38,7 +46,7 @@ def edit(folder: str, edits: str, dry_run: bool, as_json: bool) -> int:
     wanted = read_edits(_read(edits), edits)
     workspace = Workspace(Path(folder))
     try:
-        return _make(workspace, wanted, edits, dry_run=dry_run, as_json=as_json)
+        return _make(workspace, wanted, edits, dry_run=dry_run, allow_programs=allow_programs, as_json=as_json)
     finally:
         workspace.close()
 
@@ -114,13 +122,18 @@ def _read_file(path: Path) -> bytes:
         return file.read(_LARGEST + 1)
 
 
-def _make(workspace: Workspace, edits: list[AnyEdit], name: str, *, dry_run: bool, as_json: bool) -> int:
+def _make(
+    workspace: Workspace, edits: list[AnyEdit], name: str, *, dry_run: bool, allow_programs: bool, as_json: bool
+) -> int:
     """Make the edits, and return the exit status."""
     before = workspace.files
     state, change, refused = workspace.foresee(*edits)
-    problem = ""
     written: tuple[str, ...] = ()
-    if not refused and not state.checked.errors and not dry_run:
+    programs = [] if allow_programs else sorted(set(_started_programs(state.files)) - set(_started_programs(before)))
+    problem = (
+        f"the study would then start {'; '.join(programs)}. Read that; --allow-programs writes it" if programs else ""
+    )
+    if not refused and not state.checked.errors and not problem and not dry_run:
         try:
             workspace.apply(*edits)
             written = workspace.save().files
@@ -137,6 +150,24 @@ def _make(workspace: Workspace, edits: list[AnyEdit], name: str, *, dry_run: boo
     if not as_json:
         print_notes(*_notes(change, refused, state.checked, name, problem))
     return REFUSED if is_refused else OK
+
+
+def _started_programs(files: Files) -> Iterator[str]:
+    """List in words what a study's files tell this computer to start: the programs of its checks, and its recorders."""
+    for name, data in files.items():
+        if PurePosixPath(name).name != STUDY_FILE:
+            continue
+        try:
+            study = tomllib.loads(data.decode("utf-8-sig"))
+        except (ValueError, RecursionError):  # its errors are reported, and nothing is started
+            continue
+        checks, recording = study.get("check"), study.get("recording")
+        for check in checks if isinstance(checks, list) else ():
+            if isinstance(check, dict) and check.get("run"):
+                yield f"a program, by the check {check.get('id')}: {check['run']}"
+        for recorder, settings in recording.items() if isinstance(recording, dict) else ():
+            if isinstance(settings, dict):
+                yield f"a recorder, {recorder}: {settings}"
 
 
 def _notes(change: Change, refused: tuple[Refusal, ...], checked: LoadResult, name: str, problem: str) -> list[object]:

@@ -24,7 +24,7 @@ from rise_engine.author.explore.path_words import tell_path
 from rise_engine.author.explore.situation_graph import ExploreFinding
 from rise_engine.author.explore.space import Space
 from rise_engine.author.explore.usage_findings import NOT_RUNNING
-from rise_engine.base.exit_status import NOT_WRITTEN, OK, REFUSED
+from rise_engine.base.exit_status import INTERRUPTED, NOT_WRITTEN, OK, REFUSED
 from rise_engine.base.files import error_message
 from rise_engine.base.text import pluralize
 from rise_engine.checks.kinds import KindFinding, MergedFinding, explore_kind, findings_of, load_for, merge
@@ -70,7 +70,7 @@ def explore_command(folder: str | None, robot: str | None, **options: Any) -> in
     it once without a robot. It lists each finding once, with the kinds of session that have it.
 
     Exit status: 0 no problems; 1 problems, or the scenario has errors; 2 wrong usage; 74 the task files cannot be
-    written.
+    written; 130 ctrl+c ended it, and it had found no problem.
     """
     if is_study(Path(folder or ".")):
         return _explore_study(folder or ".", robot, options)
@@ -85,7 +85,7 @@ def explore_command(folder: str | None, robot: str | None, **options: Any) -> in
         _print(_report(scenario, exploration, options["show"], show_keys=options["show_keys"]))
     if options["write"] is not None:
         _write_ways(scenario, exploration, Path(options["write"]), folder or ".")
-    return REFUSED if exploration.count("problem") else OK
+    return REFUSED if exploration.count("problem") else INTERRUPTED if interrupted else OK
 
 
 def _explore_study(folder: str, robot: str | None, options: dict[str, Any]) -> int:
@@ -119,7 +119,7 @@ def _explore_study(folder: str, robot: str | None, options: dict[str, Any]) -> i
         write_json({"kinds": kinds, "findings": [each.row() for each in merged]})
     else:
         _print(_study_report(study.title, explored, merged, options["show"]))
-    return REFUSED if any(each.finding.level == "problem" for each in merged) else OK
+    return REFUSED if any(each.finding.level == "problem" for each in merged) else INTERRUPTED if interrupted else OK
 
 
 def _print(paragraphs: Iterator[str]) -> None:
@@ -153,8 +153,16 @@ def _study_report(
         if show in ("all", str(number)) and at < len(exploration.findings):
             yield from _way_lines(scenario, exploration, exploration.findings[at])
     yield ""
-    counts = (pluralize(sum(each.finding.level == level for each in merged), level) for level in _MARKS)
-    yield f"{', '.join(counts)}{'; `--show N` shows the path to number N' if merged and show is None else ''}"
+    counts = {level: sum(each.finding.level == level for each in merged) for level in _MARKS}
+    complete = all(exploration.is_complete for _, _, exploration in explored)
+    yield _last_line(counts, complete=complete, can_show=bool(merged) and show is None)
+
+
+def _last_line(counts: dict[str, int], *, complete: bool, can_show: bool) -> str:
+    """Count the findings."""
+    told = ", ".join(pluralize(count, level) for level, count in counts.items())
+    part = "" if complete else "; not everything was looked at"
+    return f"{told}{part}{'; `--show N` shows the path to number N' if can_show else ''}"
 
 
 def _bounds(scenario: Scenario, options: dict[str, Any]) -> Bounds:
@@ -244,9 +252,9 @@ def _report(scenario: Scenario, exploration: Exploration, show: str | None, *, s
         yield ""
         yield from _key_lines(scenario, exploration)
     yield ""
-    counts = (pluralize(exploration.count(level), level) for level in _MARKS)
+    counts = {level: exploration.count(level) for level in _MARKS}
     with_way = any(finding.path is not None for finding in exploration.findings)
-    yield f"{', '.join(counts)}{'; `--show N` shows the path to number N' if with_way and show is None else ''}"
+    yield _last_line(counts, complete=exploration.is_complete, can_show=with_way and show is None)
 
 
 def _finding_lines(scenario: Scenario, exploration: Exploration, number: int, *, shown: bool) -> Iterator[str]:

@@ -84,7 +84,8 @@ class _HeadlessSession:
         scenario = options.scenario
         robot = make_robot(scenario.robot, scenario.mode, clock, options.seed, options.session.faults, bridge)
         begun = options.started or first_input(scenario, options.session)
-        self.started = replace(begun, injected_faults=options.session.faults)
+        speed = getattr(clock, "speed", 1.0)
+        self.started = replace(begun, injected_faults=options.session.faults, speed=speed)
         self.engine = Engine(
             scenario,
             robot,
@@ -165,15 +166,16 @@ class _HeadlessSession:
 
     def status_at_end(self) -> int:
         """Return the exit status of the finished session."""
+        if self.engine.open_goals:
+            print_notes(f"error: the session has ended; {describe_open_goals(self.engine.open_goals)}")
         if self.engine.failure is not None:
             print_notes(f"error: the engine failed, which is a mistake in this program: {self.engine.failure!r}")
             return exit_status.FAILED
         if self.output.failure is not None:
             self.end_if_output_failed()
             return exit_status.FAILED
-        if self.engine.open_goals:
-            print_notes(f"error: the session has ended; {describe_open_goals(self.engine.open_goals)}")
-            return exit_status.STILL_RUNNING if self.status == exit_status.OK else self.status
+        if self.engine.open_goals and self.status in (exit_status.OK, exit_status.INTERRUPTED):
+            return exit_status.STILL_RUNNING
         if self.status == exit_status.OK and self.options.strict and self._unsuccessful:
             return exit_status.TASK_FAILED
         return self.status

@@ -84,7 +84,7 @@ def run(
       vanish@12.5    vanish@12.5-20
 
     Exit status: 0; 1 scenario refused; 2 wrong usage; 3 with --strict, a task was rejected or aborted; 4 the session
-    would never end; 130 interrupted.
+    would never end; 6 it has ended, but the robot may still be doing something; 130 interrupted.
     """
     virtual = speed is None
     if virtual and session["ros"] in ("rclpy", "dds"):

@@ -102,7 +102,8 @@ def serve(
     It ends when a console ends it, with `rise-engine stop`, or by SIGTERM or SIGINT. The robot stops first.
 
     Exit status: 0; 1 scenario refused; 2 wrong usage; 3 a session of DIR is running already; 4 an earlier one did not
-    end: use --recover or --new; 5 it cannot be recovered; 70 the engine failed; 74 not everything could be recorded.
+    end: use --recover or --new; 5 it cannot be recovered; 6 the session has ended, but the robot may still be doing
+    something; 70 the engine failed; 74 not everything could be recorded.
     """
     if (recover or which is not None) and new:
         exit_with_usage("use either --recover or --new")

@@ -30,10 +30,11 @@ from rise_engine.session.folder import (
     sessions_folder,
 )
 from rise_engine.study.labels import reassignment_of
-from rise_engine.study.sessions import SESSIONS, read_verdict
+from rise_engine.study.sessions import SESSIONS
 from rise_engine.study.standing import when_text
 from rise_engine.study.study_log import read_log
 from rise_engine.study.study_toml import is_study
+from rise_engine.study.verdict import read_verdict
 
 
 @click.command()

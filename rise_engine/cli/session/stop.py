@@ -28,8 +28,9 @@ from rise_engine.run.protocol.registry import (
 )
 from rise_engine.session.folder import read_info, running_sessions
 from rise_engine.session.lock import user_name
-from rise_engine.study.sessions import SESSIONS, read_verdict
+from rise_engine.study.sessions import SESSIONS
 from rise_engine.study.study_toml import is_study
+from rise_engine.study.verdict import read_verdict
 
 END_SECONDS = 40.0
 """Seconds that a session has to end: the robot's answer and the last records take 11 at most."""

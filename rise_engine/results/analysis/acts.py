@@ -6,7 +6,7 @@ bridged a cue from the cue, and when it could be heard from its actions.
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Mapping, Sequence
 from sys import intern
 from typing import Any, cast
 
@@ -16,7 +16,8 @@ from rise_engine.kernel.records import FINAL, AnyRecord, CueRecord, Mark, TaskRe
 from rise_engine.kernel.speech import SAY, SPEECH
 from rise_engine.kernel.task_view import ActionView, TaskView, add_record
 from rise_engine.results.analysis.causes import CauseCollector, actor_of
-from rise_engine.results.analysis.model import ActPart, Cue, PlayedAct, WizardKey
+from rise_engine.results.analysis.model import ActPart, Cue, Outage, PlayedAct, WizardKey
+from rise_engine.results.analysis.outages import seconds_without_engine
 from rise_engine.scenario.model import ActionSpec, Scenario
 from rise_engine.scenario.reading.action_declarations import core_actions
 from rise_engine.scenario.speech.spoken import MESSAGE, SPEECH_CHANNEL
@@ -57,11 +58,16 @@ class ActCollector:
         elif isinstance(record, TaskRecord):
             _share_words(self._tasks[record.id])
 
-    def acts(self) -> tuple[PlayedAct, ...]:
+    def acts(self, outages: Sequence[Outage] = ()) -> tuple[PlayedAct, ...]:
         """Return every act, in the order in which the engine accepted them."""
         acts = [task for task in self._tasks.values() if task.is_act]
         marks = self._causes.marks([act.id for act in acts])
         played = [self._played(act, marks.get(act.id)) for act in acts]
+        if outages:
+            played = [
+                replace(each, response_outage_s=seconds_without_engine(outages, each.cue_at, each.answered_at))
+                for each in played
+            ]
         return tuple(sorted(played, key=lambda each: (each.accepted_at, each.task)))
 
     def keys(self) -> tuple[WizardKey, ...]:
@@ -82,8 +88,9 @@ class ActCollector:
                 cues[index] = replace(cues[index], filled_at=act.robot_at)
         for task, index in self._answers.items():
             act = by_task.get(task)
-            began = None if act is None else act.voice_at if act.speaks else act.robot_at
-            cues[index] = replace(cues[index], answered_at=began, task=task)
+            if act is not None:
+                cues[index] = replace(cues[index], answered_at=act.answered_at, answer_s=act.answer_s)
+            cues[index] = replace(cues[index], task=task)
         return tuple(cues)
 
     def _add_cue(self, record: CueRecord) -> None:

@@ -125,7 +125,8 @@ class CauseCollector:
         return first
 
     def keys(self, acts: Sequence[int]) -> tuple[WizardKey, ...]:
-        """Return all requests of wizards in their order, except marks and the like on tasks.
+        """Return all requests of wizards in their order, except marks and the like on tasks, and except tasks that
+        another one brought along: a repetition, the filler of `nextFiller`, a rule resumed by a release.
 
         :param acts: the tasks of all acts, in their order.
         """
@@ -145,7 +146,10 @@ class CauseCollector:
                 mark=marks.get(id),
             )
             for id, task in sorted(self._tasks.items())
-            if actor_of(task.source) == "wizard" and task.function not in UNMARKABLE and task.status != "REJECTED"
+            if actor_of(task.source) == "wizard"
+            and task.cause is None
+            and task.function not in UNMARKABLE
+            and task.status != "REJECTED"
         )
 
     def _cause_of(self, task: int) -> int:

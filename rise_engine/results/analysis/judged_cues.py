@@ -25,6 +25,7 @@ from rise_engine.kernel.behaviors import (
 from rise_engine.kernel.records import ControlRecord, CueRecord, Mark, MistakeRecord, TaskRecord
 from rise_engine.results.analysis.causes import actor_of
 from rise_engine.results.analysis.model import SessionData, SessionFacts
+from rise_engine.results.analysis.outages import seconds_without_engine
 from rise_engine.scenario.model import Scenario, normal_topic
 from rise_engine.session.folder import read_info
 from rise_engine.session.replay import load_session_scenario
@@ -64,7 +65,7 @@ class Decision(Struct, frozen=True):
     latency: float | None = None
     """Seconds from the cue to the key. None: nothing was done, or the time is meaningless (see `why`)."""
     why: str = ""
-    """Why a decision has no latency: `paused`, `another speed`, `before the cue`."""
+    """Why a decision has no latency: `paused`, `another speed`, `before the cue`, `no engine`."""
 
 
 class JudgedCue(Struct, frozen=True, kw_only=True):
@@ -245,8 +246,10 @@ def _windows(data: SessionData, scenario: Scenario | None) -> list[_Window]:
             if windows and windows[-1].decision is None and _decides(record, scenario):
                 pressed = keys.get(record.id, record.t)
                 if pressed >= windows[-1].at:
+                    label = decision_label(scenario, record.function, record.behavior)
                     latency = round(pressed - windows[-1].at, 6)
-                    windows[-1].decision = Decision(decision_label(scenario, record.function, record.behavior), latency)
+                    away = seconds_without_engine(data.outages, windows[-1].at, pressed)
+                    windows[-1].decision = Decision(label, why="no engine") if away else Decision(label, latency)
     return windows
 
 
@@ -313,7 +316,7 @@ def _shadow_decisions(shadow: Shadow, scenario: Scenario | None) -> dict[int, De
 def _marked_acts(
     data: SessionData, scenario: Scenario | None, judges: Mapping[str, Shadow], names: Mapping[str, str]
 ) -> list[MarkedAct]:
-    """Return the wizard's acts and everything else that was marked, with the marks of all who marked anything."""
+    """Return the wizard's keys that led to acts, and everything else that was marked, with the marks of all."""
     coders: dict[str, dict[int, Mark]] = {}
     for record in data.records:
         if isinstance(record, MistakeRecord):
@@ -331,8 +334,10 @@ def _marked_acts(
             )
     if not coders:
         return []
+    of_acts = {key.act: key.task for key in reversed(data.keys) if key.act is not None}
+    coders = {coder: {of_acts.get(task, task): mark for task, mark in marks.items()} for coder, marks in coders.items()}
     marked = {task for marks in coders.values() for task in marks}
-    acts = {act.task for act in data.acts if actor_of(act.source) == "wizard" and act.status != "REJECTED"}
+    acts = {key.task for key in data.keys if key.act is not None and key.function not in NO_ANSWERS}
     deeds: dict[int, TaskRecord] = {}
     for each in data.records:
         if isinstance(each, TaskRecord) and (each.id in acts or each.id in marked):

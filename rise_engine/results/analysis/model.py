@@ -125,6 +125,8 @@ class PlayedAct(Struct, frozen=True, kw_only=True):
     voice_at: float | None
     """When the robot confirmed its first action that uses the voice. The first sound comes later."""
     ended_at: float | None
+    response_outage_s: float | None = None
+    """Seconds without an engine between its cue and its answer. None: none."""
     mark: Mark | None = None
     """The mistake that a wizard marked on it, or on the key that first led to it. None: no mistake."""
     parts: tuple[ActPart, ...] = ()
@@ -145,9 +147,9 @@ class PlayedAct(Struct, frozen=True, kw_only=True):
 
     @property
     def answer_s(self) -> float | None:
-        """Seconds from cue to answer, without fillers and acts requested before the cue. Medians and shares use
-        this."""
-        return None if self.filler or self.before_cue else self.response_s
+        """Seconds from cue to answer, without fillers, acts requested before the cue, and waits in which the session
+        had no engine. Medians and shares use this."""
+        return None if self.filler or self.before_cue or self.response_outage_s else self.response_s
 
     @property
     def wizard_s(self) -> float | None:
@@ -179,9 +181,14 @@ class PlayedAct(Struct, frozen=True, kw_only=True):
         return seconds_between(self.robot_at, self.voice_at)
 
     @property
+    def answered_at(self) -> float | None:
+        """When the robot confirmed the answer: its voice, or its first action if it does not speak."""
+        return self.voice_at if self.speaks else self.robot_at
+
+    @property
     def response_s(self) -> float | None:
-        """Seconds from cue to answer, the sum of the parts. An answer is the voice, or the first action without one."""
-        return seconds_between(self.cue_at, self.voice_at if self.speaks else self.robot_at)
+        """Seconds from cue to answer, the sum of the parts."""
+        return seconds_between(self.cue_at, self.answered_at)
 
 
 class WizardKey(Struct, frozen=True, kw_only=True):
@@ -212,6 +219,8 @@ class Cue(Struct, frozen=True, kw_only=True):
     """When the robot began to answer (`PlayedAct.response_s` later). None: there was no answer, or it was undone."""
     task: int | None = None
     """The act that answered."""
+    answer_s: float | None = None
+    """`PlayedAct.answer_s` of that act."""
     undone_at: float | None = None
 
 
@@ -336,6 +345,10 @@ class SessionData(Struct, frozen=True, kw_only=True):
     """The scenario that it ran. None: it cannot be loaded."""
     problems: tuple[str, ...] = ()
     """Sentences about what could not be read."""
+
+    def marked_acts(self) -> dict[int, int]:
+        """Return the first act that each marked key caused, by the key's task. A marked act is its own."""
+        return {key.task: key.act for key in self.keys if key.mark is not None and key.act is not None}
 
 
 def seconds_between(earlier: float | None, later: float | None) -> float | None:

@@ -199,7 +199,7 @@ def _read(
     except SessionError as error:
         problems.append(f"what the robot's actions take of it is not known for certain: {error}")
     acts, phases, points = ActCollector(scenario), PhaseCollector(), PointCollector()
-    away = OutageCollector(source.info.speed if source.info is not None else 1.0)
+    away = OutageCollector(_speed_of(source))
     few: list[AnyRecord] = []
     end = 0.0
     for record in source.read():
@@ -210,7 +210,7 @@ def _read(
         if isinstance(record, _FEW):
             few.append(record)
         end = record.t
-    played = acts.acts()
+    played = acts.acts(away.outages)
     media = _media(folder, problems) if level == "full" else ()
     data = SessionData(
         facts=_facts(source, few, end, away.outages, _judgement(source, study, few)),
@@ -254,8 +254,7 @@ def _facts(
     moved = reassignment_of(source.folder)
     started = ""
     if source.level == "full":
-        speed = info.speed if info is not None else 1.0
-        started = _moment_of_zero(begun, speed) or (info.started if info is not None else "")
+        started = _moment_of_zero(begun, _speed_of(source)) or (info.started if info is not None else "")
     facts = SessionFacts(
         session=source.name,
         **{name: said(name) for name in IDENTITY},
@@ -269,7 +268,7 @@ def _facts(
         driver=begun.driver or (SIMULATED if source.mode == "debug" else ""),
         injected_faults=said("injected_faults", "faults"),
         seed=said("seed"),
-        speed=info.speed if info is not None else 1.0,
+        speed=_speed_of(source),
         started=started,
         duration=end,
         ended=source.contents.ended,
@@ -278,6 +277,12 @@ def _facts(
         versions=said("versions"),
     )
     return facts if moved is None else replace(facts, **moved.labels)
+
+
+def _speed_of(source: SessionRecords) -> float:
+    """Return the speed from the journal, or from session.toml if an old journal lacks it: then the record has 1."""
+    begun, info = source.begun, source.info
+    return info.speed if info is not None and (begun is None or begun.speed == 1.0) else begun.speed if begun else 1.0
 
 
 def _moment_of_zero(begun: SessionRecord, speed: float) -> str:

@@ -22,6 +22,13 @@ TrialEnd: TypeAlias = Literal["trial", "rule", "key", "record"]
 _CUES = frozenset({"markCue", "undoCue"})
 _AT_THE_START = frozenset({"file", "study", "condition"})
 """Sources of the values that exist when a session begins."""
+_OUTAGES = {
+    "duration_s": ("outage_s",),
+    "participant_s": ("participant_outage_s",),
+    "wizard_s": ("wizard_outage_s",),
+    "key_s": ("participant_outage_s", "wizard_outage_s"),
+}
+"""For each duration of a trial, what says that the session had no engine meanwhile."""
 _Each = TypeVar("_Each")
 
 
@@ -51,6 +58,10 @@ class PlayedTrial(Struct, frozen=True, kw_only=True):
     marks: tuple[str, ...] = ()
     failures: int = 0
     outage_s: float | None = None
+    participant_outage_s: float | None = None
+    """Seconds without an engine between the end of the robot's speech and the cue."""
+    wizard_outage_s: float | None = None
+    """Seconds without an engine between the cue and the wizard's key."""
 
     @property
     def duration_s(self) -> float:
@@ -73,7 +84,10 @@ class PlayedTrial(Struct, frozen=True, kw_only=True):
         return seconds_between(self.asked_end, self.key_at)
 
     def number(self, name: str) -> float | None:
-        """Return a column as a number, for use as a dependent variable. None: it is not a number."""
+        """Return a column as a number, for use as a dependent variable. None: it is not a number, or a time in which
+        the session had no engine for a while."""
+        if any(getattr(self, away) for away in _OUTAGES.get(name, ())):
+            return None
         value = self.values[name] if name in self.values else getattr(self, name, None)
         return float(value) if isinstance(value, int | float) and not isinstance(value, bool) else None
 
@@ -224,7 +238,8 @@ class _Lists:
         asking = min(spoken)[2] if spoken else None
         asked_at = asking.voice_at if asking is not None else None
         asked_end = _end_of_speech(asking) if asking is not None else None
-        cue = next(iter(_within(self._cues, start if asked_at is None else asked_at, until)), None)
+        since = start if asked_at is None else asked_at
+        cue = next((each for each in _until(self._cues, start, until) if each.at >= since), None)
         cue_at = cue.at if cue is not None else None
         answer_from = cue_at if cue_at is not None else asked_at
         key = self._key(answer_from, end)
@@ -253,6 +268,8 @@ class _Lists:
             marks=(*_within(self._marked_acts, start, until), *_until(self._marked_keys, start, end)),
             failures=len(_until(self._faults, start, end)),
             outage_s=seconds_without_engine(self._data.outages, start, end),
+            participant_outage_s=seconds_without_engine(self._data.outages, asked_end, heard),
+            wizard_outage_s=seconds_without_engine(self._data.outages, cue_at, key.at if key is not None else None),
         )
 
     def _key(self, start: float | None, end: float) -> WizardKey | None:

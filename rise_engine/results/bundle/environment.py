@@ -60,6 +60,12 @@ def wheel_in(root: Path) -> str:
     return next((each.relative_to(root).as_posix() for each in sorted((root / PROGRAM).glob("*.whl"))), "")
 
 
+def is_running_program(root: Path) -> bool:
+    """Whether the wheel in a bundle is, byte for byte, the program that runs."""
+    wheel, there = program_wheel(), wheel_in(root)
+    return bool(there) and not isinstance(wheel, str) and (root / there).read_bytes() == wheel.data
+
+
 @cache
 def program_wheel() -> Wheel | str:
     """Make a wheel of the running program from its packages and its installation's metadata.

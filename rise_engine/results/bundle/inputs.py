@@ -23,6 +23,7 @@ from rise_engine.study.planning import last_planned, plan_problem
 from rise_engine.study.state import StudyStatus
 from rise_engine.study.study_scenarios import scenario_folder
 from rise_engine.study.study_toml import STUDY_FILE
+from rise_engine.study.traces import PARTICIPANTS_FILE
 
 ROBOTS = "robots"
 """The folder of a scenario's own robots."""
@@ -58,6 +59,7 @@ def check_inputs(root: Path, state: StudyStatus, folders: Sequence[Path]) -> Inp
     own = [each for each in runs if each.labels.get("study") == state.study.id]
     _check_study(found, state.study, own)
     _check_plan(found, root, state)
+    _check_participants(found, state, folders)
     for name in dict.fromkeys(_scenario_of(state.study, each) for each in own):
         theirs = [each for each in own if _scenario_of(state.study, each) == name]
         if (root / name).is_dir():
@@ -90,6 +92,16 @@ def _check_plan(found: InputsCheck, root: Path, state: StudyStatus) -> None:
         found.problems.append(f"{PLAN_FILE}: {problem}")
     else:
         found.proved.append(f"{PLAN_FILE} is the plan that study.jsonl names")
+
+
+def _check_participants(found: InputsCheck, state: StudyStatus, folders: Sequence[Path]) -> None:
+    there = {folder.name for folder in folders}
+    names = {each.entry.participant for each in state.sessions if each.name in there}
+    missing = [name for name in state.standing.unlisted if name in names]
+    if missing:
+        found.problems.append(f"{PARTICIPANTS_FILE}: it has no row of {', '.join(missing)}, of whom a session is here")
+    elif names - {""}:
+        found.proved.append(f"{PARTICIPANTS_FILE} has a row of everybody of whom a counted session is here")
 
 
 def _scenario_of(study: Study, run: _Run) -> str:

@@ -128,6 +128,8 @@ def opened_bundle(path: Path) -> Iterator[Path]:
             _unpack(archive, folder)
         except (zipfile.BadZipFile, zlib.error, EOFError, NotImplementedError, RuntimeError) as error:
             raise ExportError(f"{path} is not a zip file that can be read ({error})") from None
+        except FileExistsError as error:
+            raise ExportError(f"{path} cannot be unpacked: it holds {Path(error.filename).name} twice") from None
         except OSError as error:
             raise ExportError(f"{path} cannot be unpacked: {error.strerror or error}") from None
         yield folder

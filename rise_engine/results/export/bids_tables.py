@@ -110,7 +110,8 @@ def _picked(table: TableSchema, names: str) -> dict[str, Column]:
 ACT_COLUMNS: Columns = _picked(
     ACTS,
     "task_id=task act actor=by actor_kind=actor via status filler before_cue cue_at key_at accepted_at started_at "
-    "robot_at voice_at ended_at wizard_s way_s queue_s robot_s voice_s response_time=response_s mark condition",
+    "robot_at voice_at ended_at wizard_s way_s queue_s robot_s voice_s response_time=response_s "
+    "response_outage=response_outage_s mark condition",
 )
 """The columns of `_beh.tsv`: a row for each act, in the order of the requests."""
 
@@ -190,9 +191,9 @@ EVENT_COLUMNS: Columns = {
         Column("trial_type", "The kind of the row.", levels=_TRIAL_TYPES),
         seconds(
             "response_time",
-            "Only for a robot_act that answered a cue and was requested after it: seconds from the cue to the "
-            "confirmation of its first action that uses the robot's voice or, if it does not speak, of its first "
-            "action.",
+            "Only for a robot_act that answered a cue and was requested after it, without an outage in between: "
+            "seconds from the cue to the confirmation of its first action that uses the robot's voice or, if it does "
+            "not speak, of its first action.",
         ),
         Column(
             "actor",
@@ -291,7 +292,9 @@ def _events(data: SessionData) -> Iterator[_EventRow]:
             value=each.value,
             status=each.modifiers,
         )
+    acts, of_keys = {act.task for act in data.acts}, data.marked_acts()
     for point in data.points:
+        of_key = point.kind == "mistake" and point.task is not None and point.task not in acts
         yield _EventRow(
             onset=point.at,
             end=point.at,
@@ -299,7 +302,7 @@ def _events(data: SessionData) -> Iterator[_EventRow]:
             actor=point.source,
             name=point.name,
             value=point.value,
-            task_id=point.task,
+            task_id=of_keys.get(point.task or 0) if of_key else point.task,
         )
 
 

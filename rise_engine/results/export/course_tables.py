@@ -8,8 +8,7 @@ from heapq import merge
 from msgspec import Struct
 
 from rise_engine.results.analysis.causes import actor_of
-from rise_engine.results.analysis.model import PlayedAct, SessionData
-from rise_engine.results.analysis.outages import seconds_without_engine
+from rise_engine.results.analysis.model import PlayedAct, Point, SessionData
 from rise_engine.results.export.session_tables import OF_SESSION, SOURCE
 from rise_engine.results.export.table_levels import (
     ACTION_STATUS,
@@ -40,9 +39,9 @@ def _act_rows(data: SessionData) -> Iterator[Row]:
         yield Row(data, number, act, None if act.cue_at is None else numbers.get(act.cue_at))
 
 
-def _response_outage(row: Row) -> float | None:
-    answered = row.of.voice_at if row.of.speaks else row.of.robot_at
-    return seconds_without_engine(row.data.outages, row.of.cue_at, answered)
+def _response_by_wall_clock(row: Row) -> float | None:
+    away = row.of.response_outage_s
+    return None if away is None or row.of.filler else round(row.of.response_s + away, 6)
 
 
 ACTS = TableSchema(
@@ -114,7 +113,12 @@ ACTS = TableSchema(
         ),
         seconds("duration_s", "From started_at to ended_at.", span("started_at", "ended_at")),
         *outage_columns("duration_s", "started_at", "ended_at"),
-        seconds("response_outage_s", "Seconds without an engine during response_s; empty: none.", _response_outage),
+        seconds("response_outage_s", "Seconds without an engine between the cue and the answer; empty: none."),
+        seconds(
+            "response_wall_s",
+            "response_s by the wall clock, including response_outage_s; empty: as in session time.",
+            _response_by_wall_clock,
+        ),
     ),
     ("session", "task"),
     _act_rows,
@@ -230,6 +234,8 @@ class _Event(Struct, frozen=True):
     task: int | None = None
     end: float | None = None
     """None: it was a moment."""
+    by: str = ""
+    """Who caused it. Empty: `source`."""
 
 
 def _event_rows(data: SessionData) -> Iterator[Row]:
@@ -240,16 +246,22 @@ def _event_rows(data: SessionData) -> Iterator[Row]:
         end = (
             (act.ended_at if act.ended_at is not None else data.facts.duration) if act.started_at is not None else None
         )
-        return _Event(began(act), "act", act.act, act.status, act.source, act.task, end)
+        return _Event(began(act), "act", act.act, act.status, act.source, act.task, end, act.by)
+
+    acts, of_keys = {act.task: act.act for act in data.acts}, data.marked_acts()
+
+    def event_at(point: Point) -> _Event:
+        task, value = point.task, point.value
+        if point.kind == "mistake" and task is not None and task not in acts:
+            task = of_keys.get(task)
+            value = value or acts.get(task or 0, "")
+        return _Event(point.at, point.kind, point.name, value, point.source, task)
 
     events = merge(  # one at a time, because a long session has hundreds of thousands
         (_Event(each.start, "phase", each.rule, each.state, each.source, None, each.end) for each in data.phases),
         (_Event(each.at, "cue", "cue", each.text, each.source, each.task) for each in data.cues),
         (event_of(each) for each in sorted(data.acts, key=began)),
-        (
-            _Event(each.at, each.kind, each.name, each.value, each.source, each.task)
-            for each in sorted(data.points, key=lambda point: point.at)
-        ),
+        map(event_at, sorted(data.points, key=lambda point: point.at)),
         key=lambda event: event.onset,
     )
     gaps = {each.at: each.seconds for each in data.outages}
@@ -274,14 +286,20 @@ def _event_columns() -> tuple[Column, ...]:
         Column("value", "Its value; see kind."),
         SOURCE,
         Column(
+            "by",
+            "Who caused it: of an act as in acts.csv, otherwise the source.",
+            lambda row: row.of.by or row.of.source,
+        ),
+        Column(
             "actor",
-            "The kind of source.",
-            lambda row: actor_of(row.of.source) if row.of.source else None,
+            "The kind of source in `by`.",
+            lambda row: actor_of(row.of.by or row.of.source) if row.of.source else None,
             levels=ACTORS,
         ),
         Column(
             "task",
-            "The number in acts.csv of the act that it is or is about; empty: none.",
+            "The number in acts.csv of the act that it is or is about; of a marked key, the first act that it caused. "
+            "Empty: none.",
             type="integer",
             minimum=1,
         ),

@@ -78,14 +78,14 @@ def recording_clock(
     alone: bool = False,
     fits: Callable[[MediaFile], bool] = lambda file: True,
 ) -> MediaClock:
-    """Return the clock of one recording, whose own time is annotation time. Without a recording, session time.
+    """Return the clock of one recording, whose own time is annotation time. Without one, session time with its gaps.
 
     `first`: the preferred kind of file. `alone`: only this file is linked. `fits`: the files that the format can use.
     `warnings` gets sentences about what is uncertain.
     """
     files = [each for each in _aligned_files(data, warnings, first) if fits(each)]
     if not files:
-        return MediaClock()
+        return MediaClock(gaps=data.outages)
     leader = files[0]
     files = files[:1] if alone else files
     gaps = data.outages
@@ -104,7 +104,7 @@ def session_clock(data: SessionData, warnings: list[str]) -> MediaClock:
     """
     files = _aligned_files(data, warnings, "video")
     if not files:
-        return MediaClock()
+        return MediaClock(gaps=data.outages)
     gaps = data.outages
     begins = {id(each): -_offset(each, gaps) for each in files}
     earliest = max(0.0, min(begins.values()))

@@ -55,7 +55,7 @@ COLUMNS = (
     *("unstoppable", "held_by"),  # stop
     "open",  # robot, session
     *("cause", "via"),  # task
-    *("driver", "injected_faults"),  # session
+    *("driver", "injected_faults", "speed"),  # session
 )
 """The table's columns. All are always there, in this order; new ones may only be added at the end."""
 

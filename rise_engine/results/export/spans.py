@@ -6,11 +6,12 @@ answers, have their own tiers. Changes of memory, checks and control are only in
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 
 from rise_engine.kernel.records import ENGINE
 from rise_engine.kernel.speech import SAY
-from rise_engine.results.analysis.model import ActPart, Cue, Phase, PlayedAct, Point, SessionData
+from rise_engine.results.analysis.model import ActPart, Cue, Outage, Phase, PlayedAct, Point, SessionData
+from rise_engine.results.analysis.outages import seconds_without_engine
 from rise_engine.results.export.tiers import ROBOT_SPEECH, Doer, TierSpan
 from rise_engine.scenario.model import CUE_TOPICS
 
@@ -148,17 +149,19 @@ def _name_of(act: PlayedAct) -> str:
 
 def _cue_spans(data: SessionData) -> Iterator[TierSpan]:
     for cue in data.cues:
-        end, text = _answer_of(cue)
+        end, text = _answer_of(cue, data.outages)
         said = f"{text} ({cue.text})" if cue.text else text
         code = CUE if cue.undone_at is None else CUE_UNDONE
         yield TierSpan(tier=CUE, start=cue.at, end=end, text=said, code=code, doer="participant")
 
 
-def _answer_of(cue: Cue) -> tuple[float | None, str]:
+def _answer_of(cue: Cue, outages: Iterable[Outage]) -> tuple[float | None, str]:
     if cue.undone_at is not None:
         return cue.undone_at, "taken back"
     if cue.answered_at is not None:
-        return cue.answered_at, f"waits {cue.answered_at - cue.at:.2f} s"
+        away = seconds_without_engine(outages, cue.at, cue.answered_at)
+        without = f", and {away:.2f} s without an engine" if away else ""
+        return cue.answered_at, f"waits {cue.answered_at - cue.at:.2f} s{without}"
     return None, "no answer"
 
 

@@ -78,6 +78,11 @@ TRIALS = TableSchema(
         Column("marks", "Marks of the trial's tasks: wrong, late, early, double.", lambda row: " ".join(row.of.marks)),
         count("failures", "Acts, rules and expressions that failed in the trial."),
         *outage_columns("duration_s", "start", "end"),
+        seconds(
+            "participant_outage_s",
+            "Seconds without an engine from asked_end to cue_at (without a cue: to key_at); empty: none.",
+        ),
+        seconds("wizard_outage_s", "Seconds without an engine from cue_at to key_at; empty: none."),
     ),
     ("session", "trial"),
     _trial_rows,

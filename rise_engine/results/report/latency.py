@@ -149,11 +149,15 @@ class LatencyFacts(Struct, frozen=True):
     to_filler: LatencyPart
     """Seconds from the cue to the first filler."""
     after_filler: LatencyPart
-    """Seconds from the cue to the answer, for cues with a filler."""
+    """Seconds from the cue to the answer (`PlayedAct.answer_s`), for cues with a filler."""
     without_filler: LatencyPart
     """The same for cues without a filler."""
     in_bands: tuple[int, ...]
     """The number of responses in each of `rise_engine.results.report.latency.BANDS`."""
+    before_cue: int
+    """Answers that were requested before their cue. No latency includes them."""
+    across_outage: int
+    """Other answers whose wait had an outage of the engine. No latency includes them."""
 
 
 def latencies(acts: Iterable[PlayedAct], cues: Iterable[Cue] = ()) -> LatencyFacts:
@@ -162,9 +166,11 @@ def latencies(acts: Iterable[PlayedAct], cues: Iterable[Cue] = ()) -> LatencyFac
     :param acts: all acts of one or several sessions; those that answered no cue are left out.
     :param cues: the cues of the same sessions.
     """
+    acts = list(acts)
     found = answers(acts)
+    left_out = [act for act in acts if act.answer_s is None and not act.filler and act.response_s is not None]
     marked = [cue for cue in cues if cue.undone_at is None]
-    waits = [(cue, round(cue.answered_at - cue.at, 6)) for cue in marked if cue.answered_at is not None]
+    waits = [(cue, cue.answer_s) for cue in marked]
     parts = (
         _part("wizard", "cue to key", [act.wizard_s for act in found]),
         _part("way", "key to engine", [act.way_s for act in found if act.key_at is not None]),
@@ -186,6 +192,8 @@ def latencies(acts: Iterable[PlayedAct], cues: Iterable[Cue] = ()) -> LatencyFac
         ),
         without_filler=_part("without", "cue to answer", [wait for cue, wait in waits if cue.filled_at is None]),
         in_bands=tuple(counts.count(at) for at in range(len(BANDS))),
+        before_cue=sum(act.before_cue for act in left_out),
+        across_outage=sum(not act.before_cue for act in left_out),
     )
 
 

@@ -95,8 +95,6 @@ class SessionFigures(Struct, frozen=True):
     cues: int
     """The number of cues that were not undone."""
     answered: int
-    before_cue: int
-    """Answers that were requested before their cue. No latency includes them."""
     said_freely: Share
     """The share of the robot's speech that a wizard typed."""
 
@@ -119,7 +117,6 @@ def session_figures(data: SessionData) -> SessionFigures:
         actors=dict(actors.most_common()),
         cues=len(cues),
         answered=sum(cue.answered_at is not None for cue in cues),
-        before_cue=sum(act.before_cue and not act.filler and act.response_s is not None for act in data.acts),
         said_freely=Share(sum(act.act == FREE_SPEECH for act in spoken), len(spoken)),
     )
 

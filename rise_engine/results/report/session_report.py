@@ -130,11 +130,12 @@ def _summary(facts: SessionFacts, figures: SessionFigures) -> str:
 
 def _timed_answers(figures: SessionFigures) -> str:
     """Name the answers that the median covers."""
-    return (
-        f"the {len(figures.latency.response.values)} that were asked for after their cue"
-        if figures.before_cue
-        else "them"
-    )
+    facts = figures.latency
+    which = [
+        *(["were asked for after their cue"] if facts.before_cue else []),
+        *(["had no outage of the engine in their wait"] if facts.across_outage else []),
+    ]
+    return f"the {len(facts.response.values)} that {' and '.join(which)}" if which else "them"
 
 
 def _begun(figures: SessionFigures) -> int:

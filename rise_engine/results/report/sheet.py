@@ -198,8 +198,9 @@ def _abilities(figures: StudyFigures) -> list[str]:
 
 def _how_many(standing: StudyStanding, withdrawn: Withdrawn) -> list[str]:
     states = Counter(each.state for each in standing.participants)
+    listed = len(standing.participants) - len(standing.unlisted)
     told = (
-        f"{len(standing.participants)} listed now, {begun_text(standing, withdrawn)} began, {standing.complete} of "
+        f"{listed} listed now, {begun_text(standing, withdrawn)} began, {standing.complete} of "
         f"{standing.wanted} wanted complete"
     )
     told += f", {states['excluded']} excluded, {max(withdrawn.count, states['withdrawn'])} withdrawn."
@@ -226,7 +227,7 @@ def _debriefed(study: Study, figures: StudyFigures) -> list[str]:
     share = figures.debriefed(study.checks)
     if share is None:
         return ["No check asks whether participants were debriefed."]
-    return [f"Debriefed after {share_text(share.count, share.n)} complete sessions."]
+    return [f"A debriefing is recorded after {share_text(share.count, share.n)} complete sessions."]
 
 
 def _wizards(wizards: Iterable[WizardCourse]) -> list[str]:

@@ -118,15 +118,16 @@ def study_report(given: StudyReportInput) -> Document:
 
 def _summary(given: StudyReportInput) -> str:
     standing, figures = given.standing, given.figures
-    told = f"{standing.complete} of {standing.wanted} participants are complete"
+    told = f"{standing.complete} of {standing.wanted} participants are complete."
     sessions = len(figures.complete)
-    told += f", in {pluralize(sessions, 'complete session')}." if sessions else "."
+    told += f" The study has {pluralize(sessions, 'complete session')}." if sessions else ""
     medians = [summary.median for row in figures.complete if (summary := summarise(row.responses)) is not None]
     over = summarise(medians)
     if over is not None:
+        middle = f"{number_text(over.lower)}\u2013{seconds_text(over.upper)}"
         told += (
-            f" In half of them, half of the answers came within {seconds_text(over.median)} "
-            f"(middle half of the sessions {number_text(over.lower)}\u2013{seconds_text(over.upper)})."
+            f" In half of the {pluralize(len(medians), 'session')} with timed answers, half of the answers came within "
+            f"{seconds_text(over.median)} (middle half of the sessions {middle})."
         )
     told = f"{trials_summary(given.trials)} {told}".lstrip()
     if missing := len(still_to_say(given.sheet)):
@@ -200,7 +201,7 @@ def _flow(standing: StudyStanding, withdrawn: Withdrawn) -> Iterable[tuple[str, 
     """Count the participants at each stage."""
     people = standing.participants
     states = Counter(each.state for each in people)
-    yield "Listed in participants.csv", str(len(people))
+    yield "Listed in participants.csv", str(len(people) - len(standing.unlisted))
     yield "Without consent so far", str(states["no-consent"])
     yield "Began a session", begun_text(standing, withdrawn)
     yield "Complete", f"{standing.complete} of {standing.wanted} wanted"
@@ -249,7 +250,7 @@ def _cells(standing: StudyStanding) -> ReportTable:
             for cell in standing.cells
         ),
         numbers=frozenset(range(len(strata) + 1, len(strata) + 4)),
-        note="Planned: rows of the plan, if all participants came from that stratum; empty where cells are drawn."
+        note=f"Planned: the first {standing.wanted} rows of the plan; empty where cells are drawn."
         if any(cell.planned for cell in standing.cells)
         else "",
     )
@@ -310,7 +311,9 @@ def _dot_words(row: SessionRow) -> str:
 
 def _count_words(sessions: Sequence[SessionRow]) -> str:
     answered = sum(len(row.responses) for row in sessions)
-    return f"{pluralize(len(sessions), 'session')}, {pluralize(answered, 'answer')}"
+    timed = sum(bool(row.responses) for row in sessions)
+    which = f", {timed} with timed answers" if timed < len(sessions) else ""
+    return f"{pluralize(len(sessions), 'session')}{which}, {pluralize(answered, 'answer')}"
 
 
 def _summary_cells(summary: Summary | None) -> tuple[str, str]:
@@ -385,7 +388,7 @@ def _checks(given: StudyReportInput) -> Iterable[Block]:
     counts = given.figures.checks(named)
     debriefed = given.figures.debriefed(given.study.checks)
     if debriefed is not None:
-        yield Paragraph(f"Debriefed after {share_text(debriefed.count, debriefed.n)} complete sessions.")
+        yield Paragraph(f"A debriefing is recorded after {share_text(debriefed.count, debriefed.n)} complete sessions.")
     if counts:
         yield ReportTable(
             caption=f"Results of each check in {pluralize(len(given.figures.complete), 'complete session')}",
@@ -395,7 +398,7 @@ def _checks(given: StudyReportInput) -> Iterable[Block]:
             ),
             numbers=frozenset({1, 2, 3, 4}),
             marked=frozenset(at for at, each in enumerate(counts) if each.skipped or each.failed),
-            note="No record: it was good from before, or the session is older than the check.",
+            note="No record: nobody answered it in that session, for example because an earlier answer still held.",
         )
     else:
         yield Paragraph("The study has no checks.")
@@ -454,7 +457,9 @@ def _sessions(given: StudyReportInput) -> Iterable[Block]:
 def _went_wrong(row: SessionRow) -> str:
     """Describe problems in the record that no wizard marked."""
     facts, found = row.facts, row.figures.mistakes
+    unanswered = row.figures.cues - row.figures.answered
     told = [
+        f"{pluralize(unanswered, 'cue')} not answered" if unanswered else "",
         f"{pluralize(found.aborted, 'act')} failed" if found.aborted else "",
         f"{pluralize(found.rules_faulted, 'rule')} faulted" if found.rules_faulted else "",
         f"robot lost {pluralize(found.robot_lost, 'time')}" if found.robot_lost else "",

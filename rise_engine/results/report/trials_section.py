@@ -135,7 +135,7 @@ def _table(measure: str, rows: Sequence[TrialRow]) -> ReportTable:
             )
         )
     interrupted = "; ".join(each for row in rows for each in row.interrupted)
-    outage = f" The engine was away for a while in {interrupted}: `outage_s` in trials.csv." if interrupted else ""
+    outage = f" The engine was away in {interrupted}; no time across an outage is measured." if interrupted else ""
     return ReportTable(
         caption=f"Trials of complete sessions by condition: {measure}{' in seconds' if _unit(measure) else ''}",
         head=("condition", "people", "trials", "measured", "median", "95 % interval", "middle half"),
@@ -235,7 +235,8 @@ def latency_section(facts: LatencyFacts, by_source: Sequence[LatencyPart]) -> Se
 
 def _blocks(facts: LatencyFacts, by_source: Sequence[LatencyPart]) -> Iterable[Block]:
     if facts.response.summary is None:
-        yield Paragraph("No act answered a cue, so it is not known how long the participant waited.")
+        if not _left_out(facts):
+            yield Paragraph("No act answered a cue, so it is not known how long the participant waited.")
     else:
         yield latency_figure(facts)
         yield ReportTable(
@@ -253,6 +254,8 @@ def _blocks(facts: LatencyFacts, by_source: Sequence[LatencyPart]) -> Iterable[B
                 rows=tuple(_row(LatencyPart(source_name(each.name), "", each.values)) for each in by_source),
                 numbers=_NUMBERS,
             )
+    if left_out := _left_out(facts):
+        yield Paragraph(left_out, "note")
     if facts.to_filler.values:
         yield ReportTable(
             caption="Fillers, apart: from the cue until the first filler, and until the answer of cues with and "
@@ -270,6 +273,19 @@ def _blocks(facts: LatencyFacts, by_source: Sequence[LatencyPart]) -> Iterable[B
             rows=tuple((f"{each.citation}{f', doi {each.doi}' if each.doi else ''}", each.found) for each in SOURCES),
             page_only=True,
         )
+
+
+def _left_out(facts: LatencyFacts) -> str:
+    """Say how many answers no number here includes. Empty: all are in."""
+    told = [
+        *([f"{pluralize(facts.before_cue, 'answer')} requested before the cue"] if facts.before_cue else []),
+        *(
+            [f"{pluralize(facts.across_outage, 'answer')} across an outage of the engine"]
+            if facts.across_outage
+            else []
+        ),
+    ]
+    return f"Left out of all times: {' and '.join(told)}." if told else ""
 
 
 def _row(part: LatencyPart) -> tuple[str, ...]:

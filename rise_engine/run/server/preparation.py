@@ -181,7 +181,7 @@ class SessionPreparation:
             self.started = first_input(self.scenario, options)
         self.seed = seed if seed is not None else SystemRandom().randrange(2**31)
         self.speed, self.faults, self.ros = options.speed, options.faults, options.ros
-        self.started = replace(self.started, injected_faults=self.faults)
+        self.started = replace(self.started, injected_faults=self.faults, speed=self.speed)
         self._files = loaded.files
 
     def _refuse_other_memory(self) -> None:
@@ -234,7 +234,6 @@ class SessionPreparation:
             self.scenario,
             self._files,
             seed=self.seed,
-            speed=self.speed,
             faults=self.faults,
             connection=self.ros,
             versions=versions(),

@@ -18,6 +18,9 @@ SUFFIXES = (".xml", ".toml", ".json", ".jsonl", ".csv", ".md", ".txt")
 """The endings of a study's files, which are all text."""
 RECORDED = ("sessions", "bundles", "exports")
 """Folders of recorded data, which are not a study's own files."""
+OBEYED = ("package.json", "pyproject.toml")
+"""Names, in lower case, of files from which other programs take orders."""
+_LONGEST_SHOWN = 120
 _EXAMPLE = "name it from the study's folder on, as `acts/greeting.xml`"
 
 
@@ -30,7 +33,8 @@ def why_no_name(name: str, suffixes: Sequence[str] | None = SUFFIXES) -> str:
     >>> why_no_name("acts/greeting.xml"), why_no_name("../x.toml")
     ('', "`../x.toml` leads out of the study's folder; name it from the study's folder on, as `acts/greeting.xml`")
     """
-    path, shown = PurePosixPath(name), f"`{clean(name)}`"
+    path, cleaned = PurePosixPath(name), clean(name)
+    shown = f"`{cleaned if len(cleaned) <= _LONGEST_SHOWN else cleaned[:_LONGEST_SHOWN] + '…'}`"
     if not path.parts:
         return f"{shown} names no file; {_EXAMPLE}"
     if path.is_absolute() or ".." in path.parts:
@@ -44,8 +48,10 @@ def why_no_name(name: str, suffixes: Sequence[str] | None = SUFFIXES) -> str:
         )
     if suffixes is None:
         return ""
-    if recorded := next((part for part in path.parts if part in RECORDED), ""):
+    if recorded := next((part for part in path.parts if part.lower() in RECORDED), ""):
         return f"{shown} lies in `{recorded}`, with what was recorded, which no edit changes; choose another folder"
+    if path.name.lower() in OBEYED:
+        return f"{shown} is a file from which other programs take orders; choose another name"
     if not path.name.lower().endswith(tuple(suffixes)):
         ends = " or ".join((", ".join(suffixes[:-1]), suffixes[-1]) if len(suffixes) > 1 else suffixes)
         return f"{shown} is not a name for this file: it has to end in {ends}"

@@ -140,7 +140,10 @@ def table_texts(tables: Mapping[str, Table], spoken: Iterable[SpokenText]) -> It
     for table in tables.values():
         translated = {column for columns in table.translations.values() for column in columns}
         for at, column in enumerate(table.columns):
-            if column in translated or (table.name, column) in said:
+            # Without any translated column, a table may have its languages in its own columns.
+            can_be_said = bool(translated) and (table.name, "") in said
+            is_sentence = can_be_said and any(len(str(row[at]).split()) > 1 for row in table.rows)
+            if column in translated or (table.name, column) in said or is_sentence:
                 for number, row in enumerate(table.rows):
                     value = row[at]
                     if isinstance(value, str) and any(character.isalnum() for character in value):
@@ -148,12 +151,15 @@ def table_texts(tables: Mapping[str, Table], spoken: Iterable[SpokenText]) -> It
 
 
 def _columns_said(texts: Iterable[SpokenText]) -> Iterator[tuple[str, str]]:
-    """Yield the columns that texts of acts name, each with its table."""
+    """Yield the columns that texts of acts name, each with its table. Empty: a column whose name is computed, which
+    can be any that holds sentences."""
     for text in texts:
         for slot in text.template.slots:
             match slot.part.root if slot.part is not None else None:
                 case Part(Key(name), (_, str(column) | Literal(str(column)))):
                     yield name, column
+                case Part(Key(name), (_, _)):
+                    yield name, ""
 
 
 def missing_sentences(texts: Iterable[TableText], language: str) -> Iterator[tuple[SourceLocation, str]]:

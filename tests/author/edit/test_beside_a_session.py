@@ -26,7 +26,7 @@ def spoken(records: list[dict[str, Any]]) -> list[str]:
 
 def told(records: list[dict[str, Any]]) -> list[dict[str, Any]]:
     """The records without the clock that ran; what the robot answers in one moment may come in another order."""
-    clocks = {"seq", "t", "wall"}
+    clocks = {"seq", "t", "wall", "speed"}
     found = [{name: value for name, value in each.items() if name not in clocks and not name.endswith("_at")}
              for each in records if each["kind"] in ("session", "task", "action")]  # fmt: skip
     return sorted(found, key=lambda each: json.dumps(each, sort_keys=True))

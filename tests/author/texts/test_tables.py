@@ -368,3 +368,12 @@ def test_a_first_translation_makes_the_column_and_the_language() -> None:
         SetCell("items", 0, "text.fr", "tasse"),
         SetCell("items", 0, "text.de", "Tasse"),
     )
+
+
+def test_a_po_file_that_names_a_file_is_not_that_file(tmp_path: Path) -> None:
+    other = tmp_path / "other.po"
+    other.write_text('msgctxt "R_Yes/1"\nmsgid "Yes"\nmsgstr "Ja"\n', "utf-8")
+    with pytest.raises(ExchangeError, match=r"no \.po file"):
+        read_po(str(other).encode(), "de")
+    (row,) = read_po(other.read_bytes(), "de").rows
+    assert row.values["of"] == "Yes"

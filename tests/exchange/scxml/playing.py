@@ -20,8 +20,7 @@ from typing import Any
 
 import msgspec
 import pytest
-from rise_exchange.scxml.event_names import event_name, key_name
-from rise_exchange.scxml.export import export_rule
+from rise_exchange.scxml.export import event_name, export_rule, key_name
 from rise_exchange.scxml.rule_analysis import RuleAnalysis
 
 from rise_engine.kernel.behaviors import read_rule_start

@@ -15,8 +15,8 @@ from rise_exchange.scxml.expressions import assignment_code, condition_code, del
 from rise_exchange.scxml.helper_functions import HELPERS
 
 from rise_engine.expression import Assignment, Environment, EvaluationError, Expression
-from rise_engine.kernel.countdowns import compute_delay
 from rise_engine.kernel.rng import Rng
+from rise_engine.kernel.waits import compute_delay
 from rise_engine.scenario.loader import load
 from rise_engine.scenario.model import Delay, Scenario
 from tests.exchange.scxml.playing import SEED

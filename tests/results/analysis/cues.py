@@ -125,7 +125,6 @@ def make_session(
         loaded.scenario,
         loaded.files,
         seed=7,
-        speed=1.0,
         faults=(),
         versions={"rise-tui": "0.2.0", "python": "3.11"},
         begun=begun,

@@ -248,7 +248,6 @@ def play_session(
         loaded.scenario,
         loaded.files,
         seed=seed,
-        speed=1.0,
         faults=first.injected_faults,
         begun=first,
         wizard="anna",
@@ -267,11 +266,17 @@ def play_session(
 
 
 def recovered_session(
-    root: Path, *, at: float = 26.0, away: float = 95.0, noted: float | None = None, **more: object
+    root: Path,
+    *,
+    at: float = 26.0,
+    away: float = 95.0,
+    noted: float | None = None,
+    script: Script | None = None,
+    **more: object,
 ) -> Path:
     """A session whose engine vanished at `at` (while an act ran) and was gone for `away` seconds; its folder. `noted`:
     the session time that the engine noted last, after its last record."""
-    script = everything()
+    script = everything() if script is None else script
     folder = play_session(root, [each for each in script if each[0] < at], until=at, ends=False, **more)  # type: ignore[arg-type]
     if noted is not None:
         (folder / "clock").write_text(f"{noted}")

@@ -16,11 +16,14 @@ from rise_engine.results.analysis.judged_cues import judge_session
 from rise_engine.results.analysis.model import SessionData
 from rise_engine.results.analysis.reading import read_session
 from rise_engine.results.export.format import load_format
+from rise_engine.results.export.spans import spans_of
 from rise_engine.results.export.writing import export_context
+from rise_engine.results.report.plain_text import text_lines
+from rise_engine.results.report.session_report import session_report
 from rise_engine.results.report.study_facts import session_row
 from tests.sources import ROOT
 
-from .samples import Script, play_session, task
+from .samples import Script, act, play_session, recovered_session, task
 
 LABLINKING = ROOT / "scenarios" / "lablinking"
 HOW_TO = ROOT / "docs" / "how-to" / "export-and-replay.md"
@@ -93,6 +96,60 @@ def test_the_medians_are_of_the_same_answers(data: SessionData, folder: Path, tm
     assert reactions == pytest.approx([each.wizard_s for each in data.acts if each.answer_s is not None], abs=1e-6)
     assert [each.why for each in judged if each.latency is None] == ["before the cue"]
     assert [each for part in row.wizards for each in part.reactions] == pytest.approx(reactions, abs=1e-6)
+
+
+def test_an_answer_across_an_outage_is_in_no_median(tmp_path: Path) -> None:
+    """A cue at 9 s, no engine for 20 s, the key at 14 s: nobody waited for 5 s."""
+    script = [
+        act("Greet", 1.0),
+        (8.0, task("markCue")),
+        act("Thanks", 8.5),
+        (20.0, task("markCue")),
+        act("Greet", 25.0),
+    ]
+    folder = recovered_session(tmp_path / "sessions", script=script, at=22.0, away=20.0, noted=22.0)
+    data = read_session(folder)
+    thanks, late = data.acts[1:]
+    assert late.response_s == pytest.approx(5.05, abs=0.3) and late.response_outage_s == 20.0
+    assert (late.answer_s, thanks.answer_s) == (None, thanks.response_s)
+    assert [each.text for each in spans_of(data) if each.tier == "cue"][1].endswith(" s, and 20.00 s without an engine")
+    latency = session_row(data).figures.latency
+    assert (latency.response.values, latency.before_cue, latency.across_outage) == ((thanks.response_s,), 0, 1)
+    report = " ".join(" ".join(text_lines(session_report(data))).split())
+    assert "1 answer across an outage of the engine" in report
+    assert "half of the 1 that had no outage of the engine in their wait" in report
+    assert [each.why for cue in judge_session(data).cues for each in cue.decisions.values()] == ["", "no engine"]
+    load_format("tables").write(tmp_path / "out", [data], export_context([folder], "full"))
+    with (tmp_path / "out" / "acts.csv").open(encoding="utf-8") as file:
+        row = list(csv.DictReader(file))[2]
+    assert float(row["response_wall_s"]) == pytest.approx(float(row["response_s"]) + 20.0)
+
+
+@pytest.mark.parametrize(
+    ("script", "keys"),
+    [
+        ([(2.0, task("nextFiller"))], ["nextFiller"]),
+        (
+            [
+                (1.0, task("startInteractionRule", "Visit")),
+                (2.0, task("stopAll")),
+                (6.0, task("releaseStop", '{"Visit": "enter"}')),
+            ],
+            ["startInteractionRule", "stopAll", "releaseStop"],
+        ),
+    ],
+)
+def test_what_a_key_brings_along_is_no_further_key(script: Script, keys: list[str], tmp_path: Path) -> None:
+    data = read_session(play_session(tmp_path / "sessions", script, until=30.0))
+    assert [each.function for each in data.keys] == keys
+    assert all(each.by == "wizard:anna" for each in data.acts)
+
+
+def test_the_events_say_whose_doing_an_act_is_as_the_acts_do(data: SessionData, folder: Path, tmp_path: Path) -> None:
+    load_format("tables").write(tmp_path / "out", [data], export_context([folder], "full"))
+    with (tmp_path / "out" / "events.csv").open(encoding="utf-8") as file:
+        told = {row["task"]: (row["by"], row["actor"]) for row in csv.DictReader(file) if row["kind"] == "act"}
+    assert told == {str(each.task): (each.by, each.actor) for each in data.acts}
 
 
 @pytest.mark.slow

@@ -82,7 +82,8 @@ class Text:
         asked_at, asking = min(spoken, default=(None, None))
         asked_end = self.speech_end(asking) if asking is not None else None
         since = start if asked_at is None else asked_at
-        cue_at = min((t for t in self.cues() if since <= t < before), default=None)
+        until = float("inf") if ended_by == "record" else end
+        cue_at = min((t for t in self.cues() if since <= t <= until and t > start), default=None)
         since = cue_at if cue_at is not None else asked_at
         key_at = min((t for t in self.keys() if since is not None and since <= t <= end), default=None)
         heard = cue_at if cue_at is not None else key_at
@@ -234,6 +235,7 @@ def random_script(seed: int) -> list[tuple[float, Submit]]:
     return script
 
 
+@pytest.mark.search
 def test_random_sessions_have_the_trials_that_the_page_says(tmp_path: Path) -> None:
     trials = measured = 0
     for seed in seeds(16):
@@ -275,6 +277,33 @@ def test_what_is_measured(tmp_path: Path) -> None:
     assert (tea.wizard_s, tea.wizard_asked) == (1.25, "startCommunicationRobotAct Answer")
     assert tea.robot_next_at is not None and 22.0 < tea.robot_next_at < 23.0
     assert tea.number("participant_s") == tea.participant_s and tea.number("visits") == 1 and tea.number("start") == 10
+
+
+QUIZ = {
+    "scenario.toml": 'title = "Quiz"\n[trials]\nstate = "Ask"\n',
+    "acts/a.xml": '<Dialog name="Ask"><Speech><actionID>1</actionID><message>Well?</message></Speech></Dialog>',
+    "rules/r.xml": '<InteractionRule name="Quiz" initial="Ask"><State id="Ask">'
+    '<onEntry><function startCommunicationRobotAct="Ask"/></onEntry>'
+    '<transition eventTopic="/cue" target="Ask"/></State></InteractionRule>',
+}
+
+
+def test_a_cue_that_begins_the_next_trial_is_that_of_the_trial_which_it_ends(tmp_path: Path) -> None:
+    """Otherwise the dependent variable would have a value in the last trial alone."""
+    for name, text in QUIZ.items():
+        (tmp_path / "quiz" / name).parent.mkdir(parents=True, exist_ok=True)
+        (tmp_path / "quiz" / name).write_text(text, "utf-8")
+    script = [(1.0, task("startInteractionRule", "Quiz"))]
+    script += [(at, task("markCue", pressed=at)) for at in (6.0, 13.0, 21.0)]
+    data = read(play_session(tmp_path / "sessions", script, scenario=tmp_path / "quiz", until=30.0, faults=()))
+    found = trials_of(data)
+    assert [(each.start, each.end, each.cue_at) for each in found[:3]] == [
+        (1.0, 6.0, 6.0),
+        (6.0, 13.0, 13.0),
+        (13.0, 21.0, 21.0),
+    ]
+    assert [each.cue_at for each in found[3:]] == [None]
+    assert all(each.participant_s is not None and 2 < each.participant_s < 8 for each in found[:3])
 
 
 def test_a_level_tells_trials_what_it_tells(tmp_path: Path) -> None:

@@ -186,7 +186,7 @@ def test_marks_for_mistakes_are_compared_where_two_have_marked(folder: Path) -> 
     report = compare_wizards([judged(folder)])
     assert report.marked is not None
     (pair,) = report.marked.pairs
-    assert (pair.percent.n, pair.percent.value) == (4, 0.75)  # Praise, Hm, Repeat: none by both; say: late, wrong
+    assert (pair.percent.n, pair.percent.value) == (5, 0.8)  # Praise, Hm, Repeat, /next: none by both; say: late, wrong
     assert [act.marks for act in report.marks if act.task == speech] == [{"anna": "late", "ben": "wrong"}]
     first = folder / "shadow" / "1.jsonl"
     first.write_bytes(b"".join(line for line in first.read_bytes().splitlines(True) if b'"mark"' not in line))

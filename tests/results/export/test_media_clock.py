@@ -137,6 +137,9 @@ def test_a_file_is_laid_against_the_part_of_the_session_in_which_its_marks_are(t
     assert [each.file.offset for each in elan.linked] == [2.0]  # the second part began 80 s and more later
 
 
-def test_a_session_without_recordings_stays_in_its_own_time(tmp_path: Path) -> None:
+def test_a_session_without_recordings_has_its_own_time_and_the_gap(tmp_path: Path) -> None:
     data = read_session(recovered_session(tmp_path))
-    assert session_clock(data, warnings := []) == MediaClock() and warnings == []
+    clock = session_clock(data, warnings := [])
+    assert clock == MediaClock(gaps=data.outages) and data.outages and warnings == []
+    gap = data.outages[0]
+    assert clock.to_ms(gap.at) - clock.to_ms(gap.at - 0.001) == round(gap.seconds * 1000) + 1

@@ -317,7 +317,8 @@ def test_every_column_is_described_and_filled(tables: Path) -> None:
             "study_hash",
         ),  # of recordings; see above
         *("outcome_reason", "injected_faults", "wizard_key"),
-        *("outage_s", "wall_s", "response_outage_s"),  # of sessions that were recovered
+        *("outage_s", "wall_s", "response_outage_s", "response_wall_s"),  # of sessions that were recovered
+        *("participant_outage_s", "wizard_outage_s"),
     }
     for schema in TABLES:
         found = rows(tables, schema.name)

@@ -178,13 +178,16 @@ def test_mistakes_with_their_interval(data, page):
     keys = {
         record.id
         for record in data.records
-        if isinstance(record, TaskRecord) and record.source == WIZARD and record.function != "markMistake"
+        if isinstance(record, TaskRecord)
+        and record.source == WIZARD
+        and record.cause is None
+        and record.function != "markMistake"
     } - refused
     assert len(standing) == 1
     told = page.text.replace("\u00a0", " ")
-    assert len(keys) == 27
-    assert "1 of 27 (3.7 %)" in told
-    assert "3.7 (0.7\u201318)" in told  # Wilson: 1 of 27
+    assert len(keys) == 25
+    assert "1 of 25 (4.0 %)" in told
+    assert "4.0 (0.7\u201320)" in told  # Wilson: 1 of 25
     assert "1 late" in told
 
 

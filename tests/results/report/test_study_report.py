@@ -237,4 +237,4 @@ def test_hashes_of_a_scenario_in_several_languages_say_which_is_which():
 @pytest.mark.parametrize("planned", [0, 3])
 def test_planned_rows_are_explained_only_where_there_are_some(planned):
     cell = SimpleNamespace(strata={}, condition="polite", complete=1, open=0, planned=planned)
-    assert bool(_cells(SimpleNamespace(cells=(cell,))).note) is bool(planned)
+    assert bool(_cells(SimpleNamespace(cells=(cell,), wanted=4)).note) is bool(planned)

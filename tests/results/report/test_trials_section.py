@@ -40,7 +40,7 @@ def test_each_trial_is_a_dot_and_its_numbers_are_text() -> None:
 def test_a_trial_in_which_the_engine_was_away_is_named() -> None:
     rows = trial_rows([("yes", [replace(FAST, interrupted=frozenset({2}))]), ("no", [SLOW])])
     table = trials_section(rows, declared=True).blocks[1]
-    assert isinstance(table, ReportTable) and "away for a while in P01, trial 2:" in table.note
+    assert isinstance(table, ReportTable) and "away in P01, trial 2; no time across" in table.note
 
 
 def test_a_study_without_trials_is_told_how_to_declare_them() -> None:

@@ -10,6 +10,7 @@ from pathlib import Path
 from typing import Any
 
 from rise_engine.base.files import Disk
+from rise_engine.kernel.inputs import SessionStarted
 from rise_engine.kernel.view import SessionView
 from rise_engine.run.client.socket import SocketClient
 from rise_engine.run.engine.clock import RealClock
@@ -56,15 +57,10 @@ async def served(
     """`participant` is in the name of the session's folder, and so makes it another one than that of a test beside."""
     loaded = load(scenario)
     assert loaded.scenario is not None
+    begun = SessionStarted(participant=participant, speed=speed)
+    versions = {"rise-tui": "test"}
     folder = create_session(
-        root / "sessions",
-        loaded.scenario,
-        loaded.files,
-        seed=1,
-        speed=speed,
-        faults=(),
-        versions={"rise-tui": "test"},
-        participant=participant,
+        root / "sessions", loaded.scenario, loaded.files, seed=1, faults=(), versions=versions, begun=begun
     )
     lock = registry.acquire_lock(registry.session_name(scenario))
     assert lock is not None
@@ -78,7 +74,7 @@ async def served(
                 loop.call_soon_threadsafe(engine.flush_durable)
 
         journal = None if disk is None else Journal(folder / JOURNAL, changed=changed, disk=disk, retry=0.01)
-        engine = Engine(loaded.scenario, robot, clock, 1, journal=journal)
+        engine = Engine(loaded.scenario, robot, clock, 1, started=begun, journal=journal)
         hub = SessionHub(engine, str(folder))
         server = SessionServer(hub, lock.socket)
         await server.start()

@@ -16,7 +16,7 @@ from rise_tui.editor.exploring import Explorer
 from rise_tui.editor.model.draft import draft_of
 from rise_tui.editor.screen import EditScreen
 from rise_tui.editor.study import EditedStudy, RunningHere
-from rise_tui.rendering.terminal_reader import mark_together
+from rise_tui.rendering.terminal_driver import mark_together
 from tests.patience import PATIENCE
 from tests.tui.conftest import Shown
 from tests.virtual_time import real_monotonic

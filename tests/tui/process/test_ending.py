@@ -16,7 +16,7 @@ from time import monotonic
 
 import pytest
 
-from rise_tui.rendering.terminal_writer import TerminalWriter
+from rise_tui.rendering.terminal_driver import TerminalWriter
 from tests.chance import searched
 from tests.patience import PATIENCE
 from tests.tui.scripted import scripted

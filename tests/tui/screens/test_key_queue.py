@@ -9,7 +9,7 @@ from textual import events
 from textual.app import App
 from textual.screen import Screen
 
-from rise_tui.rendering.key_queue import MOST_LOOKS, KeyQueue
+from rise_tui.rendering.terminal_app import MOST_LOOKS, KeyQueue
 from tests.virtual_time import VirtualLoop
 
 

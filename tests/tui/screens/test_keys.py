@@ -6,7 +6,7 @@ import pytest
 from textual import events
 
 from rise_tui.model.control import ControlLost
-from rise_tui.rendering.terminal_reader import mark_together
+from rise_tui.rendering.terminal_driver import mark_together
 from tests.tui.conftest import Console, console
 
 TAKEN = ControlLost("wizard:ben", 83.0)

@@ -27,7 +27,7 @@ from textual.widgets import Input, Static
 
 from rise_tui.rendering.modal import SingleDismissModal
 from rise_tui.rendering.terminal_app import TerminalApp
-from rise_tui.rendering.terminal_writer import TerminalWriter
+from rise_tui.rendering.terminal_driver import TerminalWriter
 from tests.patience import PATIENCE
 
 

@@ -16,8 +16,7 @@ import pytest_asyncio
 from textual import events
 from textual.message import Message
 
-from rise_tui.rendering.terminal_driver import TerminalDriver
-from rise_tui.rendering.terminal_reader import TerminalReader, read_together
+from rise_tui.rendering.terminal_driver import TerminalDriver, TerminalReader, read_together
 from tests.patience import PATIENCE
 
 
@@ -107,7 +106,7 @@ async def test_keys_of_one_read_came_together(terminal: Terminal) -> None:
 async def test_what_follows_at_once_came_together(terminal: Terminal, monkeypatch: pytest.MonkeyPatch) -> None:
     """The first byte of a paste may be read alone; what comes within a third of a millisecond was not typed."""
     read = os.read
-    monkeypatch.setattr("rise_tui.rendering.terminal_reader.os.read", lambda descriptor, count: read(descriptor, 1))
+    monkeypatch.setattr("rise_tui.rendering.terminal_driver.os.read", lambda descriptor, count: read(descriptor, 1))
     assert (await terminal.keys(b"gp", 2))[0] == ("g", True)
 
 

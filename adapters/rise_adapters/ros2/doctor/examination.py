@@ -10,14 +10,14 @@ from typing import TypeAlias
 
 from rise_adapters.ros2 import graph_checks
 from rise_adapters.ros2.doctor import finding
-from rise_adapters.ros2.doctor.finding import DoctorFinding, Environment
-from rise_adapters.ros2.doctor.installation import (
+from rise_adapters.ros2.doctor.computer import (
     check_installation,
     check_interfaces,
     check_middleware,
+    check_network,
     check_transport,
 )
-from rise_adapters.ros2.doctor.network import check_network
+from rise_adapters.ros2.doctor.finding import DoctorFinding, Environment
 from rise_adapters.ros2.doctor.robot import SEARCH_SECONDS, check_robot, definition_folders
 from rise_adapters.ros2.graph_checks import DOCTOR_NODE_NAME
 from rise_adapters.ros2.transport import selection

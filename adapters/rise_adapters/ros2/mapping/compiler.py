@@ -195,7 +195,8 @@ class MessageCompiler:
         self.used_parameters.add(parameter.name)
         if slot.function:
             check_quaternion(type, in_text=in_text)
-            inside = replace(slot, function="", unit=None if slot.key else "rad")
+            flat = "0" if slot.key and slot.fallback is None else slot.fallback  # a place without an angle: not turned
+            inside = replace(slot, function="", unit=None if slot.key else "rad", fallback=flat)
             return YawSource(where, self._compile_parameter(inside, MessageFieldType("float64"), where, in_text=False))
         if slot.key:
             self._mistakes.place_keys.add(slot.key)

@@ -8,6 +8,7 @@ from collections.abc import Mapping
 from typing import Any
 
 from msgspec import Struct
+from msgspec.structs import replace
 
 from rise_adapters.ros2.mapping.field_sources import NO_VALUE, FieldSource, FillContext, fit_literal
 from rise_adapters.ros2.mapping.field_types import (
@@ -18,7 +19,7 @@ from rise_adapters.ros2.mapping.field_types import (
     describe_value,
 )
 from rise_adapters.ros2.mapping.templates import Placeholder, special_fallback
-from rise_engine.base.nearest_name import did_you_mean
+from rise_engine.base.nearest_name import did_you_mean, in_backquotes
 from rise_engine.scenario.model import Parameter
 
 PLACE_FRAME = "map"
@@ -129,8 +130,8 @@ def compile_place_value(
     type: MessageFieldType | None,
     where: str,
 ) -> PlaceSource:
-    """The source for a place's value. Raises ValueError with a sentence when the parameter names no places, or the
-    field cannot hold the value."""
+    """The source for a place's value. Raises ValueError with a sentence when the parameter names no places, the field
+    cannot hold the value, or it may have no value at all: the robot would be sent to the origin."""
     if not parameter.place:
         raise ValueError(
             f"has `{{{slot.name}.{slot.key}}}`, and `{slot.name}` names no places; declare it with `place = true`"
@@ -140,6 +141,17 @@ def compile_place_value(
     keys = dict.fromkeys(key for place in places.values() for key in place)
     if places and slot.key not in keys and slot.fallback is None:
         raise ValueError(f"takes `{slot.key}`, which no place has{did_you_mean(slot.key, keys)}")
+    if slot.key == "frame" and slot.fallback is None:
+        slot = replace(slot, fallback=PLACE_FRAME)
+    if slot.fallback is None:
+        how = f"write `{{{slot.name}.{slot.key}|VALUE}}` for the others"
+        if lacking := [name for name, place in places.items() if slot.key not in place]:
+            raise ValueError(f"takes `{slot.key}`, and {in_backquotes(lacking)} lacks it; say it there, or {how}")
+        if not parameter.required and parameter.default is None:
+            raise ValueError(
+                f"takes `{slot.key}` of a place, and an act need not name one; write `required = true` or a "
+                f"`default` in `parameters.{slot.name}`, or {how}"
+            )
     values = {}
     for name, place in places.items():
         if slot.key in place:

@@ -2,6 +2,9 @@
 
 It hears every publisher, whatever its quality of service, because its subscription requests what is offered, like
 `ros2 topic echo`. If it cannot hear one, that is a fault of the robot, so that nobody relies on it.
+
+A message does not say who has sent it. With several publishers, one that is not pressed must not let go for another one
+that is. Then only time tells: each of them speaks within `silent_after`, so after that time without *pressed*, none is.
 """
 
 from __future__ import annotations
@@ -43,6 +46,8 @@ class EstopInput:
         self._qos = QoS()
         self._subscription: Subscription | None = None
         self._service: Closable | None = None
+        self._pressed_at = 0.0
+        """When it was last heard to be pressed."""
         self._since: float | None = None
         """When it was found, or last heard; None: it is not there."""
         if mapping.type:
@@ -65,11 +70,13 @@ class EstopInput:
             self._since = self._now()
 
     @property
-    def fault(self) -> Literal["", "missing", "silent"]:
-        if self._service is not None:
+    def fault(self) -> Literal["", "missing", "silent", "several"]:
+        if self._subscription is None:
             return ""
         if self._since is None:
             return "missing"
+        if not self._mapping.silent_after and self._subscription.count_publishers() > 1:
+            return "several"
         limit = self._mapping.silent_after or (UNHEARD_SECONDS if self.pressed is None else 0.0)
         return "silent" if limit and self._now() > self._since + limit else ""
 
@@ -84,6 +91,9 @@ class EstopInput:
                 why = f"has said nothing for {self._mapping.silent_after:g} s"
             case "silent":
                 why = "has said nothing yet, so whether it is pressed is not known"
+            case "several":
+                names = ", ".join(sorted(set(self.publishers)))
+                why = f"has several publishers ({names}), and no `silent_after`: whether all let go is not known"
             case _:
                 return ""
         return f"{what} {why}{'; it was pressed when it was heard last' if self.pressed else ''}"
@@ -113,6 +123,17 @@ class EstopInput:
         reply({"success": True, "message": f"the emergency stop {'is pressed' if pressed else stays}"})
 
     def _take(self, pressed: bool) -> None:
+        if pressed:
+            self._pressed_at = self._now()
+        elif self.pressed and self._may_another_be_pressed():
+            return
         if pressed != self.pressed:
             self.pressed = pressed
             self._report(EstopReport(source=f"estop:{self.name}", pressed=pressed))
+
+    def _may_another_be_pressed(self) -> bool:
+        """Whether the word *not pressed* may be of another publisher than the one that was pressed."""
+        if self._subscription is None or self._subscription.count_publishers() < 2:
+            return False
+        limit = self._mapping.silent_after
+        return not limit or self._now() <= self._pressed_at + limit
