@@ -70,7 +70,7 @@ def test_debriefing_is_one_fact_whoever_reports_it(study: Path) -> None:
     assert [each for each in open_ if each.startswith("P04, run 2")] == []
     assert any(each.startswith("P02, run 1") for each in open_)
     made = make_study_report(study)
-    assert "Debriefed after 1 of 4 " in made.sheet, "complete sessions of P02 and P04"
+    assert "A debriefing is recorded after 1 of 4 " in made.sheet, "complete sessions of P02 and P04"
     assert "No check asks" not in made.sheet
     with OpenStudy(study) as open:
         told = [each for each in open.log.entries() if each.kind == "checked" and each.get("when") == "after"]
