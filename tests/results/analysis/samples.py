@@ -221,6 +221,7 @@ def play_session(
     until: float = 120.0,
     ends: bool = True,
     faults: tuple[str, ...] = ("PointAt=fail@1",),
+    language: str = "",
 ) -> Path:
     """Play a session and keep it; its folder.
 
@@ -234,12 +235,13 @@ def play_session(
     :param until: session seconds when it is ended.
     :param ends: False: the engine vanishes then.
     :param faults: what the simulated robot does wrong.
+    :param language: in which it speaks; empty: that of its acts.
     """
     if scenario is None:
         scenario = root.parent / "scenario"
         if not scenario.exists():
             write_scenario(scenario)
-    loaded = load(scenario, mode=mode)
+    loaded = load(scenario, mode=mode, language=language or None)
     assert loaded.scenario is not None, loaded.diagnostics
     first = started or SessionStarted(participant="P01")
     root.mkdir(parents=True, exist_ok=True)
@@ -250,6 +252,7 @@ def play_session(
         seed=seed,
         faults=first.injected_faults,
         begun=first,
+        language=language,
         wizard="anna",
         versions=VERSIONS,
     )
