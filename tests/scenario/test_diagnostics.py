@@ -386,13 +386,18 @@ FILES: dict[str, tuple[dict[str, str | bytes], list[str]]] = {
     "names whose attribute is misspelt": (
         {
             "acts/a.xml": act(SPEECH).replace("name=", "nmae="),
-            "rules/a.xml": '<InteractionRule nmae="A" initial="S"><State id="S"/></InteractionRule>',
+            "rules/b.xml": '<InteractionRule nmae="B" initial="S"><State id="S">'
+            '<transition eventTopic="A_end" taget="T"/></State><State id="T"/></InteractionRule>',
             "rules/r.xml": in_state(
-                '<function startCommunicationRobotAct="A"/><function startInteractionRule="A"/>',
-                '<transition eventTopic="A_end" target="S"/>',
+                '<function startCommunicationRobotAct="A"/><function startInteractionRule="B"/>',
+                '<transition eventTopic="B_end" target="S"/>',
             ),
         },
-        ["acts/a.xml:1:9 unknown-attribute", "rules/a.xml:1:18 unknown-attribute"],
+        [
+            "acts/a.xml:1:9 unknown-attribute",
+            "rules/b.xml:1:18 unknown-attribute",
+            "rules/b.xml:1:84 unknown-attribute",
+        ],
     ),
     "an act and a rule of one name": (
         {"acts/a.xml": act(SPEECH, "R"), "rules/r.xml": rule('<State id="S"/>')},

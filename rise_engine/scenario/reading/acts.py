@@ -63,7 +63,7 @@ class _ActReader(ElementReader):
         self.waits.clear()
         self.check_attributes(element)
         self.check_no_text(element)
-        name = (element.get("name") or "").strip()
+        name = (self.read_meant(element, "name") or "").strip()
         if not name:
             self.report_missing(["name"], element, 'an act needs a name: <Dialog name="...">')
             self.draft.unreadable_parts.add("acts")

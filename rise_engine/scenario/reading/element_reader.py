@@ -106,10 +106,16 @@ class ElementReader:
     ) -> None:
         """Report that an element has none of these attributes, unless it has one with a typing mistake, which was
         reported."""
-        known = form_of(element.tag).attributes
-        meant = {nearest_name(name, known) for name in element.attributes if name not in known}
-        if meant.isdisjoint(names):
+        if all(self.read_meant(element, name) is None for name in names):
             self.report_error(code, element, message)
+
+    def read_meant(self, element: Element, name: str) -> str | None:
+        """Return the value of an attribute, also of one whose name has a typing mistake, which was reported; so nothing
+        else is wrong because of it. None: there is none."""
+        known = form_of(element.tag).attributes
+        values = (value for each, value in element.attributes.items() if each == name)
+        meant = (v for each, v in element.attributes.items() if each not in known and nearest_name(each, known) == name)
+        return next(iter((*values, *meant)), None)
 
     def check_no_text(self, element: Element) -> None:
         """Report text between the children of an element that may contain only elements."""

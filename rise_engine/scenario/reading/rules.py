@@ -70,7 +70,7 @@ class _RuleReader(BlockReader):
         self.unknown_states.clear()
         self.check_attributes(element)
         self.check_no_text(element)
-        name = (element.get("name") or "").strip()
+        name = (self.read_meant(element, "name") or "").strip()
         if not name:
             self.report_missing(["name"], element, 'a rule needs a name: <InteractionRule name="..." initial="...">')
             self.draft.unreadable_parts.add("rules")
@@ -252,7 +252,7 @@ class _RuleReader(BlockReader):
                 self.draft.awaited_topics.append(Mention(topic, locate))
             else:
                 self.report_value("trigger", element, "eventTopic", "eventTopic is empty")
-        target = get("target")
+        target = self.read_meant(element, "target")
         if target is not None:
             target = target.strip()
             self.targets.append((target, element))
