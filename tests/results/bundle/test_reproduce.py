@@ -376,3 +376,20 @@ def test_a_robot_that_does_not_fit_the_scenario(bundle: Path, tmp_path: Path) ->
     folder = play_session(tmp_path / "sessions", [act("Nod", 1.0)], until=9.0)
     with pytest.raises(ExportError, match="cannot be run on the robot 'nao'"):
         compare_on_robot(folder, "nao")
+
+
+def test_a_participant_who_is_not_listed_any_more_is_named(bundle: Path) -> None:
+    lines = (bundle / "participants.csv").read_text("utf-8").splitlines(keepends=True)
+    (bundle / "participants.csv").write_text("".join(each for each in lines if not each.startswith("P01")), "utf-8")
+    assert "participants.csv: it has no row of P01, of whom a session is here" in inputs(bundle).problems
+
+
+def test_another_program_in_the_bundle_is_not_said_to_be_this_one(bundle: Path) -> None:
+    (wheel,) = (bundle / "program").glob("*.whl")
+    said = f"program/{wheel.name} is the program that runs here, byte for byte"
+    assert f"- {said}" in run(bundle)[1]
+    wheel.write_bytes(bytes(wheel.stat().st_size))
+    (bundle / MANIFEST_FILE).write_text(manifest_text(bundle), "utf-8")
+    status, told, _ = run(bundle)
+    assert status == 0 and said not in told
+    assert f"- that program/{wheel.name} is the program that ran the sessions: another one runs here" in told
