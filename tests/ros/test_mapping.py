@@ -509,7 +509,7 @@ def test_a_place_without_a_value_sends_nobody_to_the_origin(tmp_path: Path) -> N
         places={"desk": {"x": 1.0, "y": 0.0}, "door": {"yaw": 1.0}},
     )
     (found, *_) = mapping_findings(half, fields)
-    assert "takes `x`, and `door` lacks it; say it there, or write `{place.x|VALUE}`" in found.sentence
+    assert "takes `x`, and `door` lacks it; add it there, or write `{place.x|VALUE}`" in found.sentence
     action = ACTION.replace(', default = "table"', "") + ACTION_CARRIER + 'carrier.goal.pose = "{place}"'
     optional = profile(tmp_path, f'driver = "ros2"\n{PLACES}\n{action}')
     (found, *_) = mapping_findings(optional, fields)

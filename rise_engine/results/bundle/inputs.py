@@ -99,9 +99,9 @@ def _check_participants(found: InputsCheck, state: StudyStatus, folders: Sequenc
     names = {each.entry.participant for each in state.sessions if each.name in there}
     missing = [name for name in state.standing.unlisted if name in names]
     if missing:
-        found.problems.append(f"{PARTICIPANTS_FILE}: it has no row of {', '.join(missing)}, of whom a session is here")
+        found.problems.append(f"{PARTICIPANTS_FILE}: it has no row for {', '.join(missing)}, whose session is here")
     elif names - {""}:
-        found.proved.append(f"{PARTICIPANTS_FILE} has a row of everybody of whom a counted session is here")
+        found.proved.append(f"{PARTICIPANTS_FILE} has a row for everyone with a counted session here")
 
 
 def _scenario_of(study: Study, run: _Run) -> str:

@@ -381,7 +381,7 @@ def test_a_robot_that_does_not_fit_the_scenario(bundle: Path, tmp_path: Path) ->
 def test_a_participant_who_is_not_listed_any_more_is_named(bundle: Path) -> None:
     lines = (bundle / "participants.csv").read_text("utf-8").splitlines(keepends=True)
     (bundle / "participants.csv").write_text("".join(each for each in lines if not each.startswith("P01")), "utf-8")
-    assert "participants.csv: it has no row of P01, of whom a session is here" in inputs(bundle).problems
+    assert "participants.csv: it has no row for P01, whose session is here" in inputs(bundle).problems
 
 
 def test_another_program_in_the_bundle_is_not_said_to_be_this_one(bundle: Path) -> None:

@@ -146,7 +146,7 @@ def compile_place_value(
     if slot.fallback is None:
         how = f"write `{{{slot.name}.{slot.key}|VALUE}}` for the others"
         if lacking := [name for name, place in places.items() if slot.key not in place]:
-            raise ValueError(f"takes `{slot.key}`, and {in_backquotes(lacking)} lacks it; say it there, or {how}")
+            raise ValueError(f"takes `{slot.key}`, and {in_backquotes(lacking)} lacks it; add it there, or {how}")
         if not parameter.required and parameter.default is None:
             raise ValueError(
                 f"takes `{slot.key}` of a place, and an act need not name one; write `required = true` or a "
