@@ -93,7 +93,7 @@ class EstopInput:
                 why = "has said nothing yet, so whether it is pressed is not known"
             case "several":
                 names = ", ".join(sorted(set(self.publishers)))
-                why = f"has several publishers ({names}), and no `silent_after`: it is not known whether all have let go"
+                why = f"has several publishers ({names}), and no `silent_after`: not all may have let go"
             case _:
                 return ""
         return f"{what} {why}{'; it was pressed when it was heard last' if self.pressed else ''}"
