@@ -16,15 +16,16 @@ that is a plain client of the robot. It takes less than the floor, since two of 
 floor is no unfair one, and the difference is what the session itself takes.
 
 And the wizard: how long an act takes through the engine, beside the same two plain trips. And how
-long a key takes until it is acknowledged, while 1,000 feedback messages or 1,000 tasks a second come in, and while
+long a key takes until it is acknowledged, while 3 x 500 feedback messages or 1,000 tasks a second come in, and while
 nothing does. The journal of that session is in memory where the machine has such a place: how long a disk takes is
 measured by `acknowledge`.
 
 And how long a stop takes, from the key to the answer of every part, of a robot that answers at once and is in the
 middle of a long act.
 
-And what part of a core it takes to listen to 1,000 messages a second: a session to the feedback of its robot, and a
-feature node to points, best effort, beside a node without anything of ours between (`ros_peers.py listen plainly`).
+And what part of a core it takes to listen: a session to 3 x 500 feedbacks a second of its robot, and a
+feature node to 1,000 points a second, best effort, beside a node without anything of ours between (`ros_peers.py
+listen plainly`).
 
 Over rclpy: run it with a Python that has rclpy and rise_interfaces, and say `RISE_BENCH_ROS=rclpy`.
 """
@@ -48,6 +49,7 @@ from time import perf_counter
 from measure import Report
 from rise_adapters.ros2.actions.client import ActionClient
 from rise_adapters.ros2.transport.selection import open_transport
+from ros_peers import TALKERS
 
 from rise_engine.kernel.inputs import Note, Submit
 from rise_engine.kernel.records import ActionRecord, StopRecord
@@ -70,24 +72,27 @@ LOOPBACK = (
     "<Peers><Peer address='localhost'/></Peers></Discovery>"
 )
 ACTS = """<Acts><Dialog name="A"><Speech><actionID>1</actionID><message>x</message></Speech></Dialog>
-<Dialog name="Talk"><Gabble><actionID>1</actionID><message>x</message></Gabble></Dialog></Acts>"""
+<Dialog name="Talk">{talk}</Dialog></Acts>"""
 ROBOT = """driver = "ros2"
 options.deadlines.feedback = 5
 [actions.Speech]
 carrier = { action = "bench/act", type = "rise_interfaces/action/Speech", goal = { message = "{message}" } }
-[actions.Gabble]
+"""
+GABBLE = """[actions.Gabble{}]
 limit = 600
-parameters.message = { type = "text" }
-carrier = { action = "bench/talk", type = "rise_interfaces/action/Speech", goal = { message = "{message}" } }
+parameters.message = {{ type = "text" }}
+carrier = {{ action = "bench/talk{}", type = "rise_interfaces/action/Speech", goal = {{ message = "{{message}}" }} }}
 """
 
 
 def scenario(folder: Path) -> Path:
-    """One act of one action, and one that talks for ever."""
+    """One act of one action, and one of three that talk for ever."""
+    numbers = range(1, TALKERS + 1)
+    talk = "".join(f"<Gabble{n}><actionID>{n}</actionID><message>x</message></Gabble{n}>" for n in numbers)
     for name, text in {
         "scenario.toml": 'robot = "bench"\nmode = "real"\n[act.A]\ndebounce = 0\n',
-        "acts/a.xml": ACTS.replace("Acts>", "CommunicationRobotActs>"),
-        "robots/bench.toml": ROBOT,
+        "acts/a.xml": ACTS.format(talk=talk).replace("Acts>", "CommunicationRobotActs>"),
+        "robots/bench.toml": ROBOT + "".join(GABBLE.format(n, n) for n in numbers),
     }.items():
         (folder / name).parent.mkdir(parents=True, exist_ok=True)
         (folder / name).write_text(text)
@@ -378,14 +383,14 @@ def main() -> bool:
             report.target("ms a stop takes, p50", half, STOP_P50_MS, at_least=False)
             report.target("ms a stop takes, p99", most_stops, STOP_P99_MS, at_least=False)
             wizard.send("startCommunicationRobotAct", "Talk")
-            keys["at 1,000 feedbacks/s"] = wizard.key_times()
+            keys["at 3 x 500 feedbacks/s"] = wizard.key_times()
             percent = core_percent(engine.pid)
             wizard.send("stopAll", "")
             for when, (median, most) in keys.items():
                 report.target(f"ms a key takes {when}, p50", median, KEY_P50_MS, at_least=False)
                 report.target(f"ms a key takes {when}, p99", most, KEY_P99_MS, at_least=False)
             if percent is not None:
-                report.target("% of a core, 1,000 feedbacks/s", percent, FEEDBACK_PERCENT, at_least=False)
+                report.target("% of a core, 3 x 500 feedbacks/s", percent, FEEDBACK_PERCENT, at_least=False)
         compare_listeners(report, choice, environment)
     return report.met
 

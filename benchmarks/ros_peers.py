@@ -1,8 +1,8 @@
 """The other processes of the benchmark `ros`: ros_peers.py robot | relay | flood RATE | plain | stream RATE |
 listen HOW, with --ros TRANSPORT.
 
-robot: a robot whose actions end at once (`bench/act`, `bench/behind_relay`), and one that sends feedback
-1,000 times a second (`bench/talk`).
+robot: a robot whose actions end at once (`bench/act`, `bench/behind_relay`), and three that send feedback
+500 times a second each (`bench/talk1` to `bench/talk3`).
 relay: passes each goal of `bench/relay` on to the robot and its result back: a session that does nothing. It has an
 action of the robot to itself, because the clients of a service hear each other's replies.
 flood: DomainTask goals at a steady rate until its input is closed. plain: rclpy's own action server (`bench/plain`).
@@ -31,6 +31,7 @@ from rise_engine.run.engine.clock import RealClock
 
 SPEECH = "rise_interfaces/action/Speech"
 RESULT_TIMEOUT = 0.2
+TALKERS, FEEDBACK_HZ = 3, 500
 
 
 async def robot(choice: str) -> None:
@@ -47,7 +48,7 @@ async def robot(choice: str) -> None:
         async def go_on() -> None:
             began, sent = loop.time(), 0
             while not goal.has_ended:
-                while sent < (loop.time() - began) * 1000:
+                while sent < (loop.time() - began) * FEEDBACK_HZ:
                     goal.publish_feedback({"progress": 0.5})
                     sent += 1
                 await asyncio.sleep(0.001)
@@ -64,7 +65,10 @@ async def robot(choice: str) -> None:
     servers = [
         ActionServer(transport, "bench/act", SPEECH, act, clock=clock, result_timeout=RESULT_TIMEOUT),
         ActionServer(transport, "bench/behind_relay", SPEECH, act, clock=clock, result_timeout=RESULT_TIMEOUT),
-        ActionServer(transport, "bench/talk", SPEECH, talk, stop, clock=clock, result_timeout=RESULT_TIMEOUT),
+        *(
+            ActionServer(transport, f"bench/talk{n}", SPEECH, talk, stop, clock=clock, result_timeout=RESULT_TIMEOUT)
+            for n in range(1, TALKERS + 1)
+        ),
     ]
     print("ready", flush=True)
     await _input_closed()

@@ -169,6 +169,8 @@ class Kernel:
         if self._session_keys is not None:
             self._session_keys.update()
         self.rules.run_to_completion()
+        while self._session_keys is not None and self._session_keys.update():  # a rule in circles was ended
+            self.rules.run_to_completion()
         if records:
             self.seq = records[-1].seq
         return records, commands
@@ -371,8 +373,7 @@ class Kernel:
         runner.lose_running("the engine was restarted while it ran")
         runner.restarted = False
         self.wizard_marks.cancel_filler()
-        if self.stop.status == "requested":  # the earlier engine got the answer
-            self.stop.ask_robot()
+        self.stop.ask_again()
 
     def _record_session(
         self,

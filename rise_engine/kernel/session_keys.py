@@ -30,14 +30,15 @@ class SessionKeys:
             language = self._core.scenario.language
             self._memory.write(SESSION, {**self._changing(), **fixed, "language": language}, ENGINE)
 
-    def update(self) -> None:
-        """Write the values that have changed."""
+    def update(self) -> bool:
+        """Write the values that have changed; returns whether any has."""
         if not self._is_read or (session := self._core.memory.get(SESSION)) is None:
-            return
-        for name, value in self._changing().items():
-            if session[name] != value:
-                session = {**session, name: value}
-                self._memory.write(SESSION, session, ENGINE, part=f"{SESSION}.{name}")
+            return False
+        changed = {name: value for name, value in self._changing().items() if session[name] != value}
+        for name, value in changed.items():
+            session = {**session, name: value}
+            self._memory.write(SESSION, session, ENGINE, part=f"{SESSION}.{name}")
+        return bool(changed)
 
     def _changing(self) -> dict[str, bool]:
         return {

@@ -63,6 +63,14 @@ class StopLatch:
         self._cancel_timer()
         self.timer = self._core.set_timer(STOP_LIMIT, TimerTarget("stop"))
 
+    def ask_again(self) -> None:
+        """Ask the robot again, because the answers went to an earlier engine, and so did what began after them."""
+        if self.status == "requested":
+            self.ask_robot()
+        elif self.status == "latched":
+            self._core.commands.append(StopRobot())
+            self._record_no_answer()
+
     def record_answer(self, answer: StopReport) -> None:
         """Record the robot's first or a later answer, also after the time limit, but not after the release."""
         if self.latched:
@@ -75,6 +83,9 @@ class StopLatch:
     def time_out(self) -> None:
         self.timer = None
         self.status = "latched"
+        self._record_no_answer()
+
+    def _record_no_answer(self) -> None:
         robot = self._core.scenario.robot.name
         self._core.emit(StopRecord, "latched", unconfirmed=(robot,), held_by=tuple(self.held_by))
 

@@ -65,7 +65,7 @@ class Bridge(Protocol[SessionT]):
         ...
 
 
-ProfileFindingKind: TypeAlias = Literal["wrong", "missing", "unstoppable", "unread"]
+ProfileFindingKind: TypeAlias = Literal["wrong", "missing", "unstoppable", "doubtful"]
 
 
 class ProfileFinding(Struct, frozen=True):
@@ -76,7 +76,7 @@ class ProfileFinding(Struct, frozen=True):
     """The key that it is about, such as `actions.Speech.carrier.goal.text`; empty: the whole profile."""
     kind: ProfileFindingKind = "wrong"
     """wrong: it can never work. missing: it cannot work on this computer, or not yet; a rehearsal can. unstoppable: it
-    works, but nothing can stop the robot meanwhile. unread: nothing uses it, which may be a mistake."""
+    works, but nothing can stop the robot meanwhile. doubtful: it works, but is perhaps not what was meant."""
 
     @property
     def refuses(self) -> bool:

@@ -140,14 +140,15 @@ def test_the_memory_is_kept(session: Session) -> None:
     assert session.memory == {"mood": "bad"}
 
 
-def test_the_latch_holds(session: Session) -> None:
+def test_the_latch_holds_and_the_robot_is_asked_again(session: Session) -> None:
     session.submit("stopAll")
     session.confirm_stop("body")
     stops = session.robot_stops
-    assert recover(session) == []
-    assert session.kernel.stop.status == "latched"
-    assert session.robot_stops == stops
+    assert recover(session) == ["stop latched [] ['generic']"], "nobody has heard what began in the meantime"
+    assert session.kernel.stop.status == "latched" and session.robot_stops == stops + 1
     assert session.act("Nod").status == "REJECTED"
+    session.confirm_stop("body")
+    assert session.lines("stop")[-1] == "stop latched ['body'] []"
     assert session.submit("releaseStop").status == "SUCCEEDED"
     assert session.act("Nod").status == "PENDING"
 
@@ -156,8 +157,9 @@ def test_an_emergency_stop_holds_until_the_engine_hears_that_it_is_let_go(sessio
     session.estop("estop:/door")
     session.confirm_stop("body")
     recover(session)
+    stops = session.robot_stops
     session.estop("estop:/door")
-    assert session.robot_stops == 1, "it is known"
+    assert session.robot_stops == stops, "it is known"
     assert session.submit("releaseStop").reason == "the emergency stop at /door is still pressed"
     session.estop("estop:/door", pressed=False)
     assert session.submit("releaseStop").status == "SUCCEEDED"

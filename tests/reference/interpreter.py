@@ -117,6 +117,8 @@ class Interpreter:
     def _finish(self) -> tuple[list[Row], list[tuple[Any, ...]]]:
         self.session.standing.update()
         self.session.rules.go()
+        while self.session.standing.update():
+            self.session.rules.go()
         return self.session.records, self.session.orders
 
     def _start(self, input: SessionStarted) -> None:

@@ -36,16 +36,18 @@ class Standing:
             self.session.memory.set(KEY, value, "engine")
             self.begun = True
 
-    def update(self) -> None:
-        """Write what has changed."""
+    def update(self) -> bool:
+        """Write what has changed. Says whether anything has."""
         if not self.begun:
-            return
+            return False
+        before = self.session.memory.values[KEY]
         for part, value in self._now().items():
             written = self.session.memory.values[KEY]
             if written[part] != value:
                 changed = copy.deepcopy(written)
                 changed[part] = value
                 self.session.memory.set(KEY, changed, "engine", part=f"{KEY}.{part}")
+        return bool(self.session.memory.values[KEY] != before)
 
     def _now(self) -> dict[str, Any]:
         session = self.session

@@ -50,9 +50,12 @@ class Stop:
         session.order("stop robot")
 
     def ask_again(self) -> None:
-        """Another engine goes on: the answer went to the one that has gone."""
-        if self.status == "requested":
+        """Another engine goes on: the answers went to the one that has gone."""
+        if self.status:
             self.session.order("stop robot")
+        if self.status == "latched":
+            self._no_answer()
+        elif self.status:
             self.session.forget(self.clock)
             self.clock = self.session.after(ANSWER, self._no_answer)
 

@@ -3,9 +3,10 @@
     python -m tests.ros.fault_matrix --robot dds --transport dds --part 1/4
 
 `GOALS` x `MOMENTS`: what the robot does with a goal, and what happens to it. The robot writes with the machine's clock
-what it really does. Whatever the session says is compared with that: one ending for each action, no part that is
-confirmed while something moves there or begins, no second goal beside one that has ended for the session, and nothing
-that goes on after the session without being named. `./dev soak --robots` plays all of it on every transport there is.
+what it really does. Whatever the session says is compared with that, at every moment: one ending for each action, no
+part that is confirmed while something moves there, no movement that the session neither runs nor names as open, also
+after its end, and no second goal beside one that has ended for the session. `./dev soak --robots` plays all of it on
+every transport there is.
 """
 
 from __future__ import annotations
@@ -19,9 +20,10 @@ import tempfile
 import time
 from collections.abc import Awaitable, Callable, Sequence
 from contextlib import suppress
+from functools import partial
 from itertools import pairwise, product
 from pathlib import Path
-from typing import Any
+from typing import Any, TypeAlias
 
 import msgspec
 from rise_adapters.ros2.actions.client import ABORTED
@@ -29,15 +31,20 @@ from rise_adapters.ros2.mapping import read_mappings
 from rise_adapters.ros2.robot import Ros2Robot
 from rise_adapters.ros2.transport.port import Transport
 
-from rise_engine.kernel.records import RobotRecord
+from rise_engine.kernel import Kernel
+from rise_engine.kernel.records import ENDINGS, ActionRecord, RobotRecord, StopRecord
 from rise_engine.run.engine.clock import RealClock
 from rise_engine.run.engine.engine import Engine
+from rise_engine.scenario.model import Scenario
+from rise_engine.session.recovery import RecoveredSession
 from tests.ros.badrobot import Plan
 from tests.ros.bench import SPEECH, TYPES, Records, profile, scenario
 from tests.ros.contract.peers import ROOT, environment, fast_dds
 from tests.ros.test_faults_dds import Process, until
 
 PART = "pepper/speech"
+Span: TypeAlias = tuple[float, float]
+"""From and until, in seconds of session time."""
 TOLERANCE = 0.3
 """Seconds between what the robot writes and what it sends."""
 START_SECONDS = 120.0
@@ -62,26 +69,73 @@ GOALS = {
 class Case(Records):
     """One session with one robot, and everything that was said and done."""
 
-    def __init__(self, transport: Transport, robot: Any) -> None:
+    def __init__(self, open_transport: Callable[[], Transport], robot: Any) -> None:
         """:param robot: a `Process`, or what has its events, too."""
         self.records = []
         self.clock = RealClock(asyncio.get_running_loop())
         self.began = time.monotonic() - self.clock.now()
-        self.transport = transport
+        self.open_transport = open_transport
+        self.transport = open_transport()
         self.process = robot
         self.engine = self.make_engine()
 
-    def make_engine(self) -> Engine:
+    def make_engine(self, recovered: RecoveredSession | None = None) -> Engine:
+        which = self.make_scenario()
+        profile = which.robot
+        self.robot = Ros2Robot(profile, self.clock, self.transport, read_mappings(profile, self.transport.fields))
+        sinks = [self.records.append]
+        return Engine(which, self.robot, self.clock, 1, sinks=sinks, recovered=recovered, session_id="matrix")
+
+    def make_scenario(self) -> Scenario:
         whole = profile(server=3.0)
         only = {name: spec for name, spec in whole.actions.items() if name in ("Speech", "Wait")}
-        which = msgspec.structs.replace(whole, actions=only)
-        robot = Ros2Robot(which, self.clock, self.transport, read_mappings(which, self.transport.fields))
-        return Engine(scenario(which), robot, self.clock, 1, sinks=[self.records.append])
+        return scenario(msgspec.structs.replace(whole, actions=only))
+
+    def replace_engine(self, transport: Transport) -> None:
+        """Its engine is gone without a word, and another one continues the session."""
+        old, now, loop_now = self.engine, self.clock.now(), asyncio.get_running_loop().time()
+        timers = {timer: handle.when() - loop_now + now for timer, handle in old._commands._timers.items()}
+        kernel = Kernel.restore(old.scenario, old.kernel.snapshot())
+        old._sinks.clear()
+        self.transport.close()  # so that nothing it still says reaches anybody
+        self.robot._closed = True
+        old.abandon()
+        self.transport = transport
+        unused: Any = None
+        recovered = RecoveredSession(
+            *(old.scenario, unused, kernel, unused, now, timers, old.inputs, 0, b"", []),
+            last_wall=self.clock.wall_label(now),
+            last_t=now,
+        )
+        self.engine = self.make_engine(recovered)
+        self.engine.resume()
 
     async def begin(self) -> None:
         self.engine.start()
         await until(lambda: self.robot_statuses()[-1:] == ["connected"], START_SECONDS)
         self.act()
+
+    # --- what the session said ---
+
+    def stop_records(self) -> list[StopRecord]:
+        return self.of(StopRecord)
+
+    def said_spans(self, part: str, until: float) -> list[Span]:
+        """When the session said that something ran, or may have run, at a part."""
+        spans, began = [], {}
+        for record in self.of(ActionRecord):
+            key = f"{record.task}/{record.action}"
+            if record.status in ENDINGS and key in began:
+                spans.append((began.pop(key), record.t))
+            elif record.status == "started":
+                began[key] = record.t
+        spans += [(t, until) for t in began.values()]
+        for robot, following in pairwise([*self.of(RobotRecord), None]):
+            if any(goal.part == part for goal in robot.open):
+                spans.append((robot.t, until if following is None else following.t))
+        if self.engine.ended and any(goal.part == part for goal in self.engine.open_goals):
+            spans.append((self.records[-1].t, until))
+        return spans
 
     async def begun(self, seconds: float) -> None:
         """So long after the robot has begun, or has had the time to."""
@@ -146,19 +200,42 @@ async def kill(case: Case) -> None:
     case.stop_all()
 
 
+async def kill_the_engine_at_once(case: Case) -> None:
+    await asyncio.sleep(0.1)
+    case.replace_engine(case.open_transport())
+    await asyncio.sleep(1.5)
+    case.stop_all()
+    await asyncio.sleep(1.5)
+
+
+async def kill_the_engine_in_the_middle(case: Case) -> None:
+    await case.begun(0.4)
+    case.replace_engine(case.open_transport())
+    await asyncio.sleep(1.5)
+    case.stop_all()
+    await asyncio.sleep(1.5)
+
+
+async def kill_the_stopped_engine(case: Case) -> None:
+    await case.begun(0.4)
+    case.stop_all()
+    await asyncio.sleep(0.3)
+    case.replace_engine(case.open_transport())
+    await asyncio.sleep(3)
+
+
 MOMENTS: dict[str, Callable[[Case], Awaitable[None]]] = {
     made.__name__: made
     for made in (
         *(nothing, stop_at_once, stop_in_the_middle, cancel_at_once, cancel_and_start_again),
         *(end_at_once, freeze, freeze_before_the_goal, kill),
+        *(kill_the_engine_at_once, kill_the_engine_in_the_middle, kill_the_stopped_engine),
     )
 }
 
 
 async def play(goal: str, moment: str, robot: str, transport: str) -> list[str]:
     """One case; what was wrong, in sentences."""
-    loop = asyncio.get_running_loop()
-    opened = open_transport(transport, loop)
     order = {"names": {SPEECH: TYPES[SPEECH]}, "plans": [msgspec.to_builtins(p) for p in (GOALS[goal], Plan())]}
     module = "tests.ros.badrobot" if robot == "dds" else "tests.ros.rclpy_robot"
     process = Process(
@@ -171,44 +248,40 @@ async def play(goal: str, moment: str, robot: str, transport: str) -> list[str]:
     )
     try:
         await until(lambda: process.said("ready"), START_SECONDS)
-        case = Case(opened, process)
+        return await play_to_end(Case(partial(open_transport, transport), process), moment, PART)
+    finally:
+        await process.end()
+
+
+async def play_to_end(case: Case, moment: str, part: str) -> list[str]:
+    """A whole session, and the lies that it told of that part."""
+    try:
         await case.begin()
         await MOMENTS[moment](case)
         case.engine.end("over")
         await until(lambda: case.engine.ended, 30)
-        return await find_lies(case, PART)
+        return await find_lies(case, part)
     finally:
-        await process.end()
-        opened.close()
+        case.transport.close()
 
 
 async def find_lies(case: Case, part: str) -> list[str]:
     """Where what the session said of that part is not what the robot did. The session has just ended."""
-    ended = time.monotonic()
+    ended = case.clock.now()
     await asyncio.sleep(AFTER)
     found = []
-    events = case.process.events
-    spans = []
-    for event in events:
-        if event["event"] == "begin":
-            over = [each["at"] for each in events if each["event"] == "end" and each["id"] == event["id"]]
-            spans.append((event["at"], over[0] if over else float("inf")))
-    killed = case.process.process.returncode is not None
-    asked = [each["at"] for each in events if each["event"] == "goal"]
-    for stop in case.stops():
-        at = case.began + stop.t
-        if part not in stop.confirmed:
-            continue
-        if any(begin < at - TOLERANCE and at + TOLERANCE < over for begin, over in spans) and not killed:
-            found.append(f"confirmed at {stop.t:.2f} s while it moved")
-        if any(begin > at + TOLERANCE and any(one < at for one in asked) for begin, _ in spans):
-            found.append(f"confirmed at {stop.t:.2f} s, and it began afterwards")
-    for (_, over), (begin, _) in pairwise(spans):
+    moved = movements(case, until=ended + AFTER)
+    for begin, over in moved:
+        for stop, until_then in pairwise([*case.stop_records(), None]):
+            assert stop is not None
+            last = ended + AFTER if until_then is None else until_then.t
+            if part in stop.confirmed and min(over, last) - max(begin, stop.t) > TOLERANCE:
+                found.append(f"confirmed at {stop.t:.2f} s, and it moved from {begin:.2f} s to {over:.2f} s")
+        if unsaid := longest_rest((begin, over), case.said_spans(part, until=ended + AFTER)):
+            found.append(f"it moved from {begin:.2f} s to {over:.2f} s, and {unsaid:.2f} s of that were not said")
+    for (_, over), (begin, _) in pairwise(moved):
         if begin < over - TOLERANCE:
             found.append("a second goal ran beside the first")
-    goes_on = any(begin < ended + AFTER and over > ended + TOLERANCE for begin, over in spans) and not killed
-    if goes_on and not case.engine.open_goals:
-        found.append("it went on after the session, and the session did not say so")
     try:
         case.check()
     except AssertionError as error:
@@ -218,7 +291,28 @@ async def find_lies(case: Case, part: str) -> list[str]:
     return found
 
 
-def open_transport(kind: str, loop: asyncio.AbstractEventLoop, share: Sequence[Path] = ()) -> Transport:
+def movements(case: Case, until: float) -> list[tuple[float, float]]:
+    """When the robot really moved, by its own log, in session time."""
+    events = case.process.events
+    ends = {each["id"]: each["at"] - case.began for each in events if each["event"] == "end"}
+    begun = [(each["id"], each["at"] - case.began) for each in events if each["event"] == "begin"]
+    killed = case.process.process.returncode is not None  # nobody knows when exactly
+    return [(begin, ends.get(id, until)) for id, begin in begun if id in ends or not killed]
+
+
+def longest_rest(span: Span, said: Sequence[Span]) -> float:
+    """The longest part of a span, in seconds, that none of the others covers; 0 if it is within the tolerance."""
+    begin, over = span
+    longest = 0.0
+    for one, other in [*sorted(said), (over, over)]:
+        if one > begin:
+            longest = max(longest, min(one, over) - begin)
+        begin = max(begin, other)
+    return longest if longest > TOLERANCE else 0.0
+
+
+def open_transport(kind: str, share: Sequence[Path] = ()) -> Transport:
+    loop = asyncio.get_running_loop()
     if kind == "dds":
         from rise_adapters.ros2.transport.dds import DdsTransport
 

@@ -14,30 +14,25 @@ import os
 import shutil
 import sys
 import tempfile
-from functools import cache
+from functools import cache, partial
 from itertools import product
 from pathlib import Path
 from typing import Any
 
 from msgspec.structs import replace
-from rise_adapters.ros2.mapping import read_mappings
-from rise_adapters.ros2.robot import Ros2Robot
 from rise_adapters.simulated.faults import FAULT_KINDS
 
-from rise_engine.run.engine.engine import Engine
 from rise_engine.scenario.loader import load
 from rise_engine.scenario.model import Scenario
 from tests.ros.contract.peers import ROOT
 from tests.ros.fault_matrix import (
-    MOMENTS,
     START_SECONDS,
     Case,
-    find_lies,
     open_transport,
     play_cases,
+    play_to_end,
     read_arguments,
 )
-from tests.ros.test_faults_dds import until
 from tests.ros.zora import FOLDER
 from tests.run.engine.samples import assert_one_ending_each
 
@@ -103,11 +98,8 @@ class ForeignCase(Case):
         self.action = action
         super().__init__(*more)
 
-    def make_engine(self) -> Engine:
-        _, scenario = study(self.action)
-        mappings = read_mappings(scenario.robot, self.transport.fields)
-        robot = Ros2Robot(scenario.robot, self.clock, self.transport, mappings)
-        return Engine(replace(scenario, mode="real"), robot, self.clock, 1, sinks=[self.records.append])
+    def make_scenario(self) -> Scenario:
+        return replace(study(self.action)[1], mode="real")
 
     def check(self) -> None:
         assert self.engine.idle
@@ -118,7 +110,6 @@ async def play(fault: str, moment: str, robot: str, transport: str) -> list[str]
     """One case; what was wrong, in sentences."""
     action = fault.partition("=")[0]
     folder, _ = study(action)
-    opened = open_transport(transport, asyncio.get_running_loop(), share=[folder / "share"])
     log = folder.parent / "did.jsonl"
     log.write_text("")
     command = ["-m", "rise_ros.examples.simulated_robot", "--config", str(folder), "--ros", robot]
@@ -135,20 +126,15 @@ async def play(fault: str, moment: str, robot: str, transport: str) -> list[str]
             while b"/cmd_vel" not in (line := await process.stdout.readline()):
                 assert line, "the simulated robot did not start"
         drain = asyncio.ensure_future(process.stdout.read())
-        case = ForeignCase(action, opened, made)
-        await case.begin()
-        await MOMENTS[moment](case)
-        case.engine.end("over")
-        await until(lambda: case.engine.ended, 30)
-        found = await find_lies(case, ACTIONS[action][0])
+        case = ForeignCase(action, partial(open_transport, transport, share=[folder / "share"]), made)
+        found = await play_to_end(case, moment, ACTIONS[action][0])
     finally:
         await made.end()
-        opened.close()
     await drain
     return found
 
 
 if __name__ == "__main__":
     os.environ["ZORA"] = str(FOLDER)
-    names = ("nothing", "stop_in_the_middle", "cancel_and_start_again", "kill")
+    names = ("nothing", "stop_in_the_middle", "cancel_and_start_again", "kill", "kill_the_engine_in_the_middle")
     sys.exit(asyncio.run(play_cases(list(product(FAULTS, names)), play, read_arguments())))

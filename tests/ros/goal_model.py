@@ -155,6 +155,8 @@ class Program:
 class World:
     """One robot, one session, and everything that can happen to them."""
 
+    goals = 2
+
     def __init__(self) -> None:
         self.clock = VirtualClock()
         self.loop = ClockLoop(self.clock)
@@ -206,8 +208,8 @@ class World:
     # --- what can happen ---
 
     def start(self) -> None:
-        """The wizard starts an action; twice at most, which is enough for one beside another."""
-        if len(self.started) < 2:
+        """The wizard starts an action, as often as there are `goals`; two are enough for one beside another."""
+        if len(self.started) < self.goals:
             number = len(self.started) + 1
             goal = StartAction(f"{number}/a", "Speech", {"message": "Hello"}, 2.0, bytes([number] * 16).hex())
             self.started.append(goal)
@@ -219,7 +221,9 @@ class World:
             self.robot.cancel(goal.action)
 
     def stop(self) -> None:
+        """The session knows nothing of the robot until it answers."""
         self.is_stopped = True
+        self.reports[:] = [each for each in self.reports if not isinstance(each, StopReport)]
         self.robot.stop_all()
 
     def take(self) -> None:
@@ -304,6 +308,8 @@ class World:
         if self.is_cut:
             self.wire.forget("/robot")
         self._connect(unfinished)
+        if self.is_stopped:  # as the kernel does for a stop that is in force
+            self.stop()
 
     def _live(self) -> Iterator[Program]:
         yield from self.programs
@@ -326,7 +332,12 @@ class World:
             for goal in robot._goals.values()
         ]
         truth = [
-            (goal.id, goal.status, len(goal.replies), len(program.cancels), program is self.program)
+            (
+                goal.id,
+                goal.can_move and (goal.status, len(goal.replies) > 1),  # how it ended decides nothing
+                sorted({id for id, _ in program.cancels}),
+                program is self.program,
+            )
             for program in self.programs
             for goal in program.goals.values()
         ]
@@ -365,6 +376,8 @@ def play(names: tuple[str, ...]) -> World:
 def check(world: World) -> None:
     """What the session says must be true."""
     moving, ended = world.moving(), world.ended_for_session()
+    if world.is_cut:
+        moving.discard(OTHER)  # of somebody else nobody hears while the robot is lost
     reports = [each for each in world.reports if isinstance(each, ActionReport) and each.status != "accepted"]
     assert len({each.action for each in reports}) == len(reports), "an action has two endings"
     said = world.stop_said()

@@ -494,12 +494,20 @@ def test_a_service(tmp_path: Path) -> None:
     assert one.result_rule.failure({"code": 3}) == "error code 3"
 
 
+@pytest.mark.parametrize(("more", "said"), [({}, True), ({"silent_after": 2}, False), ({"silent_after": 0}, False)])
+def test_an_emergency_stop_whose_silence_nobody_would_notice(tmp_path: Path, more: dict[str, Any], said: bool) -> None:
+    one = robot(tmp_path, ACTION_CARRIER)
+    estop = {"topic": "/estop", "type": "test/msg/Pressed", "when": {"data": True}, **more}
+    found = mapping_findings(replace(one, options={**one.options, "estop": estop}))
+    assert [(each.kind, each.where) for each in found] == ([("doubtful", "options.estop.topic")] if said else [])
+
+
 def test_a_value_of_a_place_that_nothing_takes_may_be_a_slip(tmp_path: Path) -> None:
     one = robot(tmp_path, ACTION_CARRIER + 'carrier.goal.pose = "{place}"')
     assert mapping_findings(one, fields) == []
     slip = replace(one, places={"desk": {"x": 1.0, "y": 0.0, "yow": 1.0}})
     (found,) = mapping_findings(slip, fields)
-    assert (found.kind, found.where, found.refuses) == ("unread", "places.desk.yow", False)
+    assert (found.kind, found.where, found.refuses) == ("doubtful", "places.desk.yow", False)
     assert found.sentence == "robot bob: `places.desk.yow` is used by no carrier; did you mean `yaw`?"
 
 

@@ -49,6 +49,9 @@ def parse_estop(table: Any, types: FieldTypes, mistakes: ProfileMistakes) -> Est
     if isinstance(seconds, bool) or not isinstance(seconds, int | float) or not 0 <= seconds <= MAX_SECONDS:
         mistakes.add(f"{WHERE}.silent_after", f"is a number of seconds, up to {MAX_SECONDS:.0f} (24 hours)")
         seconds = 0
+    if "silent_after" not in table:
+        why = "so nobody notices when the program of the button hangs; set it to two or three periods of the topic, or to 0"
+        mistakes.add(f"{WHERE}.{kind}", f"has no `silent_after`, {why}", "doubtful")
     when = table.get("when")
     if not isinstance(when, dict) or not when:
         mistakes.add(f"{WHERE}.when", "says which values mean that it is pressed: { data = true }")

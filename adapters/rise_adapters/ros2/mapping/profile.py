@@ -87,7 +87,7 @@ def _check_places(profile: RobotProfile, mistakes: ProfileMistakes) -> None:
     for name, place in profile.places.items() if taken else ():
         for key in place:
             if key not in taken:
-                mistakes.add(f"places.{name}.{key}", f"is used by no carrier{did_you_mean(key, taken)}", "unread")
+                mistakes.add(f"places.{name}.{key}", f"is used by no carrier{did_you_mean(key, taken)}", "doubtful")
 
 
 def _check_qos(name: str, mappings: Mapping[str, ActionMapping], mistakes: ProfileMistakes) -> None:
