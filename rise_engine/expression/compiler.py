@@ -47,6 +47,9 @@ from rise_engine.expression.parts import PartReader
 from rise_engine.expression.values import describe, is_true, native_number, to_double
 
 Compute: TypeAlias = Callable[[Any], Json]
+REMEDY = "put the value into a text with braces where it is said, as in `Number {n}`, or keep it as a text"
+NO_NUMBER = "is not a number"
+NO_SUMMAND = f"is not a number, and `+` joins it only with other texts; {REMEDY}"
 _QUESTIONS: dict[str, Callable[..., bool]] = {
     "in": lambda situation, rule, state: situation.in_state(rule, state),
     "rule": lambda situation, rule: situation.rule_runs(rule),
@@ -105,15 +108,17 @@ class ExpressionCompiler:
                 read = self.compile_operand(node)
                 return lambda env: is_true(read(env))
 
-    def compile_number(self, node: Node) -> Number:
-        """Compile a node as a double: booleans are 1 and 0, a missing key is 0."""
+    def compile_number(self, node: Node, problem: str = NO_NUMBER) -> Number:
+        """Compile a node as a double: booleans are 1 and 0, a missing key is 0. `problem`: of any other value."""
         match node:
             case Literal(value) if isinstance(value, (int, float)):
                 fixed = float(value)
                 return lambda env: fixed
             case Chain(first, rest):
+                problem = NO_SUMMAND if all(sign == "+" for sign, _ in rest) else NO_NUMBER
                 return compile_chain(
-                    self.compile_number(first), [(sign, self.compile_number(operand)) for sign, operand in rest]
+                    self.compile_number(first, problem),
+                    [(sign, self.compile_number(operand, problem)) for sign, operand in rest],
                 )
             case Negative(operand):
                 return compile_call(neg, [self.compile_number(operand)])
@@ -129,7 +134,7 @@ class ExpressionCompiler:
                 condition = self.compile_condition(node)
                 return lambda env: 1.0 if condition(env) else 0.0
             case _:
-                return self.compile_function(to_double, node, (int, float), 0.0, "is not a number")
+                return self.compile_function(to_double, node, (int, float), 0.0, problem)
 
     def compile_operand(self, node: Node) -> Operand:
         """Compile a node for its value in its own type: MISSING for a missing key, doubles for computed numbers."""
@@ -197,8 +202,7 @@ class ExpressionCompiler:
             text = next(value for value in known if isinstance(value, str))
             other = next(value for value in known if not isinstance(value, str))
             raise EvaluationError(
-                f"`+` joins texts or adds numbers, and this one has {describe(text)} and {describe(other)}; put the "
-                "value into a text with braces where it is said, as in `Number {n}`, or keep it as a text",
+                f"`+` joins texts or adds numbers, and this one has {describe(text)} and {describe(other)}; {REMEDY}",
                 self.text,
             )
 
@@ -208,7 +212,7 @@ class ExpressionCompiler:
         if value is MISSING:
             return 0.0
         if not isinstance(value, int | float):
-            raise self._misfit(node, value, "is not a number")
+            raise self._misfit(node, value, NO_NUMBER)
         return to_double(value)
 
     def _misfit(self, node: Node, value: Json, problem: str) -> EvaluationError:

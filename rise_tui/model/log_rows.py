@@ -7,12 +7,14 @@ changes of the robot's link, faults of rules) have the numbers after it.
 from __future__ import annotations
 
 from bisect import bisect_left, insort
+from collections.abc import Mapping
 
 from rise_engine.kernel.behaviors import started_rule
 from rise_engine.kernel.records import TaskRecord
 from rise_engine.kernel.reports import REPORT_KINDS
 from rise_engine.kernel.task_view import TaskView
 from rise_engine.kernel.view import RemarkView, SessionView
+from rise_engine.results.analysis.causes import actor_of, first_cause
 
 ROWS_PER_TASK = 1 << 12
 """Row numbers for each task: its own, and those of remarks before the next task."""
@@ -33,23 +35,18 @@ def task_of(row: int) -> int | None:
     return None if row % ROWS_PER_TASK else row // ROWS_PER_TASK
 
 
-JUST_STARTED_SECONDS = 1.0
-"""Seconds after a rule's start in which its actions count as those of the wizard who started it."""
-
-
-def is_by_wizard(source: str, t: float, starter: TaskView | None) -> bool:
-    """Whether a wizard caused an event: directly, or through a rule that a wizard has just started.
+def is_by_wizard(source: str, t: float, starter: TaskView | None, tasks: Mapping[int, TaskView]) -> bool:
+    """Whether a wizard caused an event: directly, or through a rule at the moment when the wizard started it.
 
     Arguments:
         source: who raised it.
         t: session time at which it came to the rules.
         starter: the task that had started that rule last.
+        tasks: those that may have led to it.
     """
-    if not source.startswith(BY_RULE):
-        return source.startswith("wizard:")
-    if starter is None or not starter.source.startswith("wizard:"):
-        return False
-    return t - (starter.started if starter.started is not None else starter.submitted) <= JUST_STARTED_SECONDS
+    if actor_of(source) == "rule" and starter is not None and starter.started == t:
+        source = first_cause(starter, tasks).source
+    return actor_of(source) == "wizard"
 
 
 def is_rules_own(task: TaskView | TaskRecord) -> bool:
@@ -84,7 +81,8 @@ class LogRows:
         for id, task in view.tasks.items():
             if task.function == "startInteractionRule" and task.started is not None:
                 starters[BY_RULE + started_rule(task.behavior)] = task
-            missed = task.taken is False and is_by_wizard(task.source, task.ended or 0.0, starters.get(task.source))
+            starter = starters.get(task.source)
+            missed = task.taken is False and is_by_wizard(task.source, task.ended or 0.0, starter, view.tasks)
             if missed or not is_rules_own(task):
                 self.main.append(row_of(id))
         for remark in view.remarks:

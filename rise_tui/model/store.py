@@ -415,7 +415,8 @@ class Store:
         if source == ENGINE and normal_topic(record.topic) == CUE_TOPICS[0] and view.cue is not None:
             source = view.cue.source
         rule = view.rules.get(source.removeprefix(BY_RULE))
-        by_wizard = is_by_wizard(source, record.t, view.tasks.get(rule.task or 0) if rule is not None else None)
+        starter = view.tasks.get(rule.task or 0) if rule is not None else None
+        by_wizard = is_by_wizard(source, record.t, starter, view.tasks)
         if by_wizard:
             self.notice = Notice(words_of(record).sentence, "wait")
         missed = [id for id in raised if id not in view.raised and id in view.tasks and view.tasks[id].taken is False]

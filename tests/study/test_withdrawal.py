@@ -25,7 +25,7 @@ from rise_engine.session.media import MEDIA_FILE, MediaFile, register_media
 from rise_engine.session.unfinished_files import private_folder
 from rise_engine.study.state import OpenStudy, due_retention, read_state
 from rise_engine.study.study_log import LOG_FILE, SET_ASIDE_FILE, LockedLog, StudyLogError, read_log
-from rise_engine.study.traces import WORK_FOLDER, find_names
+from rise_engine.study.traces import WORK_FOLDER, find_names, owner_of
 from rise_engine.study.withdrawal import plan_withdrawal, withdraw
 from rise_engine.study.withdrawal_work import WithdrawalPlan
 from rise_engine.study.withdrawn import is_withdrawn, without_salts
@@ -405,17 +405,18 @@ def test_redacting_a_session_takes_the_words_out_of_the_studys_log(made: Folder)
     with LockedLog(made.study) as log:
         log.append("outcome", session=path.name, status="complete", reason="Zelda was tired")
         log.append("checked", session=path.name, checks=[{"id": "lamp", "reason": "Zelda saw it", "result": "skipped"}])
-        log.append("outcome", session=made.sessions[3].name, status="aborted", reason="as Zelda before")
+        log.append("excluded", participant=owner_of(path), slot=None, reason="Zelda is under age")
+        log.append("excluded", participant="P99", slot=None, reason="as Zelda before")
     words = Words([parse_replacement("Zelda=NAME1")])
 
     report = RedactionReport(lines=3)
     exports = redact_in_study(path, report, words)
 
-    assert report.log_lines == 2 and exports == []
+    assert report.log_lines == 3 and exports == []
     entries = read_log(made.study)
     assert entries[-1].fields == {"session": path.name, "lines": 3} and entries[-1].kind == "redacted"
     text = (made.study / LOG_FILE).read_text()
-    assert text.count("NAME1") == 2 and text.count("Zelda") == 1
+    assert text.count("NAME1") == 3 and text.count("Zelda") == 1
     assert report.remains == [f"{LOG_FILE}, line {len(entries) - 1}: what somebody wrote, not about this session"]
 
 

@@ -16,7 +16,7 @@ from rise_engine.cli.terminal import print_lines, refusing, show
 from rise_engine.privacy.redaction import RedactionReport, redact
 from rise_engine.privacy.suggestions import NameSuggestion, suggest_words
 from rise_engine.study.study_log import LOG_FILE, LockedLog, LogEntry, StudyLogError
-from rise_engine.study.traces import study_of_session
+from rise_engine.study.traces import owner_of, study_of_session
 
 
 @click.command("redact")
@@ -52,8 +52,8 @@ def redact_session(
     also within longer words. It refuses, and changes nothing, if the words decide what happened: the session would not
     replay then. Nothing of the old journal is kept. Words of the scenario itself stay, and are listed.
 
-    In a study, it also removes the words from the entries about this session in study.jsonl. Earlier exports are listed
-    and stay unchanged.
+    In a study, it also removes the words from the entries about this session or its participant in study.jsonl. Earlier
+    exports are listed and stay unchanged.
 
     Exit status: 0 done; 1 refused, the words are still somewhere, or there are older exports; 2 wrong usage.
     """
@@ -108,7 +108,7 @@ def _report_lines(report: RedactionReport, *, try_only: bool, whole_words: bool)
 
 
 def redact_in_study(folder: Path, report: RedactionReport, words: Words, *, try_only: bool = False) -> list[str]:
-    """Remove the words from what people wrote about a session in its study's log, and note it there.
+    """Remove the words from what people wrote about a session or its participant in its study's log, and note it there.
 
     This comes before the change of the session, so that the log has it even if the run is killed in between.
 
@@ -121,14 +121,17 @@ def redact_in_study(folder: Path, report: RedactionReport, words: Words, *, try_
     study = study_of_session(folder)
     if study is None:
         return []
-    name = folder.resolve().name
+    name, participant = folder.resolve().name, owner_of(folder)
+
+    def is_about(entry: LogEntry) -> bool:
+        """Whether it is about the session, or about its participant and no session."""
+        of_sessions = {entry.get("session"), entry.get("folder")} - {None}
+        return name in of_sessions or (not of_sessions and participant != "" and entry.get("participant") == participant)
+
     try:
         with LockedLog(study) as log:
             before = log.entries()
-            after = [
-                each.with_written(words.replace) if name in (each.get("session"), each.get("folder")) else each
-                for each in before
-            ]
+            after = [each.with_written(words.replace) if is_about(each) else each for each in before]
             report.log_lines = sum(one != other for one, other in zip(before, after, strict=True))
             others = [each for each in after if each.with_written(words.replace) != each]
             report.remains += [

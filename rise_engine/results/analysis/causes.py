@@ -8,6 +8,7 @@ this module.
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping, Sequence
+from typing import Protocol, TypeVar
 
 from msgspec import Struct
 
@@ -32,6 +33,32 @@ def actor_of(source: str) -> ActorKind:
     if kind == "wizard" and source != _COMMAND_LINE:
         return "wizard"
     return "rule" if kind == "rule" else "engine" if kind == "engine" else "program"
+
+
+class Request(Protocol):
+    """A task as far as its cause is concerned: a `TaskRecord` or a `TaskView`."""
+
+    @property
+    def id(self) -> int: ...
+    @property
+    def source(self) -> str: ...
+    @property
+    def cause(self) -> int | None: ...
+
+
+R = TypeVar("R", bound=Request)
+
+
+def cause_of(task: R, tasks: Mapping[int, R]) -> R | None:
+    """Return the task that led to a task; None: nothing did, or it is not among `tasks`."""
+    return None if task.cause is None or task.cause >= task.id else tasks.get(task.cause)
+
+
+def first_cause(task: R, tasks: Mapping[int, R]) -> R:
+    """Return the task at the beginning of a task's chain of causes, as far as `tasks` has it."""
+    while (before := cause_of(task, tasks)) is not None:
+        task = before
+    return task
 
 
 class Origin(Struct, frozen=True):
@@ -93,12 +120,12 @@ class CauseCollector:
         at = task
         while at not in self._origins:
             way.append(at)
-            task_there = self._tasks[at]
-            if task_there.cause is None or task_there.cause not in self._tasks or task_there.cause >= at:
-                self._origins[at] = self._begin(task_there)
+            before = cause_of(self._tasks[at], self._tasks)
+            if before is None:
+                self._origins[at] = self._begin(self._tasks[at])
                 way.pop()
                 break
-            at = task_there.cause
+            at = before.id
         for each in reversed(way):
             self._origins[each] = self._extend(self._origins[self._cause_of(each)], self._tasks[each])
         return self._origins[task]

@@ -1,6 +1,6 @@
 """Markers: each event of a session in a few words, for programs that align it with an EEG or a video.
 
-    act/R_Welcome/robot     cue/marked     state/Greeting/Welcome     event/H_arrived     sync/2     stop/latched
+    act/R_Welcome/by-wizard     cue/marked     state/Greeting/Welcome     event/H_arrived     sync/2     stop/latched
 
 They contain names from the scenario and nothing that people said or typed, so they may be sent unencrypted. All of
 them: docs/reference/markers.md. The live stream (`rise-engine lsl`) and `--format xdf` are the same.
@@ -35,6 +35,7 @@ from rise_engine.kernel.speech import SAY
 from rise_engine.kernel.task_view import TaskView, add_record
 from rise_engine.kernel.view import SessionView
 from rise_engine.results.analysis.acts import confirmed_at, parts_of, specs_of
+from rise_engine.results.analysis.causes import Request, actor_of, first_cause
 from rise_engine.results.analysis.model import SessionData, SessionFacts
 from rise_engine.results.analysis.outages import records_by_wall_clock
 from rise_engine.scenario.model import ActionSpec, Scenario
@@ -72,13 +73,18 @@ class MarkerWords:
         self._hide = hide
         self._tasks: dict[int, TaskView] = {}
         """The acts that have not ended."""
+        self._requests: dict[int, Request] = {}
+        """All tasks so far, for their causes."""
 
     def skip_to(self, view: SessionView) -> None:
         """Start in a running session. Everything in `view` is past and gets no markers."""
         self._tasks = {id: deepcopy(view.tasks[id]) for id in (*view.running, *view.waiting) if id in view.tasks}
+        self._requests = dict(view.tasks)
 
     def words(self, record: AnyRecord) -> tuple[str, ...]:
         """Return the markers of a record. Most kinds have none."""
+        if isinstance(record, TaskRecord):
+            self._requests.setdefault(record.id, record)
         match record:
             case TaskRecord(function="startCommunicationRobotAct" | "say"):
                 return self._task(record)
@@ -114,7 +120,10 @@ class MarkerWords:
         elif before == record.status:  # only its place in the queue has changed
             return ()
         name = SAY if record.function == SAY else self._name("act", record.behavior, record.source)
-        return (f"act/{name}/{_MOMENTS[record.status]}",)
+        word = f"act/{name}/{_MOMENTS[record.status]}"
+        if record.status != "PENDING":
+            return (word,)
+        return word, f"act/{name}/by-{actor_of(first_cause(record, self._requests).source)}"
 
     def _action(self, record: ActionRecord) -> tuple[str, ...]:
         task = self._tasks.get(record.task)

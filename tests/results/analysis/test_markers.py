@@ -68,6 +68,13 @@ def test_nothing_that_was_said_or_typed_is_in_a_marker(data: SessionData, scenar
     assert not re.search("Zelda|Quux|looks away|question|anna|Nodd", told)
 
 
+def test_markers_name_the_same_causes_as_the_tables(data: SessionData) -> None:
+    told = [each.split("/")[1:] for _, each in recorded_markers(data) if re.match(r"act/[^/]+/by-", each)]
+    acts = sorted((act for act in data.acts if act.status != "REJECTED"), key=lambda act: act.task)
+    assert told == [[act.act, f"by-{act.actor}"] for act in acts]
+    assert len({act.actor for act in acts}) > 1
+
+
 def test_names_that_a_person_gave_are_not_told_and_those_of_programs_are_cleaned(scenario: Scenario) -> None:
     words = live_words(scenario, lambda name: name.replace("Zelda", "{person_name}"))
 
@@ -90,7 +97,7 @@ def test_a_new_place_in_the_queue_is_no_moment() -> None:
         )  # fmt: skip
 
     assert [task("PENDING", 1), task("PENDING", 0), task("ACTIVE", None), task("SUCCEEDED", None)] == [
-        ("act/Nod/accepted",),
+        ("act/Nod/accepted", "act/Nod/by-rule"),
         (),
         ("act/Nod/started",),
         ("act/Nod/succeeded",),

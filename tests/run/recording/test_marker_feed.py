@@ -330,4 +330,4 @@ async def test_what_happens_while_the_record_is_read_is_sent(scratch: Path, monk
         await outlet.until(lambda: "act/R_Nod/succeeded" in outlet.texts)
         feed.cancel()
     acts = [text for text in outlet.texts if text.startswith("act/")]
-    assert acts == [f"act/R_Nod/{moment}" for moment in ("accepted", "started", "robot", "succeeded")]
+    assert acts == [f"act/R_Nod/{word}" for word in ("accepted", "by-program", "started", "robot", "succeeded")]
