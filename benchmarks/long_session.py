@@ -24,6 +24,8 @@ ROUND_S = 10.0
 ROUND_RECORDS = 950
 """About so many in a round."""
 NODE = "ros:/seer"
+RECOVERY_S = 15.0
+"""CPU seconds. They depend on the machine, so a slow one may miss them while the ratio below still holds."""
 TIMES_KERNEL = 6.0
 """Recovery may take so many times what the kernel takes."""
 RECOVERY_MB, EXPORT_MB = 150.0, 300.0
@@ -108,7 +110,7 @@ def main() -> bool:
         _, seconds, memory = measured([sys.executable, "-c", _READING, str(session)])
         report.row("floor: reading it", f"{seconds:.1f} s", f"{memory:.0f} MB")
         _, seconds, memory = measured([sys.executable, "-c", _RECOVER, str(session)])
-        report.row("recovery", f"{seconds:.1f} s")
+        report.target("recovery: CPU seconds", seconds, RECOVERY_S, at_least=False)
         report.target("recovery: times the kernel alone", seconds / kernel, TIMES_KERNEL, at_least=False)
         report.target("recovery: megabytes", memory, RECOVERY_MB, at_least=False)
         for format in FORMATS:

@@ -45,7 +45,10 @@ STOP_SECONDS = 5.0
 @MOUSE
 @KEYS
 def edit(folder: str, robot: str | None, theme: str | None, mouse: str, keys: str | None) -> None:
-    """Change the study in DIR: acts, memory, keys, settings, tables. Nothing starts on a robot."""
+    """Change the study in DIR: acts, memory, keys, settings, tables. Nothing starts on a robot.
+
+    DIR/study.toml opens the design of a study and its participants.
+    """
     display = DisplayOptions(theme or "", "auto", mouse == "on", USUAL_FRAMES)
     sys.exit(_edit(folder, robot=robot, keys=keys, display=display))
 
@@ -100,6 +103,7 @@ def _edit(folder: str, *, robot: str | None, keys: str | None, display: DisplayO
         click.echo(f"{folder} is a study of several scenarios. Which one? Type one of:", err=True)
         for each in below:
             click.echo(f"  rise-tui edit {shlex.quote(os.path.normpath(each))}", err=True)
+        click.echo(f"  rise-tui edit {shlex.quote(os.path.normpath(path / STUDY_FILE))}  for its design", err=True)
         return USAGE
     path = Path(os.path.normpath(below[0])) if below else path
     try:

@@ -122,6 +122,15 @@ def test_the_example_line_in_study_toml_is_one(tmp_path: Path) -> None:
     assert study("check", str(folder)).output.startswith("no findings")
 
 
+def test_a_problem_in_one_kind_of_session_is_told_when_the_study_is_made(tmp_path: Path) -> None:
+    folder, levels = tmp_path / "s", ("--level", "form.a=form = 'plain'", "--level", "form.b=form = 'plane'")
+    made = study("new", str(folder), "--yes", "--scenario", "negation", "--factor", "form=between", *levels)
+    assert made.exit_code == 1 and "s is there, with a problem that you must fix." in made.output
+    checked = study("check", str(folder))
+    assert checked.exit_code == 1 and checked.output.startswith("no findings in the files (")
+    assert "has no column `plane`" in checked.output
+
+
 def test_levels_that_choose_a_scenario_or_are_done_by_people(tmp_path: Path) -> None:
     folder = tmp_path / "s"
     levels = ("--level", "task.a=scenario greeting", "--level", f"task.b=scenario {shipped_studies()['negation']}")
@@ -322,7 +331,7 @@ def test_answers_are_not_lost_by_an_error_that_is_found_at_the_end(tmp_path: Pat
         terminal.answer(each)
     assert terminal.end() == 1
     assert "in scenario-b: the memory has no key `hesitation`" in terminal.text
-    assert "lamps is there, with errors that you must fix in it." in terminal.text
+    assert "lamps is there, with errors that you must fix." in terminal.text
     assert "levels.b.scenario" in (tmp_path / "lamps" / "study.toml").read_text()
 
 

@@ -92,7 +92,8 @@ _Answer = TypeVar("_Answer")
 def new(folder: str, **given: Any) -> int:
     """Make a study in the new or empty folder STUDY: ask what it is about, and write study.toml with comments.
 
-    Exit status: 0; 1 if it could not be made; 2 wrong usage; 130 if you broke it off. Nothing is left half made.
+    Exit status: 0; 1 if it could not be made, or has errors or problems; 2 wrong usage; 130 if you broke it off.
+    Nothing is left half made.
     """
     path = Path(folder)
     if problem := folder_problem(path):
@@ -118,9 +119,11 @@ def new(folder: str, **given: Any) -> int:
     for line in look_lines(look):
         _print_filled(line)
     where = quote(folder)
+    problems = look.problems if look is not None else 0
+    to_fix = "errors" if errors else "a problem" if problems == 1 else "problems" if problems else ""
     print_lines(
         "",
-        f"{folder} is there{', with errors that you must fix in it' * bool(errors)}.",
+        f"{folder} is there{f', with {to_fix} that you must fix' if to_fix else ''}.",
         *(
             f"{copy_sentence(str(path / name), shipped_name(source) or str(source))}."
             for name, source in made.sources.items()
@@ -135,7 +138,7 @@ def new(folder: str, **given: Any) -> int:
         f"  4. rise-tui --config {where}",
         "     runs it.",
     )
-    return REFUSED if errors else OK
+    return REFUSED if to_fix else OK
 
 
 class _Conversation:

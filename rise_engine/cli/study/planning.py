@@ -97,6 +97,7 @@ def check(study: Path, sessions: bool, as_json: bool) -> int:
     for name in review.left_out:
         print_lines(f"{name} was not checked: {STUDY_FILE} describes it, and has errors")
     found = f"{pluralize(errors, 'error')}, {pluralize(warnings, 'warning')}" if review.diagnostics else "no findings"
+    found += " in the files" * bool(look is not None and look.findings)
     print_lines(f"{found}{f' ({_contents_text(review.study, review)})' if review.study is not None else ''}")
     print_lines(*look_lines(look))
     is_well = not errors and not problems
