@@ -126,7 +126,9 @@ def redact_in_study(folder: Path, report: RedactionReport, words: Words, *, try_
     def is_about(entry: LogEntry) -> bool:
         """Whether it is about the session, or about its participant and no session."""
         of_sessions = {entry.get("session"), entry.get("folder")} - {None}
-        return name in of_sessions or (not of_sessions and participant != "" and entry.get("participant") == participant)
+        return name in of_sessions or (
+            not of_sessions and participant != "" and entry.get("participant") == participant
+        )
 
     try:
         with LockedLog(study) as log:

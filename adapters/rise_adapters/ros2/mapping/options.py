@@ -50,8 +50,8 @@ def parse_estop(table: Any, types: FieldTypes, mistakes: ProfileMistakes) -> Est
         mistakes.add(f"{WHERE}.silent_after", f"is a number of seconds, up to {MAX_SECONDS:.0f} (24 hours)")
         seconds = 0
     if "silent_after" not in table:
-        why = "so nobody notices when the program of the button hangs; set it to two or three periods of the topic, or to 0"
-        mistakes.add(f"{WHERE}.{kind}", f"has no `silent_after`, {why}", "doubtful")
+        why = "has no `silent_after`, so nobody notices when the program of the button hangs"
+        mistakes.add(f"{WHERE}.{kind}", f"{why}; set it to two or three periods of the topic, or to 0", "doubtful")
     when = table.get("when")
     if not isinstance(when, dict) or not when:
         mistakes.add(f"{WHERE}.when", "says which values mean that it is pressed: { data = true }")
