@@ -90,15 +90,13 @@ class Program:
 
     def _cancel(self, request: Message, reply: SendReply) -> None:
         id = bytes(request["goal_info"]["goal_id"]["uuid"])
-        moving = [goal for goal in self.goals.values() if goal.status in (EXECUTING, CANCELING)]
-        meant = [goal for goal in moving if id in (goal.id, bytes(16))]
         known = self.goals.get(id)
-        if meant:
+        if any(goal.status == EXECUTING and id in (goal.id, bytes(16)) for goal in self.goals.values()):
             self.cancels.append((id, reply))
         elif not any(id):
             reply({"return_code": 0})
-        else:  # as rclpy: what it has not taken yet it does not know
-            reply({"return_code": 3 if known is not None and not known.can_move else 2})
+        else:  # as rcl: "terminated" also means one that is being stopped, and what it has not taken it does not know
+            reply({"return_code": 3 if known is not None and known.status else 2})
 
     def _result(self, request: Message, reply: SendReply) -> None:
         goal = self.goals.get(bytes(request["goal_id"]["uuid"]))
@@ -141,6 +139,10 @@ class Program:
                 each.status = CANCELING
         if stops:
             self._tell()
+
+    def is_asked_to_stop(self, goal: bytes) -> bool:
+        """Whether a request to cancel this goal is not answered yet."""
+        return any(id in (goal, bytes(16)) for id, _ in self.cancels)
 
     def _asked(self) -> list[RobotGoal]:
         return [goal for goal in self.goals.values() if goal.status == 0]
@@ -331,13 +333,8 @@ class World:
             )
             for goal in robot._goals.values()
         ]
-        truth = [
-            (
-                goal.id,
-                goal.can_move and (goal.status, len(goal.replies) > 1),  # how it ended decides nothing
-                sorted({id for id, _ in program.cancels}),
-                program is self.program,
-            )
+        truth = [  # how a goal has ended decides nothing
+            (goal.id, goal.can_move and (goal.status, len(goal.replies) > 1, program.is_asked_to_stop(goal.id)))
             for program in self.programs
             for goal in program.goals.values()
         ]

@@ -70,6 +70,21 @@ def test_what_an_engine_left_behind_runs_on_until_somebody_asks() -> None:
     assert not world.moving() and world.open() == ()
 
 
+def test_what_is_being_stopped_has_not_ended_although_rcl_calls_it_terminated() -> None:
+    """And so no next engine confirms its stop before it hears of it."""
+    world = play(("start", "take", "stop"))
+    for program in world.programs:
+        program.answer_cancels(stops=True)
+    late = world.wire.hold("*/status")
+    world.engine_dies()
+    world.settle()
+    assert [goal.reason for goal in world.open()] == ["an engine that has gone began it"]
+    goal_model.check(world)
+    late.release()
+    play_more(world, "finish")
+    assert world.open() == ()
+
+
 def test_a_part_that_a_person_releases_is_used_again() -> None:
     world = play(("start", "take", "cancel", "refuses_to_stop", "wait", "refuses_to_stop", "start", "wait"))
     assert world.reports[-1].status == "failed" and world.reports[-1].reason.startswith("held: ")  # type: ignore[union-attr]

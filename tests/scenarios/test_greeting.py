@@ -4,8 +4,10 @@ from __future__ import annotations
 
 from itertools import groupby
 
-from rise_engine.kernel.records import FINAL
+from rise_engine.kernel.records import FINAL, FailureRecord
+from tests.kernel.harness import Session, read
 from tests.scenarios.conftest import Play
+from tests.scenarios.played import SCENARIOS
 
 GREETINGS = {
     "Hello! How nice that you are here.",
@@ -107,3 +109,21 @@ def test_what_is_known_of_the_visitor_is_forgotten_ten_seconds_after_they_left(p
     forgot = [record["t"] for record in session.of("rule", name="Greeting", state="Nobody")][1:]
     assert [round(t, 3) for t in forgot] == [round(left[1] + 10, 3), round(left[2] + 10, 3)]
     assert session.values("person_name") == [None, "Anna", None, None]
+
+
+def test_the_gaze_follows_again_each_time_that_a_lost_robot_is_back_and_nobody_is_asked() -> None:
+    session = Session(read(SCENARIOS / "greeting"))
+    session.robot("connected")
+    session.rule("Greeting")
+    session.assign("person_near = true")
+    for _ in range(3):
+        session.wait(0.5)
+        assert [goal for goal in session.goals.values() if goal.type == "LookAt"]
+        session.robot("lost")
+        assert not session.goals
+        session.wait(20)
+        session.robot("connected")
+        session.wait(3)
+        assert [goal for goal in session.goals.values() if goal.type == "LookAt"], "the gaze stands still"
+    failures = [record.status for record in session.records if isinstance(record, FailureRecord)]
+    assert "asked" not in failures and failures.count("repeated") >= 3

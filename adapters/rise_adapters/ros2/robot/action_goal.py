@@ -465,10 +465,12 @@ class ActionGoal:
                 self._note_once("cancel-refused", f"{self.endpoint.name} does not stop {self.action}; it goes on")
         elif self.phase == "ended":  # the server does not have it, or the goal is over
             if answer.code == CANCEL_TERMINATED:
-                # rcl also answers this for a goal that it is already cancelling; then the ending is still to come.
+                # rcl also answers this for a goal that it is already cancelling. Only its status or result tells.
                 self.cancellation.pause()
-                if self.endpoint.client.statuses.get(self.id, UNKNOWN) != CANCELING:
+                if self.endpoint.client.statuses.get(self.id) in FINAL_STATUSES:
                     self._mark_over()
+                else:
+                    self._ask_result()
             elif self._is_forgotten(servers):
                 self._mark_over()
             elif self.endpoint.presence.changes == servers:

@@ -169,8 +169,12 @@ class _ComparedEndpoint:
             return "missing"
         if not self.open:
             return ""
-        was_asked = self._clock.now() >= self.presence.appeared_at + ASKING_SECONDS
-        return "held" if was_asked else "missing"
+        return "held" if self.is_known else "missing"
+
+    @property
+    def is_known(self) -> bool:
+        """Whether it has had the time to say what it is doing."""
+        return self._clock.now() >= self.presence.appeared_at + ASKING_SECONDS
 
     @property
     def trouble(self) -> str:

@@ -109,7 +109,7 @@ class CancelAll:
             else:
                 self.answer = None  # ask it again
         elif not (running or self._moved_since) and self.answer is not None and self.endpoint.presence.count == 1:
-            self._has_confirmed = True
+            self._has_confirmed = self.endpoint.is_known
         return self._has_confirmed
 
     def why_unconfirmed(self) -> str:
@@ -206,7 +206,6 @@ class StopAll:
 
     def begin(self) -> None:
         self._keep_asking()
-        self.poll()
 
     def poll(self) -> None:
         """Check after a change whether all have confirmed."""
@@ -236,6 +235,7 @@ class StopAll:
         self._ask(cancel for cancel in self._cancels if cancel.answer is None)
         again = min(now + REPEAT_SECONDS, self._until) if self._reported is None else now + SLOW_REPEAT_SECONDS
         self._timer = self._clock.call_at(again, self._keep_asking)
+        self.poll()
 
     def _ask(self, cancels: Iterable[CancelAll]) -> None:
         for cancel in tuple(cancels):
