@@ -286,6 +286,8 @@ async def find_lies(case: Case, part: str) -> list[str]:
         case.check()
     except AssertionError as error:
         found.append(f"not one ending each: {error}")
+    if (code := case.process.process.returncode) is not None and code < 0 and code != -signal.SIGKILL:
+        found.append(f"the robot's program ended by signal {-code}")
     if not case.of(RobotRecord):
         found.append("the robot was never there")
     return found
