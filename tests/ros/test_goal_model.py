@@ -8,7 +8,7 @@ from tests.chance import SEARCH
 from tests.ros import goal_model
 from tests.ros.goal_model import World, play
 
-DEPTH, ORDERS = (3, 150) if SEARCH else (2, 30)
+DEPTH, ORDERS = (5, 2_000) if SEARCH else (3, 200)
 """Events after the start, and how many orders of them there are at least. `./dev soak --goals 6` explores further."""
 
 
