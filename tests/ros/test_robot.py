@@ -310,6 +310,56 @@ def test_a_stop_resets_topics_and_says_that_they_give_no_answer() -> None:
     assert eyes.statuses("1/a") == ["accepted", "canceled"]
 
 
+@pytest.mark.parametrize("noticed", [1.5, 8.0], ids=["while it shows", "after its end"])
+def test_who_was_cut_off_is_told_to_stop_when_it_is_back(noticed: float) -> None:
+    """The middleware sees late that nobody listens: the reset was sent, and nobody heard it."""
+    eyes = Eyes(reset={"data": "neutral"})
+    eyes.show("1/a", "happy", 2)
+    eyes.run(1)
+    eyes.wire.kill("/robot")
+    eyes.run(noticed)
+    eyes.wire.forget("/robot")
+    eyes.run(10)
+    (goal,) = eyes.of(RobotChanged)[-1].open
+    assert (goal.part, goal.reason) == ("pepper/eyes", "nothing may have heard that it should stop")
+    eyes.wire.heal("/robot")
+    eyes.run(12)
+    assert [what for _, what in eyes.seen[:2]] == ["happy", "neutral"] and {what for _, what in eyes.seen[1:]} == {
+        "neutral"
+    }
+    assert eyes.of(RobotChanged)[-1].open == ()
+
+
+def test_what_listens_again_is_told_of_the_stop() -> None:
+    eyes = Eyes(reset={"data": "neutral"})
+    eyes.run(1)
+    eyes.wire.forget("/robot")
+    eyes.run(2)
+    eyes.robot.stop_all()
+    eyes.run(5)
+    assert "pepper/eyes (gone)" in eyes.of(StopReport)[-1].unconfirmed and eyes.seen == []
+    eyes.wire.heal("/robot")
+    eyes.run(9)
+    assert {what for _, what in eyes.seen} == {"neutral"}
+    assert eyes.of(StopReport)[-1].unconfirmed == ("pepper/eyes (told to stop; a topic gives no answer)",)
+
+
+def test_what_an_earlier_engine_has_published_is_taken_back_when_something_listens() -> None:
+    eyes = Eyes(listening=False, reset={"data": "neutral"})
+    eyes.run(6)
+    which = with_eyes(reset={"data": "neutral"})
+    robot = Ros2Robot(which, eyes.clock, eyes.near, read_mappings(which, eyes.near.fields))
+    robot.adopt([StartAction("1/a", "Emotion", {"value": "happy"}, 1.0, accepted=True)])
+    robot.connect(eyes.told.append)
+    eyes.run(7)
+    robot.cancel_open_goals("")
+    eyes.run(12)
+    assert [goal.part for goal in eyes.of(RobotChanged)[-1].open] == ["pepper/eyes"]
+    eyes.listen()
+    eyes.run(15)
+    assert {what for _, what in eyes.seen} == {"neutral"} and eyes.of(RobotChanged)[-1].open == ()
+
+
 # --- how the robot stands -------------------------------------------------------------------------------------------
 
 

@@ -297,6 +297,8 @@ class TopicEndpoint(_ComparedEndpoint):
         self.publisher: Publisher = transport.publisher(mapping.name, mapping.type, mapping.topic_qos)
         self.user: object | None = None
         """The goal that published last. Only its end takes the message back."""
+        self.reset_by: object | None = None
+        """The goal whose end took back the last message."""
         self.is_stoppable = mapping.stoppable
         """Whether a message can stop what was requested."""
         self.is_harmless = mapping.harmless

@@ -208,16 +208,18 @@ class Ros2Robot:
             self._stop.abandon()
         self._poll_endpoints()
         idle = [each for each in self._endpoints if isinstance(each, TopicEndpoint) and each.user is None]
+        resets = {endpoint: self._make_resets(endpoint) for endpoint in idle}  # the others' goals do it themselves
         for goal in tuple(self._goals.values()):
             goal.cancel()
-        for action, mapping in self._mappings.items():
-            endpoint = self._endpoint_of[action]
-            if isinstance(endpoint, TopicEndpoint) and endpoint in idle:  # even if others have published there
-                reset = mapping.make_reset(node=self._transport.node, goal="", frame=self._frame)
-                if reset is not None:
-                    endpoint.publish(reset)
-        self._stop = StopAll(self.clock, self._endpoints, self._find_goals, lambda report: self._report(report))
+        self._stop = StopAll(self.clock, self._endpoints, self._find_goals, resets, lambda report: self._report(report))
         self._stop.begin()
+
+    def _make_resets(self, endpoint: TopicEndpoint) -> list[Message]:
+        """The messages that take back everything on a topic, also what others have published there."""
+        names = [action for action, its in self._endpoint_of.items() if its is endpoint]
+        node, frame = self._transport.node, self._frame
+        made = (self._mappings[name].make_reset(node=node, goal="", frame=frame) for name in names)
+        return [reset for reset in made if reset is not None]
 
     def last_seen(self) -> float | None:
         """The middleware renews a server's presence within the server's lease. ROS offers no other sign of life."""

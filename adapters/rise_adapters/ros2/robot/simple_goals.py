@@ -5,6 +5,7 @@ the engine, but the robot may go on until it answers. Until then, nothing else i
 
 A topic carries an action as a message, sent once or at a rate. The action takes its expected time, and the profile's
 reset takes it back. Nobody answers on a topic, so a listener counts as acceptance, and the end of the time as success.
+A reset that nothing may have heard is published again when something listens; until then, the goal is open.
 """
 
 from __future__ import annotations
@@ -21,6 +22,10 @@ from rise_engine.kernel.commands import StartAction
 from rise_engine.ports.robot import Timer
 
 # --- topics -----------------------------------------------------------------------------------------------------------
+
+LEASE_SECONDS = 30.0
+"""If the listener goes so many seconds after a reset, it may have been cut off before: middleware notices late (Cyclone
+DDS after 10 s, Fast DDS after 20 s)."""
 
 
 class TopicGoal:
@@ -44,6 +49,10 @@ class TopicGoal:
         self._host = host
         self._make_message = make_message
         self._make_reset = make_reset
+        self._reset_at = -inf
+        """When the reset was published, in seconds of session time."""
+        self._is_reset_due = False
+        """Whether it must be published again, because nothing may have heard it."""
         self._is_stoppable = mapping.stoppable
         self._is_harmless = mapping.harmless
         self._rate = mapping.rate
@@ -67,8 +76,8 @@ class TopicGoal:
 
     def cancel(self) -> None:
         if self.phase == "ended" and self.may_be_running and self._is_stoppable:
-            self._publish_reset()
-            self.release()
+            self._take_back()
+            self._host.on_goal_changed(self)
         elif self.phase == "waiting":
             self._end("canceled", "it had not been sent yet")
         elif self.phase == "running":
@@ -83,17 +92,19 @@ class TopicGoal:
         return self._is_stoppable
 
     def release(self) -> None:
-        self.may_be_running = False
+        self.may_be_running = self._is_reset_due = False
         self._host.on_goal_changed(self)
 
     def why_open(self) -> str:
+        if self._is_reset_due:
+            return "nothing may have heard that it should stop"
         return "an engine that has gone began it" if self._is_stoppable else "its topic cannot be stopped"
 
     def is_live(self) -> bool:
-        return self.phase != "ended"
+        return self.phase != "ended" or self._is_reset_due
 
     def next_deadline(self) -> float:
-        return self._deadline
+        return self._deadline if self.phase != "ended" else inf
 
     def poll(self) -> None:
         now = self._host.clock.now() + TIMER_TOLERANCE
@@ -107,13 +118,19 @@ class TopicGoal:
                 self._end("failed", f"server-missing: {endings.describe_missing(self.endpoint)}")
         elif self.phase == "running" and now >= self._deadline:
             self._end("succeeded", "")
+        elif self._is_reset_due and self.endpoint.presence.count:
+            self._take_back()
+            self._host.on_goal_changed(self)
 
     def on_server_gone(self) -> None:
         if self.phase == "running":
             self._end("lost", f"server-gone: what listened to {self.endpoint.name} went away during the action")
+        elif self.endpoint.reset_by is self and self._host.clock.now() < self._reset_at + LEASE_SECONDS:
+            self.may_be_running = self._is_reset_due = True
+            self._host.on_goal_changed(self)
 
     def on_server_changed(self) -> None:
-        """Do nothing: listeners cannot be asked."""
+        """Do nothing: `poll` publishes a reset that is due."""
 
     def on_robot_lost(self, reason: str) -> None:
         if self.phase != "ended":
@@ -122,7 +139,7 @@ class TopicGoal:
     def _publish(self) -> None:
         if not self._send():
             return
-        self.endpoint.user = self
+        self.endpoint.user, self.endpoint.reset_by = self, None
         self.phase = "running"
         self._deadline = self._host.clock.now() + self._expected
         self._host.report_accepted(self.action)
@@ -152,16 +169,21 @@ class TopicGoal:
         if self.endpoint.user is self:  # a later goal has the topic to itself
             self.endpoint.user = None
             if self._is_stoppable:
-                self._publish_reset()
+                self._take_back()
             else:
                 self._leave_unstopped()
         self._host.on_goal_changed(self)
         self._host.report_ended(self.action, status, reason)
 
-    def _publish_reset(self) -> None:
+    def _take_back(self) -> None:
+        """Publish the reset. It is due again until something that listens has had the time to hear it."""
         reset = self._make_reset()
-        if reset is not None:
-            self.endpoint.publish(reset)
+        if reset is None:
+            self.may_be_running = False
+            return
+        self.endpoint.publish(reset)
+        self.endpoint.reset_by, self._reset_at = self, self._host.clock.now()
+        self.may_be_running = self._is_reset_due = not (self.endpoint.presence.count and self.endpoint.is_known)
 
 
 class ServiceGoal:

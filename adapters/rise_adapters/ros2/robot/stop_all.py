@@ -16,7 +16,7 @@ the people in front of the robot must know.
 from __future__ import annotations
 
 import logging
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from functools import partial
 from typing import TypeAlias
 
@@ -30,9 +30,9 @@ from rise_adapters.ros2.actions.client import (
     CancelResponse,
 )
 from rise_adapters.ros2.robot.action_goal import ActionGoal
-from rise_adapters.ros2.robot.endpoints import ActionEndpoint, Endpoint, ServiceEndpoint
+from rise_adapters.ros2.robot.endpoints import ActionEndpoint, Endpoint, ServiceEndpoint, TopicEndpoint
 from rise_adapters.ros2.robot.goal_host import TIMER_TOLERANCE
-from rise_adapters.ros2.transport.port import PortError
+from rise_adapters.ros2.transport.port import Message, PortError
 from rise_engine.kernel.inputs import StopReport
 from rise_engine.ports.robot import Clock, Timer
 
@@ -127,6 +127,8 @@ class CancelAll:
         ours = [goal for goal in own.values() if goal.may_be_running and goal.phase == "ended"]
         if ours:
             return ours[0].why_open()
+        if not (endpoint.is_known or self.find_running()):
+            return "it has only just appeared"
         if self.answer.code in (CANCEL_NONE, CANCEL_REJECTED) and not self._is_stopping(self.find_running()):
             return "it refused to stop"
         return "still running"
@@ -162,6 +164,30 @@ class CancelAll:
         changed()
 
 
+class TellTopic:
+    """One topic on which everything is taken back. What returns later is told, too."""
+
+    def __init__(self, endpoint: TopicEndpoint, resets: Sequence[Message]) -> None:
+        self.endpoint = endpoint
+        self._resets = resets
+        self._is_told = False
+
+    def poll(self) -> None:
+        """Tell what listens, until it has had the time to hear it."""
+        if not self.endpoint.presence.count:
+            self._is_told = False
+        elif not self._is_told:
+            for reset in self._resets:
+                self.endpoint.publish(reset)
+            self._is_told = self.endpoint.is_known
+
+    def why_unconfirmed(self) -> str:
+        presence = self.endpoint.presence
+        if presence.count:
+            return "told to stop; a topic gives no answer"
+        return self.endpoint.misfit_kind or ("gone" if presence.was_seen else "never seen")
+
+
 class StopAll:
     """One stop, from the request until something is started or everything is stopped again."""
 
@@ -170,17 +196,19 @@ class StopAll:
         clock: Clock,
         endpoints: Iterable[Endpoint],
         find_goals: FindGoals,
+        resets: Mapping[TopicEndpoint, Sequence[Message]],
         report: Callable[[StopReport], None],
     ) -> None:
-        """`report` is first called within ANSWER_SECONDS, and again with each change."""
+        """`resets`: what takes back everything on a topic. `report` is first called within ANSWER_SECONDS, and again
+        with each change."""
         self._clock = clock
         self._report = report
         self._until = clock.now() + ANSWER_SECONDS
         self._timer: Timer | None = None
         self._cancels: list[CancelAll] = []
         self._asked: set[CancelAll] = set()
-        self._silent: list[str] = []
-        """Parts that cannot confirm, with the reason."""
+        self._topics: list[TellTopic] = []
+        """Parts that cannot confirm."""
         self._unstoppable: list[str] = []
         self._services: list[ServiceEndpoint] = []
         self._reported: StopReport | None = None
@@ -193,11 +221,8 @@ class StopAll:
             elif not endpoint.is_stoppable:
                 if not endpoint.is_harmless:
                     self._unstoppable.append(endpoint.label)
-            elif endpoint.presence.count:
-                self._silent.append(f"{endpoint.label} (told to stop; a topic gives no answer)")
             else:
-                why = "gone" if endpoint.presence.was_seen else "never seen"
-                self._silent.append(f"{endpoint.label} ({endpoint.misfit_kind or why})")
+                self._topics.append(TellTopic(endpoint, resets.get(endpoint, ())))
 
     @property
     def is_answered(self) -> bool:
@@ -211,6 +236,8 @@ class StopAll:
         """Check after a change whether all have confirmed."""
         if self._is_abandoned:
             return
+        for topic in self._topics:
+            topic.poll()
         confirmed = [cancel.is_confirmed() for cancel in self._cancels]  # calls all of them: see `find_running`
         if self._reported is not None:
             self._ask(cancel for cancel in self._cancels if cancel not in self._asked)  # newly appeared
@@ -263,7 +290,8 @@ class StopAll:
         self._report(report)
 
     def _make_report(self) -> StopReport:
-        confirmed, unconfirmed = [], list(self._silent)
+        confirmed = []
+        unconfirmed = [f"{each.endpoint.label} ({each.why_unconfirmed()})" for each in self._topics]
         for cancel in self._cancels:
             if cancel.is_confirmed():
                 confirmed.append(cancel.endpoint.label)
