@@ -117,7 +117,7 @@ def _releasable(store: Store) -> Obstacle:
     if store.key_state != "STOPPED":
         return None if store.open_goals else "nothing is stopped or held"
     held_by = store.view.stop.held_by
-    return f"{stopper_words(held_by[0])} is still pressed" if held_by else None
+    return f"{stopper_words(held_by[0])} has not been let go" if held_by else None
 
 
 def _shadowed(store: Store) -> Obstacle:

@@ -61,9 +61,14 @@ class OpenGoal(Struct, frozen=True, gc=False):
     """The robot has accepted it; false: it has not answered, and may still begin."""
 
 
+def describe_open_goal(goal: OpenGoal) -> str:
+    """A sentence for people about something that the robot may still be doing."""
+    return f"{goal.part} may still be doing {goal.type} ({goal.reason})"
+
+
 def describe_open_goals(goals: Iterable[OpenGoal]) -> str:
     """A text for people about what the robot may still be doing; empty if it is doing nothing."""
-    return "; ".join(f"{goal.part} may still be doing {goal.type} ({goal.reason})" for goal in goals)
+    return "; ".join(map(describe_open_goal, goals))
 
 
 class SessionIdentity(Struct, frozen=True, kw_only=True):

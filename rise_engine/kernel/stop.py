@@ -95,7 +95,7 @@ class StopLatch:
         if self.status == "released":
             return "nothing is stopped"
         if self.held_by:
-            return f"{stopper_words(self.held_by[0])} is still pressed"
+            return f"{stopper_words(self.held_by[0])} has not been let go"
         return "the robot has not answered the stop yet" if self.status == "requested" else ""
 
     def release(self, source: str) -> None:

@@ -32,6 +32,7 @@ from rise_engine.kernel.records import (
     MemoryRecord,
     MistakeRecord,
     NoteRecord,
+    OpenGoal,
     OutcomeRecord,
     RecordingRecord,
     RobotRecord,
@@ -204,6 +205,8 @@ class SessionView(Struct):
     """The last mark for recordings."""
     ended: bool = False
     end_reason: str = ""
+    left_open: tuple[OpenGoal, ...] = ()
+    """What the robot may still have been doing when the session ended."""
     """Why it ended."""
     control: str | None = None
     """Who holds control: `wizard:<name>`; null: nobody."""
@@ -332,6 +335,7 @@ class SessionView(Struct):
     def _apply_session(self, record: SessionRecord) -> None:
         if record.status == "ended":
             self.ended = True
+            self.left_open = record.open
             self.end_reason = "; ".join(filter(None, (record.reason, describe_open_goals(record.open))))
         else:
             self.session = record

@@ -32,12 +32,12 @@ from rise_engine.base.files import is_locked, make_private_folder, write_private
 from rise_engine.base.nearest_name import did_you_mean
 from rise_engine.base.text import escape_all_surrogates, restore_all_surrogates
 from rise_engine.kernel.inputs import SessionStarted
-from rise_engine.kernel.records import Purpose, identity_of
+from rise_engine.kernel.records import OpenGoal, Purpose, SessionRecord, identity_of
 from rise_engine.ports.bridge import RosConnection, RosTransport
 from rise_engine.scenario.files.file_names import DEFAULT_PATHS
 from rise_engine.scenario.loader import load
 from rise_engine.scenario.model import Scenario
-from rise_engine.session.journal_format import FORMAT
+from rise_engine.session.journal_format import FORMAT, LineError, read_line
 from rise_engine.session.journal_format import JOURNAL as JOURNAL
 from rise_engine.session.labels import label_differences, labels_for, read_labels, refuse_differences
 from rise_engine.session.lock import LockHolder, forget_holder, read_holder, user_name
@@ -258,6 +258,17 @@ def has_ended(folder: Path) -> bool:
             return b'"input":"session_ended"' in file.read()  # no text can hold this: its quotes would be escaped
     except OSError:
         return False
+
+
+def left_open(folder: Path) -> tuple[OpenGoal, ...]:
+    """What the robot may still have been doing when a session ended. Empty also when this is unknown."""
+    try:
+        with (folder / JOURNAL).open("rb") as file:
+            file.seek(max(0, file.seek(0, os.SEEK_END) - 65_536))
+            last = read_line(file.read().rstrip(b"\n").rpartition(b"\n")[2])
+    except (OSError, LineError):
+        return ()
+    return last.open if isinstance(last, SessionRecord) else ()
 
 
 def find_unfinished(scenario_folder: str | None = None, root: Path | None = None) -> list[Path]:

@@ -12,6 +12,7 @@ from typing import Any, Literal
 from textual import events, on
 
 from rise_engine.base.errors import StudyError
+from rise_engine.base.exit_status import STILL_RUNNING
 from rise_engine.run.protocol.client import Client, EngineGone, Rejected
 from rise_engine.run.protocol.registry import RegistryError
 from rise_engine.run.protocol.session_options import SessionOptions
@@ -441,6 +442,8 @@ class ConsoleApp(TerminalApp):
             self.exit_message = exit_dialogs.exit_message(
                 self._session.store, end=end, in_time=closed == "done", patience=END_PATIENCE, signal_name=signal_name
             )
+            if end and self._session.store.view.left_open:
+                code = STILL_RUNNING
         elif self._day.source is not None:
             busy = self.study_screen.busy if self.study_screen is not None else ""
             self.exit_message = exit_dialogs.study_exit_message(self._day.source.folder, busy, signal_name)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import shlex
 
+from rise_engine.kernel.records import describe_open_goals
 from rise_tui.config.paths import abbreviate_home
 from rise_tui.key_labels import why_blocked
 from rise_tui.model.status import running_lines, session_title
@@ -77,6 +78,8 @@ def exit_message(store: Store, *, end: bool, in_time: bool, patience: float, sig
         return f"{lead}{title} did not end within {patience:g} s: look at the robot; rise-tui shows what runs"
     if end or store.ended_in_order:
         kept = store.attach_reply.folder
+        if store.view.left_open:
+            lead = f"LOOK AT THE ROBOT: {describe_open_goals(store.view.left_open)}\n{lead}"
         if not kept:
             return f"{lead}ended: {title}"
         where = abbreviate_home(kept)

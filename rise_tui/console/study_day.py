@@ -105,7 +105,7 @@ class StudyDay:
             session_title(store),
             *running_lines(store),
             "",
-            "The robot stops, and the session ends permanently.",
+            "What runs is stopped, and the session ends permanently.",
         ]
         dialog = OutcomeDialog(f"End the session of {participant_text(store)}?", lines, ends=True)
         dialog.add_class("-quit")

@@ -113,7 +113,7 @@ def alarm_lines(found: Sequence[Alarm]) -> tuple[StyledLine, ...]:
     worst, *others = found
     if not others:
         return worst.head, worst.second, worst.third
-    # The second line says more than the third, except when the third names who has not confirmed a stop.
+    # The second line says more than the third, except when the third names what may still move after a stop.
     middle = worst.third if any(role == "fault" for _, role in worst.third) else worst.second
     gap: StyledLine = (("  ", "plain"),)
     named = others[0].head if len(others) == 1 else sum((other.head[:1] + gap for other in others), ())
@@ -186,22 +186,20 @@ def _stop_alarms(store: Store, key_name: KeyNames) -> Iterator[Alarm]:
         head = "nothing starts until it is released"
         release: StyledLine = ((f"   {key_name('release')} release", "key"),) if store.has_control else ()
         if stop.held_by:
-            head, release = f"{', '.join(map(short_name, stop.held_by))} is still pressed", ()
-        missing: StyledLine = (("   every part has confirmed", "plain"),)
+            head, release = f"{', '.join(map(short_name, stop.held_by))} has not been let go", ()
+        missing: StyledLine = ()
+        for words, parts in (("CANNOT BE STOPPED", stop.unstoppable), ("NOT CONFIRMED", stop.unconfirmed)):
+            if parts:
+                missing += ((f"   {words}  ", "fault"), (group_parts(parts), "strong"))
         if stop.unconfirmed:
-            what = f"   look at the robot; {key_name('stop')} asks again"
-            missing = (("   NOT CONFIRMED  ", "fault"), (group_parts(stop.unconfirmed), "strong"), (what, "plain"))
-        unstoppable: StyledLine = ()
-        if stop.unstoppable:
-            unstoppable = (("   CANNOT BE STOPPED  ", "fault"), (group_parts(stop.unstoppable), "strong"))
+            missing += ((f"   look at the robot; {key_name('stop')} asks again", "plain"),)
         yield Alarm(
             ((" ■ STOPPED ", "alarm"), (f"  {head}", "strong"), *release),
             (
-                *unstoppable,
                 *_confirmed_line(group_parts(stop.confirmed) or "no part"),
                 (f"   by {short_name(stop.source)}", "muted"),
             ),
-            missing,
+            missing or (("   every part has confirmed", "plain"),),
         )
 
 

@@ -7,7 +7,7 @@ from __future__ import annotations
 
 from typing import NamedTuple
 
-from rise_engine.kernel.records import SessionRecord
+from rise_engine.kernel.records import SessionRecord, describe_open_goal
 from rise_engine.scenario.reading.conditions import condition_label
 from rise_tui.model.alarms import all_recorders_run, recorders_word
 from rise_tui.model.cue import cue_line
@@ -63,14 +63,17 @@ def session_title(store: Store) -> str:
 
 
 def running_lines(store: Store) -> list[str]:
-    """Running rules with their states, running acts and waiting acts, in lines for a question."""
+    """Running rules with their states, running acts and waiting acts, and what the robot may still be doing, in lines
+    for a question."""
     running = [f"rule {name}: in {store.view.rules[name].state}" for name in store.view.running_rules()]
     running += [f"act {act_label(task.function, task.behavior)}" for task in store.running_tasks]
     running += [f"act {act_label(task.function, task.behavior)}, waiting" for task in store.waiting_tasks]
+    robot = store.view.robot
+    left = [f"{clean(each)}." for each in map(describe_open_goal, robot.open if robot is not None else ())]
     if not running:
-        return ["No rule and no act is running."]
+        return ["No rule and no act is running.", *left]
     more = [f"  and {len(running) - SHOWN} more"] if len(running) > SHOWN else []
-    return ["Running now:", *(f"  {clean(each)}" for each in running[:SHOWN]), *more]
+    return ["Running now:", *(f"  {clean(each)}" for each in running[:SHOWN]), *more, *left]
 
 
 ROBOT_GLYPHS = {"connected": "●", "degraded": "◐", "lost": "✗"}

@@ -54,7 +54,7 @@ def end_session_dialog(store: Store, then: str = "") -> EndSessionDialog:
     """The question before the session ends permanently. `then`: what comes after it; empty: nothing."""
     participant = participant_text(store)
     lines = [session_title(store), *running_lines(store), ""]
-    lines += ["The robot stops, and the session ends permanently.", "It cannot be continued."]
+    lines += ["What runs is stopped, and the session ends permanently.", "It cannot be continued."]
     lines += [then] * bool(then)
     return EndSessionDialog(f"End the session of {participant}?" if participant else "End the session?", lines)
 

@@ -160,7 +160,7 @@ def test_an_emergency_stop_holds_until_the_engine_hears_that_it_is_let_go(sessio
     stops = session.robot_stops
     session.estop("estop:/door")
     assert session.robot_stops == stops, "it is known"
-    assert session.submit("releaseStop").reason == "the emergency stop at /door is still pressed"
+    assert session.submit("releaseStop").reason == "the emergency stop at /door has not been let go"
     session.estop("estop:/door", pressed=False)
     assert session.submit("releaseStop").status == "SUCCEEDED"
 

@@ -266,7 +266,7 @@ def test_an_emergency_stop_stops_everything_and_holds_the_stop_until_it_is_let_g
     s.estop(desk)
     s.confirm_stop("sim")
     s.estop(door, pressed=False)
-    assert s.submit("releaseStop").reason == "the emergency stop at /desk is still pressed"
+    assert s.submit("releaseStop").reason == "the emergency stop at /desk has not been let go"
     s.estop(desk, pressed=False)
     assert s.lines("stop") == [
         "stop latched ['sim'] [] [estop:/door]",

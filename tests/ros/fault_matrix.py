@@ -91,7 +91,7 @@ class Case(Records):
         only = {name: spec for name, spec in whole.actions.items() if name in ("Speech", "Wait")}
         return scenario(msgspec.structs.replace(whole, actions=only))
 
-    def replace_engine(self, transport: Transport) -> None:
+    def replace_engine(self) -> None:
         """Its engine is gone without a word, and another one continues the session."""
         old, now, loop_now = self.engine, self.clock.now(), asyncio.get_running_loop().time()
         timers = {timer: handle.when() - loop_now + now for timer, handle in old._commands._timers.items()}
@@ -100,7 +100,7 @@ class Case(Records):
         self.transport.close()  # so that nothing it still says reaches anybody
         self.robot._closed = True
         old.abandon()
-        self.transport = transport
+        self.transport = self.open_transport()
         unused: Any = None
         recovered = RecoveredSession(
             *(old.scenario, unused, kernel, unused, now, timers, old.inputs, 0, b"", []),
@@ -193,6 +193,15 @@ async def freeze_before_the_goal(case: Case) -> None:
     await asyncio.sleep(0.5)
 
 
+async def freeze_for_long(case: Case) -> None:
+    """The middleware takes it for gone, and it is not."""
+    await case.begun(0.4)
+    case.process.process.send_signal(signal.SIGSTOP)
+    await asyncio.sleep(13)
+    case.process.process.send_signal(signal.SIGCONT)
+    await asyncio.sleep(4)
+
+
 async def kill(case: Case) -> None:
     await case.begun(0.4)
     case.process.process.kill()
@@ -202,7 +211,7 @@ async def kill(case: Case) -> None:
 
 async def kill_the_engine_at_once(case: Case) -> None:
     await asyncio.sleep(0.1)
-    case.replace_engine(case.open_transport())
+    case.replace_engine()
     await asyncio.sleep(1.5)
     case.stop_all()
     await asyncio.sleep(1.5)
@@ -210,7 +219,7 @@ async def kill_the_engine_at_once(case: Case) -> None:
 
 async def kill_the_engine_in_the_middle(case: Case) -> None:
     await case.begun(0.4)
-    case.replace_engine(case.open_transport())
+    case.replace_engine()
     await asyncio.sleep(1.5)
     case.stop_all()
     await asyncio.sleep(1.5)
@@ -220,7 +229,7 @@ async def kill_the_stopped_engine(case: Case) -> None:
     await case.begun(0.4)
     case.stop_all()
     await asyncio.sleep(0.3)
-    case.replace_engine(case.open_transport())
+    case.replace_engine()
     await asyncio.sleep(3)
 
 
@@ -228,7 +237,7 @@ MOMENTS: dict[str, Callable[[Case], Awaitable[None]]] = {
     made.__name__: made
     for made in (
         *(nothing, stop_at_once, stop_in_the_middle, cancel_at_once, cancel_and_start_again),
-        *(end_at_once, freeze, freeze_before_the_goal, kill),
+        *(end_at_once, freeze, freeze_before_the_goal, freeze_for_long, kill),
         *(kill_the_engine_at_once, kill_the_engine_in_the_middle, kill_the_stopped_engine),
     )
 }
@@ -296,10 +305,14 @@ async def find_lies(case: Case, part: str) -> list[str]:
 def movements(case: Case, until: float) -> list[tuple[float, float]]:
     """When the robot really moved, by its own log, in session time."""
     events = case.process.events
-    ends = {each["id"]: each["at"] - case.began for each in events if each["event"] == "end"}
-    begun = [(each["id"], each["at"] - case.began) for each in events if each["event"] == "begin"]
     killed = case.process.process.returncode is not None  # nobody knows when exactly
-    return [(begin, ends.get(id, until)) for id, begin in begun if id in ends or not killed]
+    moved = []
+    for each in (each for each in events if each["event"] == "begin"):
+        ends = [its["at"] for its in events if its["event"] == "end" and its["id"] == each["id"]]
+        over = next((at - case.began for at in ends if at >= each["at"]), None if killed else until)
+        if over is not None:
+            moved.append((each["at"] - case.began, over))
+    return moved
 
 
 def longest_rest(span: Span, said: Sequence[Span]) -> float:

@@ -26,6 +26,7 @@ from rise_engine.scenario.loader import load
 from rise_engine.scenario.model import Scenario
 from tests.ros.contract.peers import ROOT
 from tests.ros.fault_matrix import (
+    MOMENTS,
     START_SECONDS,
     Case,
     open_transport,
@@ -40,6 +41,7 @@ ACTIONS = {
     "Go": ("zora/navigate_to_pose", "<place>table</place>"),
     "Arm": ("zora/follow_joint_trajectory", "<shoulder>90</shoulder><duration>3000</duration>"),
     "Tts": ("zora/tts", f"<text>{'Hello, dear reader. ' * 3}</text>"),
+    "Turn": ("zora/cmd_vel", "<speed>0.5</speed><duration>3000</duration>"),
     "Speech": ("zora/say", f"<message>{'Hello, dear reader. ' * 3}</message>"),
 }
 """The part that each is done by, and its parameters: three seconds and more of it."""
@@ -49,7 +51,13 @@ OF_GOALS = ("lost-accept", "refuse-cancel", "ignore-cancel", "slow-cancel", "die
 FAULTS = [
     f"{action}={kind}{f':{AMOUNTS[kind]}' if kind in AMOUNTS else ''}@1"
     for action, kind in product(ACTIONS, FAULT_KINDS)
-    if action != "Speech" or kind not in OF_GOALS
+    if action != "Turn" and (action != "Speech" or kind not in OF_GOALS)
+]
+CASES = [
+    *product(
+        FAULTS, ("nothing", "stop_in_the_middle", "cancel_and_start_again", "kill", "kill_the_engine_in_the_middle")
+    ),
+    *product(["Turn"], MOMENTS),  # a message on a topic has no fault of its own
 ]
 
 EVENTS = {"arrived": "goal", "begun": "begin", "ended": "end"}
@@ -114,7 +122,7 @@ async def play(fault: str, moment: str, robot: str, transport: str) -> list[str]
     log.write_text("")
     command = ["-m", "rise_ros.examples.simulated_robot", "--config", str(folder), "--ros", robot]
     process = await asyncio.create_subprocess_exec(
-        *(sys.executable, *command, "--fault", fault, "--log", str(log)),
+        *(sys.executable, *command, "--log", str(log), *(["--fault", fault] if "=" in fault else [])),
         stdout=asyncio.subprocess.PIPE,
         cwd=ROOT,
         env=dict(os.environ),
@@ -136,5 +144,4 @@ async def play(fault: str, moment: str, robot: str, transport: str) -> list[str]
 
 if __name__ == "__main__":
     os.environ["ZORA"] = str(FOLDER)
-    names = ("nothing", "stop_in_the_middle", "cancel_and_start_again", "kill", "kill_the_engine_in_the_middle")
-    sys.exit(asyncio.run(play_cases(list(product(FAULTS, names)), play, read_arguments())))
+    sys.exit(asyncio.run(play_cases(CASES, play, read_arguments())))

@@ -99,7 +99,7 @@ def serve(
     With --study STUDY --participant P07, it is that participant's next session. The plan sets the scenario, condition,
     memory values and seed, and the study's log keeps the outcome.
 
-    It ends when a console ends it, with `rise-engine stop`, or by SIGTERM or SIGINT. The robot stops first.
+    It ends when a console ends it, with `rise-engine stop`, or by SIGTERM or SIGINT. What runs is stopped first.
 
     Exit status: 0; 1 scenario refused; 2 wrong usage; 3 a session of DIR is running already; 4 an earlier one did not
     end: use --recover or --new; 5 it cannot be recovered; 6 the session has ended, but the robot may still be doing

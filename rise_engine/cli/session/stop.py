@@ -12,9 +12,10 @@ from pathlib import Path
 import click
 
 from rise_engine.base.errors import SessionError
-from rise_engine.base.exit_status import FAILED
+from rise_engine.base.exit_status import FAILED, OK, STILL_RUNNING
 from rise_engine.base.files import is_locked
 from rise_engine.cli.terminal import Refused, print_lines, print_notes
+from rise_engine.kernel.records import describe_open_goals
 from rise_engine.run.client.socket import SocketClient
 from rise_engine.run.protocol.client import Reply
 from rise_engine.run.protocol.registry import (
@@ -26,7 +27,7 @@ from rise_engine.run.protocol.registry import (
     session_name,
     socket_path,
 )
-from rise_engine.session.folder import read_info, running_sessions
+from rise_engine.session.folder import left_open, read_info, running_sessions
 from rise_engine.session.lock import user_name
 from rise_engine.study.sessions import SESSIONS
 from rise_engine.study.study_toml import is_study
@@ -38,11 +39,11 @@ END_SECONDS = 40.0
 
 @click.command()
 @click.argument("which", metavar="[NAME|DIR|SOCKET]", required=False)
-def stop(which: str | None) -> None:
-    """End a running session: stop the robot and complete the record.
+def stop(which: str | None) -> int:
+    """End a running session: stop what it began on the robot, and complete the record.
 
-    Without an argument, end the only running session. Exit status: 0 it has ended; 1 there is no such session, or
-    several.
+    Without an argument, end the only running session. Exit status: 0 it has ended; 6 the same, but the robot may still
+    be moving; 1 there is no such session, or several.
     """
     name = find_session_name(which)
     lock = lock_path(socket_path(name))
@@ -58,8 +59,13 @@ def stop(which: str | None) -> None:
             raise Refused(f"{name} (process {pid}) has not ended within {END_SECONDS:g} s", status=FAILED)
         time.sleep(0.02)
     print_notes(f"{name} has ended")
-    if summary is not None and summary.folder:
-        print_notes(*_to_judge_lines(Path(summary.folder)))
+    if summary is None or not summary.folder:
+        return OK
+    goals = left_open(Path(summary.folder))
+    if goals:
+        print_notes(f"LOOK AT THE ROBOT: {describe_open_goals(goals)}")
+    print_notes(*_to_judge_lines(Path(summary.folder)))
+    return STILL_RUNNING if goals else OK
 
 
 def _to_judge_lines(folder: Path) -> list[str]:

@@ -115,7 +115,7 @@ def full(client: FakeClient) -> None:
         (
             (pressed,),
             [
-                "STOPPED   the emergency stop at /estop_pressed is still pressed",
+                "STOPPED   the emergency stop at /estop_pressed has not been let go",
                 "by the emergency stop",
                 "every part has confirmed",
             ],
@@ -136,7 +136,7 @@ def test_who_cannot_release_a_stop_is_told_why_and_then_that_it_can_be() -> None
     client = FakeClient(demo())
     pressed(client)
     store = Store(client.attach_reply(), "anna", client.now)
-    assert BY_ID["release"].obstacle(store) == "the emergency stop at /estop_pressed is still pressed"
+    assert BY_ID["release"].obstacle(store) == "the emergency stop at /estop_pressed has not been let go"
     store.apply([StopRecord(99, 1.0, "", status="let-go", source=ESTOP)])
     assert store.notice is not None and store.notice.text.startswith(
         "the emergency stop at /estop_pressed is no longer"
