@@ -121,7 +121,7 @@ class Case(Records):
         return self.of(StopRecord)
 
     def said_spans(self, part: str, until: float) -> list[Span]:
-        """When the session said that something ran, or may have run, at a part."""
+        """When the session said that something ran, or may have run, at a part, or that it had not confirmed a stop."""
         spans, began = [], {}
         for record in self.of(ActionRecord):
             key = f"{record.task}/{record.action}"
@@ -133,6 +133,9 @@ class Case(Records):
         for robot, following in pairwise([*self.of(RobotRecord), None]):
             if any(goal.part == part for goal in robot.open):
                 spans.append((robot.t, until if following is None else following.t))
+        for stop, then in pairwise([*self.stop_records(), None]):
+            if any(each.startswith(f"{part} (") for each in stop.unconfirmed):
+                spans.append((stop.t, until if then is None else then.t))
         if self.engine.ended and any(goal.part == part for goal in self.engine.open_goals):
             spans.append((self.records[-1].t, until))
         return spans

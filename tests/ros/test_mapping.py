@@ -494,6 +494,19 @@ def test_a_service(tmp_path: Path) -> None:
     assert one.result_rule.failure({"code": 3}) == "error code 3"
 
 
+def test_a_cancel_that_the_kernel_would_not_wait_for(tmp_path: Path) -> None:
+    one = replace(robot(tmp_path, ACTION_CARRIER), options={"deadlines": {"cancel": 5}})
+    assert [each.sentence for each in mapping_findings(one)] == [
+        "robot bob: `options.deadlines.cancel` must be at most 4.75: an act waits 5 s for its actions to stop"
+    ]
+
+
+def test_a_reset_that_says_the_same_again(tmp_path: Path) -> None:
+    text = "carrier = { topic = 'base', type = 'test/msg/Pressed', message.data = true, reset.data = true }"
+    (found,) = mapping_findings(robot(tmp_path, text))
+    assert (found.kind, found.where) == ("doubtful", "actions.Do.carrier.reset")
+
+
 @pytest.mark.parametrize(("more", "said"), [({}, True), ({"silent_after": 2}, False), ({"silent_after": 0}, False)])
 def test_an_emergency_stop_whose_silence_nobody_would_notice(tmp_path: Path, more: dict[str, Any], said: bool) -> None:
     one = robot(tmp_path, ACTION_CARRIER)

@@ -102,6 +102,17 @@ async def test_the_end_of_a_session_names_what_the_robot_goes_on_with(lab: Lab) 
     assert [(goal["part"], goal["reason"]) for goal in last["open"]] == [("mini/speech", "it refused to stop")]
 
 
+async def test_who_ends_a_session_from_elsewhere_is_told_as_well(lab: Lab) -> None:
+    lab.write_study()
+    robot = await lab.robot(Plan(seconds=60, cancel="refuse"))
+    await lab.serve("session", "--rule", "Go", "--new")
+    await robot.says('"begin"')
+    stop = lab.start("stop", "rise_engine", "stop", "study")
+    await until(lambda: stop.process.poll() is not None, PATIENCE)
+    assert stop.process.returncode == exit_status.STILL_RUNNING
+    assert "LOOK AT THE ROBOT: mini/speech may still be doing Speech (it refused to stop)" in stop.said()
+
+
 async def test_what_a_killed_engine_left_running_is_named_first_and_then_stopped(lab: Lab) -> None:
     lab.write_study()
     robot = await lab.robot(Plan(seconds=60))

@@ -92,6 +92,10 @@ def stopped(client: FakeClient) -> None:
     client.stop("latched", ("pepper/speech",), ("pepper/base",))
 
 
+def both(client: FakeClient) -> None:
+    client.stop("latched", ("pepper/speech",), ("pepper/base",), unstoppable=("pepper/lamp",))
+
+
 ESTOP = "estop:/estop_pressed"
 
 
@@ -110,6 +114,8 @@ def full(client: FakeClient) -> None:
         ((lose, full, stopped), ["STOPPED", "NOT CONFIRMED  pepper: base", "NOT RECORDING"]),
         ((lose, full), ["NOT RECORDING", "the session is paused", "ROBOT LOST"]),
         ((lose, stopped), ["STOPPED", "NOT CONFIRMED", "ROBOT LOST   for 0 s: no answer for 3 s"]),
+        ((lose, both), ["STOPPED", "CANNOT BE STOPPED  pepper: lamp   NOT CONFIRMED  pepper: base", "ROBOT LOST"]),
+        ((both,), ["STOPPED", "confirmed      pepper: speech", "CANNOT BE STOPPED  pepper: lamp   NOT CONFIRMED"]),
         ((full,), ["NOT RECORDING   no space", "the session is paused", "F9 still stops the robot"]),
         ((stopped,), ["STOPPED", "confirmed      pepper: speech", "look at the robot; F9 asks again"]),
         (

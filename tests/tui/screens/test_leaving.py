@@ -10,7 +10,8 @@ from typing import Any
 import pytest
 from textual.widgets import Button, Static
 
-from rise_engine.kernel.records import SessionRecord
+from rise_engine.base.exit_status import STILL_RUNNING
+from rise_engine.kernel.records import OpenGoal, RobotRecord, SessionRecord
 from rise_engine.run.protocol.client import AttachReply, EngineGone
 from rise_engine.scenario.keys import KeyRefusedError, bindable_key_name
 from rise_tui.config.launch import RecoveredClient
@@ -119,6 +120,25 @@ def test_of_much_that_runs_it_is_said_how_much_more() -> None:
         client.act("Filler")
     assert running_lines(a_store(client)) == ["Running now:", *["  act Filler"] * 5, "  and 4 more"]
     assert session_title(a_store(client)) == "no participant named · Demo study"
+
+
+LEFT = OpenGoal("pepper/speech", "3/1", "Speech", "it refused to stop")
+
+
+async def test_what_the_robot_may_still_be_doing_is_said_before_and_after_the_end() -> None:
+    client = FakeClient(demo())
+    client.emit(RobotRecord(0, 0.0, "", status="degraded", detail="pepper/speech", open=(LEFT,)))
+    sentence = "pepper/speech may still be doing Speech (it refused to stop)"
+    assert running_lines(a_store(client)) == ["No rule and no act is running.", f"{sentence}."]
+    async with console(client=client) as it:
+        await asked_to_end(it)
+        client.emit(SessionRecord(0, 0.0, "", status="ended", reason="over", open=(LEFT,)))
+        await it.until(lambda: it.screen.session.store.view.left_open == (LEFT,))
+        await it.press("e", "n", "d", "enter")
+        await it.until(lambda: client.closed == [True])
+        await it.until(lambda: it.app.exit_message != "")
+        assert it.app.exit_message.startswith(f"LOOK AT THE ROBOT: {sentence}\n")
+        assert it.app.return_code == STILL_RUNNING
 
 
 @pytest.mark.parametrize(

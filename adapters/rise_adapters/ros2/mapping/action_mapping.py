@@ -12,7 +12,10 @@ from msgspec import Struct
 
 from rise_adapters.ros2.mapping.field_sources import FillContext, MessageSource
 from rise_adapters.ros2.transport.port import RELIABLE, STATUS, Message, QoS
+from rise_engine.kernel.act_runner import CANCEL_LIMIT
 
+MAX_CANCEL_SECONDS = CANCEL_LIMIT - 0.25
+"""The kernel gives a cancel up after CANCEL_LIMIT; our report must arrive before that."""
 MappingKind: TypeAlias = Literal["action", "topic", "service"]
 """What carries an action."""
 
@@ -29,7 +32,7 @@ class GoalDeadlines(Struct, frozen=True):
     result: float = 0.0
     """Seconds that the goal may take longer than expected; 0: the kernel's limit decides (`limit` of the action)."""
     cancel: float = 4.0
-    """Until a cancelled goal has ended."""
+    """Until a cancelled goal has ended, at most MAX_CANCEL_SECONDS."""
 
 
 class EstopMapping(Struct, frozen=True):

@@ -352,6 +352,9 @@ class ActionReader:
         # The parameters are no longer known when it is sent, so it is compiled for an action without any.
         nobody = replace(self._spec, parameters={})
         compiler = MessageCompiler(nobody, {}, self._types, self._mistakes, {})
+        if self._table["reset"] == self._table.get("message"):
+            same = "is the same as `message`: a stop would tell the robot to do it"
+            self._mistakes.add(self._path_of("reset"), same, "doubtful")
         return compiler.compile(self._read_table("reset"), type, self._path_of("reset"))
 
     def _read_table(self, key: str) -> dict[str, Any]:

@@ -11,13 +11,14 @@ from typing import Any
 from msgspec.structs import fields as struct_fields
 from msgspec.structs import replace
 
-from rise_adapters.ros2.mapping.action_mapping import EstopMapping, GoalDeadlines, RosOptions
+from rise_adapters.ros2.mapping.action_mapping import MAX_CANCEL_SECONDS, EstopMapping, GoalDeadlines, RosOptions
 from rise_adapters.ros2.mapping.compiler import ProfileMistakes
 from rise_adapters.ros2.mapping.field_sources import fit_literal
 from rise_adapters.ros2.mapping.field_types import FieldTypes
 from rise_adapters.ros2.transport.names import is_ros_name
 from rise_adapters.ros2.transport.port import PortError
 from rise_engine.base.nearest_name import did_you_mean
+from rise_engine.kernel.act_runner import CANCEL_LIMIT
 from rise_engine.scenario.durations import MAX_SECONDS
 from rise_engine.scenario.model import RobotProfile
 
@@ -147,6 +148,9 @@ def parse_deadlines(table: Any, before: GoalDeadlines, where: str, mistakes: Pro
             mistakes.add(f"{where}.{key}", f"is a number of seconds, up to {MAX_SECONDS:.0f} (24 hours)")
         elif not value and not may_be_zero:
             mistakes.add(f"{where}.{key}", "is a number of seconds above 0")
+        elif key == "cancel" and value > MAX_CANCEL_SECONDS:
+            what = f"must be at most {MAX_CANCEL_SECONDS:g}: an act waits {CANCEL_LIMIT:g} s for its actions to stop"
+            mistakes.add(f"{where}.{key}", what)
         elif key == "feedback" and 0 < value < LEAST_FEEDBACK_SECONDS:
             what = f"must be 0, or at least {LEAST_FEEDBACK_SECONDS:g}: it is read ten times a second"
             mistakes.add(f"{where}.{key}", what)

@@ -18,7 +18,6 @@ from rise_adapters.ros2.mapping import ActionMapping
 from rise_adapters.ros2.robot.endpoints import ActionEndpoint, Endpoint, ServiceEndpoint
 from rise_adapters.ros2.robot.goal_host import Ending
 from rise_adapters.ros2.transport.port import Message
-from rise_engine.kernel.act_runner import CANCEL_LIMIT
 
 # --- asking for a result ----------------------------------------------------------------------------------------------
 
@@ -87,8 +86,6 @@ RETRY_SECONDS = 1.0
 MAX_TRIES = 5
 """The number of requests in quick succession; after them the server is asked every SLOW_RETRY_SECONDS."""
 SLOW_RETRY_SECONDS = 5.0
-MAX_SECONDS = CANCEL_LIMIT - 0.25
-"""Seconds. The kernel gives a cancel up after CANCEL_LIMIT; our report must arrive before that."""
 OVERDUE_SECONDS = 1.0
 """Seconds before a goal's time limit. From then on a cancel counts as the kernel's, which has recorded an ending."""
 
@@ -98,7 +95,7 @@ class Cancellation:
 
     def __init__(self, seconds: float) -> None:
         """`seconds`: the profile's limit from the request to the end."""
-        self.seconds = min(seconds, MAX_SECONDS)
+        self.seconds = seconds
         self.wanted = False
         """Whether the engine has requested it."""
         self.overdue = False
