@@ -134,7 +134,8 @@ class Case(Records):
             if any(goal.part == part for goal in robot.open):
                 spans.append((robot.t, until if following is None else following.t))
         for stop, then in pairwise([*self.stop_records(), None]):
-            if any(each.startswith(f"{part} (") for each in stop.unconfirmed):
+            assert stop is not None
+            if stop.status == "requested" or any(each.startswith(f"{part} (") for each in stop.unconfirmed):
                 spans.append((stop.t, until if then is None else then.t))
         if self.engine.ended and any(goal.part == part for goal in self.engine.open_goals):
             spans.append((self.records[-1].t, until))
