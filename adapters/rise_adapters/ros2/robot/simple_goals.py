@@ -53,6 +53,7 @@ class TopicGoal:
         """When the reset was published, in seconds of session time."""
         self._is_reset_due = False
         """Whether it must be published again, because nothing may have heard it."""
+        self._is_adopted = False
         self._is_stoppable = mapping.stoppable
         self._is_harmless = mapping.harmless
         self._rate = mapping.rate
@@ -63,7 +64,7 @@ class TopicGoal:
     def adopt(self, *, accepted: bool) -> None:
         """Take over a message that an earlier engine has published; it ends when it is reset."""
         self.phase = "ended"
-        self.may_be_running = True
+        self.may_be_running = self._is_adopted = True
         if not self._is_stoppable:
             self._leave_unstopped()
         self._host.on_goal_changed(self)
@@ -96,9 +97,11 @@ class TopicGoal:
         self._host.on_goal_changed(self)
 
     def why_open(self) -> str:
-        if self._is_reset_due:
-            return "nothing may have heard that it should stop"
-        return "an engine that has gone began it" if self._is_stoppable else "its topic cannot be stopped"
+        if not self._is_stoppable:
+            return "its topic cannot be stopped"
+        if self._is_adopted and not self._is_reset_due:
+            return "an engine that has gone began it"
+        return "nothing may have heard that it should stop"
 
     def is_live(self) -> bool:
         return self.phase != "ended" or self._is_reset_due
@@ -141,6 +144,7 @@ class TopicGoal:
             return
         self.endpoint.user, self.endpoint.reset_by = self, None
         self.phase = "running"
+        self.may_be_running = self._is_stoppable
         self._deadline = self._host.clock.now() + self._expected
         self._host.report_accepted(self.action)
         self._host.on_goal_changed(self)
@@ -172,6 +176,8 @@ class TopicGoal:
                 self._take_back()
             else:
                 self._leave_unstopped()
+        else:
+            self.may_be_running = False
         self._host.on_goal_changed(self)
         self._host.report_ended(self.action, status, reason)
 
