@@ -411,9 +411,10 @@ class ConsoleApp(TerminalApp):
         if closed == "late":
             session.show_notice(Notice("the session did not end in time: look at the robot", "fault"))
         elif closed == "done":
-            await self._show_study(ending.sentence)
+            sentence = "; ".join(filter(None, (exit_dialogs.left_open_text(session.store), ending.sentence)))
+            await self._show_study(sentence)
             if (screen := self.study_screen) is not None and (folder := session.store.attach_reply.folder):
-                screen.show_report(ending.sentence, Path(folder).name)
+                screen.show_report(sentence, Path(folder).name)
 
     # --- the end ------------------------------------------------------------------------------------------------------
 

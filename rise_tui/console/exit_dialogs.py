@@ -78,8 +78,8 @@ def exit_message(store: Store, *, end: bool, in_time: bool, patience: float, sig
         return f"{lead}{title} did not end within {patience:g} s: look at the robot; rise-tui shows what runs"
     if end or store.ended_in_order:
         kept = store.attach_reply.folder
-        if store.view.left_open:
-            lead = f"LOOK AT THE ROBOT: {describe_open_goals(store.view.left_open)}\n{lead}"
+        if left := left_open_text(store):
+            lead = f"{left}\n{lead}"
         if not kept:
             return f"{lead}ended: {title}"
         where = abbreviate_home(kept)
@@ -87,6 +87,11 @@ def exit_message(store: Store, *, end: bool, in_time: bool, patience: float, sig
         typed = where if shlex.quote(plain) == plain else shlex.quote(kept)  # in quotes, `~` is not the home folder
         return f"{lead}ended: the record is in {where}\nwhat happened: rise-engine report {typed}"
     return f"{lead}detached: {title} goes on; come back with: rise-tui"
+
+
+def left_open_text(store: Store) -> str:
+    """What the robot may still be doing after the session's end; empty: nothing that anybody knows of."""
+    return f"LOOK AT THE ROBOT: {describe_open_goals(store.view.left_open)}" if store.view.left_open else ""
 
 
 def leave_study_dialog() -> Dialog:
