@@ -10,6 +10,7 @@ from textual import events
 from textual.widgets import Input, Static
 
 from rise_engine.kernel.inputs import OutcomeReport
+from rise_engine.kernel.records import OpenGoal
 from rise_engine.run.protocol.client import EngineGone, Role
 from rise_engine.scenario.model import KeyBinding, SourceLocation
 from rise_engine.study.model import (
@@ -423,6 +424,8 @@ async def test_a_session_ends_with_its_outcome_and_the_next_participant_is_selec
             assert box.height <= size[1] and question.word.region.y < box.bottom - 2
         await at.press("right", "enter", "enter")
         at.source.now = replace(at.source.now, standing=standing(next="P10"))
+        assert at.app._session is not None
+        at.app._session.store.view.left_open = (OpenGoal("pepper/speech", "3/1", "Speech", "it refused to stop"),)
         await at.says_end()
         await at.leave_report()
         outcome = at.client.reports[-1]
@@ -433,6 +436,7 @@ async def test_a_session_ends_with_its_outcome_and_the_next_participant_is_selec
         await at.until(lambda: at.screen.lists.people.count == 10, "only those who were searched for are shown")
         await at.until(lambda: at.screen.lists.people.current_id == "P10")
         assert "P07, run 2: complete" in at.notice and at.app.console_screen is None
+        assert "LOOK AT THE ROBOT: pepper/speech may still be doing Speech" in at.notice
 
 
 @pytest.mark.slow
