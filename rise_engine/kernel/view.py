@@ -205,9 +205,9 @@ class SessionView(Struct):
     """The last mark for recordings."""
     ended: bool = False
     end_reason: str = ""
+    """Why it ended."""
     left_open: tuple[OpenGoal, ...] = ()
     """What the robot may still have been doing when the session ended."""
-    """Why it ended."""
     control: str | None = None
     """Who holds control: `wizard:<name>`; null: nobody."""
     wizard: str = ""

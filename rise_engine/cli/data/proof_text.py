@@ -44,6 +44,10 @@ def proof_row(session: ProvedSession) -> dict[str, Any]:
     return row
 
 
+DECIDED_LATER = "that study.jsonl has everything that people decided after a session: no session has a copy of it"
+"""What no proof covers: a line removed from the log, such as a reassignment."""
+
+
 def except_reassigned(sessions: Iterable[ProvedSession]) -> str:
     """End a sentence about all sessions with those that the log has reassigned. Empty: there are none."""
     count = sum(bool(each.note) for each in sessions if each.proved)

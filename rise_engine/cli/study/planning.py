@@ -13,7 +13,7 @@ from rise_engine.base.errors import FileError
 from rise_engine.base.exit_status import OK, REFUSED
 from rise_engine.base.text import pluralize
 from rise_engine.checks.kinds import StudyLook, look_at_kinds
-from rise_engine.cli.data.proof_text import except_reassigned, proof_lines, proof_row
+from rise_engine.cli.data.proof_text import DECIDED_LATER, except_reassigned, proof_lines, proof_row
 from rise_engine.cli.options import JSON, STUDY_OR_HERE
 from rise_engine.cli.scenario.loading import diagnostic_row
 from rise_engine.cli.terminal import Refused, exit_with_usage, print_lines, print_notes, write_json
@@ -125,7 +125,8 @@ def _print_proof(sessions: Iterator[ProvedSession]) -> bool:
     proved = sum(each.proved for each in found)
     print_lines(
         f"{proved} of {pluralize(len(found), 'session')} proved: the record comes out of its inputs again, and "
-        f"session.toml, study.jsonl and plan.csv say the same of it{except_reassigned(found)}"
+        f"session.toml, study.jsonl and plan.csv say the same of it{except_reassigned(found)}",
+        f"not proved: {DECIDED_LATER}",
     )
     return proved == len(found)
 

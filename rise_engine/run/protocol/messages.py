@@ -20,6 +20,7 @@ from rise_engine.kernel.records import (
     AnyRecord,
     CheckRecord,
     EventRecord,
+    OpenGoal,
     OutcomeRecord,
     RecordingRecord,
     RobotRecord,
@@ -106,6 +107,7 @@ class ViewWithoutTasks(Struct, frozen=True):
     session: SessionRecord | None
     ended: bool
     end_reason: str
+    left_open: tuple[OpenGoal, ...]
     control: str | None
     asked: str | None
     robot: RobotRecord | None
