@@ -15,6 +15,7 @@ import pytest
 from rise_adapters.ros2.mapping import read_mappings
 from rise_adapters.ros2.robot import Ros2Robot
 
+from rise_engine.kernel.records import RobotRecord
 from rise_engine.run.engine.clock import RealClock
 from rise_engine.run.engine.engine import Engine
 from tests.forked import AsyncForked
@@ -94,7 +95,10 @@ class Session(Records):
         return await made.ready() if wait else made
 
     async def connected(self) -> None:
-        await until(lambda: self.robot_statuses()[-1:] == ["connected"])
+        try:
+            await until(lambda: self.robot_statuses()[-1:] == ["connected"])
+        except AssertionError:
+            raise AssertionError(f"never connected: {self.of(RobotRecord)}, nodes {self.transport.nodes()}") from None
 
     async def running(self) -> Process:
         """A robot that is in the middle of a long speech."""
