@@ -71,6 +71,12 @@ def describe_open_goals(goals: Iterable[OpenGoal]) -> str:
     return "; ".join(map(describe_open_goal, goals))
 
 
+def look_at_robot_text(goals: Iterable[OpenGoal]) -> str:
+    """What people are told after the end of a session that has left these goals open; empty for none."""
+    told = describe_open_goals(goals)
+    return f"LOOK AT THE ROBOT: {told}" if told else ""
+
+
 class SessionIdentity(Struct, frozen=True, kw_only=True):
     """A session's participant and place in its study, as in its first input, its first record and session.toml."""
 

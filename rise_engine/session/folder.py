@@ -252,23 +252,26 @@ def load_scenario_copy(folder: Path, info: SessionInfo) -> Scenario:
 
 def has_ended(folder: Path) -> bool:
     """Whether the last input in the journal ended the session. False when this is unknown."""
-    try:
-        with (folder / JOURNAL).open("rb") as file:
-            file.seek(max(0, file.seek(0, os.SEEK_END) - 4_096))
-            return b'"input":"session_ended"' in file.read()  # no text can hold this: its quotes would be escaped
-    except OSError:
-        return False
+    return b'"input":"session_ended"' in _end_of_journal(folder)  # no text can hold this: its quotes would be escaped
 
 
 def left_open(folder: Path) -> tuple[OpenGoal, ...]:
     """What the robot may still have been doing when a session ended. Empty also when this is unknown."""
     try:
-        with (folder / JOURNAL).open("rb") as file:
-            file.seek(max(0, file.seek(0, os.SEEK_END) - 65_536))
-            last = read_line(file.read().rstrip(b"\n").rpartition(b"\n")[2])
-    except (OSError, LineError):
+        last = read_line(_end_of_journal(folder).rstrip(b"\n").rpartition(b"\n")[2])
+    except LineError:
         return ()
     return last.open if isinstance(last, SessionRecord) else ()
+
+
+def _end_of_journal(folder: Path) -> bytes:
+    """The last bytes of the journal, with the input that ended the session and its records. Empty if unreadable."""
+    try:
+        with (folder / JOURNAL).open("rb") as file:
+            file.seek(max(0, file.seek(0, os.SEEK_END) - 16_384))
+            return file.read()
+    except OSError:
+        return b""
 
 
 def find_unfinished(scenario_folder: str | None = None, root: Path | None = None) -> list[Path]:

@@ -13,6 +13,7 @@ from textual import events, on
 
 from rise_engine.base.errors import StudyError
 from rise_engine.base.exit_status import STILL_RUNNING
+from rise_engine.kernel.records import look_at_robot_text
 from rise_engine.run.protocol.client import Client, EngineGone, Rejected
 from rise_engine.run.protocol.registry import RegistryError
 from rise_engine.run.protocol.session_options import SessionOptions
@@ -411,7 +412,7 @@ class ConsoleApp(TerminalApp):
         if closed == "late":
             session.show_notice(Notice("the session did not end in time: look at the robot", "fault"))
         elif closed == "done":
-            sentence = "; ".join(filter(None, (exit_dialogs.left_open_text(session.store), ending.sentence)))
+            sentence = "; ".join(filter(None, (look_at_robot_text(session.store.view.left_open), ending.sentence)))
             await self._show_study(sentence)
             if (screen := self.study_screen) is not None and (folder := session.store.attach_reply.folder):
                 screen.show_report(sentence, Path(folder).name)

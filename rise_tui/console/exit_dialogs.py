@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import shlex
 
-from rise_engine.kernel.records import describe_open_goals
+from rise_engine.kernel.records import look_at_robot_text
 from rise_tui.config.paths import abbreviate_home
 from rise_tui.key_labels import why_blocked
 from rise_tui.model.status import running_lines, session_title
@@ -78,7 +78,7 @@ def exit_message(store: Store, *, end: bool, in_time: bool, patience: float, sig
         return f"{lead}{title} did not end within {patience:g} s: look at the robot; rise-tui shows what runs"
     if end or store.ended_in_order:
         kept = store.attach_reply.folder
-        if left := left_open_text(store):
+        if left := look_at_robot_text(store.view.left_open):
             lead = f"{left}\n{lead}"
         if not kept:
             return f"{lead}ended: {title}"
@@ -87,11 +87,6 @@ def exit_message(store: Store, *, end: bool, in_time: bool, patience: float, sig
         typed = where if shlex.quote(plain) == plain else shlex.quote(kept)  # in quotes, `~` is not the home folder
         return f"{lead}ended: the record is in {where}\nwhat happened: rise-engine report {typed}"
     return f"{lead}detached: {title} goes on; come back with: rise-tui"
-
-
-def left_open_text(store: Store) -> str:
-    """What the robot may still be doing after the session's end; empty: nothing that anybody knows of."""
-    return f"LOOK AT THE ROBOT: {describe_open_goals(store.view.left_open)}" if store.view.left_open else ""
 
 
 def leave_study_dialog() -> Dialog:

@@ -5,6 +5,7 @@ from __future__ import annotations
 
 import asyncio
 import shutil
+import time
 from itertools import pairwise
 from pathlib import Path
 from typing import Any
@@ -199,6 +200,19 @@ def test_a_topic_is_repeated_at_its_rate_and_reset_once() -> None:
     robot.stop()
     assert [each["twist"]["angular"]["z"] for each in robot.wire.messages("/cmd_vel")[11:]] == [0.5] * 3 + [0.0]
     assert robot.log("Turn") == ["begun", "ended reset"] * 2
+
+
+def test_a_base_that_is_back_after_a_stop_gets_a_reset_of_that_time() -> None:
+    """A controller ignores a velocity with an old stamp."""
+    robot = Zora()
+    robot.wire.forget("/zora0")
+    robot.run(1)
+    robot.stop()
+    back = time.time_ns()
+    robot.wire.heal("/zora0")
+    robot.run(3)
+    stamp = robot.wire.messages("/cmd_vel")[-1]["header"]["stamp"]
+    assert stamp["sec"] * 10**9 + stamp["nanosec"] >= back
 
 
 # --- what goes wrong on request ---------------------------------------------------------------------------------------

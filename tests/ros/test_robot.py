@@ -321,7 +321,7 @@ def test_who_was_cut_off_is_told_to_stop_when_it_is_back(noticed: float) -> None
     eyes.wire.forget("/robot")
     eyes.run(10)
     (goal,) = eyes.of(RobotChanged)[-1].open
-    assert (goal.part, goal.reason) == ("pepper/eyes", "nothing may have heard that it should stop")
+    assert (goal.part, goal.reason) == ("pepper/eyes", "it may not have heard that it should stop")
     assert eyes.of(RobotChanged)[1].open or noticed > 2, "what ran is open with the loss"
     eyes.wire.heal("/robot")
     eyes.run(12)

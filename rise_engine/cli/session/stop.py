@@ -15,7 +15,7 @@ from rise_engine.base.errors import SessionError
 from rise_engine.base.exit_status import FAILED, OK, STILL_RUNNING
 from rise_engine.base.files import is_locked
 from rise_engine.cli.terminal import Refused, print_lines, print_notes
-from rise_engine.kernel.records import describe_open_goals
+from rise_engine.kernel.records import look_at_robot_text
 from rise_engine.run.client.socket import SocketClient
 from rise_engine.run.protocol.client import Reply
 from rise_engine.run.protocol.registry import (
@@ -61,11 +61,9 @@ def stop(which: str | None) -> int:
     print_notes(f"{name} has ended")
     if summary is None or not summary.folder:
         return OK
-    goals = left_open(Path(summary.folder))
-    if goals:
-        print_notes(f"LOOK AT THE ROBOT: {describe_open_goals(goals)}")
-    print_notes(*_to_judge_lines(Path(summary.folder)))
-    return STILL_RUNNING if goals else OK
+    look = look_at_robot_text(left_open(Path(summary.folder)))
+    print_notes(*filter(None, (look, *_to_judge_lines(Path(summary.folder)))))
+    return STILL_RUNNING if look else OK
 
 
 def _to_judge_lines(folder: Path) -> list[str]:

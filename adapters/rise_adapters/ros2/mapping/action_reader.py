@@ -353,7 +353,7 @@ class ActionReader:
         nobody = replace(self._spec, parameters={})
         compiler = MessageCompiler(nobody, {}, self._types, self._mistakes, {})
         if self._table["reset"] == self._table.get("message"):
-            same = "is the same as `message`: a stop would tell the robot to do it"
+            same = "equals `message`, so a stop would tell the robot to do it again"
             self._mistakes.add(self._path_of("reset"), same, "doubtful")
         return compiler.compile(self._read_table("reset"), type, self._path_of("reset"))
 

@@ -207,19 +207,25 @@ class Ros2Robot:
         if self._stop is not None:
             self._stop.abandon()
         self._poll_endpoints()
-        idle = [each for each in self._endpoints if isinstance(each, TopicEndpoint) and each.user is None]
-        resets = {endpoint: self._make_resets(endpoint) for endpoint in idle}  # the others' goals do it themselves
+        busy = [each for each in self._endpoints if isinstance(each, TopicEndpoint) and each.user is not None]
         for goal in tuple(self._goals.values()):
             goal.cancel()
-        self._stop = StopAll(self.clock, self._endpoints, self._find_goals, resets, lambda report: self._report(report))
+
+        def tell_topic(endpoint: TopicEndpoint) -> None:
+            if endpoint not in busy:  # there, the goals do it
+                self._reset_topic(endpoint)
+
+        self._stop = StopAll(
+            self.clock, self._endpoints, self._find_goals, tell_topic, lambda report: self._report(report)
+        )
         self._stop.begin()
 
-    def _make_resets(self, endpoint: TopicEndpoint) -> list[Message]:
-        """The messages that take back everything on a topic, also what others have published there."""
-        names = [action for action, its in self._endpoint_of.items() if its is endpoint]
-        node, frame = self._transport.node, self._frame
-        made = (self._mappings[name].make_reset(node=node, goal="", frame=frame) for name in names)
-        return [reset for reset in made if reset is not None]
+    def _reset_topic(self, endpoint: TopicEndpoint) -> None:
+        """Take back everything on a topic, also what others have published there."""
+        for action, its in self._endpoint_of.items():
+            reset = self._mappings[action].make_reset(node=self._transport.node, goal="", frame=self._frame)
+            if its is endpoint and reset is not None:
+                endpoint.publish(reset)
 
     def last_seen(self) -> float | None:
         """The middleware renews a server's presence within the server's lease. ROS offers no other sign of life."""

@@ -101,7 +101,7 @@ class TopicGoal:
             return "its topic cannot be stopped"
         if self._is_adopted and not self._is_reset_due:
             return "an engine that has gone began it"
-        return "nothing may have heard that it should stop"
+        return "it may not have heard that it should stop"
 
     def is_live(self) -> bool:
         return self.phase != "ended" or self._is_reset_due

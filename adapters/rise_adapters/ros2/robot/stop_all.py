@@ -16,7 +16,7 @@ the people in front of the robot must know.
 from __future__ import annotations
 
 import logging
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping
 from functools import partial
 from typing import TypeAlias
 
@@ -32,7 +32,7 @@ from rise_adapters.ros2.actions.client import (
 from rise_adapters.ros2.robot.action_goal import ActionGoal
 from rise_adapters.ros2.robot.endpoints import ActionEndpoint, Endpoint, ServiceEndpoint, TopicEndpoint
 from rise_adapters.ros2.robot.goal_host import TIMER_TOLERANCE
-from rise_adapters.ros2.transport.port import Message, PortError
+from rise_adapters.ros2.transport.port import PortError
 from rise_engine.kernel.inputs import StopReport
 from rise_engine.ports.robot import Clock, Timer
 
@@ -167,9 +167,10 @@ class CancelAll:
 class TellTopic:
     """One topic on which everything is taken back. What returns later is told, too."""
 
-    def __init__(self, endpoint: TopicEndpoint, resets: Sequence[Message]) -> None:
+    def __init__(self, endpoint: TopicEndpoint, tell: Callable[[], None]) -> None:
+        """`tell`: publishes what takes it back, made at that time: a base ignores old stamps."""
         self.endpoint = endpoint
-        self._resets = resets
+        self._tell = tell
         self._is_told = False
 
     def poll(self) -> None:
@@ -177,8 +178,7 @@ class TellTopic:
         if not self.endpoint.presence.count:
             self._is_told = False
         elif not self._is_told:
-            for reset in self._resets:
-                self.endpoint.publish(reset)
+            self._tell()
             self._is_told = self.endpoint.is_known
 
     def why_unconfirmed(self) -> str:
@@ -196,10 +196,10 @@ class StopAll:
         clock: Clock,
         endpoints: Iterable[Endpoint],
         find_goals: FindGoals,
-        resets: Mapping[TopicEndpoint, Sequence[Message]],
+        tell_topic: Callable[[TopicEndpoint], None],
         report: Callable[[StopReport], None],
     ) -> None:
-        """`resets`: what takes back everything on a topic. `report` is first called within ANSWER_SECONDS, and again
+        """`tell_topic`: takes back everything on a topic. `report` is first called within ANSWER_SECONDS, and again
         with each change."""
         self._clock = clock
         self._report = report
@@ -222,7 +222,7 @@ class StopAll:
                 if not endpoint.is_harmless:
                     self._unstoppable.append(endpoint.label)
             else:
-                self._topics.append(TellTopic(endpoint, resets.get(endpoint, ())))
+                self._topics.append(TellTopic(endpoint, partial(tell_topic, endpoint)))
 
     @property
     def is_answered(self) -> bool:
