@@ -310,6 +310,20 @@ def test_a_stop_resets_topics_and_says_that_they_give_no_answer() -> None:
     assert eyes.statuses("1/a") == ["accepted", "canceled"]
 
 
+def test_a_server_that_has_only_just_appeared_has_not_confirmed_a_stop() -> None:
+    """It answers at once, and what it is doing, its status topic tells a moment later."""
+    robot = Alone(serving=False)
+    robot.run(6)
+    robot.robot.stop_all()
+    robot.run(9)
+    robot.serve()
+    robot.run(9.45)
+    just = "pepper/speech (it has only just appeared)"
+    assert just in robot.of(StopReport)[-1].unconfirmed and robot.of(StopReport)[-1].confirmed == ()
+    robot.run(13)
+    assert robot.of(StopReport)[-1].confirmed == ("pepper/look_at", "pepper/speech")
+
+
 @pytest.mark.parametrize("noticed", [1.5, 8.0], ids=["while it shows", "after its end"])
 def test_who_was_cut_off_is_told_to_stop_when_it_is_back(noticed: float) -> None:
     """The middleware sees late that nobody listens: the reset was sent, and nobody heard it."""
