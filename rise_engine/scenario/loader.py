@@ -16,7 +16,7 @@ from rise_engine.base.nearest_name import did_you_mean, in_backquotes, limited_c
 from rise_engine.scenario.checking.cross_references import check_cross_references, check_failures
 from rise_engine.scenario.checking.diagnostic_ends import with_ends
 from rise_engine.scenario.checking.find_uses_in_settings import uses_in_memory, uses_in_settings, uses_in_trials
-from rise_engine.scenario.checking.memory_paths import factors_read
+from rise_engine.scenario.checking.memory_paths import factors_read, keys_read
 from rise_engine.scenario.checking.uses import Use, Uses, uses_in_acts, uses_in_rules
 from rise_engine.scenario.diagnostics import Diagnostic, Diagnostics
 from rise_engine.scenario.draft import ScenarioDraft
@@ -254,6 +254,7 @@ class ScenarioLoader:
             trials=settings.trials,
             paths=paths,
             known_keys=frozenset(draft.settable_keys),
+            keys_read=keys_read(draft),
             reads_session=bool(draft.session_keys),
             factors_read=factors_read(draft),
             topics=frozenset(mention.name for mention in draft.awaited_topics),

@@ -453,6 +453,8 @@ class Scenario(Struct, frozen=True):
     """What happens after an act has failed: `go_on`, `ask` or `repeat:2`. Acts may have their own setting."""
     known_keys: frozenset[str] = frozenset()
     """Memory keys that the start values or anything in the scenario can set."""
+    keys_read: frozenset[str] = frozenset()
+    """Memory keys that anything in the scenario reads, up to their first dot."""
     reads_session: bool = False
     """Whether anything reads the engine's values under `session` (semantics.md 7.2)."""
     factors_read: frozenset[str] = frozenset()

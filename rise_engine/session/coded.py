@@ -71,11 +71,8 @@ def read_spans(folder: Path, file: CodedFile) -> list[CodedSpan]:
     if hashlib.sha256(data).hexdigest() != file.sha256:
         raise SessionError(f"{path} was changed since it was added: rise-engine coded add {folder.name} {path}")
     document = read_coded_document(file.name, data, file.observation, folder.name)
-    to_session = file.clock.to_session
     return [
-        replace(
-            each, begin=to_session(each.begin), end=to_session(each.end), annotator=each.annotator or file.annotator
-        )
+        replace(file.clock.span_to_session(each), annotator=each.annotator or file.annotator)
         for each in document.spans
         if each.tier in file.tiers
     ]

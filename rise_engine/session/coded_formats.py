@@ -17,6 +17,7 @@ from typing import Any
 import msgspec
 from lxml import etree
 from msgspec import Struct
+from msgspec.structs import replace
 
 from rise_engine.base.errors import SessionError
 from rise_engine.base.nearest_name import did_you_mean
@@ -33,6 +34,8 @@ SUFFIXES = (".eaf", ".boris", ".csv", ".tsv")
 _NUMBER = r"(-?\d+(?:\.\d+)?)"
 _CLOCK_TEXT = re.compile(rf"annotation seconds = {_NUMBER} \+ {_NUMBER} \* session seconds")
 _GAP_TEXT = re.compile(rf"{_NUMBER} s more from session second {_NUMBER} on")
+_ROUNDING = 1e-5
+"""Seconds by which two ways to compute a duration can differ."""
 _BORIS_STATE = "state event"
 
 
@@ -55,6 +58,12 @@ class CodedClock(Struct, frozen=True):
             away += seconds
         return round(passed - away, 6)
 
+    def span_to_session(self, span: CodedSpan) -> CodedSpan:
+        """Return an annotation in session seconds."""
+        begin, end = self.to_session(span.begin), self.to_session(span.end)
+        outage = round((span.end - span.begin) / self.rate - (end - begin), 6)
+        return replace(span, begin=begin, end=end, outage=outage if outage > _ROUNDING else 0.0)
+
     def text(self) -> str:
         """Return the clock as a file states it."""
         gaps = (f"; {seconds:.6f} s more from session second {at:.6f} on" for at, seconds in self.gaps)
@@ -71,6 +80,8 @@ class CodedSpan(Struct, frozen=True):
     value: str
     modifiers: str = ""
     comment: str = ""
+    outage: float = 0.0
+    """Seconds of it in which the session had no engine; only known in session seconds."""
 
 
 class CodedDocument(Struct):

@@ -39,7 +39,7 @@ from rise_engine.scenario.loader import load
 from rise_engine.scenario.model import Scenario
 from rise_engine.session.journal_format import FORMAT, LineError, read_line
 from rise_engine.session.journal_format import JOURNAL as JOURNAL
-from rise_engine.session.labels import label_differences, labels_for, read_labels, refuse_differences
+from rise_engine.session.labels import label_differences, labels_for, moment_of_zero, read_labels, refuse_differences
 from rise_engine.session.lock import LockHolder, forget_holder, read_holder, user_name
 
 _ANY_CONNECTION = RosConnection()
@@ -181,7 +181,8 @@ def create_session(
 
 
 def read_info(folder: Path, *, compare: bool = True) -> SessionInfo:
-    """Read `session.toml` in a session's folder, and compare it with the journal.
+    """Read `session.toml` in a session's folder, and compare it with the journal. Once there is a journal, it tells
+    when the session began.
 
     :param folder: the session's folder.
     :param compare: False: silently use the journal's values where the two differ.
@@ -193,10 +194,12 @@ def read_info(folder: Path, *, compare: bool = True) -> SessionInfo:
     differences = label_differences(labels, values, INFO)
     if compare:
         refuse_differences(folder, differences)
-    if not differences:
-        return info
-    values |= labels_for(labels, values)
-    return msgspec.convert({**values, "slot": values["slot"] or 0}, SessionInfo)
+    if differences:
+        values |= labels_for(labels, values)
+        info = msgspec.convert({**values, "slot": values["slot"] or 0}, SessionInfo)
+    if labels is not None and (began := moment_of_zero(labels["wall"], labels["t"], info.speed)):
+        info = replace(info, started=began)
+    return info
 
 
 def info_differences(folder: Path) -> list[str]:

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import re
 from collections.abc import Iterable, Mapping
+from datetime import datetime, timedelta
 from pathlib import Path
 from typing import Any
 
@@ -53,6 +54,21 @@ def read_labels(journal: Path) -> dict[str, Any] | None:
     except OSError:
         pass
     return None
+
+
+def moment_of_zero(wall: str, t: float, speed: float) -> str:
+    """Return the date and time of day of session time 0, ISO 8601 with milliseconds. Empty: not known.
+
+    The engine reads the clock a little later, and this delay is subtracted.
+
+    :param wall: the `wall` of the session's first record.
+    :param t: its session time in seconds.
+    :param speed: session seconds in a second of the wall clock.
+    """
+    try:
+        return (datetime.fromisoformat(wall) - timedelta(seconds=t / speed)).isoformat(timespec="milliseconds")
+    except (ValueError, OverflowError):
+        return ""
 
 
 def label_differences(labels: Mapping[str, Any] | None, told: Mapping[str, Any], file: str) -> list[str]:

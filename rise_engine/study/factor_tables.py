@@ -167,11 +167,31 @@ def check_levels(study: Study, table: TomlTable, scenarios: Mapping[str, Scenari
                 scenario = scenarios.get(scenario_folder(study, name))
                 if scenario is not None:
                     _check_level(table, factor, level, scenario, name)
+        _check_reads(table, study, factor, scenarios)
+
+
+def _check_reads(table: TomlTable, study: Study, factor: Factor, scenarios: Mapping[str, Scenario]) -> None:
+    """Warn of values of levels that no scenario reads: the condition would be only a label."""
+    names = (name for level in factor.levels for name in _scenarios_of(study, factor, level))
+    folders = [scenario_folder(study, name) for name in dict.fromkeys(names)]
+    if any(each not in scenarios for each in folders) or table.values["factors"][factor.name].get("label_only") is True:
+        return
+    found = [scenarios[each] for each in folders]
+    for level in factor.levels:
+        for key in level.memory:
+            read = any(_head(key) in scenario.keys_read for scenario in found)
+            if not read and not any(memory_key_problem(scenario, key) for scenario in found):
+                message = (
+                    f"nothing in the scenario reads `{key}`, so it changes nothing that the robot does; correct the "
+                    "key, or write label_only = true, if people or a program of yours make the difference"
+                )
+                keys = ("factors", factor.name, "levels", level.name, "memory", key)
+                table.diagnostics.warning("condition-unread", table.value_location(*keys), message)
 
 
 def memory_key_problem(scenario: Scenario, key: str) -> str:
     """Say why a value set under this key before a session would have no effect. Empty: it has one."""
-    head = key.partition(".")[0]
+    head = _head(key)
     if head in scenario.tables:
         return f"`{head}` is a table, tables/{head}.csv; nothing sets it"
     if head == SESSION and scenario.reads_session:
@@ -212,6 +232,10 @@ def _check_level(table: TomlTable, factor: Factor, level: Level, scenario: Scena
             continue
         if problem := memory_type_problem(scenario, key, value):
             table.diagnostics.warning("memory-type", table.value_location(*keys), f"in {name}, {problem}")
+
+
+def _head(key: str) -> str:
+    return key.partition(".")[0]
 
 
 def _kind(value: Json) -> str:

@@ -37,7 +37,8 @@ class Reassignment(Struct, frozen=True):
 
     @property
     def sentence(self) -> str:
-        return f"run as {self.was}, and reassigned to {self.participant}: {self.reason}"
+        back = " and back" if self.participant == self.was else f" to {self.participant}"
+        return f"run as {self.was}, and reassigned{back}: {self.reason}"
 
     @property
     def labels(self) -> dict[str, Any]:

@@ -12,7 +12,7 @@ from rise_engine.session.folder import JOURNAL, has_begun
 from rise_engine.session.replay import ReplayComparison, compare_replay
 from rise_engine.study.plan import runs_of
 from rise_engine.study.plan_file import PLAN_FILE
-from rise_engine.study.sessions import StudySession, session_folders
+from rise_engine.study.sessions import StudySession, copied_sessions, session_folders
 from rise_engine.study.state import StudyStatus
 from rise_engine.study.study_log import LOG_FILE, StudyLogError, read_log
 
@@ -46,10 +46,14 @@ def prove_sessions(
     :param absent: for a bundle: the logged sessions that it leaves out on purpose; all others must be there.
     """
     known = {each.name: each for each in state.sessions} if state is not None else {}
+    copies = copied_sessions(folder, state.log if state is not None else ())
     there = {path.name: path for path in session_folders(folder) if has_begun(path)}
     named = _named_in_log(folder)
     for name in sorted({*known, *there, *(named if absent is not None else ())}):
         session = known.get(name)
+        if name in copies:
+            yield ProvedSession(name, None, (copies[name],))
+            continue
         if session is not None and session.entry.status == "running":
             continue
         if name not in there:

@@ -21,7 +21,7 @@ from rise_engine.study.plan_file import NEW_PLAN_FILE, PLAN_FILE, PlanLoad, plan
 from rise_engine.study.planning import held_slots, last_planned, plan_problem, scenario_hashes
 from rise_engine.study.questionnaires import find_missing, load_questionnaire
 from rise_engine.study.session_kinds import check_languages
-from rise_engine.study.sessions import SESSIONS, session_folders
+from rise_engine.study.sessions import SESSIONS, copied_sessions, session_folders
 from rise_engine.study.study_log import LOG_FILE, LogEntry, StudyLogError, read_log
 from rise_engine.study.study_toml import STUDY_FILE, StudyLoad, load_study
 from rise_engine.study.withdrawn import is_withdrawn
@@ -152,6 +152,8 @@ def _review_log(
         _check_scenarios(study, loaded.scenarios, planned, diagnostics)
     if PARTICIPANTS_FILE not in left_out and not people.errors:
         _check_holders(entries, people.participants, plan.slots, diagnostics)
+    for name, sentence in copied_sessions(folder, entries).items():
+        diagnostics.error("copied-session", SourceLocation(f"{SESSIONS}/{name}"), sentence)
     for path in session_folders(folder):
         for sentence in session_differences(path, entries):
             diagnostics.error("other-label", SourceLocation(f"{SESSIONS}/{path.name}"), sentence)

@@ -19,9 +19,11 @@ from msgspec.structs import replace
 
 from rise_engine.base.errors import SessionError
 from rise_engine.base.files import is_locked
+from rise_engine.base.json_codec import encode
 from rise_engine.kernel.inputs import CheckReport, OutcomeReport
 from rise_engine.scenario.model import Json
 from rise_engine.session.folder import JOURNAL, SessionInfo, has_begun, has_ended, is_abandoned, read_info
+from rise_engine.session.labels import read_labels
 from rise_engine.session.lock import JournalLock
 from rise_engine.study.labels import Reassignment, reassignments, session_differences
 from rise_engine.study.model import SessionEntry
@@ -83,9 +85,11 @@ def read_sessions(folder: Path, study_id: str, log: Sequence[LogEntry]) -> list[
     for each in log:
         about.setdefault(_text(each, "folder") or _text(each, "session"), []).append(each)
     found: dict[str, StudySession] = {}
-    passed_over: set[str] = set()
+    passed_over = {*copied_sessions(folder, log)}
     unreadable: dict[str, str] = {}
     for path in session_folders(folder):
+        if path.name in passed_over:
+            continue
         try:
             info = read_info(path, compare=False)
         except SessionError as error:  # only the log can describe it
@@ -132,6 +136,31 @@ def session_folders(folder: Path) -> list[Path]:
     with suppress(OSError):
         found = sorted(Path(entry.path) for entry in os.scandir(folder / SESSIONS) if entry.is_dir())
     return found
+
+
+def copied_sessions(folder: Path, log: Sequence[LogEntry]) -> dict[str, str]:
+    """Find folders that are copies of another session, so that no session counts twice: their journals begin with the
+    same record. The log tells which one is the session; without it, the first by name.
+
+    :param folder: the study's folder.
+    :param log: the study's log.
+    :return: a sentence for each copy, by the folder's name.
+    """
+    logged = {name: number for number, each in enumerate(log) if (name := _text(each, "folder"))}
+    paths = sorted(session_folders(folder), key=lambda path: logged.get(path.name, len(log)))
+    originals: dict[bytes, str] = {}
+    copies: dict[str, str] = {}
+    for path in paths:
+        labels = read_labels(path / JOURNAL)
+        if labels is None or not labels.get("wall"):  # a shared session does not tell when it began
+            continue
+        original = originals.setdefault(encode(labels), path.name)
+        if original != path.name:
+            copies[path.name] = (
+                f"it is a copy of {original}: both journals begin with the same record. It does not count; move it "
+                f"out of {SESSIONS}/"
+            )
+    return copies
 
 
 def _from_folder(path: Path, info: SessionInfo, outcome: LogEntry | None) -> StudySession | None:

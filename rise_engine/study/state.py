@@ -24,7 +24,7 @@ from rise_engine.study.model import Participant, ParticipantState, Slot, Study, 
 from rise_engine.study.participants import load_participants
 from rise_engine.study.plan_file import read_plan
 from rise_engine.study.planning import last_planned, plan_problem
-from rise_engine.study.sessions import MissingEntry, StudySession, missing_entries, read_sessions
+from rise_engine.study.sessions import MissingEntry, StudySession, copied_sessions, missing_entries, read_sessions
 from rise_engine.study.standing import Places, places_of, study_standing
 from rise_engine.study.study_log import LockedLog, LogEntry, read_log
 from rise_engine.study.study_toml import is_study, load_study
@@ -151,6 +151,7 @@ def read_state(folder: Path) -> StudyStatus:
     files = _read_files(folder)
     state = _state(files, read_log(folder))
     due = due_retention(state.study, state.sessions, datetime.now().astimezone().date())
+    due += [f"{name}: {sentence}" for name, sentence in copied_sessions(folder, state.log).items()]
     return replace(state, standing=replace(state.standing, due=(*state.standing.due, *due))) if due else state
 
 

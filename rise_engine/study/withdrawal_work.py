@@ -32,6 +32,8 @@ from rise_engine.study.withdrawn import add_rows
 
 _STUDYS_OWN = frozenset({SESSIONS, STUDY_FILE, PARTICIPANTS_FILE, PLAN_FILE, LOG_FILE, SET_ASIDE_FILE, KEPT_FILE})
 _OF_SOMEBODY = (INFO, JOURNAL, STUDY_FILE, LOG_FILE)
+_OF_EXPORTS = (MANIFEST_FILE, "dataset_description.json")
+"""The files at the top of a bundle and of a BIDS export. Both contain copies of scenarios."""
 
 
 class KnownBy(Struct):
@@ -117,10 +119,10 @@ def _real_place(path: Path) -> Path:
 
 
 def _is_of_scenario(path: Path, root: Path) -> bool:
-    """Whether the path is in, or contains, a scenario of the study. Scenarios in a bundle belong to the bundle."""
+    """Whether the path is in, or contains, a scenario of the study. The copies in an export belong to the export."""
     if any((each / SCENARIO_FILE).exists() for each in (path, *path.parents) if root in each.parents):
         return True
-    return not (path / MANIFEST_FILE).is_file() and any(path.rglob(SCENARIO_FILE))
+    return not any((path / name).is_file() for name in _OF_EXPORTS) and any(path.rglob(SCENARIO_FILE))
 
 
 def _size(path: Path) -> int:

@@ -9,10 +9,12 @@ from rise_engine.study.model import AssignmentSettings, BetweenMethod, Factor, L
 from rise_engine.study.study_toml import StudyLoad, load_study
 from tests.scenario.folders import SPEECH, act, folder
 
+TELL = "{hesitation}, {noise}, {mood}, {person.age|three}, {later}"
 SCENARIO: dict[str, str | bytes] = {
     "scenario/scenario.toml": 'title = "Lamps"\n',
     "scenario/acts/a.xml": act(SPEECH),
-    "scenario/memory.json": '{"hesitation": false, "noise": 1, "mood": "calm", "person": {"age": 3}, "later": null}',
+    "scenario/acts/tell.xml": act(SPEECH.replace("Hello", TELL)).replace('name="A"', 'name="Tell"'),
+    "scenario/memory.json": '{"hesitation": false, "noise": 1, "mood": "calm", "person": {"age": 3}, "later": null, "unread": 0}',
 }
 DESIGN = """\
 title = "Lamps"

@@ -42,6 +42,9 @@ needed = ["study"]
 SCENARIO = """title = "Sample"
 robot = "generic"
 """
+READING = (
+    '<Dialog name="Tell"><Speech><actionID>1</actionID><message>{hesitation}, {noise}</message></Speech></Dialog>'
+)
 GREET = '<Dialog name="Greet"><Speech><actionID>1</actionID><message>Hello!</message></Speech></Dialog>'
 MEMORY = '{"WorkingMemory": [{"hesitation": false, "noise": 1}]}'
 PEOPLE = "".join(f"P{number:02},2026-11-0{number % 9 + 1},,\n" for number in range(1, 9))
@@ -54,6 +57,7 @@ def write_study(folder: Path, design: str = DESIGN, people: str = HEAD + PEOPLE,
     (folder / "scenario" / "acts").mkdir(parents=True)
     (folder / "scenario" / "rules").mkdir()
     (folder / "scenario" / "acts" / "greet.xml").write_text(GREET, "utf-8")
+    (folder / "scenario" / "acts" / "tell.xml").write_text(READING, "utf-8")
     (folder / "scenario" / "memory.json").write_text(MEMORY, "utf-8")
     (folder / "scenario" / "scenario.toml").write_text(SCENARIO, "utf-8")
     (folder / "study.toml").write_text(design, "utf-8")

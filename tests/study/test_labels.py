@@ -22,7 +22,7 @@ from rise_engine.session.folder import INFO, read_info
 from rise_engine.session.journal_format import with_checksum
 from rise_engine.session.labels import RelabelledError, label_differences
 from rise_engine.study.sessions import SESSIONS
-from rise_engine.study.state import read_state
+from rise_engine.study.state import OpenStudy, read_state
 from rise_engine.study.study_log import LOG_FILE, read_log
 from rise_engine.study.verdict import read_verdict
 from tests.results.analysis.samples import make_study, play_session, sessions_of, short
@@ -174,6 +174,16 @@ def test_the_study_counts_what_the_journal_says(study: Path) -> None:
     assert state.standing.due[0] == f"{folder.name} was given another label: rise-engine study check says which"
 
 
+def test_the_journal_says_when_a_session_began(study: Path) -> None:
+    """So another date in session.toml neither moves a session nor keeps its data longer."""
+    folder = sessions_of(study)[1]
+    before = [each.entry for each in read_state(study).sessions]
+    edit(folder / INFO, r'^started = ".*"', 'started = "2031-01-01T10:00:00.000+00:00"')
+    assert [each.entry for each in read_state(study).sessions] == before
+    assert read_info(folder).started == read_session(folder).facts.started == before[1].started
+    assert "2031" not in run("sessions", study)[1]
+
+
 def test_a_session_of_no_study(tmp_path: Path) -> None:
     folder = play_session(tmp_path / "sessions", short(), until=20.0)
     assert run("replay", folder)[0] == 0
@@ -265,6 +275,25 @@ def test_what_is_not_proved_is_named(study: Path, damage: Callable[[Path, Path],
     assert any(re.match(r"\d of 8 sessions proved", line) for line in lines)
 
 
+def test_a_copied_session_does_not_count(study: Path, tmp_path: Path) -> None:
+    """Also where the next program that opens the study has come by before anybody looks."""
+    session = sessions_of(study)[1]
+    copy = shutil.copytree(session, session.with_name(f"a copy of {session.name}"))
+    counted = [each.entry for each in read_state(study).sessions]
+    with OpenStudy(study) as opened:
+        assert [each.entry for each in opened.state.sessions] == counted
+    assert not [each for each in read_log(study) if copy.name in str(each.fields)]
+    assert len(counted) == 8 and copy.name not in [each.folder for each in counted]
+    told = f"it is a copy of {session.name}: both journals begin with the same record."
+    status, lines = check_sessions(study)
+    assert status == 1 and f"{copy.name}: not proved: {told} It does not count; move it out of sessions/" in lines
+    assert f"error copied-session: {told}" in run("study", "check", study)[1]
+    assert f"{copy.name}: {told}" in run("study", "status", study)[1]
+    assert run("export", study, "--format", "tables", "-o", tmp_path / "tables")[0] in (0, 1)
+    with (tmp_path / "tables" / "sessions.csv").open(encoding="utf-8") as file:
+        assert copy.name not in [each["session"] for each in csv.DictReader(file)]
+
+
 # --- reassigned -------------------------------------------------------------------------------------------------------
 
 
@@ -318,3 +347,11 @@ def test_a_bundle_keeps_it(moved: Path, study: Path, tmp_path: Path) -> None:
     make_bundle(read_state(study), sessions_of(study), tmp_path / "bundle", BundleOptions("shared"))
     folder = next(each for each in sessions_of(tmp_path / "bundle") if read_session(each).facts.outcome == "aborted")
     assert read_session(folder).facts.participant == "P04"
+
+
+def test_a_session_that_is_reassigned_and_back_is_told_so(moved: Path, study: Path) -> None:
+    said = run("study", "reassign", study, moved.name, "P02", "--reason", "it was P02 after all")
+    assert said == (0, f"{moved.name} is P02's session now, and not P04's\n")
+    status, lines = check_sessions(study)
+    assert status == 0
+    assert f"{moved.name}: run as P02, and reassigned and back: it was P02 after all" in "\n".join(lines)

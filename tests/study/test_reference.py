@@ -20,7 +20,7 @@ from rise_engine.study.plan_file import plan_text
 from rise_engine.study.study_log import EntryKind
 from rise_engine.study.study_toml import _ASSIGNMENT_KEYS as ASSIGNMENT_KEYS
 from rise_engine.study.study_toml import BETWEEN, TOP_KEYS, WITHIN, load_study
-from tests.scenario.folders import folder
+from tests.scenario.folders import SPEECH, act, folder
 from tests.study.designs import SCENARIO
 
 PAGE = (Path(__file__).parents[2] / "docs" / "reference" / "study.md").read_text(encoding="utf-8")
@@ -36,7 +36,12 @@ def test_the_example_is_a_study_and_its_participants_plan_and_proof_are_those_of
         for name, text in SCENARIO.items()
     }
     more |= {
-        f"{name}/memory.json": '{"hesitation": false, "distraction": false}' for name in ("scenario", "scenario-babble")
+        f"{name}/{file}": text
+        for name in ("scenario", "scenario-babble")
+        for file, text in {
+            "memory.json": '{"hesitation": false, "distraction": false}',
+            "acts/tell.xml": act(SPEECH.replace("Hello", "{hesitation}, {distraction}"), "Tell"),
+        }.items()
     }
     (people,) = [text for _, text in BLOCKS if text.startswith("participant,")]
     folder(tmp_path, {**more, "study.toml": TOML.replace('"real"', '"debug"'), "participants.csv": people})

@@ -221,6 +221,12 @@ WRONG: dict[str, tuple[str, str, list[str]]] = {
             "did you mean `hesitation`?"
         ],
     ),
+    "a memory key that nothing reads": (
+        "{ hesitation = true }",
+        "{ hesitation = true, unread = 1 }",
+        ["study.toml:9:51: warning condition-unread: nothing in the scenario reads `unread`, so it changes nothing"],
+    ),
+    "a memory key that is only a label": ("{ noise = 3 }", "{ unread = 2 }\nlabel_only = true", []),
     "a memory value of another type": (
         "{ noise = 3 }",
         '{ noise = "3" }',

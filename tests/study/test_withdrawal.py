@@ -31,6 +31,7 @@ from rise_engine.study.withdrawal_work import WithdrawalPlan
 from rise_engine.study.withdrawn import is_withdrawn, without_salts
 from tests.forked import Forked
 from tests.kills import every_kill
+from tests.results.analysis.samples import make_study
 
 from .studies import DESIGN, ENDED, session_folder, write_journal, write_study
 
@@ -366,6 +367,18 @@ def test_an_export_is_listed_before_it_is_written(made: Folder) -> None:
     result = run("export", made.sessions[2], "--format", "csv", "-o", out)
     assert result.exit_code == 2
     assert len([each for each in read_log(made.study) if each.kind == "exported"]) == 5
+
+
+@pytest.mark.parametrize("form", ["bids", "tables"])
+def test_an_export_of_any_form_and_of_everything_is_erased(tmp_path: Path, form: str) -> None:
+    """A BIDS export of all that there is has copies of the scenario, which are a part of it."""
+    study = make_study(tmp_path / "study")
+    out = study / "export"
+    result = run("export", study, "--format", form, "--level", "full", "-o", out)
+    assert result.exit_code == 0, result.output
+    assert form != "bids" or any(out.rglob("scenario.toml"))
+    report = withdraw(study, "P01")
+    assert not out.exists() and not [each for each in report.unreached if str(out) in each]
 
 
 def test_what_is_exported_just_now_is_told_and_the_rest_is_erased(made: Folder) -> None:

@@ -14,7 +14,7 @@ def proof_lines(session: ProvedSession) -> list[str]:
     found = session.comparison
     if found is None:
         first, *others = session.problems
-        return [f"{session.name}: cannot be replayed: {first}", *(f"  {each}" for each in others)]
+        return [f"{session.name}: not proved: {first}", *(f"  {each}" for each in others)]
     others = [f"{session.name}: {each}" for each in (session.note, *session.problems) if each]
     if found.identical:
         inputs, records = pluralize(found.inputs, "input"), pluralize(found.records, "record")

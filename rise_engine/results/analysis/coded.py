@@ -5,6 +5,7 @@ from __future__ import annotations
 from bisect import bisect_right
 from collections.abc import Iterable, Sequence
 from pathlib import Path
+from typing import NamedTuple
 
 from rise_engine.base.errors import SessionError
 from rise_engine.privacy.levels import LevelFilter, told_span
@@ -13,7 +14,14 @@ from rise_engine.results.analysis.outages import seconds_without_engine
 from rise_engine.session.coded import CodedFile, read_coded, read_spans
 from rise_engine.session.coded_formats import CodedSpan
 
-Spans = Sequence[tuple[float, float]]
+
+class RobotSpeech(NamedTuple):
+    """A time in which the robot spoke without a break, in session seconds."""
+
+    begin: float
+    end: float
+    known: bool = True
+    """Whether the robot told when it ended."""
 
 
 def read_annotations(
@@ -50,30 +58,31 @@ def read_annotations(
     return tuple(sorted(found, key=lambda each: each.begin))
 
 
-def robot_speech(acts: Iterable[PlayedAct], end: float) -> Spans:
+def robot_speech(acts: Iterable[PlayedAct], end: float) -> Sequence[RobotSpeech]:
     """Return when the robot spoke, in order: from the confirmation of a speech action to its end. Pieces that overlap
     or follow at once are joined.
 
     :param acts: the session's acts.
     :param end: the session's end, which also ends unfinished speech.
     """
-    pieces: list[tuple[float, float]] = []
+    pieces: list[RobotSpeech] = []
     spoken = [
-        (part.accepted_at, part.ended_at if part.ended_at is not None else end)
+        RobotSpeech(part.accepted_at, end if part.ended_at is None else part.ended_at, part.known_end == part.ended_at)
         for act in acts
         for part in act.parts
         if "speech" in part.channels and part.accepted_at is not None
     ]
-    for begin, until in sorted(spoken):
-        if pieces and begin <= pieces[-1][1]:
-            pieces[-1] = (pieces[-1][0], max(pieces[-1][1], until))
+    for piece in sorted(spoken):
+        if pieces and piece.begin <= pieces[-1].end:
+            last = max(pieces[-1], piece, key=lambda each: each.end)
+            pieces[-1] = last._replace(begin=pieces[-1].begin)
         else:
-            pieces.append((begin, until))
+            pieces.append(piece)
     return pieces
 
 
 def coded_annotation(
-    span: CodedSpan, file: CodedFile, level: LevelFilter, robot: Spans, outages: Sequence[Outage]
+    span: CodedSpan, file: CodedFile, level: LevelFilter, robot: Sequence[RobotSpeech], outages: Sequence[Outage]
 ) -> CodedAnnotation:
     """Convert one annotation and compare it with the robot's speech.
 
@@ -94,21 +103,22 @@ def coded_annotation(
         comment=told.comment,
         file=file.name if level.level == "full" else "",
         speech=is_speech,
-        robot_overlap_s=_overlap(span, robot) if is_speech else None,
+        outage_s=span.outage or None,
+        robot_overlap_s=_overlap(span, robot) if is_speech and not span.outage else None,
         gap_s=_gap(span.begin, robot, outages) if is_speech else None,
     )
 
 
-def _overlap(span: CodedSpan, robot: Spans) -> float:
-    shared = (min(span.end, end) - max(span.begin, begin) for begin, end in robot)
+def _overlap(span: CodedSpan, robot: Sequence[RobotSpeech]) -> float:
+    shared = (min(span.end, each.end) - max(span.begin, each.begin) for each in robot)
     return round(sum(each for each in shared if each > 0), 6)
 
 
-def _gap(at: float, robot: Spans, outages: Sequence[Outage]) -> float | None:
-    before = bisect_right(robot, at, key=lambda piece: piece[0])
-    if not before:
+def _gap(at: float, robot: Sequence[RobotSpeech], outages: Sequence[Outage]) -> float | None:
+    before = bisect_right(robot, at, key=lambda piece: piece.begin)
+    if not before or not robot[before - 1].known:
         return None
-    end = robot[before - 1][1]
+    end = robot[before - 1].end
     if seconds_without_engine(outages, min(end, at), max(end, at)) is not None:
         return None
     return round(at - end, 6)

@@ -89,6 +89,11 @@ class ActPart(Struct, frozen=True, kw_only=True):
     started_at: float | None = None
     """When it was sent to the robot, or began to wait. None: it ended before that (`skipped`, `failed`)."""
 
+    @property
+    def known_end(self) -> float | None:
+        """When it ended on the robot. None: it had not, or nobody knows when (`lost`, `timed-out`)."""
+        return None if self.status in ("lost", "timed-out") else self.ended_at
+
 
 class PlayedAct(Struct, frozen=True, kw_only=True):
     """One act (or free speech) from its request to its end, with the parts of its latency.
@@ -238,11 +243,15 @@ class CodedAnnotation(Struct, frozen=True, kw_only=True):
     file: str = ""
     speech: bool = False
     """Whether its tier holds the participant's speech."""
+    outage_s: float | None = None
+    """Seconds without an engine meanwhile, in which session time stood still. None: none."""
     robot_overlap_s: float | None = None
-    """Seconds in which the robot spoke meanwhile. None: its tier is not the participant's speech."""
+    """Seconds in which the robot spoke meanwhile. None: its tier is not the participant's speech, or it has `outage_s`.
+    """
     gap_s: float | None = None
     """Seconds from the end of the robot's speech before it, to its start. Negative: the robot still spoke. None: the
-    robot had not spoken, the session had no engine in between, or the tier is not the participant's speech."""
+    robot had not spoken, nobody knows when its speech ended, the session had no engine in between, or the tier is not
+    the participant's speech."""
 
 
 class Outage(Struct, frozen=True, kw_only=True):

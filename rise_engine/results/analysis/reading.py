@@ -7,7 +7,6 @@ and no format can show more than it allows.
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Iterator, Mapping
-from datetime import datetime, timedelta
 from functools import lru_cache
 from pathlib import Path
 from typing import Any
@@ -38,7 +37,7 @@ from rise_engine.results.analysis.phases import PhaseCollector, PointCollector, 
 from rise_engine.results.analysis.session_records import SessionRecords
 from rise_engine.scenario.model import SIMULATED, Scenario
 from rise_engine.session.folder import is_abandoned
-from rise_engine.session.labels import RelabelledError
+from rise_engine.session.labels import RelabelledError, moment_of_zero
 from rise_engine.session.media import MediaFile, read_media
 from rise_engine.study.labels import reassignment_of
 from rise_engine.study.participants import load_participants
@@ -254,7 +253,7 @@ def _facts(
     moved = reassignment_of(source.folder)
     started = ""
     if source.level == "full":
-        started = _moment_of_zero(begun, _speed_of(source)) or (info.started if info is not None else "")
+        started = moment_of_zero(begun.wall, begun.t, _speed_of(source)) or (info.started if info is not None else "")
     facts = SessionFacts(
         session=source.name,
         **{name: said(name) for name in IDENTITY},
@@ -283,16 +282,6 @@ def _speed_of(source: SessionRecords) -> float:
     """Return the speed from the journal, or from session.toml if an old journal lacks it: then the record has 1."""
     begun, info = source.begun, source.info
     return info.speed if info is not None and (begun is None or begun.speed == 1.0) else begun.speed if begun else 1.0
-
-
-def _moment_of_zero(begun: SessionRecord, speed: float) -> str:
-    """Return the date and time of day of session time 0, with milliseconds. Empty: not known. The engine reads the
-    clock a little later, and this delay is subtracted."""
-    try:
-        first = datetime.fromisoformat(begun.wall)
-        return (first - timedelta(seconds=begun.t / speed)).isoformat(timespec="milliseconds")
-    except (ValueError, OverflowError):
-        return ""
 
 
 def _judgement(source: SessionRecords, study: Path | None, few: Iterable[AnyRecord]) -> Judgement | None:

@@ -232,9 +232,9 @@ class _Lists:
     def trial(self, start: float, end: float, ended_by: TrialEnd, values: dict[str, Json]) -> PlayedTrial:
         """Build one trial from the events at or after its start and before its end."""
         until = end if ended_by != "record" else float("inf")
-        first = bisect_left(self._acts, start, key=lambda act: act.accepted_at)
-        last = bisect_left(self._acts, until, key=lambda act: act.accepted_at)
-        spoken = [(act.voice_at, act.task, act) for act in self._acts[first:last] if act.voice_at is not None]
+        begin = bisect_left(self._acts, start, key=lambda act: act.accepted_at)
+        behind = bisect_left(self._acts, until, key=lambda act: act.accepted_at)
+        spoken = [(act.voice_at, act.task, act) for act in self._acts[begin:behind] if act.voice_at is not None]
         asking = min(spoken)[2] if spoken else None
         asked_at = asking.voice_at if asking is not None else None
         asked_end = _end_of_speech(asking) if asking is not None else None
@@ -245,8 +245,11 @@ class _Lists:
         key = self._key(answer_from, end)
         asked = _asked(key.function, key.asked) if key is not None else ""
         heard = cue_at if cue_at is not None else key.at if key is not None else None
+        prompts_from = asked_end if asked_end is not None else asked_at
         prompts = (
-            _within(self._spoken, asked_end, heard if heard is not None else until) if asked_end is not None else ()
+            _within(self._spoken, prompts_from, heard if heard is not None else until)
+            if prompts_from is not None
+            else ()
         )
         return PlayedTrial(
             start=start,
@@ -292,8 +295,8 @@ def _asked(function: str, behavior: str) -> str:
 
 
 def _end_of_speech(act: PlayedAct) -> float | None:
-    """Return when the act's last action that uses the voice ended. None: it had not."""
-    ends = [part.ended_at for part in act.parts if "speech" in part.channels and part.accepted_at is not None]
+    """Return when the act's last action that uses the voice ended. None: it had not, or nobody knows when."""
+    ends = [part.known_end for part in act.parts if "speech" in part.channels and part.accepted_at is not None]
     return None if None in ends or not ends else max(each for each in ends if each is not None)
 
 

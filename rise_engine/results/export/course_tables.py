@@ -324,7 +324,7 @@ CODED = TableSchema(
         moment("begin", "it begins.", required=True),
         moment("end", "it ends; equal to begin: it is a moment.", required=True),
         seconds("duration_s", "From begin to end.", span("begin", "end")),
-        *outage_columns("duration_s", "begin", "end"),
+        *outage_columns("duration_s", "begin", "end", lambda row: row.of.outage_s),
         Column(
             "value",
             "The annotation; BORIS: the behaviour. Below the level full, speech is replaced by its number of words.",
@@ -336,12 +336,13 @@ CODED = TableSchema(
         seconds(
             "robot_overlap_s",
             "For the participant's speech: seconds in which the robot spoke too, that is, from the confirmation of a "
-            "speech action to its end.",
+            "speech action to its end. Empty with outage_s: nobody knows what the robot said then.",
         ),
         seconds(
             "gap_s",
             "For the participant's speech: from the end of the robot's last utterance before begin, to begin. "
-            "Negative: the robot was still speaking. Empty: the robot had said nothing, or an outage lies between.",
+            "Negative: the robot was still speaking. Empty: the robot had said nothing, nobody knows when it fell "
+            "silent, or an outage lies between.",
             minimum=None,
         ),
     ),

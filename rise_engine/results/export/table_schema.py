@@ -137,9 +137,15 @@ def outage(start: str, end: str) -> Value:
     return lambda row: seconds_without_engine(row.data.outages, getattr(row.of, start), getattr(row.of, end))
 
 
-def outage_columns(what: str, start: str, end: str) -> tuple[Column, Column]:
-    """Make columns for the time without an engine between two attributes, and for the duration by the wall clock."""
-    lasted, away = span(start, end), outage(start, end)
+def outage_columns(what: str, start: str, end: str, away: Value | None = None) -> tuple[Column, Column]:
+    """Make columns for the time without an engine between two attributes, and for the duration by the wall clock.
+
+    :param what: the duration's column.
+    :param start: the attribute with its start.
+    :param end: the attribute with its end.
+    :param away: gives the seconds without an engine; None: those between the two.
+    """
+    lasted, away = span(start, end), away or outage(start, end)
 
     def by_wall_clock(row: Row) -> float | None:
         seconds, missing = lasted(row), away(row)

@@ -50,7 +50,7 @@ TRIALS = TableSchema(
         ),
         Column("asked_task", "The number in acts.csv of that act.", lambda row: row.of.task, type="integer", minimum=1),
         moment("asked_at", "the robot confirmed its first action that uses the voice. The first sound comes later."),
-        moment("asked_end", "its last action that uses the voice ended; empty: it did not end."),
+        moment("asked_end", "its last action that uses the voice ended; empty: it did not end, or nobody knows when."),
         moment("cue_at", "the first cue from asked_at on was marked. Cues that were taken back do not count."),
         seconds(
             PARTICIPANT, "From asked_end to cue_at. Negative: the robot was still speaking at the cue.", minimum=None
@@ -67,7 +67,8 @@ TRIALS = TableSchema(
         ),
         count(
             "prompts",
-            "Further acts that spoke from asked_end to cue_at; without a cue to key_at, without a key to the end.",
+            "Further acts that spoke from asked_end (if empty: asked_at) to cue_at; without a cue to key_at, without "
+            "a key to the end.",
         ),
         count("repairs", "Corrections in the trial, counted as in sessions.csv."),
         Column(

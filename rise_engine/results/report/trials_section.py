@@ -38,7 +38,7 @@ class TrialRow(Struct, frozen=True):
     measure: str
     values: tuple[float, ...]
     hovers: tuple[str, ...]
-    """The participant and trial of each value."""
+    """The participant, run and trial of each value."""
     trials: int
     """All trials, also those without a value."""
     people: int
@@ -58,11 +58,17 @@ def trial_rows(conditions: Iterable[tuple[str, Sequence[SessionRow]]]) -> list[T
     """
     found = []
     by_name = [(name, [row for row in sessions if row.measure]) for name, sessions in conditions]
+    several_runs = any(row.facts.run > 1 for _, sessions in by_name for row in sessions)
+
+    def trial_name(row: SessionRow, number: int) -> str:
+        run = f", run {row.facts.run}" if several_runs else ""
+        return f"{row.facts.participant or row.facts.session}{run}, trial {number}"
+
     for measure in dict.fromkeys(row.measure for _, sessions in by_name for row in sessions):
         for name, sessions in by_name:
             theirs = [row for row in sessions if row.measure == measure]
             pairs = [
-                (value, f"{row.facts.participant or row.facts.session}, trial {number}: {number_text(value)}")
+                (value, f"{trial_name(row, number)}: {number_text(value)}")
                 for row in theirs
                 for number, value in enumerate(row.trials, 1)
                 if value is not None
@@ -70,11 +76,7 @@ def trial_rows(conditions: Iterable[tuple[str, Sequence[SessionRow]]]) -> list[T
             if trials := sum(len(row.trials) for row in theirs):
                 people = len({row.facts.participant for row in theirs})
                 values, hovers = tuple(value for value, _ in pairs), tuple(hover for _, hover in pairs)
-                interrupted = tuple(
-                    f"{row.facts.participant or row.facts.session}, trial {number}"
-                    for row in theirs
-                    for number in sorted(row.interrupted)
-                )
+                interrupted = tuple(trial_name(row, number) for row in theirs for number in sorted(row.interrupted))
                 found.append(TrialRow(name, measure, values, hovers, trials, people, interrupted))
     return found
 

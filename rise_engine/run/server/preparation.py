@@ -266,8 +266,7 @@ class SessionPreparation:
     @property
     def session_id(self) -> str:
         """An id of the session that stays the same after a recovery."""
-        info = read_info(self.folder)
-        return f"{self.folder.name} {info.started} {info.seed}"
+        return f"{self.folder.name} {self.seed}"
 
     def decide_recording(self) -> RecordingDecision:
         """Decide what records the session, once its journal is open; nothing outside of a study."""

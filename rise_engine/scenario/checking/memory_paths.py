@@ -165,6 +165,12 @@ def factors_read(draft: ScenarioDraft) -> frozenset[str]:
     return frozenset(path[2] for path in paths if path[:2] == [SESSION, "factors"] and len(path) > 2)
 
 
+def keys_read(draft: ScenarioDraft) -> frozenset[str]:
+    """The memory keys that anything reads, up to their first dot."""
+    reads = (draft.key_reads, draft.optional_key_reads, draft.bare_words, draft.bare_keys, draft.spoken_keys)
+    return frozenset(mention.name.partition(".")[0] for mentions in reads for mention in mentions)
+
+
 def session_problem(draft: ScenarioDraft, key: str) -> str:
     """Describe a part of the session that does not exist; empty for other keys."""
     head, _, part = key.partition(".")

@@ -13,6 +13,7 @@ from typing import Any
 from msgspec.json import encode
 
 from rise_engine.base.nearest_name import did_you_mean, in_backquotes, suggest
+from rise_engine.scenario.checking.memory_paths import keys_read
 from rise_engine.scenario.diagnostics import Diagnostics
 from rise_engine.scenario.draft import ConditionValue, Mention, ScenarioDraft
 from rise_engine.scenario.files.source_files import SourceFile
@@ -186,11 +187,10 @@ class _ConditionCheck:
         self.diagnostics = diagnostics
         self.changes = (*draft.key_writes, *draft.part_writes)
         """The places where rules and keys of the keyboard set something."""
-        reads = (draft.key_reads, draft.optional_key_reads, draft.bare_words, draft.bare_keys, draft.spoken_keys)
-        self.read = {_head(mention.name) for mentions in reads for mention in mentions}
-        """The keys that anything reads, up to their first dot. The same applies to `known`."""
+        self.read = keys_read(draft)
         also = (*self.changes, *draft.property_reads)
         self.known = draft.memory.keys() | self.read | {_head(mention.name) for mention in also}
+        """All keys up to their first dot."""
         if draft.session_keys:
             self.known.discard(SESSION)
         otherwise = "; give it a start value, if only something outside uses it"

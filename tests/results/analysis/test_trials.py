@@ -88,8 +88,9 @@ class Text:
         key_at = min((t for t in self.keys() if since is not None and since <= t <= end), default=None)
         heard = cue_at if cue_at is not None else key_at
         until = heard if heard is not None else before
-        prompts = [n for n, _ in self.acts() if n != asking and asked_end is not None]
-        prompts = [n for n in prompts if asked_end <= (self.voice_at(n) or -1.0) < until]
+        since = asked_end if asked_end is not None else asked_at
+        prompts = [n for n, _ in self.acts() if n != asking and since is not None]
+        prompts = [n for n in prompts if since <= (self.voice_at(n) or -1.0) < until]
         onsets = [v for n, _ in self.acts() if (v := self.onset(n)) is not None and heard is not None and v >= heard]
         return {
             "start": start,
@@ -128,7 +129,7 @@ class Text:
     def speech_end(self, act: int) -> float | None:
         spoken = [each for each in self.actions(act) if each.type == "Speech"]
         begun = {each.action for each in spoken if each.status == "accepted"}
-        ends = {each.action: each.t for each in spoken if each.status in ENDINGS}
+        ends = {each.action: each.t for each in spoken if each.status in ENDINGS - {"lost", "timed-out"}}
         return max(ends[each] for each in begun) if begun <= ends.keys() else None
 
     def cues(self) -> list[float]:
@@ -277,6 +278,16 @@ def test_what_is_measured(tmp_path: Path) -> None:
     assert (tea.wizard_s, tea.wizard_asked) == (1.25, "startCommunicationRobotAct Answer")
     assert tea.robot_next_at is not None and 22.0 < tea.robot_next_at < 23.0
     assert tea.number("participant_s") == tea.participant_s and tea.number("visits") == 1 and tea.number("start") == 10
+
+
+def test_nothing_is_measured_from_speech_whose_end_nobody_knows(tmp_path: Path) -> None:
+    """The engine dies while the robot asks. The robot fell silent at a time that nobody knows, long before the cue."""
+    asks = [(1.0, task("startInteractionRule", "Visit")), (10.0, task("raiseEventTopic", "/tea", pressed=9.9))]
+    folder = recovered_session(tmp_path / "lab", at=11.0, script=[*asks, (20.0, task("markCue", pressed=20.0))])
+    tea = next(each for each in trials_of(read(folder)) if each.start == 10.0)
+    assert (tea.robot_said, tea.asked_at, tea.cue_at) == ("Would you like some tea?", 10.02, 20.0)
+    assert (tea.asked_end, tea.participant_s, tea.key_s) == (None, None, None)
+    compared(folder, BY_STATE)
 
 
 QUIZ = {

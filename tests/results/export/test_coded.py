@@ -15,10 +15,11 @@ from pympi.Elan import Eaf
 from rise_engine.base.errors import SessionError
 from rise_engine.base.words import Words, parse_replacement
 from rise_engine.cli.program import main
+from rise_engine.kernel.records import ActionStatus
 from rise_engine.privacy.levels import LevelFilter
 from rise_engine.privacy.redaction import redact
 from rise_engine.privacy.sharing import share_session
-from rise_engine.results.analysis.coded import coded_annotation, robot_speech
+from rise_engine.results.analysis.coded import RobotSpeech, coded_annotation, robot_speech
 from rise_engine.results.analysis.model import ActPart, Outage
 from rise_engine.results.analysis.reading import read_session
 from rise_engine.results.export.media_clock import session_clock
@@ -230,8 +231,38 @@ def test_time_without_an_engine_is_one_moment(at: float, expected: float) -> Non
     assert parse_clock(clock.text()) == clock
 
 
-def _speech(begin: float, end: float | None) -> ActPart:
-    known: dict[str, Any] = {"action": "1", "type": "Speech", "parameters": {}, "text": "hm", "status": "succeeded"}
+@pytest.mark.parametrize(
+    ("begin", "end", "expected"),
+    [
+        (13.0, 13.5, (9.0, 9.5, 0.0)),
+        (13.0, 15.0, (9.0, 10.0, 1.0)),  # ends in the outage
+        (14.5, 16.5, (10.0, 10.0, 2.0)),  # all of it in the outage: no moment
+        (16.0, 18.0, (10.0, 11.0, 1.0)),  # begins in it
+        (13.0, 27.0, (9.0, 19.999, 3.001)),
+        (15.0, 15.0, (10.0, 10.0, 0.0)),  # a moment
+    ],
+)
+def test_an_annotation_across_an_outage_says_so(begin: float, end: float, expected: tuple[float, ...]) -> None:
+    clock = CodedClock(4.0, 1.0, ((10.0, 3.0), (19.999, 2.0)))
+    found = clock.span_to_session(CodedSpan("s", "", begin, end, "hm"))
+    assert (found.begin, found.end, found.outage) == expected
+    file = CodedFile(name="a", sha256="", clock=clock, clock_by="given", tiers=("s",), speech=("s",))
+    told = coded_annotation(found, file, LevelFilter("full", None), [], [Outage(at=10.0, seconds=3.0)])
+    assert (told.outage_s or 0.0, told.robot_overlap_s) == (expected[2], None if expected[2] else 0.0)
+
+
+def test_after_speech_whose_end_nobody_knows_there_is_no_gap() -> None:
+    lost = _speech(10.0, 15.0, "lost")
+    (robot,) = robot_speech([act(10, 15, parts=(lost,))], 30.0)
+    assert robot == RobotSpeech(10.0, 15.0, known=False)
+    file = CodedFile(name="a", sha256="", clock=CodedClock(), clock_by="given", tiers=("s",), speech=("s",))
+    span = CodedSpan("s", "", 16.0, 17.0, "hm")
+    found = coded_annotation(span, file, LevelFilter("full", None), [robot], [Outage(at=15.0, seconds=9.0)])
+    assert (found.robot_overlap_s, found.gap_s) == (0.0, None)
+
+
+def _speech(begin: float, end: float | None, status: ActionStatus = "succeeded") -> ActPart:
+    known: dict[str, Any] = {"action": "1", "type": "Speech", "parameters": {}, "text": "hm", "status": status}
     return ActPart(channels=("speech",), accepted_at=begin, ended_at=end, **known)
 
 
@@ -249,7 +280,7 @@ def _speech(begin: float, end: float | None) -> ActPart:
 def test_overlap_and_gap(begin: float, end: float, overlap: float, gap: Any) -> None:
     acts = [act(2, 4, parts=(_speech(2.0, 3.0), _speech(3.0, 4.0))), act(10, 13, parts=(_speech(10.0, 13.0),))]
     robot = robot_speech(acts, 30.0)
-    assert robot == [(2.0, 4.0), (10.0, 13.0)]
+    assert robot == [RobotSpeech(2.0, 4.0), RobotSpeech(10.0, 13.0)]
     file = CodedFile(name="a", sha256="", clock=CodedClock(), clock_by="given", tiers=("s",), speech=("s",))
     found = coded_annotation(
         CodedSpan("s", "", begin, end, "hm"), file, LevelFilter("full", None), robot, [Outage(at=15.0, seconds=9.0)]
