@@ -14,7 +14,8 @@ SCENARIO: dict[str, str | bytes] = {
     "scenario/scenario.toml": 'title = "Lamps"\n',
     "scenario/acts/a.xml": act(SPEECH),
     "scenario/acts/tell.xml": act(SPEECH.replace("Hello", TELL)).replace('name="A"', 'name="Tell"'),
-    "scenario/memory.json": '{"hesitation": false, "noise": 1, "mood": "calm", "person": {"age": 3}, "later": null, "unread": 0}',
+    "scenario/memory.json": '{"hesitation": false, "noise": 1, "mood": "calm", "person": {"age": 3}, "later": null, '
+    '"unread": 0}',
 }
 DESIGN = """\
 title = "Lamps"

@@ -42,9 +42,7 @@ needed = ["study"]
 SCENARIO = """title = "Sample"
 robot = "generic"
 """
-READING = (
-    '<Dialog name="Tell"><Speech><actionID>1</actionID><message>{hesitation}, {noise}</message></Speech></Dialog>'
-)
+READING = '<Dialog name="Tell"><Speech><actionID>1</actionID><message>{hesitation}, {noise}</message></Speech></Dialog>'
 GREET = '<Dialog name="Greet"><Speech><actionID>1</actionID><message>Hello!</message></Speech></Dialog>'
 MEMORY = '{"WorkingMemory": [{"hesitation": false, "noise": 1}]}'
 PEOPLE = "".join(f"P{number:02},2026-11-0{number % 9 + 1},,\n" for number in range(1, 9))

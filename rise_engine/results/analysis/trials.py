@@ -83,6 +83,11 @@ class PlayedTrial(Struct, frozen=True, kw_only=True):
         """Seconds from the end of the robot's speech to the wizard's key."""
         return seconds_between(self.asked_end, self.key_at)
 
+    def is_other_value(self, name: str) -> bool:
+        """Whether a column has a value that is not a number, such as a text from the memory."""
+        value = self.values.get(name)
+        return value is not None and (isinstance(value, bool) or not isinstance(value, int | float))
+
     def number(self, name: str) -> float | None:
         """Return a column as a number, for use as a dependent variable. None: it is not a number, or a time in which
         the session had no engine for a while."""

@@ -14,6 +14,7 @@ from rise_engine.results.export.table_levels import (
     ACTION_STATUS,
     ACTORS,
     CUE_STATES,
+    EVENT_ACTORS,
     EVENT_KINDS,
     MARKS,
     PHASE_ENDS,
@@ -294,7 +295,7 @@ def _event_columns() -> tuple[Column, ...]:
             "actor",
             "The kind of source in `by`.",
             lambda row: actor_of(row.of.by or row.of.source) if row.of.source else None,
-            levels=ACTORS,
+            levels=EVENT_ACTORS,
         ),
         Column(
             "task",

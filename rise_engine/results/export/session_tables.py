@@ -162,7 +162,8 @@ SESSIONS = TableSchema(
         count("cues_undone", "Cues that were taken back.", _repairs("cues_undone")),
         count(
             "responses",
-            "Answers with a response time, requested after their cue. The next three columns are about them.",
+            "Answers with a response time that were requested after their cue, without an outage in their wait. The "
+            "next three columns are about them.",
             lambda row: len(_answers(row.data)),
         ),
         seconds(

@@ -24,6 +24,11 @@ ACTORS = {
     "program": "a node, a client, the command line",
     "engine": "the engine by itself, for example a filler",
 }
+EVENT_ACTORS = {
+    **ACTORS,
+    "rule": "an interaction rule; an act: by itself; anything else: perhaps because of a person's key",
+    "program": "a node, a client, the command line, a file of the study",
+}
 MARKS = {
     "wrong": "it was the wrong one",
     "late": "it came too late",

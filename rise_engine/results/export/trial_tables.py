@@ -211,7 +211,9 @@ class WideTable:
         measure, where = self.measure, f"in the condition {condition}"
         unit = "s" if measure.endswith("_s") else ""
         yield count(f"trials.{condition}", f"Trials {where}.", lambda row: len(all_of(row)))
-        yield count(f"measured.{condition}", f"Trials {where} that have a {measure}.", lambda row: len(known(row)))
+        yield count(
+            f"measured.{condition}", f"Trials {where} whose {measure} is a number.", lambda row: len(known(row))
+        )
         about = f"of {measure} over the trials {where} that have one; empty: there are none."
         median_name, mean_name = f"{measure}.{condition}.median", f"{measure}.{condition}.mean"
         yield Column(median_name, f"Median {about}", lambda row: median(known(row)), "number", unit)

@@ -10,8 +10,9 @@ from msgspec import Struct
 
 from rise_engine.base.text import clean
 from rise_engine.kernel.record_words import trigger_text
-from rise_engine.results.analysis.model import ActorKind, Cue, Phase, PlayedAct, Point, SessionData
-from rise_engine.results.report.document import Figure, clock_text, seconds_text
+from rise_engine.results.analysis.model import ActorKind, Cue, Outage, Phase, PlayedAct, Point, SessionData
+from rise_engine.results.analysis.outages import seconds_without_engine
+from rise_engine.results.report.document import Figure, cause_text, clock_text, seconds_text, with_outage
 from rise_engine.results.report.svg import Drawing
 
 SpanKind: TypeAlias = Literal["cue", "unanswered", "act", "filler", "part", "state", "other-state"]
@@ -61,13 +62,14 @@ class Lane(Struct, frozen=True):
 def lanes_of(data: SessionData) -> list[Lane]:
     """Return every lane that is not empty, from the participant down to the rules."""
     end = data.facts.duration
-    lanes = [Lane("cues", tuple(_cue_span(cue, end) for cue in data.cues if cue.undone_at is None))]
+    cues = (_cue_span(cue, end, data.outages) for cue in data.cues if cue.undone_at is None)
+    lanes = [Lane("cues", tuple(cues))]
     lanes += [Lane(f"robot {channel}", _parts_on(channel, data.acts, end)) for channel in _CHANNELS]
     lanes.append(Lane("robot, other", _parts_on("", data.acts, end)))
     actors: tuple[ActorKind, ...] = ("wizard", "rule", "program", "engine")
     lanes += [Lane(f"{actor} acts", _acts_of(actor, data.acts, end)) for actor in actors]
     lanes.append(Lane("marks", marks=tuple(_moments(data.points))))
-    lanes += _rule_lanes(data.phases)
+    lanes += _rule_lanes(data.phases, data.outages)
     return [lane for lane in lanes if lane.spans or lane.marks]
 
 
@@ -76,13 +78,15 @@ def left_out_rules(phases: Iterable[Phase]) -> list[str]:
     return _rules_by_size(phases)[MAX_RULES:]
 
 
-def _cue_span(cue: Cue, end: float) -> LaneSpan:
+def _cue_span(cue: Cue, end: float, outages: Sequence[Outage]) -> LaneSpan:
     said = f", \u201c{cue.text}\u201d" if cue.text else ""
     if cue.answered_at is None:
         return LaneSpan(cue.at, cue.at, "", f"cue at {clock_text(cue.at)}{said}, not answered", "unanswered")
-    waits = cue.answered_at - cue.at
+    waits = with_outage(
+        seconds_text(cue.answered_at - cue.at), seconds_without_engine(outages, cue.at, cue.answered_at)
+    )
     filled = f", filled after {seconds_text(cue.filled_at - cue.at)}" if cue.filled_at is not None else ""
-    hover = f"cue at {clock_text(cue.at)}{said}, answered after {seconds_text(waits)}{filled}"
+    hover = f"cue at {clock_text(cue.at)}{said}, answered after {waits}{filled}"
     return LaneSpan(cue.at, min(end, cue.answered_at), "", hover, "cue")
 
 
@@ -108,9 +112,10 @@ def _acts_of(actor: ActorKind, acts: Iterable[PlayedAct], end: float) -> tuple[L
             until = act.ended_at if act.ended_at is not None else end
             lasted = f"{clock_text(act.started_at)} {act.act}, {seconds_text(until - act.started_at)}"
             status = "" if act.status == "SUCCEEDED" else f", {act.status}"
-            answered = f", answers after {seconds_text(act.response_s)}" if act.response_s is not None else ""
+            waited = with_outage(seconds_text(act.response_s or 0.0), act.response_outage_s)
+            answered = f", answers after {waited}" if act.response_s is not None else ""
             filler = ", a filler" if act.filler else ""
-            hover = f"{lasted}, by {act.source}{status}{filler}{answered * (not act.filler)}"
+            hover = f"{lasted}, by {cause_text(act.by, act.via)}{status}{filler}{answered * (not act.filler)}"
             spans.append(LaneSpan(act.started_at, until, act.act, hover, "filler" if act.filler else "act"))
     return tuple(spans)
 
@@ -122,14 +127,17 @@ def _moments(points: Iterable[Point]) -> Iterable[MomentMark]:
             yield MomentMark(point.at, f"{clock_text(point.at)} {point.kind}: {told}", kind)
 
 
-def _rule_lanes(phases: Sequence[Phase]) -> list[Lane]:
+def _rule_lanes(phases: Sequence[Phase], outages: Sequence[Outage]) -> list[Lane]:
     lanes = []
     for rule in _rules_by_size(phases)[:MAX_RULES]:
         kinds: tuple[SpanKind, SpanKind] = ("state", "other-state")
         spans: list[LaneSpan] = []
         for phase in phases:
             if phase.rule == rule and phase.end > phase.start:
-                time = f"{clock_text(phase.start)} to {clock_text(phase.end)}"
+                time = with_outage(
+                    f"{clock_text(phase.start)} to {clock_text(phase.end)}",
+                    seconds_without_engine(outages, phase.start, phase.end),
+                )
                 hover = f"{rule}: {phase.state}{trigger_text(phase.trigger)}, {time}"
                 spans.append(LaneSpan(phase.start, phase.end, phase.state, hover, kinds[len(spans) % 2]))
         lanes.append(Lane(rule, tuple(spans)))

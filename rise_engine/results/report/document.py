@@ -6,7 +6,7 @@ both show the same numbers. Texts are as recorded; the output modules make them 
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from datetime import datetime
 from typing import Literal, TypeAlias
 
@@ -168,6 +168,24 @@ def source_name(source: str) -> str:
     if not colon or not name:
         return source
     return name if kind == "wizard" else f"{kind} {name}"
+
+
+def cause_text(by: str, via: Sequence[str]) -> str:
+    """Name who caused an act, and the rules between.
+
+    >>> cause_text("wizard:anna", ("Greeting", "Quiz")), cause_text("rule:Greeting", ())
+    ('anna, through Greeting > Quiz', 'rule Greeting')
+    """
+    return f"{source_name(by)}, through {' > '.join(via)}" if via else source_name(by)
+
+
+def with_outage(told: str, outage: float | None) -> str:
+    """Add to a duration in words how long the session had no engine meanwhile. None: it always had one.
+
+    >>> with_outage("12.0 s", None)
+    '12.0 s'
+    """
+    return f"{told} and {length_text(outage)} without an engine" if outage else told
 
 
 def interval_text(share: Share) -> str:

@@ -19,6 +19,7 @@ from rise_engine.results.report.document import (
     ReportTable,
     Section,
     actor_shares,
+    cause_text,
     clock_text,
     interval_text,
     length_text,
@@ -29,6 +30,7 @@ from rise_engine.results.report.document import (
     seconds_text,
     share_text,
     source_name,
+    with_outage,
 )
 from rise_engine.results.report.session_facts import MARKS, SessionFigures, session_figures
 from rise_engine.results.report.trials_section import latency_section
@@ -254,7 +256,8 @@ def _rules(data: SessionData, figures: SessionFigures) -> Iterable[Block]:
     whole = data.facts.duration or 1.0
     rows, before = [], ""
     for state in figures.states:
-        back = f"{state.stepped_back} by stepping back" if state.stepped_back else ""
+        notes = [f"{state.stepped_back} by stepping back"] if state.stepped_back else []
+        notes += [f"and {length_text(state.outage_s)} without an engine"] if state.outage_s else []
         rows.append(
             (
                 state.rule if state.rule != before else "",
@@ -263,13 +266,13 @@ def _rules(data: SessionData, figures: SessionFigures) -> Iterable[Block]:
                 length_text(state.seconds),
                 f"{100 * state.seconds / whole:.0f}",
                 number_text(state.each.median, 1) if state.each else "",
-                back,
+                ", ".join(notes),
             )
         )
         before = state.rule
     yield ReportTable(
         caption="Phases: how often each rule was in a state, for how long in all, what part of the session that is, "
-        "and the median of one visit in seconds",
+        "and the median of one visit in seconds. All in session time; the median leaves out visits with an outage",
         head=("rule", "state", "visits", "in all", "%", "median", "note"),
         rows=tuple(rows),
         numbers=frozenset({2, 3, 4, 5}),
@@ -298,6 +301,7 @@ def _mistakes(data: SessionData, figures: SessionFigures) -> Iterable[Block]:
             ("Rules ended by a fault", str(found.rules_faulted)),
             ("Stops", str(found.stops)),
             ("Robot lost or partly lost", str(found.robot_lost)),
+            ("Outages of the engine", _outages(data)),
             ("Control changed hands", str(found.control_changes)),
             ("Repairs", _repairs(data)),
         )
@@ -305,14 +309,22 @@ def _mistakes(data: SessionData, figures: SessionFigures) -> Iterable[Block]:
     moments = [
         point
         for point in data.points
-        if point.kind in ("mistake", "fault", "stop", "robot") and point.name != "connected"
+        if point.kind in ("mistake", "fault", "stop", "robot", "recovery") and point.name != "connected"
     ]
+    gaps = _gaps(data)
     if moments:
         yield ReportTable(
             caption="When",
             head=("at", "what", "about", "told", "by"),
             rows=tuple(
-                (clock_text(each.at), each.kind, each.name, each.value, source_name(each.source)) for each in moments
+                (
+                    clock_text(each.at),
+                    each.kind,
+                    each.name,
+                    gaps.get(each.at, "") if each.kind == "recovery" else each.value,
+                    source_name(each.source),
+                )
+                for each in moments
             ),
             numbers=frozenset({0}),
         )
@@ -320,15 +332,25 @@ def _mistakes(data: SessionData, figures: SessionFigures) -> Iterable[Block]:
         yield Paragraph(f"{pluralize(found.failures, 'failed act')} waited for somebody to decide.", "note")
 
 
+def _outages(data: SessionData) -> str:
+    times = pluralize(len(data.outages), "outage")
+    return f"{times}, {length_text(data.facts.downtime)} in all by the wall clock" if data.outages else "none"
+
+
+def _gaps(data: SessionData) -> dict[float, str]:
+    """Say for each recovery how long there was no engine."""
+    return {each.at: f"no engine for {length_text(each.seconds)}; session time stood still" for each in data.outages}
+
+
 def _repairs(data: SessionData) -> str:
     repairs = data.repairs
     told = (
-        (repairs.repeated, "repeated"),
-        (repairs.stepped_back, "stepped back"),
-        (repairs.cues_undone, "cues taken back"),
-        (repairs.canceled, "acts stopped by a wizard"),
+        (repairs.repeated, f"{repairs.repeated} repeated"),
+        (repairs.stepped_back, f"{repairs.stepped_back} stepped back"),
+        (repairs.cues_undone, f"{pluralize(repairs.cues_undone, 'cue')} taken back"),
+        (repairs.canceled, f"{pluralize(repairs.canceled, 'act')} stopped by a wizard"),
     )
-    return ", ".join(f"{number} {what}" for number, what in told if number) or "none"
+    return ", ".join(what for number, what in told if number) or "none"
 
 
 def _notes(data: SessionData) -> Iterable[Block]:
@@ -402,18 +424,19 @@ def _in_order(data: SessionData) -> Iterable[Block]:
     rows: list[tuple[float, tuple[str, ...]]] = []
     for act in data.acts:
         texts = "; ".join(part.text for part in act.parts if part.text)
-        waits = number_text(act.response_s) if not act.filler else ""
+        waits = with_outage(number_text(act.response_s), act.response_outage_s) if not act.filler else ""
         when = act.started_at if act.started_at is not None else act.accepted_at
-        rows.append((when, (act.act, source_name(act.source), act.status, waits, texts)))
+        rows.append((when, (act.act, cause_text(act.by, act.via), act.status, waits, texts)))
     for cue in data.cues:
         undone = "taken back" if cue.undone_at is not None else "" if cue.answered_at is not None else "not answered"
         rows.append((cue.at, ("cue", source_name(cue.source), undone, "", cue.text)))
     for phase in data.phases:
         rows.append((phase.start, (f"{phase.rule}: {phase.state}", source_name(phase.source), "", "", phase.trigger)))
+    rows += [(at, ("recovery", "engine", "", "", told)) for at, told in _gaps(data).items()]
     rows.sort(key=lambda each: each[0])
     if rows:
         yield ReportTable(
-            caption=f"Everything in its order: {len(rows)} acts, cues and phases",
+            caption=f"Everything in its order: {len(rows)} acts, cues, phases and recoveries",
             head=("at", "what", "by", "status", "response", "told"),
             rows=tuple((clock_text(at), *row) for at, row in rows),
             numbers=frozenset({0, 4}),

@@ -47,6 +47,8 @@ class SessionRow(Struct, frozen=True):
     """Its value in each trial."""
     interrupted: frozenset[int] = frozenset()
     """The numbers of trials with an outage of the engine."""
+    not_numbers: frozenset[int] = frozenset()
+    """The numbers of trials whose value is not a number."""
 
     @property
     def is_complete(self) -> bool:
@@ -221,6 +223,11 @@ def session_row(data: SessionData, checked: Mapping[str, str] | None = None) -> 
         measure=settings.measure if settings is not None else "",
         trials=tuple(trial.number(settings.measure) for trial in trials) if settings is not None else (),
         interrupted=frozenset(number for number, trial in enumerate(trials, 1) if trial.outage_s is not None),
+        not_numbers=frozenset(
+            number
+            for number, trial in enumerate(trials, 1)
+            if settings is not None and trial.is_other_value(settings.measure)
+        ),
     )
 
 

@@ -44,6 +44,8 @@ class TrialRow(Struct, frozen=True):
     people: int
     interrupted: tuple[str, ...] = ()
     """Trials with an outage of the engine."""
+    not_numbers: tuple[str, ...] = ()
+    """Trials whose value is not a number."""
 
     @property
     def interval(self) -> tuple[float, float] | None:
@@ -77,7 +79,8 @@ def trial_rows(conditions: Iterable[tuple[str, Sequence[SessionRow]]]) -> list[T
                 people = len({row.facts.participant for row in theirs})
                 values, hovers = tuple(value for value, _ in pairs), tuple(hover for _, hover in pairs)
                 interrupted = tuple(trial_name(row, number) for row in theirs for number in sorted(row.interrupted))
-                found.append(TrialRow(name, measure, values, hovers, trials, people, interrupted))
+                not_numbers = tuple(trial_name(row, number) for row in theirs for number in sorted(row.not_numbers))
+                found.append(TrialRow(name, measure, values, hovers, trials, people, interrupted, not_numbers))
     return found
 
 
@@ -137,14 +140,16 @@ def _table(measure: str, rows: Sequence[TrialRow]) -> ReportTable:
             )
         )
     interrupted = "; ".join(each for row in rows for each in row.interrupted)
-    outage = f" The engine was away in {interrupted}; no time across an outage is measured." if interrupted else ""
+    notes = f" The engine was away in {interrupted}; no time across an outage is measured." if interrupted else ""
+    if not_numbers := "; ".join(each for row in rows for each in row.not_numbers):
+        notes += f" Left out, because {measure} is not a number there: {not_numbers}."
     return ReportTable(
         caption=f"Trials of complete sessions by condition: {measure}{' in seconds' if _unit(measure) else ''}",
         head=("condition", "people", "trials", "measured", "median", "95 % interval", "middle half"),
         rows=tuple(table),
         numbers=frozenset({1, 2, 3, 4, 5, 6}),
         note=f"{_INTERVAL}. It takes the trials as independent, which those of one participant are not: this "
-        f"describes, and tests nothing.{outage}",
+        f"describes, and tests nothing.{notes}",
     )
 
 

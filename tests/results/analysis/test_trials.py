@@ -278,6 +278,9 @@ def test_what_is_measured(tmp_path: Path) -> None:
     assert (tea.wizard_s, tea.wizard_asked) == (1.25, "startCommunicationRobotAct Answer")
     assert tea.robot_next_at is not None and 22.0 < tea.robot_next_at < 23.0
     assert tea.number("participant_s") == tea.participant_s and tea.number("visits") == 1 and tea.number("start") == 10
+    for value, is_other in (("3", True), (True, True), (3, False), (None, False)):
+        told = replace(tea, values={"score": value})
+        assert (told.number("score"), told.is_other_value("score")) == (None if is_other else value, is_other)
 
 
 def test_nothing_is_measured_from_speech_whose_end_nobody_knows(tmp_path: Path) -> None:

@@ -274,7 +274,20 @@ def test_torn_damaged_and_recovered_sessions(tmp_path):
     assert "1 thing could not be read and is missing here." in shared and "journal" not in shared
     assert "torn" in assert_harmless(page_text(torn.document)).text
     recovered = make_session_report(recovered_session(tmp_path / "recovered"))
-    assert "recovered 1 time after 1 min 35 s in all" in page_text(recovered.document).replace("\u00a0", " ")
+    told = assert_harmless(page_text(recovered.document)).text.replace("\u00a0", " ")
+    assert "recovered 1 time after 1 min 35 s in all" in told
+    assert "Outages of the engine 1 outage, 1 min 35 s in all by the wall clock" in " ".join(told.split())
+    assert told.count("no engine for 1 min 35 s; session time stood still") == 2  # under When, and in order
+    assert told.count("and 1 min 35 s without an engine") >= 4  # two states, an answer, and the course's titles
+
+
+def test_acts_in_order_are_of_who_caused_them(folder):
+    """Also an act that a rule began because of a wizard's key, and one that a rule began by itself."""
+    data = read_session(folder)
+    via = next(each for each in data.acts if each.via and each.actor == "wizard")
+    told = " ".join(assert_harmless(page_text(session_report(data))).text.split()).replace("\u00a0", " ")
+    in_order = told.partition("Everything in its order")[2]
+    assert f"{via.act} {via.by.removeprefix('wizard:')}, through {' > '.join(via.via)}" in in_order
 
 
 def test_whether_it_replays_is_told_without_what_was_recorded(folder, tmp_path, monkeypatch):

@@ -43,6 +43,22 @@ def test_a_trial_in_which_the_engine_was_away_is_named() -> None:
     assert isinstance(table, ReportTable) and "away in P01, trial 2; no time across" in table.note
 
 
+def test_a_trial_of_several_runs_is_named_with_its_run() -> None:
+    second = replace(SLOW, facts=replace(SLOW.facts, participant="P01", run=2), interrupted=frozenset({2}))
+    rows = trial_rows([("yes", [replace(FAST, facts=replace(FAST.facts, run=1))]), ("no", [second])])
+    figure, table = trials_section(rows, declared=True).blocks
+    assert isinstance(table, ReportTable) and "away in P01, run 2, trial 2; no" in table.note
+    assert isinstance(figure, Figure) and "P01, run 1, trial 4: 1.40" in figure.svg[0]
+
+
+def test_a_value_that_is_no_number_is_named_where_it_is_left_out() -> None:
+    rows = trial_rows([("yes", [replace(FAST, measure="score", not_numbers=frozenset({3}))])])
+    table = trials_section(rows, declared=True).blocks[1]
+    assert isinstance(table, ReportTable) and table.note.endswith(
+        " Left out, because score is not a number there: P01, trial 3."
+    )
+
+
 def test_a_study_without_trials_is_told_how_to_declare_them() -> None:
     without = replace(FAST, measure="", trials=())
     (told,) = trials_section(trial_rows([("yes", [without])]), declared=False).blocks
