@@ -8,7 +8,7 @@ from pathlib import Path
 from msgspec import Struct
 
 from rise_engine.base.errors import SessionError
-from rise_engine.session.folder import JOURNAL, has_begun
+from rise_engine.session.folder import INFO, JOURNAL, has_begun
 from rise_engine.session.replay import ReplayComparison, compare_replay
 from rise_engine.study.plan import runs_of
 from rise_engine.study.plan_file import PLAN_FILE
@@ -75,6 +75,16 @@ def prove_sessions(
             yield ProvedSession(name, None, tuple(problems) or (str(error),), note)
         else:
             yield ProvedSession(name, comparison, tuple(problems), note)
+
+
+def compared_files(state: StudyStatus | None) -> tuple[str, ...]:
+    """Return the files with which `prove_sessions` compares each session's journal.
+
+    :param state: as for `prove_sessions`.
+    """
+    if state is None:
+        return (INFO,)
+    return (INFO, LOG_FILE, PLAN_FILE) if state.plan else (INFO, LOG_FILE)
 
 
 def _named_in_log(folder: Path) -> set[str]:

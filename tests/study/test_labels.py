@@ -184,6 +184,17 @@ def test_the_journal_says_when_a_session_began(study: Path) -> None:
     assert "2031" not in run("sessions", study)[1]
 
 
+def test_the_list_of_sessions_says_what_the_tables_say(study: Path, tmp_path: Path) -> None:
+    """Also of somebody who was excluded after the sessions, whose outcomes stay in the log."""
+    assert run("study", "exclude", study, "P01", "could not hear")[0] == 0
+    assert run("export", study, "--all", "--format", "tables", "-o", tmp_path / "tables")[0] == 0
+    with (tmp_path / "tables" / "sessions.csv").open(encoding="utf-8") as file:
+        exported = {each["session"]: each["outcome"] for each in csv.DictReader(file)}
+    listed = json.loads(run("sessions", study, "--json")[1])
+    assert {Path(each["folder"]).name: each["outcome"] for each in listed} == exported
+    assert {outcome for name, outcome in exported.items() if "P01" in name} == {"excluded"}
+
+
 def test_a_session_of_no_study(tmp_path: Path) -> None:
     folder = play_session(tmp_path / "sessions", short(), until=20.0)
     assert run("replay", folder)[0] == 0
@@ -275,6 +286,14 @@ def test_what_is_not_proved_is_named(study: Path, damage: Callable[[Path, Path],
     assert any(re.match(r"\d of 8 sessions proved", line) for line in lines)
 
 
+def test_the_proof_names_only_the_files_that_it_compared(study: Path) -> None:
+    assert "session.toml, study.jsonl and plan.csv say the same of it" in "\n".join(check_sessions(study)[1])
+    (study / "plan.csv").unlink()
+    assert "session.toml and study.jsonl say the same of it" in "\n".join(check_sessions(study)[1])
+    edit(study / "study.toml", "^title", "titel")
+    assert "session.toml says the same of it" in "\n".join(check_sessions(study)[1])
+
+
 def test_a_copied_session_does_not_count(study: Path, tmp_path: Path) -> None:
     """Also where the next program that opens the study has come by before anybody looks."""
     session = sessions_of(study)[1]
@@ -289,6 +308,7 @@ def test_a_copied_session_does_not_count(study: Path, tmp_path: Path) -> None:
     assert status == 1 and f"{copy.name}: not proved: {told} It does not count; move it out of sessions/" in lines
     assert f"error copied-session: {told}" in run("study", "check", study)[1]
     assert f"{copy.name}: {told}" in run("study", "status", study)[1]
+    assert copy.name not in run("sessions", study)[1]
     assert run("export", study, "--format", "tables", "-o", tmp_path / "tables")[0] in (0, 1)
     with (tmp_path / "tables" / "sessions.csv").open(encoding="utf-8") as file:
         assert copy.name not in [each["session"] for each in csv.DictReader(file)]

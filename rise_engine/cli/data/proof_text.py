@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from typing import Any
 
 from rise_engine.base.text import pluralize
@@ -48,7 +48,21 @@ DECIDED_LATER = "that study.jsonl has everything that people decided after a ses
 """What no proof covers: a line removed from the log, such as a reassignment."""
 
 
-def except_reassigned(sessions: Iterable[ProvedSession]) -> str:
+def agreement_text(files: Sequence[str], sessions: Iterable[ProvedSession]) -> str:
+    """Say which files agree with the sessions, except for the participants of reassigned sessions.
+
+    :param files: from `compared_files`.
+    :param sessions: all sessions with their results.
+
+    >>> agreement_text(("session.toml", "study.jsonl"), ())
+    'session.toml and study.jsonl say the same of it'
+    """
+    *others, last = files
+    named = f"{', '.join(others)} and {last} say" if others else f"{last} says"
+    return f"{named} the same of it{_except_reassigned(sessions)}"
+
+
+def _except_reassigned(sessions: Iterable[ProvedSession]) -> str:
     """End a sentence about all sessions with those that the log has reassigned. Empty: there are none."""
     count = sum(bool(each.note) for each in sessions if each.proved)
     return f", except the participant of {pluralize(count, 'reassigned session')}" if count else ""

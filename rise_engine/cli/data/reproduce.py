@@ -14,7 +14,7 @@ from rise_engine import __version__
 from rise_engine.base.errors import FileError, RiseError, SessionError
 from rise_engine.base.exit_status import DIFFERENT, OK, USAGE
 from rise_engine.base.text import pluralize
-from rise_engine.cli.data.proof_text import DECIDED_LATER, except_reassigned, proof_lines, proof_row
+from rise_engine.cli.data.proof_text import DECIDED_LATER, agreement_text, proof_lines, proof_row
 from rise_engine.cli.options import JSON
 from rise_engine.cli.session.other_robot import compare_on_robot, load_for_robot
 from rise_engine.cli.terminal import Refused, print_lines, refusing, write_json
@@ -25,7 +25,7 @@ from rise_engine.results.bundle.environment import is_running_program, wheel_in
 from rise_engine.results.bundle.inputs import InputsCheck, check_inputs
 from rise_engine.results.bundle.manifest import ManifestCheck, fingerprint, opened_bundle
 from rise_engine.results.export.format import ExportError
-from rise_engine.study.proof import ProvedSession, prove_sessions
+from rise_engine.study.proof import ProvedSession, compared_files, prove_sessions
 from rise_engine.study.state import StudyStatus, read_state
 from rise_engine.study.study_log import StudyLogError
 
@@ -52,6 +52,8 @@ class Reproduction(Struct):
     problems: list[str] = field(default_factory=list)
     """Why something cannot be made again, in sentences."""
     sessions: list[ProvedSession] = field(default_factory=list)
+    compared: tuple[str, ...] = ()
+    """The files with which the sessions were compared."""
     others: list[OtherCourse] = field(default_factory=list)
 
     @property
@@ -90,6 +92,7 @@ def reproduce(bundle: str, robot: str | None, as_json: bool) -> int:
         check = check_bundle(root)
         found = Reproduction(check, read_about(root), fingerprint(root))
         state = _state_of(root, found)
+        found.compared = compared_files(state)
         folders = sessions_in_order(root, state)
         if robot is not None and folders:
             load_for_robot(folders[0], robot)  # an unknown robot is an error, not a difference
@@ -216,7 +219,7 @@ def _proof_paragraph(found: Reproduction) -> list[str]:
     if proved:
         lines.append(
             f"- {pluralize(proved, 'session')}: every record follows from the recorded inputs and the session's copy "
-            f"of the scenario, and study.jsonl and plan.csv say the same of it{except_reassigned(found.sessions)}"
+            f"of the scenario, and {agreement_text(found.compared, found.sessions)}"
         )
     lines += [f"- {each}" for each in found.inputs.proved]
     if found.derived.files and not found.derived.differences:

@@ -17,6 +17,7 @@ from rise_engine.base.files import is_locked
 from rise_engine.cli.options import JSON
 from rise_engine.cli.session.unfinished import unfinished_lines, unfinished_sessions
 from rise_engine.cli.terminal import exit_with_usage, print_lines, print_notes, show, table_lines, write_json
+from rise_engine.results.analysis.reading import NO_JUDGEMENTS, Judgement, read_judgements
 from rise_engine.run.client.running_sessions import all_running_sessions, sessions_on_other_computers
 from rise_engine.run.protocol.messages import SessionSummary
 from rise_engine.session.folder import (
@@ -30,7 +31,7 @@ from rise_engine.session.folder import (
     sessions_folder,
 )
 from rise_engine.study.labels import reassignment_of
-from rise_engine.study.sessions import SESSIONS
+from rise_engine.study.sessions import SESSIONS, copied_sessions
 from rise_engine.study.standing import when_text
 from rise_engine.study.study_log import read_log
 from rise_engine.study.study_toml import is_study
@@ -130,16 +131,14 @@ def list_sessions(where: Path | None) -> list[ListedSession]:
     :param where: the folder of one of these; None: the folder of sessions outside of studies.
     :raises rise_engine.study.study_log.StudyLogError: a study's log cannot be read.
     """
-    judged: dict[str, tuple[str, str]] = {}
+    judgements, copies = NO_JUDGEMENTS, set[str]()
     scenario = ""
     if where is None:
         root = sessions_folder()
     elif is_study(where):
         root = where / SESSIONS
-        entries = [each for each in read_log(where) if each.kind == "outcome"]
-        judged = {
-            str(each.get("session")): (str(each.get("status")), str(each.get("reason") or "")) for each in entries
-        }
+        copies = {*copied_sessions(where, read_log(where))}
+        judgements = read_judgements(where)
     elif (where / "scenario.toml").is_file():
         root, scenario = sessions_folder(), os.path.realpath(where)
     else:
@@ -147,11 +146,13 @@ def list_sessions(where: Path | None) -> list[ListedSession]:
     found: list[ListedSession] = []
     for folder in _folders(root):
         with suppress(SessionError):  # it is not a session
+            if folder.name in copies:
+                continue
             info = read_info(folder, compare=False)
             if (moved := reassignment_of(folder)) is not None:
                 info = replace(info, participant=moved.participant, slot=moved.slot or 0, attempt=moved.attempt)
             if has_begun(folder) and scenario in ("", os.path.realpath(info.scenario_folder)):
-                found.append(_listed(folder, info, judged.get(folder.name)))
+                found.append(_listed(folder, info, judgements.of(folder.name, info.participant)))
     return sorted(found, key=lambda each: (each.started, each.folder))
 
 
@@ -184,7 +185,7 @@ def _folders(root: Path) -> list[Path]:
     return []
 
 
-def _listed(folder: Path, info: SessionInfo, judged: tuple[str, str] | None) -> ListedSession:
+def _listed(folder: Path, info: SessionInfo, judgement: Judgement | None) -> ListedSession:
     verdict = read_verdict(folder)
     status: Literal["running", "unfinished", "given-up", "ended"] = "unfinished"
     if has_ended(folder):
@@ -193,14 +194,13 @@ def _listed(folder: Path, info: SessionInfo, judged: tuple[str, str] | None) -> 
         status = "running"
     elif is_abandoned(folder):
         status = "given-up"
-    report = verdict.report
-    outcome, reason = judged or ((report.status, report.reason) if report is not None else ("", ""))
+    judged = judgement or verdict.report
     return ListedSession(
         folder=str(folder),
         started=info.started,
         status=status,
-        outcome=outcome,
-        reason=reason,
+        outcome=judged.status if judged is not None else "",
+        reason=judged.reason if judged is not None else "",
         seconds=round(verdict.seconds, 3),
         participant=info.participant,
         condition=info.condition,

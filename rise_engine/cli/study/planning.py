@@ -13,7 +13,7 @@ from rise_engine.base.errors import FileError
 from rise_engine.base.exit_status import OK, REFUSED
 from rise_engine.base.text import pluralize
 from rise_engine.checks.kinds import StudyLook, look_at_kinds
-from rise_engine.cli.data.proof_text import DECIDED_LATER, except_reassigned, proof_lines, proof_row
+from rise_engine.cli.data.proof_text import DECIDED_LATER, agreement_text, proof_lines, proof_row
 from rise_engine.cli.options import JSON, STUDY_OR_HERE
 from rise_engine.cli.scenario.loading import diagnostic_row
 from rise_engine.cli.terminal import Refused, exit_with_usage, print_lines, print_notes, write_json
@@ -21,10 +21,10 @@ from rise_engine.study.design import cells, runs
 from rise_engine.study.model import Study
 from rise_engine.study.participants import load_participants
 from rise_engine.study.planning import last_planned, plan_study
-from rise_engine.study.proof import ProvedSession, prove_sessions
+from rise_engine.study.proof import compared_files, prove_sessions
 from rise_engine.study.review import StudyReview, review_study
 from rise_engine.study.session_kinds import session_kinds
-from rise_engine.study.state import read_state
+from rise_engine.study.state import StudyStatus, read_state
 from rise_engine.study.study_log import StudyLogError, read_log
 from rise_engine.study.study_toml import STUDY_FILE, load_study
 
@@ -78,10 +78,9 @@ def check(study: Path, sessions: bool, as_json: bool) -> int:
     errors = len(review.errors)
     look = look_at_study(review)
     problems = look.problems if look is not None else 0
-    proved = _proved(study) if sessions else iter(())
     warnings = len(review.diagnostics) - errors
     if as_json:
-        shown = list(proved)
+        shown = list(prove_sessions(study, _state_of(study))) if sessions else []
         write_json(
             {
                 "errors": errors,
@@ -101,31 +100,30 @@ def check(study: Path, sessions: bool, as_json: bool) -> int:
     print_lines(f"{found}{f' ({_contents_text(review.study, review)})' if review.study is not None else ''}")
     print_lines(*look_lines(look))
     is_well = not errors and not problems
-    if sessions and not _print_proof(proved):
+    if sessions and not _print_proof(study):
         is_well = False
     if review.study is not None and is_well:
         print_lines(_next_step(review, study))
     return OK if is_well else REFUSED
 
 
-def _proved(path: Path) -> Iterator[ProvedSession]:
+def _state_of(path: Path) -> StudyStatus | None:
     try:
-        state = read_state(path)
+        return read_state(path)
     except (FileError, StudyLogError):
-        state = None
-    return prove_sessions(path, state)
+        return None
 
 
-def _print_proof(sessions: Iterator[ProvedSession]) -> bool:
+def _print_proof(path: Path) -> bool:
     """Print the result for each session as soon as it is known; return whether all are proved."""
-    found = []
-    for session in sessions:
+    found, state = [], _state_of(path)
+    for session in prove_sessions(path, state):
         found.append(session)
         print_lines(*proof_lines(session))
     proved = sum(each.proved for each in found)
     print_lines(
         f"{proved} of {pluralize(len(found), 'session')} proved: the record comes out of its inputs again, and "
-        f"session.toml, study.jsonl and plan.csv say the same of it{except_reassigned(found)}",
+        f"{agreement_text(compared_files(state), found)}",
         f"not proved: {DECIDED_LATER}",
     )
     return proved == len(found)
