@@ -11,8 +11,10 @@ robot really does is known here, so that whatever the session says about it can 
 
 from __future__ import annotations
 
+import random
 import sys
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Collection, Iterator
+from typing import NamedTuple
 
 import msgspec
 from msgspec import Struct
@@ -42,6 +44,8 @@ from tests.ros.memory import ClockLoop, MemoryTransport, MemoryWire
 PART = "pepper/speech"
 OTHER = bytes([200] * 16)
 """The id of a goal of somebody else."""
+ENOUGH = 100
+"""More events than any state of one goal is away."""
 SETTLE = 0.6
 """Seconds after an event in which what follows from it by itself has happened: messages, and the next look at the
 servers."""
@@ -157,9 +161,9 @@ class Program:
 class World:
     """One robot, one session, and everything that can happen to them."""
 
-    goals = 2
-
-    def __init__(self) -> None:
+    def __init__(self, goals: int = 2) -> None:
+        """`goals`: the most that the wizard starts; two are enough for one beside another."""
+        self.goals = goals
         self.clock = VirtualClock()
         self.loop = ClockLoop(self.clock)
         self.wire = MemoryWire()
@@ -210,7 +214,7 @@ class World:
     # --- what can happen ---
 
     def start(self) -> None:
-        """The wizard starts an action, as often as there are `goals`; two are enough for one beside another."""
+        """The wizard starts an action, as often as there are `goals`."""
         if len(self.started) < self.goals:
             number = len(self.started) + 1
             goal = StartAction(f"{number}/a", "Speech", {"message": "Hello"}, 2.0, bytes([number] * 16).hex())
@@ -360,9 +364,9 @@ EVENTS: dict[str, Callable[[World], None]] = {
 }
 
 
-def play(names: tuple[str, ...]) -> World:
+def play(names: tuple[str, ...], goals: int = 2) -> World:
     """What has come of these events, one after the other."""
-    world = World()
+    world = World(goals)
     for name in names:
         EVENTS[name](world)
         world.settle()
@@ -407,24 +411,46 @@ def check_that_nothing_is_held_for_ever(world: World) -> None:
     assert not world.moving() and world.open() == (), world.open()
 
 
-def explore(depth: int) -> int:
-    """Play every sequence of up to `depth` events, but for those that lead to the same state as one before; how many
-    states there are."""
-    seen: set[object] = {repr(World().state())}
+class Exploration(NamedTuple):
+    states: int
+    is_whole: bool
+    """There is no other state that the model tells apart: every event leads from each of them to one of them."""
+
+
+def explore(depth: int, *, goals: int = 2, without: Collection[str] = ()) -> Exploration:
+    """Play every sequence of up to `depth` events, but for those that lead to the same state as one before."""
+    seen: set[object] = {repr(World(goals).state())}
     frontier: list[tuple[str, ...]] = [("start",)]
     for _ in range(depth):
         following: list[tuple[str, ...]] = []
         for path in frontier:
             for name in EVENTS:
-                world = play((*path, name))
+                if name in without:
+                    continue
+                world = play((*path, name), goals)
                 key = repr(world.state())
                 if key not in seen:
                     seen.add(key)
                     check_that_nothing_is_held_for_ever(world)
                     following.append((*path, name))
         frontier = following
-    return len(seen)
+    return Exploration(len(seen), not frontier)
+
+
+def walk(seed: int, events: int = 30) -> None:
+    """Play a random sequence: of states that `World.state` takes for one, `explore` plays what follows only once, and
+    how long ago something happened may make a difference."""
+    draw = random.Random(seed)
+    world = World()
+    for name in ("start", *draw.choices(list(EVENTS), k=events)):
+        EVENTS[name](world)
+        world.settle()
+        check(world)
+    check_that_nothing_is_held_for_ever(world)
 
 
 if __name__ == "__main__":
-    print(f"{explore(int(sys.argv[1]))} states, and what was said of them was so")
+    for goals, depth in ((1, ENOUGH), (2, int(sys.argv[1]))):
+        found = explore(depth, goals=goals)
+        whole = ", and there is no other" if found.is_whole else f" within {depth} events"
+        print(f"{goals} goal(s): {found.states} states{whole}; what was said of them was so", flush=True)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import pytest
 
-from tests.chance import SEARCH
+from tests.chance import SEARCH, seeds
 from tests.ros import goal_model
 from tests.ros.goal_model import World, play
 
@@ -13,7 +13,19 @@ DEPTH, ORDERS = (5, 2_000) if SEARCH else (3, 200)
 
 
 def test_whatever_happens_the_session_says_what_is_so() -> None:
-    assert goal_model.explore(DEPTH) > ORDERS
+    assert goal_model.explore(DEPTH).states > ORDERS
+
+
+def test_every_state_of_one_goal_is_explored() -> None:
+    """Whatever the robot, the network, the wizard and the engine do: there are no more states than these."""
+    found = goal_model.explore(goal_model.ENOUGH, goals=1, without=() if SEARCH else ("other_begins",))
+    assert found.is_whole and found.states > (1_000 if SEARCH else 250)
+
+
+@pytest.mark.search
+def test_after_many_events_the_session_says_what_is_so() -> None:
+    for seed in seeds(100):
+        goal_model.walk(seed)
 
 
 @pytest.mark.parametrize(
