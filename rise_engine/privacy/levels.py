@@ -34,11 +34,16 @@ _COUNTED = re.compile(r"\[(?:note|free text|free speech), \d+ words?\]")
 _TYPED = {"note": "text", "cue": "text", "check": "reason", "outcome": "reason", "recording": "reason"}
 """For each kind of record, the field into which people type."""
 _SAID_BY_PROGRAM = frozenset({"check", "note", "session", "recording", "robot"})
-"""Kinds of records whose sentences can contain a date, such as when a plan was made or what a clock showed."""
+"""Kinds of records whose sentences can contain a date, such as when a plan was made, or the place of a file."""
 _SENTENCES = ("text", "value", "reason", "detail")
 _DATE = re.compile(
     r"\b\d{4}-\d{2}-\d{2}(?:[T _]\d{2}:?\d{2}(?::?\d{2}(?:[.,]\d+)?)?(?:\s?(?:UTC|Z|[+-]\d{2}:?\d{2})\b)?)?(?!\d)"
 )
+_PLACE = re.compile(
+    r"file:[^\s,;\"'`]+|(?<![\w/.])(?:~|[A-Za-z]:\\|/(?:home|Users|root|mnt|media|tmp|var|data|srv|run|opt|private|Volumes)\b)"
+    r"[^\s,;\"'`]*"
+)
+"""The place of a file. Names on ROS have the same form, so only the usual first folders tell them apart."""
 OLDEST = 89
 """Years. BIDS gives this age to participants who are older, so that age does not identify anybody."""
 _AGES = frozenset({"age", "alter", "edad"})
@@ -156,14 +161,16 @@ def _without_typed(kind: str, values: dict[str, Any]) -> dict[str, Any]:
     if kind == "recording":
         values = {**values, "path": ""}
     if kind in _SAID_BY_PROGRAM:
-        sentences = {name: without_dates(values[name]) for name in _SENTENCES if isinstance(values.get(name), str)}
+        sentences = {
+            name: without_dates_and_places(values[name]) for name in _SENTENCES if isinstance(values.get(name), str)
+        }
         values = {**values, **sentences}
     return values
 
 
-def without_dates(sentence: str) -> str:
-    """Replace the dates, and times of day beside them, in a sentence of the program."""
-    return _DATE.sub("[date]", sentence)
+def without_dates_and_places(sentence: str) -> str:
+    """Replace the dates, with times of day beside them, and the places of files in a sentence of the program."""
+    return _DATE.sub("[date]", _PLACE.sub("[place]", sentence))
 
 
 def _is_typed(kind: str, source: str) -> bool:

@@ -358,9 +358,9 @@ def participant_text(participant: str, condition: str) -> str:
 
 def duration_text(seconds: float) -> str:
     """Write a duration in words: `40 s`, `12 min`, `1 h 5 min`."""
-    minutes = round(max(0.0, seconds) / 60)
-    if minutes < 1:
+    if round(seconds) < 60:
         return f"{max(0, round(seconds))} s"
+    minutes = round(seconds / 60)
     return f"{minutes} min" if minutes < 60 else f"{minutes // 60} h {minutes % 60} min"
 
 

@@ -91,6 +91,12 @@ def session_differences(folder: Path, log: Sequence[LogEntry] | None = None) -> 
     ]
     labels = read_labels(folder / JOURNAL) if told else None
     given: Mapping[str, Any] | None = labels
+    accepted: Mapping[str, Any] | None = labels
+    moves = [each for each in told if each.kind == "reassigned"]
+    if labels is not None and any(
+        str(each.get(who)).startswith(PREFIX) for each in moves for who in ("was", "participant")
+    ):
+        accepted = {**labels, **reassignments(moves)[name].labels}  # a withdrawal has put these into the earlier lines
     found += _outcome_differences(folder, [each for each in told if each.kind == "outcome"])
     for each in told:
         where = f"{LOG_FILE}, line {each.line},"
@@ -101,7 +107,8 @@ def session_differences(folder: Path, log: Sequence[LogEntry] | None = None) -> 
                 given = {**labels, **reassignments([each])[name].labels}
             continue
         differences = label_differences(labels, each.fields, where)
-        found += differences if label_differences(given, each.fields, where) else []
+        is_other = all(label_differences(other, each.fields, where) for other in (given, accepted))
+        found += differences if is_other else []
     return found
 
 

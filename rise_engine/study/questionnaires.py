@@ -157,7 +157,8 @@ def load_questionnaire(
 def find_missing(
     questionnaire: Questionnaire, took_part: Iterable[tuple[str, int]], people: Iterable[Participant]
 ) -> list[Diagnostic]:
-    """List participants who took part and have no row, as warnings at their line of participants.csv.
+    """List participants who took part and have no row, as warnings at their line of participants.csv; and rows of
+    participants who took no part, which no export has, at their line of the questionnaire.
 
     :param questionnaire: the questionnaire as read.
     :param took_part: participants with their runs.
@@ -173,6 +174,11 @@ def find_missing(
             of_run = f" for run {run}" if run is not None else ""
             message = f"`{name}` has no row{of_run} in {settings.file} (questionnaire {settings.name})"
             diagnostics.warning("no-answers", SourceLocation("participants.csv", lines[name]), message)
+    for each in questionnaire.rows:
+        if (each.participant, each.run) not in wanted:
+            of_run = f", run {each.run}," if each.run is not None else ""
+            message = f"`{each.participant}`{of_run} has no session that counts, so no export has this row"
+            diagnostics.warning("no-session", SourceLocation(settings.file, each.line), message)
     return diagnostics.sorted()
 
 

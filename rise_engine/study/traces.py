@@ -19,6 +19,7 @@ from rise_engine.scenario.files.file_names import PARTICIPANTS_FILE as PARTICIPA
 from rise_engine.scenario.files.file_names import STUDY_FILE as STUDY_FILE
 from rise_engine.session.folder import JOURNAL, read_info
 from rise_engine.session.journal_format import InputLine, JournalLine, LineError, read_line
+from rise_engine.session.labels import read_labels
 from rise_engine.session.media import MEDIA_FILE, MediaFile, media_path, read_media
 from rise_engine.study.labels import reassignment_of
 from rise_engine.study.sessions import SESSIONS
@@ -170,7 +171,7 @@ def find_names(study: Path, participant: str) -> list[str]:
         if path.is_symlink() or not path.is_file():
             continue
         if lines := lines_naming(path, participant):
-            advice = _OF_PEOPLE if str(name) in theirs else _advice(name, participant)
+            advice = _OF_PEOPLE if str(name) in theirs else _advice(study, name, participant)
             found.append(f"{name}, line{'s' if len(lines) > 1 else ''} {name_some(lines)}: {advice}")
     return found
 
@@ -178,10 +179,13 @@ def find_names(study: Path, participant: str) -> list[str]:
 _OF_PEOPLE = "delete the line yourself, because nothing but people writes in this file"
 
 
-def _advice(name: Path, participant: str) -> str:
+def _advice(study: Path, name: Path, participant: str) -> str:
     if name.parts[0] == SESSIONS and len(name.parts) == 3 and name.name == MEDIA_FILE:
         return f"give that file a name without it, then rise-engine media remove {name.parts[1]} and media add"
     if name.parts[0] == SESSIONS and len(name.parts) > 2:
+        labels = read_labels(study / SESSIONS / name.parts[1] / JOURNAL) or {}
+        if labels.get("participant") == participant:
+            return "the session was run under this name and reassigned; a session keeps the name that it was run under"
         return f"rise-engine redact {name.parts[1]} --replace {participant}=NAME, if it means them"
     return "take it out yourself, if it means them"
 

@@ -20,7 +20,7 @@ from rise_engine.base.errors import SessionError
 from rise_engine.cli import main
 from rise_engine.kernel.inputs import CheckReport, Note, OutcomeReport, RecordingReport, SessionEnded, Submit
 from rise_engine.kernel.records import AnyRecord, MemoryRecord, NoteRecord, TaskRecord
-from rise_engine.privacy.levels import ExportLevel, without_dates
+from rise_engine.privacy.levels import ExportLevel, without_dates_and_places
 from rise_engine.privacy.private_values import NAMES_FIELDS, PrivateValues
 from rise_engine.results.export.records import SessionExport
 from rise_engine.scenario.loader import load
@@ -314,8 +314,14 @@ def test_a_private_value_that_is_a_word_of_the_record_breaks_nothing(tmp_path: P
         ),
         ("since 2026-11-22T20:52:01.250+01:00 at least", "since [date] at least"),
         ("in 2026-11-22_205206_P03_lab_real", "in [date]_P03_lab_real"),
+        (
+            "ffmpeg ended with exit status 1: file:/home/mueller/v/P01.mkv: Permission denied",
+            "ffmpeg ended with exit status 1: [place] Permission denied",
+        ),
+        ("/data/videos is full; ~/videos, C:\\Users\\Mueller", "[place] is full; [place], [place]"),
+        ("nothing publishes /camera/image or /tf; a/b, 1/2", "nothing publishes /camera/image or /tf; a/b, 1/2"),
         ("34.1 GB free, P03, run 2 of 2, 2026-112, 1.2.2026", "34.1 GB free, P03, run 2 of 2, 2026-112, 1.2.2026"),
     ],
 )
 def test_no_dates_in_what_the_program_says(sentence: str, told: str) -> None:
-    assert without_dates(sentence) == told
+    assert without_dates_and_places(sentence) == told

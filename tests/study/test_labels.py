@@ -344,6 +344,23 @@ def test_a_reassigned_session_is_its_new_participants_everywhere(moved: Path, st
     assert "P04" in run("report", study)[1]
 
 
+@pytest.mark.parametrize("level", ["full", "public"])
+def test_records_name_who_sat_there_and_tables_whom_it_was_run_under(
+    moved: Path, study: Path, tmp_path: Path, level: str
+) -> None:
+    assert run("export", study, "--format", "jsonl", "--level", level, "-o", tmp_path / "records")[0] == 0
+    begun = [json.loads(path.read_text("utf-8").splitlines()[0]) for path in (tmp_path / "records").glob("*.jsonl")]
+    found = {(each["participant"], each["run"], each["attempt"]) for each in begun if each["purpose"] == "counted"}
+    assert ("P04", 1, 1) in found and len(found) == 7
+    assert level == "full" or (tmp_path / "records" / "P04_hesitation_real_run1.jsonl").exists()
+    assert run("export", study, "--format", "tables", "--level", level, "-o", tmp_path / "tables")[0] == 0
+    with (tmp_path / "tables" / "sessions.csv").open(encoding="utf-8") as file:
+        assert [(each["participant"], each["run_as"]) for each in csv.DictReader(file) if each["run_as"]] == [
+            ("P04", "P02")
+        ]
+    assert "Reassigned" in run("report", moved, "--level", level)[1]
+
+
 def test_the_proof_accepts_just_this_difference_and_names_it(moved: Path, study: Path) -> None:
     status, said = run("study", "check", "--sessions", study)
     assert status == 0 and f"{moved.name}: run as P02, and reassigned to P04: P04 sat there" in said
@@ -356,6 +373,18 @@ def test_the_proof_accepts_just_this_difference_and_names_it(moved: Path, study:
     edit(study / LOG_FILE, '"was":"P02"', '"was":"P03"')
     status, said = run("study", "check", "--sessions", study)
     assert status == 1 and 'says participant = "P03", but journal.jsonl says participant = "P02"' in said
+
+
+def test_a_reassigned_session_is_still_proved_when_its_former_participant_has_withdrawn(
+    moved: Path, study: Path, tmp_path: Path
+) -> None:
+    told = run("study", "withdraw", study, "P02", "--yes")[1]
+    assert f"{moved.name}/session.toml, line" in told and "the session was run under this name and reassigned" in told
+    assert check_sessions(study)[0] == 0
+    assert read_session(moved).facts.participant == "P04"
+    assert run("export", study, "--format", "tables", "-o", tmp_path / "tables")[0] == 0
+    edit(study / LOG_FILE, r'"participant":"P04"', '"participant":"P01"')
+    assert check_sessions(study)[0] == 1
 
 
 def test_a_withdrawal_says_which_sessions_ran_under_another_name(moved: Path, study: Path) -> None:

@@ -193,6 +193,17 @@ def test_who_took_part_and_is_not_in_it_is_told_by_their_line(tmp_path: Path) ->
     ]
 
 
+def test_a_row_of_somebody_who_took_no_part_is_told_by_its_line(tmp_path: Path) -> None:
+    """Such as the former participant's of a session that was reassigned: no export has it."""
+    found, _ = read(tmp_path, "participant,visit,q1\nP01,1,3\nP02,1,4\nP01,2,5\n", TABLE + 'run = "visit"\n')
+    study: Study = load_study(tmp_path, check_scenarios=False).study  # type: ignore[assignment]
+    told = find_missing(found, [("P01", 1)], load_participants(study).participants)
+    assert [(each.code, each.location.file, each.location.line, each.message) for each in told] == [
+        ("no-session", FILE, 3, "`P02`, run 1, has no session that counts, so no export has this row"),
+        ("no-session", FILE, 4, "`P01`, run 2, has no session that counts, so no export has this row"),
+    ]
+
+
 def test_the_plan_does_not_depend_on_questionnaires(tmp_path: Path) -> None:
     with_one = load_study(study_folder(tmp_path / "a", DESIGN + TABLE), check_scenarios=False).study
     without = load_study(study_folder(tmp_path / "b", DESIGN), check_scenarios=False).study

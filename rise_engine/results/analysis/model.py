@@ -36,6 +36,8 @@ class SessionFacts(SessionIdentity, frozen=True, kw_only=True):
 
     session: str
     """The folder's name as the level shows it, unique among the sessions that are exported together."""
+    run_as: str = ""
+    """The participant under whom it was run, if the study's log has reassigned it. `withdrawn`: they have withdrawn."""
     mode: str = ""
     """debug: the robot was simulated; these are not a participant's data."""
     outcome: OutcomeStatus | None = None
@@ -297,6 +299,8 @@ class Point(Struct, frozen=True, kw_only=True):
     """The detail to show."""
     source: str = ""
     task: int | None = None
+    outage_s: float | None = None
+    """recovery: seconds without an engine before it. None: unknown, or another kind."""
 
 
 class Repairs(Struct, frozen=True):

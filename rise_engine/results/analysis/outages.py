@@ -18,15 +18,18 @@ class OutageCollector:
         self.outages: list[Outage] = []
         self._before: AnyRecord | None = None
 
-    def add(self, record: AnyRecord) -> None:
+    def add(self, record: AnyRecord) -> float | None:
+        """Take the next record. Returns the length of the outage that it ended, in seconds; None: it ended none."""
         before, self._before = self._before, record
         if before is None or not isinstance(record, SessionRecord) or record.status != "recovered":
-            return
+            return None
         # Use the wall clock if the level shows it: old journals counted from the last record instead.
         passed = _seconds_between(before.wall, record.wall)
         away = record.downtime if passed is None else passed - (record.t - before.t) / self._speed
-        if away is not None and away > 0:
-            self.outages.append(Outage(at=record.t, seconds=round(away, 6)))
+        if away is None or away <= 0:
+            return None
+        self.outages.append(Outage(at=record.t, seconds=round(away, 6)))
+        return self.outages[-1].seconds
 
 
 def seconds_without_engine(outages: Iterable[Outage], start: float | None, end: float | None) -> float | None:
@@ -38,10 +41,9 @@ def seconds_without_engine(outages: Iterable[Outage], start: float | None, end: 
 
 def records_by_wall_clock(data: SessionData) -> Iterator[tuple[float, AnyRecord]]:
     """Give the records with their wall-clock seconds since the session began (at speed 1)."""
-    outages, away = {each.at: each.seconds for each in data.outages}, 0.0
+    outages, away = OutageCollector(data.facts.speed), 0.0
     for record in data.records:
-        if isinstance(record, SessionRecord) and record.status == "recovered":
-            away += outages.get(record.t, 0.0)
+        away += outages.add(record) or 0.0
         yield record.t + away, record
 
 

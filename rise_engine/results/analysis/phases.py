@@ -121,7 +121,8 @@ class PointCollector:
         self._ending = False
         """Whether the last stop was the engine's own at the session's end, which is not a person's stop."""
 
-    def add(self, record: AnyRecord) -> None:
+    def add(self, record: AnyRecord, outage: float | None = None) -> None:
+        """Take the next record. `outage`: the seconds without an engine that it ended."""
         if isinstance(record, MistakeRecord):
             if (before := self._marks.pop(record.task, None)) is not None:
                 self._points[before] = replace(self._points[before], name="")
@@ -135,7 +136,7 @@ class PointCollector:
             if self._ending and not record.unconfirmed:
                 return
         if point is not None:
-            self._points.append(point)
+            self._points.append(point if outage is None else replace(point, outage_s=outage))
 
     def points(self) -> tuple[Point, ...]:
         """Return all points in the order of the record, without removed and replaced marks. A sync mark has the time
@@ -206,12 +207,13 @@ def count_repairs(records: Iterable[AnyRecord], acts: Iterable[PlayedAct], stepp
 
 
 def was_stopped_by_wizard(act: PlayedAct, acts: Mapping[int, PlayedAct]) -> bool:
-    """Whether a wizard stopped an act after its start, or replaced it by another act."""
+    """Whether a wizard stopped an act after its start, or replaced it by another act. A filler gives way to the answer
+    as it should."""
     if act.status != "CANCELED" or act.started_at is None:
         return False
     if (found := _BY_WIZARD.search(act.reason)) is not None:
         return actor_of(found[1]) == "wizard"
-    if not act.reason.startswith(_INTERRUPTED):
+    if not act.reason.startswith(_INTERRUPTED) or act.filler:
         return False
     name, ended = act.reason.removeprefix(_INTERRUPTED), act.ended_at or act.started_at
     before = [each for each in acts.values() if each.act == name and each.accepted_at <= ended and each.task > act.task]

@@ -39,13 +39,13 @@ from rise_engine.scenario.model import SIMULATED, Scenario
 from rise_engine.session.folder import is_abandoned
 from rise_engine.session.labels import RelabelledError, moment_of_zero
 from rise_engine.session.media import MediaFile, read_media
-from rise_engine.study.labels import reassignment_of
 from rise_engine.study.participants import load_participants
 from rise_engine.study.sessions import GIVEN_UP
 from rise_engine.study.standing import places_of
 from rise_engine.study.study_log import LOG_FILE, LogEntry, StudyLogError, file_stamp, read_log
 from rise_engine.study.study_toml import load_study
 from rise_engine.study.traces import PARTICIPANTS_FILE, STUDY_FILE, owner_of, study_of_session, wizard_names
+from rise_engine.study.withdrawn import PREFIX
 
 
 class Judgement(Struct, frozen=True):
@@ -204,8 +204,7 @@ def _read(
     for record in source.read():
         acts.add(record)
         phases.add(record)
-        points.add(record)
-        away.add(record)
+        points.add(record, away.add(record))
         if isinstance(record, _FEW):
             few.append(record)
         end = record.t
@@ -250,7 +249,7 @@ def _facts(
         return value if value or info is None else getattr(info, in_info or name) or value
 
     recovered = [each for each in few if isinstance(each, SessionRecord) and each.status == "recovered"]
-    moved = reassignment_of(source.folder)
+    moved = source.moved
     started = ""
     if source.level == "full":
         started = moment_of_zero(begun.wall, begun.t, _speed_of(source)) or (info.started if info is not None else "")
@@ -275,7 +274,10 @@ def _facts(
         recoveries=len(recovered),
         versions=said("versions"),
     )
-    return facts if moved is None else replace(facts, **moved.labels)
+    if moved is None:
+        return facts
+    run_as = "withdrawn" if moved.was.startswith(PREFIX) else moved.was
+    return replace(facts, **moved.labels, run_as=run_as)
 
 
 def _speed_of(source: SessionRecords) -> float:

@@ -6,11 +6,13 @@ What cannot be read is reported and never invented. Only one record is in memory
 from __future__ import annotations
 
 import hashlib
+import re
 from collections.abc import Iterable, Iterator, Mapping
 from pathlib import Path
 from typing import Any
 
 import msgspec
+from msgspec.structs import replace
 
 from rise_engine.base.errors import SessionError
 from rise_engine.kernel.records import AnyRecord, SessionRecord
@@ -20,7 +22,7 @@ from rise_engine.scenario.model import Scenario
 from rise_engine.session.folder import INFO, JOURNAL, SCENARIO_COPY, SessionInfo, read_info
 from rise_engine.session.journal_reader import JournalContents, read_journal
 from rise_engine.session.replay import load_session_scenario
-from rise_engine.study.labels import refuse_relabelled
+from rise_engine.study.labels import reassignment_of, refuse_relabelled
 
 _KEPT_SCENARIOS = 4
 _scenarios: dict[tuple[str, str, str, str], Scenario] = {}
@@ -65,6 +67,8 @@ class SessionRecords:
         self.level = level
         self.contents = read_journal(folder / JOURNAL)
         refuse_relabelled(folder)
+        self.moved = reassignment_of(folder)
+        """The session's reassignment. None: its labels are the journal's."""
         self.problems = _describe_unreadable(self.contents)
         """Sentences about what could not be read."""
         self.scenario: Scenario | None = None
@@ -92,13 +96,20 @@ class SessionRecords:
 
     def read(self) -> Iterator[AnyRecord]:
         """Give each readable record in the journal's order. Raises SessionError when it cannot be read now."""
-        if self.level == "full":
-            yield from self.contents.read_records()
-            return
-        for record in self.contents.read_records():
+        for record in self._read_reassigned():
+            if self.level == "full":
+                yield record
+                continue
             values: dict[str, Any] = self.filter.apply(msgspec.to_builtins(record))
             told: AnyRecord = msgspec.convert(values, type(record))
             yield told
+
+    def _read_reassigned(self) -> Iterator[AnyRecord]:
+        """Give each record, with the present labels of a session that its study's log has reassigned."""
+        for record in self.contents.read_records():
+            if self.moved is not None and isinstance(record, SessionRecord) and record.status != "ended":
+                record = replace(record, **self.moved.labels)
+            yield record
 
     def load_scenario(self) -> Scenario:
         """Load the scenario that the session ran. Raises SessionError when it cannot be loaded or was changed."""
@@ -110,9 +121,13 @@ class SessionRecords:
         """Return the folder's name. Without the date, run and attempt keep a participant's sessions apart."""
         folder = self.folder.resolve().name
         name, told = self.filter.session_name(folder), self.begun or self.info
-        if name == folder or told is None or not told.run:
+        if name == folder or told is None:
             return name
-        return f"{name}_run{told.run}" + (f"-attempt{told.attempt}" if told.attempt > 1 else "")
+        attempt = told.attempt
+        if self.moved is not None:
+            attempt = self.moved.attempt
+            name = re.sub(rf"^{re.escape(told.participant)}(?=_|$)", self.moved.participant, name)
+        return f"{name}_run{told.run}" + (f"-attempt{attempt}" if attempt > 1 else "") if told.run else name
 
     def _scenario_or_refuse(self) -> Scenario:
         try:

@@ -4,7 +4,7 @@ begins. docs/reference/exports.md defines every value, and this module follows i
 from __future__ import annotations
 
 from bisect import bisect_left, bisect_right
-from collections.abc import Iterable, Sequence
+from collections.abc import Collection, Iterable, Mapping, Sequence
 from typing import Any, Literal, TypeAlias, TypeVar
 
 from msgspec import Struct
@@ -19,7 +19,10 @@ from rise_engine.scenario.model import Json
 from rise_engine.scenario.trial_settings import TrialSettings
 
 TrialEnd: TypeAlias = Literal["trial", "rule", "key", "record"]
-_CUES = frozenset({"markCue", "undoCue"})
+_NO_REACTIONS = frozenset({"markCue", "undoCue", "nextFiller", "stopAll", "releaseStop", "stepBack"})
+"""Requests of wizards that are no reaction to the participant's turn."""
+_CONTINUED = "without onEntry"
+"""How the trigger of a state ends that a rule has entered again, as if it had never left it."""
 _AT_THE_START = frozenset({"file", "study", "condition"})
 """Sources of the values that exist when a session begins."""
 _OUTAGES = {
@@ -57,6 +60,8 @@ class PlayedTrial(Struct, frozen=True, kw_only=True):
     events: tuple[str, ...] = ()
     marks: tuple[str, ...] = ()
     failures: int = 0
+    stops: int = 0
+    """How often everything was stopped in it."""
     outage_s: float | None = None
     participant_outage_s: float | None = None
     """Seconds without an engine between the end of the robot's speech and the cue."""
@@ -134,6 +139,8 @@ class _Spans:
         self._start: float | None = None
         """The start of the current trial."""
         self._rule = ""
+        self._stopped = ""
+        """The rule whose stop has ended the last trial."""
         self._key: Json = None
 
     def add(self, record: AnyRecord) -> None:
@@ -169,17 +176,25 @@ class _Spans:
             self._start = record.t
 
     def _add_rule(self, record: RuleRecord) -> None:
-        if record.status == "entered" and self._settings.begins_at(record.name, record.state or ""):
+        if record.status == "entered" and (record.trigger or "").endswith(_CONTINUED):
+            self._continue(record.name)
+        elif record.status == "entered" and self._settings.begins_at(record.name, record.state or ""):
             self._end(record.t, "trial")
             self._start, self._rule = record.t, record.name
         elif record.status in ("ended", "stopped", "faulted") and record.name == self._rule:
             self._end(record.t, "rule")
+            self._stopped = record.name if record.status == "stopped" else ""
 
     def _end(self, end: float, by: TrialEnd) -> None:
         if self._start is not None:
             values = {each.text: _value_of(each, self._before) for each in self._settings.columns}
             self.found.append((self._start, end, by, values))
-        self._start, self._rule = None, ""
+        self._start, self._rule, self._stopped = None, "", ""
+
+    def _continue(self, rule: str) -> None:
+        """Go on with the last trial if its rule was stopped, and goes on where it was."""
+        if self._start is None and rule == self._stopped and self.found:
+            self._start, self._rule = self.found.pop()[0], rule
 
     def _settle(self) -> None:
         for change in self._changes:
@@ -215,11 +230,14 @@ class _Lists:
         self._spoken = _sorted((act.voice_at, act) for act in acts)
         self._onsets = _sorted((act.voice_at if act.speaks else act.robot_at, act) for act in acts)
         self._cues = _sorted((cue.at, cue) for cue in data.cues if cue.undone_at is None)
-        self._keys = _sorted((key.at, key) for key in data.keys if key.function not in _CUES)
+        self._keys = _sorted((key.at, key) for key in data.keys if _is_reaction(key, by_task, asides))
         self._raised = _sorted(data.raised)
         marks = [point for point in data.points if point.kind == "mistake"]
         self._marked_acts = _sorted((by_task[m.task].accepted_at, m.name) for m in marks if m.task in by_task)
         self._marked_keys = _sorted((spans.asked.get(m.task or 0), m.name) for m in marks if m.task not in by_task)
+        self._stops = _sorted(
+            (point.at, point) for point in data.points if point.kind == "stop" and point.name == "requested"
+        )
         self._faults = _sorted((point.at, point) for point in data.points if point.kind == "fault")
         self._repairs = _sorted(
             (at, None)
@@ -228,7 +246,6 @@ class _Lists:
                 *(phase.start for phase in data.phases if phase.stepped_back),
                 *(cue.undone_at for cue in data.cues),
                 *(act.ended_at for act in data.acts if was_stopped_by_wizard(act, by_task)),
-                *(point.at for point in data.points if point.kind == "stop" and point.name == "released"),
             )
         )
         keys = data.scenario.keys.values()
@@ -275,6 +292,7 @@ class _Lists:
             events=tuple(_until(self._raised, start, end)),
             marks=(*_within(self._marked_acts, start, until), *_until(self._marked_keys, start, end)),
             failures=len(_until(self._faults, start, end)),
+            stops=len(_until(self._stops, start, end)),
             outage_s=seconds_without_engine(self._data.outages, start, end),
             participant_outage_s=seconds_without_engine(self._data.outages, asked_end, heard),
             wizard_outage_s=seconds_without_engine(self._data.outages, cue_at, key.at if key is not None else None),
@@ -292,6 +310,13 @@ class _Lists:
             return None
         at = bisect_left(self._onsets, start, key=_time)
         return self._onsets[at][0] if at < len(self._onsets) else None
+
+
+def _is_reaction(key: WizardKey, acts: Mapping[int, PlayedAct], asides: Collection[str]) -> bool:
+    """Whether a key is a wizard's reaction to the participant: neither the cue nor a filler, a stop or the like."""
+    act = acts.get(key.act) if key.act is not None else None
+    is_aside = act is not None and act.task == key.task and (act.filler or act.act in asides)
+    return key.function not in _NO_REACTIONS and not is_aside
 
 
 def _asked(function: str, behavior: str) -> str:

@@ -13,7 +13,7 @@ from typing import Any
 
 from rise_engine.base.files import make_private_folder
 from rise_engine.base.json_codec import encode
-from rise_engine.privacy.levels import ExportLevel, LevelFilter, cut_age, without_dates
+from rise_engine.privacy.levels import ExportLevel, LevelFilter, cut_age, without_dates_and_places
 from rise_engine.results.export.format import ExportError
 from rise_engine.study.check_tables import AUTOMATIC
 from rise_engine.study.model import Participant, Study
@@ -147,7 +147,7 @@ def _told_fields(
         elif name == "value" and fields.get("text") == AUTOMATIC["wizard"]:
             told[name] = people.get(value, "W") if value else ""
         elif name in ("value", "text"):
-            told[name] = without_dates(value)
+            told[name] = without_dates_and_places(value)
         else:
             told[name] = _without_people(value, people)
     return told

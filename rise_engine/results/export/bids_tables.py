@@ -56,7 +56,7 @@ _TRIAL_TYPES = {
 """The kinds of rows in `_events.tsv`."""
 _OF_TRIALS = (
     "trial robot_said asked_at asked_end cue_at participant_s key_at wizard_key wizard_asked wizard_s key_s "
-    "robot_next_at prompts repairs events marks failures"
+    "robot_next_at prompts repairs events marks failures stops wall_s participant_outage_s wizard_outage_s"
 )
 
 
@@ -160,6 +160,8 @@ class _EventRow(Struct, kw_only=True, frozen=True):
     response_time: float | None = None
     channel: str = ""
     mark: str | None = None
+    outage_s: float | None = None
+    """recovery: seconds without an engine before it."""
 
 
 def _duration(row: Row) -> float | None:
@@ -170,7 +172,7 @@ def _duration(row: Row) -> float | None:
 def _outage(row: Row) -> float | None:
     of, outages = row.of, row.data.outages
     if of.trial_type == "recovery":
-        return next((each.seconds for each in outages if each.at == of.onset), None)
+        return of.outage_s  # type: ignore[no-any-return]
     return seconds_without_engine(outages, of.onset, max(of.onset, of.end if of.end is not None else of.onset))
 
 
@@ -302,6 +304,7 @@ def _events(data: SessionData) -> Iterator[_EventRow]:
             actor=point.source,
             name=point.name,
             value=point.value,
+            outage_s=point.outage_s,
             task_id=of_keys.get(point.task or 0) if of_key else point.task,
         )
 

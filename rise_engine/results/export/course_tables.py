@@ -237,6 +237,8 @@ class _Event(Struct, frozen=True):
     """None: it was a moment."""
     by: str = ""
     """Who caused it. Empty: `source`."""
+    outage_s: float | None = None
+    """recovery: seconds without an engine before it."""
 
 
 def _event_rows(data: SessionData) -> Iterator[Row]:
@@ -256,7 +258,7 @@ def _event_rows(data: SessionData) -> Iterator[Row]:
         if point.kind == "mistake" and task is not None and task not in acts:
             task = of_keys.get(task)
             value = value or acts.get(task or 0, "")
-        return _Event(point.at, point.kind, point.name, value, point.source, task)
+        return _Event(point.at, point.kind, point.name, value, point.source, task, outage_s=point.outage_s)
 
     events = merge(  # one at a time, because a long session has hundreds of thousands
         (_Event(each.start, "phase", each.rule, each.state, each.source, None, each.end) for each in data.phases),
@@ -265,9 +267,8 @@ def _event_rows(data: SessionData) -> Iterator[Row]:
         map(event_at, sorted(data.points, key=lambda point: point.at)),
         key=lambda event: event.onset,
     )
-    gaps = {each.at: each.seconds for each in data.outages}
     for number, each in enumerate(events, 1):
-        yield Row(data, number, each, gaps.get(each.onset) if each.kind == "recovery" else None)
+        yield Row(data, number, each)
 
 
 def _event_columns() -> tuple[Column, ...]:
@@ -280,7 +281,9 @@ def _event_columns() -> tuple[Column, ...]:
             "How long it lasted; 0: a moment. What was still running when the record ended lasts until then.",
             lambda row: span("onset", "end")(row) or 0.0,
         ),
-        seconds("outage_s", outage_s.about, lambda row: row.beside if row.of.kind == "recovery" else outage_s.of(row)),
+        seconds(
+            "outage_s", outage_s.about, lambda row: row.of.outage_s if row.of.kind == "recovery" else outage_s.of(row)
+        ),
         wall_s,
         Column("kind", "The kind of event.", levels=EVENT_KINDS, required=True),
         Column("name", "The name of what it is about; see kind."),

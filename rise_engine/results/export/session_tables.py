@@ -119,6 +119,11 @@ SESSIONS = TableSchema(
             "integer",
             minimum=1,
         ),
+        Column(
+            "run_as",
+            "The participant under whom it was run, if study.jsonl has reassigned it; withdrawn: they have withdrawn. "
+            "Empty: it was run as `participant`.",
+        ),
         Column("outcome_reason", "The written reason why it is aborted or excluded."),
         Column("title", "The scenario's title."),
         Column("scenario_hash", "SHA-256 of the whole scenario and the language.", pattern=_HASH),

@@ -51,7 +51,7 @@ MODES = {
     "debug": "the robot was simulated: not a participant's data",
 }
 CUE_STATES = {
-    "answered": "an act answered it",
+    "answered": "an act answered it, even if it was never heard; answered_at is then empty",
     "undone": "it was taken back",
     "open": "nothing answered it",
 }

@@ -78,6 +78,7 @@ TRIALS = TableSchema(
         ),
         Column("marks", "Marks of the trial's tasks: wrong, late, early, double.", lambda row: " ".join(row.of.marks)),
         count("failures", "Acts, rules and expressions that failed in the trial."),
+        count("stops", "How often everything was stopped in the trial."),
         *outage_columns("duration_s", "start", "end"),
         seconds(
             "participant_outage_s",

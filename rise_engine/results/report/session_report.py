@@ -8,7 +8,7 @@ from pathlib import PurePath
 from rise_engine import __version__
 from rise_engine.base.text import pluralize
 from rise_engine.privacy.levels import ExportLevel
-from rise_engine.results.analysis.model import PlayedAct, SessionData, SessionFacts
+from rise_engine.results.analysis.model import Point, SessionData, SessionFacts
 from rise_engine.results.report.course import course_figure
 from rise_engine.results.report.document import (
     ACTOR_NAMES,
@@ -119,6 +119,11 @@ def _summary(facts: SessionFacts, figures: SessionFigures) -> str:
             f"answered, half of {_timed_answers(figures)} within {seconds_text(summary.median)} "
             f"(middle half {number_text(summary.lower)}\u2013{seconds_text(summary.upper)})."
         )
+    elif figures.answered:
+        were = "was" if figures.answered == 1 else "were"
+        sentences.append(
+            f"{figures.answered} of {pluralize(figures.cues, 'cue')} {were} answered, none with a time that counts."
+        )
     elif figures.cues:
         sentences.append(f"None of {pluralize(figures.cues, 'cue')} was answered.")
     mistakes = figures.mistakes
@@ -153,6 +158,7 @@ def _head(data: SessionData, replay: str) -> Iterable[tuple[str, str]]:
     downtime = f", recovered {pluralize(facts.recoveries, 'time')} after {length_text(facts.downtime)} in all"
     rows = [
         ("Participant", facts.participant),
+        ("Reassigned", f"run as {facts.run_as}; study.jsonl says why" if facts.run_as else ""),
         ("Condition", facts.condition),
         ("Factors", ", ".join(f"{name} {level}" for name, level in facts.factors.items())),
         ("Study", facts.study),
@@ -166,7 +172,7 @@ def _head(data: SessionData, replay: str) -> Iterable[tuple[str, str]]:
         ("Begun", moment_text(facts.started)),
         ("Length", length_text(facts.duration) + (downtime if facts.recoveries else "")),
         ("Speed", f"{facts.speed:g} times real time" if facts.speed != 1.0 else ""),
-        ("Wizards", ", ".join(_wizards(data.acts))),
+        ("Wizards", ", ".join(dict.fromkeys(source_name(key.source) for key in data.keys))),
         ("Replay", replay),
         ("Seed", str(facts.seed)),
         ("Versions", versions),
@@ -176,10 +182,6 @@ def _head(data: SessionData, replay: str) -> Iterable[tuple[str, str]]:
         ("Level", LEVEL_WORDS[data.level]),
     ]
     return ((name, value) for name, value in rows if value)
-
-
-def _wizards(acts: Iterable[PlayedAct]) -> list[str]:
-    return list(dict.fromkeys(source_name(act.by) for act in acts if act.actor == "wizard"))
 
 
 # --- checks ---------------------------------------------------------------------------------------------------------
@@ -283,7 +285,7 @@ def _rules(data: SessionData, figures: SessionFigures) -> Iterable[Block]:
 
 
 def _mistakes(data: SessionData, figures: SessionFigures) -> Iterable[Block]:
-    found, repairs = figures.mistakes, data.repairs
+    found = figures.mistakes
     marks = ", ".join(f"{number} {mark}" for mark, number in found.marks.items()) or "none"
     actions = ", ".join(f"{number} {status}" for status, number in found.actions_failed.items()) or "none"
     yield Facts(
@@ -311,7 +313,6 @@ def _mistakes(data: SessionData, figures: SessionFigures) -> Iterable[Block]:
         for point in data.points
         if point.kind in ("mistake", "fault", "stop", "robot", "recovery") and point.name != "connected"
     ]
-    gaps = _gaps(data)
     if moments:
         yield ReportTable(
             caption="When",
@@ -321,14 +322,14 @@ def _mistakes(data: SessionData, figures: SessionFigures) -> Iterable[Block]:
                     clock_text(each.at),
                     each.kind,
                     each.name,
-                    gaps.get(each.at, "") if each.kind == "recovery" else each.value,
+                    _told(each),
                     source_name(each.source),
                 )
                 for each in moments
             ),
             numbers=frozenset({0}),
         )
-    if repairs.total and found.failures:
+    if found.failures:
         yield Paragraph(f"{pluralize(found.failures, 'failed act')} waited for somebody to decide.", "note")
 
 
@@ -337,9 +338,10 @@ def _outages(data: SessionData) -> str:
     return f"{times}, {length_text(data.facts.downtime)} in all by the wall clock" if data.outages else "none"
 
 
-def _gaps(data: SessionData) -> dict[float, str]:
-    """Say for each recovery how long there was no engine."""
-    return {each.at: f"no engine for {length_text(each.seconds)}; session time stood still" for each in data.outages}
+def _told(point: Point) -> str:
+    if point.outage_s is None:
+        return point.value
+    return f"no engine for {length_text(point.outage_s)}; session time stood still"
 
 
 def _repairs(data: SessionData) -> str:
@@ -428,11 +430,13 @@ def _in_order(data: SessionData) -> Iterable[Block]:
         when = act.started_at if act.started_at is not None else act.accepted_at
         rows.append((when, (act.act, cause_text(act.by, act.via), act.status, waits, texts)))
     for cue in data.cues:
-        undone = "taken back" if cue.undone_at is not None else "" if cue.answered_at is not None else "not answered"
-        rows.append((cue.at, ("cue", source_name(cue.source), undone, "", cue.text)))
+        heard = "" if cue.answered_at is not None else "not answered" if cue.task is None else "answer not heard"
+        status = "taken back" if cue.undone_at is not None else heard
+        rows.append((cue.at, ("cue", source_name(cue.source), status, "", cue.text)))
     for phase in data.phases:
         rows.append((phase.start, (f"{phase.rule}: {phase.state}", source_name(phase.source), "", "", phase.trigger)))
-    rows += [(at, ("recovery", "engine", "", "", told)) for at, told in _gaps(data).items()]
+    recoveries = [point for point in data.points if point.kind == "recovery"]
+    rows += [(each.at, ("recovery", source_name(each.source), "", "", _told(each))) for each in recoveries]
     rows.sort(key=lambda each: each[0])
     if rows:
         yield ReportTable(

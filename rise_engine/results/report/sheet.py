@@ -25,6 +25,7 @@ from rise_engine.results.report.document import (
     source_name,
 )
 from rise_engine.results.report.study_facts import SessionRow, StudyFigures, WizardCourse
+from rise_engine.results.report.trials_section import left_out_answers
 from rise_engine.study.model import Study, StudyStanding
 from rise_engine.study.publishing import REPORT_ITEMS
 from rise_engine.study.withdrawn import Withdrawn
@@ -252,6 +253,8 @@ def _production(figures: StudyFigures) -> list[str]:
             f"Participants waited {number_text(summary.median)} s for an answer (median of {summary.n}; middle half "
             f"{number_text(summary.lower)} to {number_text(summary.upper)} s)."
         )
+    if left_out := left_out_answers(figures.latency):
+        known.append(left_out)
     return known
 
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections import Counter
 from collections.abc import Iterable, Mapping, Sequence
+from itertools import takewhile
 
 from msgspec import Struct
 
@@ -78,7 +79,7 @@ class WizardCourse(Struct, frozen=True):
     sessions: tuple[SessionRow, ...]
     """Complete sessions in their order."""
     rehearsals: tuple[SessionRow, ...]
-    """Rehearsals before the first of these."""
+    """Rehearsals before the first session that counts, even if that was aborted."""
 
     def part_in(self, row: SessionRow) -> WizardPart:
         """Return what they did in one of their sessions."""
@@ -152,13 +153,9 @@ class StudyFigures(Struct, frozen=True):
         courses = []
         for name in dict.fromkeys(part.wizard for row in self.complete for part in row.wizards):
             sessions = tuple(row for row in self.complete if any(part.wizard == name for part in row.wizards))
-            first = self.rows.index(sessions[0])
-            before = tuple(
-                row
-                for row in self.rows[:first]
-                if row.facts.purpose != "counted" and any(part.wizard == name for part in row.wizards)
-            )
-            courses.append(WizardCourse(name, sessions, before))
+            acted = [row for row in self.rows if any(part.wizard == name for part in row.wizards)]
+            before = takewhile(lambda row: row.facts.purpose != "counted", acted)
+            courses.append(WizardCourse(name, sessions, tuple(before)))
         return tuple(sorted(courses, key=lambda each: (-len(each.sessions), each.wizard)))
 
     def checks(self, expected: Iterable[str] = ()) -> tuple[CheckCounts, ...]:

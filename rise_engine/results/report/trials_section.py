@@ -242,7 +242,7 @@ def latency_section(facts: LatencyFacts, by_source: Sequence[LatencyPart]) -> Se
 
 def _blocks(facts: LatencyFacts, by_source: Sequence[LatencyPart]) -> Iterable[Block]:
     if facts.response.summary is None:
-        if not _left_out(facts):
+        if not left_out_answers(facts):
             yield Paragraph("No act answered a cue, so it is not known how long the participant waited.")
     else:
         yield latency_figure(facts)
@@ -261,7 +261,7 @@ def _blocks(facts: LatencyFacts, by_source: Sequence[LatencyPart]) -> Iterable[B
                 rows=tuple(_row(LatencyPart(source_name(each.name), "", each.values)) for each in by_source),
                 numbers=_NUMBERS,
             )
-    if left_out := _left_out(facts):
+    if left_out := left_out_answers(facts):
         yield Paragraph(left_out, "note")
     if facts.to_filler.values:
         yield ReportTable(
@@ -282,7 +282,7 @@ def _blocks(facts: LatencyFacts, by_source: Sequence[LatencyPart]) -> Iterable[B
         )
 
 
-def _left_out(facts: LatencyFacts) -> str:
+def left_out_answers(facts: LatencyFacts) -> str:
     """Say how many answers no number here includes. Empty: all are in."""
     told = [
         *([f"{pluralize(facts.before_cue, 'answer')} requested before the cue"] if facts.before_cue else []),

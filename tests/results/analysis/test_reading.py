@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from pathlib import Path
+from types import SimpleNamespace
 from typing import Any
 
 import pytest
@@ -12,8 +13,8 @@ from rise_engine.base.errors import SessionError
 from rise_engine.kernel.inputs import SessionStarted
 from rise_engine.kernel.records import ENGINE, ActionRecord, SessionRecord, StopRecord, TimingRecord
 from rise_engine.privacy.levels import ExportLevel
-from rise_engine.results.analysis.model import PlayedAct, SessionData
-from rise_engine.results.analysis.outages import seconds_without_engine
+from rise_engine.results.analysis.model import PlayedAct, SessionData, SessionFacts
+from rise_engine.results.analysis.outages import OutageCollector, records_by_wall_clock, seconds_without_engine
 from rise_engine.results.analysis.phases import PointCollector
 from rise_engine.results.analysis.reading import read_session, read_sessions
 from rise_engine.results.analysis.session_records import SessionRecords
@@ -403,6 +404,22 @@ def test_whatever_is_left_of_a_journal_is_read(tmp_path: Path) -> None:
             assert known == sorted(known)
         assert all(each.start <= each.end <= found.facts.duration for each in found.phases)
         assert all(isinstance(each, ActionRecord) or each.t >= 0 for each in found.records)
+
+
+def test_two_outages_at_one_session_time_keep_their_lengths() -> None:
+    """The second engine died before the session's time had gone on."""
+
+    def record(seq: int, wall: str, status: Any, downtime: float | None = None) -> SessionRecord:
+        return SessionRecord(seq=seq, t=5.0, wall=f"2026-11-24T09:{wall}+01:00", status=status, downtime=downtime)
+
+    records = [record(1, "00:05", "started"), record(2, "03:25", "recovered"), record(3, "04:15", "recovered")]
+    away, points = OutageCollector(), PointCollector()
+    for each in records:
+        points.add(each, away.add(each))
+    assert [each.outage_s for each in points.points()] == [200.0, 50.0]
+    assert [each.seconds for each in away.outages] == [200.0, 50.0]
+    data = SimpleNamespace(records=records, facts=SessionFacts(session="x"))
+    assert [at for at, _ in records_by_wall_clock(data)] == [5.0, 205.0, 255.0]  # type: ignore[arg-type]
 
 
 def test_the_stop_before_the_end_is_nobodys_unless_something_did_not_stop() -> None:

@@ -37,6 +37,8 @@ from .samples import WIZARD, everything, play_session, recovered_session, task
 
 ACTS = {"startCommunicationRobotAct", "say"}
 ASIDES = {"Hm", "Think"}
+SPEAKING = {"Greet", "Answer", "Ask", "Thanks", "Hm"}
+NO_REACTIONS = {*UNMARKABLE, "markCue", "undoCue", "nextFiller", "stopAll", "releaseStop", "stepBack"}
 BY_STATE = TrialSettings(state="Visit/*", columns=(Expression.parse("visits"), Expression.parse("noise")))
 BY_KEY = TrialSettings(key=Expression.parse("noise"), columns=(Expression.parse("noise"),))
 
@@ -55,14 +57,17 @@ class Text:
 
     def spans(self) -> list[tuple[float, float, str]]:
         found: list[tuple[float, float, str]] = []
-        start, rule, value = None, "", None
+        start, rule, value, stopped = None, "", None, ""
         for record in self.records:
             ended_by, begins = "", False
             if isinstance(record, RuleRecord) and self.settings.state:
-                if record.status == "entered" and record.name == "Visit":
+                if record.status == "entered" and (record.trigger or "").endswith("without onEntry"):
+                    if start is None and stopped == record.name:
+                        (start, _, _), rule, stopped = found.pop(), "Visit", ""
+                elif record.status == "entered" and record.name == "Visit":
                     ended_by, begins = "trial", True
                 elif record.status in ("ended", "stopped", "faulted") and record.name == rule:
-                    ended_by = "rule"
+                    ended_by, stopped = "rule", record.name if record.status == "stopped" else ""
             if isinstance(record, MemoryRecord) and not self.settings.state and record.key == "noise":
                 now = None if record.deleted else record.value
                 if now != value and record.source not in ("file", "study", "condition"):
@@ -105,6 +110,7 @@ class Text:
             "prompts": len(prompts),
             "events": tuple(topic for t, topic in self.events() if start < t <= end),
             "repairs": sum(start < t <= end for t in self.repairs()),
+            "stops": sum(start < each.t <= end for each in self.records if self.is_stop(each)),
             "failures": sum(start < each.t <= end for each in self.records if self.is_failure(each)),
             "marks": sorted(
                 mark for t, mark, left in self.marks() if (start <= t < before if left else start < t <= end)
@@ -122,7 +128,7 @@ class Text:
         return next((each.t for each in self.actions(act) if each.type == "Speech" and each.status == "accepted"), None)
 
     def onset(self, act: int) -> float | None:
-        if any(each.type == "Speech" for each in self.actions(act)):
+        if self.tasks[act].function == "say" or self.tasks[act].behavior in SPEAKING:
             return self.voice_at(act)
         return next((each.t for each in self.actions(act) if each.status == "accepted"), None)
 
@@ -150,7 +156,10 @@ class Text:
         found = []
         for number, record in self.tasks.items():
             refused = any(isinstance(e, TaskRecord) and e.id == number and e.status == "REJECTED" for e in self.records)
-            if record.source != WIZARD or refused or record.function in {*UNMARKABLE, "markCue", "undoCue"}:
+            is_aside = record.function in ACTS and (number in self.fillers or record.behavior in ASIDES)
+            if record.source != WIZARD or refused or is_aside or record.function in NO_REACTIONS:
+                continue
+            if record.cause is not None:  # another request brought it along
                 continue
             first = min(
                 (n for n, each in self.tasks.items() if each.function in ACTS and self.root(n) == number), default=0
@@ -164,7 +173,6 @@ class Text:
     def repairs(self) -> list[float]:
         found = [each.t for each in self.records if isinstance(each, FailureRecord) and each.status == "repeated"]
         found += [each.t for each in self.records if isinstance(each, CueRecord) and each.status == "undone"]
-        found += [each.t for each in self.records if isinstance(each, StopRecord) and each.status == "released"]
         back = [e for e in self.records if isinstance(e, RuleRecord) and e.status == "entered"]
         found += [each.t for each in back if (each.trigger or "").startswith("stepped back")]
         begun = {each.id for each in self.records if isinstance(each, TaskRecord) and each.status == "ACTIVE"}
@@ -175,6 +183,8 @@ class Text:
     def is_stopped_by_wizard(self, record: TaskRecord) -> bool:
         if not record.reason.startswith("interrupted by "):
             return re.search(r"\bby wizard:", record.reason) is not None and not record.reason.startswith("stop-all ")
+        if record.id in self.fillers:
+            return False
         name = record.reason.removeprefix("interrupted by ")
         later = [
             (n, each)
@@ -183,6 +193,9 @@ class Text:
         ]
         by = max((n for n, each in later if name == ("say" if each.function == "say" else each.behavior)), default=None)
         return by is not None and self.tasks[self.root(by)].source == WIZARD
+
+    def is_stop(self, record: AnyRecord) -> bool:
+        return isinstance(record, StopRecord) and record.status == "requested" and record.source != "engine"
 
     def is_failure(self, record: AnyRecord) -> bool:
         if isinstance(record, TaskRecord):
@@ -291,6 +304,33 @@ def test_nothing_is_measured_from_speech_whose_end_nobody_knows(tmp_path: Path) 
     assert (tea.robot_said, tea.asked_at, tea.cue_at) == ("Would you like some tea?", 10.02, 20.0)
     assert (tea.asked_end, tea.participant_s, tea.key_s) == (None, None, None)
     compared(folder, BY_STATE)
+
+
+def test_a_filler_is_no_reaction_of_the_wizard_and_no_correction(tmp_path: Path) -> None:
+    """Otherwise wizards would look faster, and would correct more, in the condition with fillers."""
+    script = [(1.0, task("startInteractionRule", "Visit")), (10.0, task("raiseEventTopic", "/tea", pressed=9.9))]
+    script += [(20.0, task("markCue", pressed=20.0)), (20.5, task("startCommunicationRobotAct", "Hm", pressed=20.4))]
+    script += [(20.8, task("startCommunicationRobotAct", "Answer", pressed=20.7))]
+    data = read(play_session(tmp_path / "sessions", script, until=40.0))
+    tea = trials_of(data)[-1]
+    assert (tea.wizard_asked, tea.key_at, tea.wizard_s) == ("startCommunicationRobotAct Answer", 20.7, 0.7)
+    assert (tea.repairs, data.repairs.total) == (0, 0)
+
+
+@pytest.mark.parametrize("back", ["stop", "step"])
+def test_a_trial_goes_on_after_a_stop_or_a_step_back_without_asking_again(tmp_path: Path, back: str) -> None:
+    for name, text in QUIZ.items():
+        (tmp_path / "quiz" / name).parent.mkdir(parents=True, exist_ok=True)
+        (tmp_path / "quiz" / name).write_text(text, "utf-8")
+    script = [(1.0, task("startInteractionRule", "Quiz")), (6.0, task("markCue", pressed=6.0))]
+    script += [(9.0, task("stopAll")), (12.0, task("releaseStop", '{"Quiz": "wait"}'))] if back == "stop" else []
+    script += [(9.0, task("stepBack", '{"rule": "Quiz", "enter": false}'))] if back == "step" else []
+    script += [(15.0, task("markCue", pressed=15.0))]
+    data = read(play_session(tmp_path / "sessions", script, scenario=tmp_path / "quiz", until=30.0, faults=()))
+    found = trials_of(data)
+    assert [(each.start, each.end) for each in found[:2]] == [(1.0, 6.0), (6.0, 15.0)] and len(found) == 3
+    assert (found[1].cue_at, found[1].stops, found[1].repairs) == (15.0, back == "stop", back == "step")
+    assert found[1].key_at is None  # a stop is no reaction to the participant
 
 
 QUIZ = {

@@ -281,6 +281,19 @@ def test_torn_damaged_and_recovered_sessions(tmp_path):
     assert told.count("and 1 min 35 s without an engine") >= 4  # two states, an answer, and the course's titles
 
 
+def test_the_first_sentences_are_so(tmp_path):
+    """An answer without a time that counts is an answer; who only marks the cue is a wizard; a failure waited."""
+    script = [act("Answer", 9.0), (10.0, task("markCue", source="wizard:ben"))]
+    data = read_session(play_session(tmp_path, script, until=30.0, faults=()))
+    assert [each.before_cue for each in data.acts] == [True] or not data.cues[0].answered_at
+    late = replace(data.acts[0], cue_at=8.0, response_outage_s=9.0)
+    cue = replace(data.cues[0], answered_at=9.5, answer_s=None, task=late.task)
+    document = session_report(replace(data, acts=(late,), cues=(cue,)))
+    assert "1 of 1 cue was answered, none with a time that counts." in document.summary
+    assert "None of 1 cue was answered." in session_report(replace(data, acts=(), cues=(data.cues[0],))).summary
+    assert dict(document.facts)["Wizards"] == "anna, ben"
+
+
 def test_acts_in_order_are_of_who_caused_them(folder):
     """Also an act that a rule began because of a wizard's key, and one that a rule began by itself."""
     data = read_session(folder)

@@ -11,6 +11,7 @@ from types import SimpleNamespace
 
 import pytest
 
+from rise_engine.results.analysis.model import SessionFacts
 from rise_engine.results.export.format import load_format
 from rise_engine.results.export.writing import export_context, export_sessions
 from rise_engine.results.report.document import Facts
@@ -18,7 +19,7 @@ from rise_engine.results.report.making import MadeReport, make_study_report
 from rise_engine.results.report.page import page_text
 from rise_engine.results.report.plain_text import cells_wide, text_lines
 from rise_engine.results.report.sheet import _hashes_text
-from rise_engine.results.report.study_facts import study_figures
+from rise_engine.results.report.study_facts import SessionRow, StudyFigures, WizardPart, study_figures
 from rise_engine.results.report.study_report import StudyReportInput, _assignment, _cells, study_report
 from rise_engine.study.publishing import ITEM_NAMES, REPORT_ITEMS
 from rise_engine.study.state import read_state
@@ -125,6 +126,21 @@ def test_wizards_are_those_of_the_acts(page, tables):
     marked = sum(int(row["mistakes"]) for row in sessions)
     assert told["per 100"].startswith(f"{100 * marked / keys:.1f} (")
     assert told["rehearsals"].startswith("1, 20")
+
+
+def test_training_is_before_the_first_session_that_counts_even_if_it_was_aborted():
+    def row(purpose, outcome, wizard="wizard:anna"):
+        facts = SessionFacts(session=f"{purpose} {outcome}", purpose=purpose, outcome=outcome)
+        part = WizardPart(wizard, 1, 0, ())
+        return SessionRow(facts, None, (part,), {}, (), (), ())  # what was counted in it is not asked for
+
+    pilot, aborted, training = row("pilot", None), row("counted", "aborted"), row("training", None)
+    rows = (pilot, aborted, training, row("counted", "complete"))
+    (course,) = StudyFigures(rows).wizards()
+    assert course.rehearsals == (pilot,)
+    others = (aborted, row("training", None, "wizard:ben"), row("counted", "complete", "wizard:ben"))
+    (course,) = StudyFigures(others).wizards()
+    assert [each.facts.purpose for each in course.rehearsals] == ["training"], "of their own sessions"
 
 
 @pytest.mark.parametrize(
