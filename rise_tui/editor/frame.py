@@ -231,16 +231,16 @@ class StudyFrame(Screen[None]):
         if found != self.running:
             self.running = found
             self.draw_bars()
-        await self._look_outside()
+        await self._look_outside(settled=True)
 
     def look_outside(self) -> None:
         """Look for changed files now."""
         self.run_worker(Later(self._look), group="watch", exclusive=True)
 
-    async def _look_outside(self) -> bool:
+    async def _look_outside(self, *, settled: bool = False) -> bool:
         """Read what somebody else has written. True: the author must decide which version stays."""
         try:
-            outside = await self.study.notice_outside()
+            outside = await self.study.notice_outside(settled=settled)
         except EditRefused as refused:
             self.say(str(refused), "fault")
             return True

@@ -52,9 +52,9 @@ class EditedStudy:
         """What saving would change, line by line."""
         return self._workspace.diff()
 
-    async def notice_outside(self) -> OutsideChange | None:
-        """Look for other people's changes to the files, and take them in."""
-        return await self._do("", self._workspace.notice_outside)
+    async def notice_outside(self, *, settled: bool = False) -> OutsideChange | None:
+        """Look for other people's changes to the files, and take them in. `settled`: but not while somebody writes."""
+        return await self._do("", lambda: self._workspace.notice_outside(settled=settled))
 
     async def take_outside(self, names: Sequence[str]) -> Change:
         """Take over files from the disk, as one step."""

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import time
 from collections.abc import Callable, Collection, Mapping, Sequence
 from contextlib import suppress
 from pathlib import Path
@@ -32,6 +33,10 @@ from rise_engine.scenario.loader import LoadResult
 
 StudyCheck: TypeAlias = Callable[[Path, Held], list[Diagnostic]]
 """A check that takes a study's folder and its files in the editor, and returns their diagnostics."""
+
+
+SETTLE_SECONDS = 0.3
+"""Seconds in which files that somebody else is writing become whole: many programs empty a file and then fill it."""
 
 
 class Workspace:
@@ -204,17 +209,22 @@ class Workspace:
 
     # --- changes from outside -------------------------------------------------------------------------------------
 
-    def notice_outside(self) -> OutsideChange | None:
+    def notice_outside(self, *, settled: bool = False) -> OutsideChange | None:
         """Read the files that have changed on the disk. None: there are none.
 
         A file with unsaved changes here keeps its content from here. It is named in `clash`, and `take_outside` takes
         the content of the disk.
 
+        :param settled: leave changes to the next look while somebody is still writing. Takes SETTLE_SECONDS then.
         :raises EditRefused: the folder cannot be read.
         """
         if self._lock.holder:
             self._take_over()
         now, above = read_study_files(self.folder), read_study_above(self.folder)
+        if settled and changed_names(self.saved, now):
+            time.sleep(SETTLE_SECONDS)  # in the thread that works on the disk
+            if read_study_files(self.folder) != now:
+                return None
         if above != self.above:
             self.above, self._state = above, None
         outside = changed_names(self.saved, now)

@@ -10,6 +10,7 @@ from pathlib import Path
 
 import pytest
 
+from rise_engine.author.edit import workspace as workspace_module
 from rise_engine.author.edit.edits import (
     RemoveStartValue,
     Rename,
@@ -161,6 +162,20 @@ def test_two_people_change_two_files(folder: Path) -> None:
     assert b"I am Floka." in _disk(folder)[SPEECH]
     assert b"700" in _disk(folder)[FACE]
     assert study.notice_outside() is None
+
+
+def test_a_file_that_somebody_is_writing_is_read_once_it_is_whole(
+    folder: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Many programs empty a file and then fill it: an author must not be asked about half of it."""
+    study = Workspace(folder)
+    whole = (folder / FACE).read_text("utf-8").replace("<duration>600</duration>", "<duration>700</duration>")
+    (folder / FACE).write_text("", "utf-8")
+    monkeypatch.setattr(workspace_module.time, "sleep", lambda seconds: (folder / FACE).write_text(whole, "utf-8"))
+    assert study.notice_outside(settled=True) is None
+    outside = study.notice_outside(settled=True)
+    assert outside is not None and outside.files == (FACE,)
+    assert b"700" in (study.files[FACE] or b"")
 
 
 def test_steps_are_kept_when_other_files_change(folder: Path) -> None:

@@ -19,7 +19,9 @@ OLD, THEIRS = "My name is Floka, and I am a robot. Well, the head of one.", "Cal
 REWRITE = """import sys
 from pathlib import Path
 path = Path(sys.argv[1])
-path.write_text(path.read_text("utf-8").replace(*sys.argv[2:]), "utf-8")
+new = path.parents[2] / "new"
+new.write_text(path.read_text("utf-8").replace(*sys.argv[2:]), "utf-8")
+new.replace(path)  # in one step: a half written file would be another change
 """
 
 
