@@ -214,6 +214,10 @@ class WizardKey(Struct, frozen=True, kw_only=True):
     """The mistake marked on it, or on an act that it led to. None: no mistake."""
 
 
+CueState: TypeAlias = Literal["answered", "unheard", "undone", "open"]
+"""unheard: an act began to answer it, and ended before the robot confirmed its answer; open: nothing answered it."""
+
+
 class Cue(Struct, frozen=True, kw_only=True):
     """The end of a participant's turn, as somebody marked it."""
 
@@ -229,6 +233,15 @@ class Cue(Struct, frozen=True, kw_only=True):
     answer_s: float | None = None
     """`PlayedAct.answer_s` of that act."""
     undone_at: float | None = None
+
+    @property
+    def state(self) -> CueState:
+        """What became of it."""
+        if self.undone_at is not None:
+            return "undone"
+        if self.answered_at is not None:
+            return "answered"
+        return "open" if self.task is None else "unheard"
 
 
 class CodedAnnotation(Struct, frozen=True, kw_only=True):

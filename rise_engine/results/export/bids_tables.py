@@ -212,7 +212,9 @@ EVENT_COLUMNS: Columns = {
             "For a robot_action: the parts of the robot that it uses (speech, gaze, face, body, arms), joined by +.",
         ),
         Column(
-            "status", "How an act or an action ended; for a filler, `filler` follows. For coded: modifiers of BORIS."
+            "status",
+            "How an act or an action ended; for a filler, `filler` follows. Of a cue: answered, unheard, undone or open. "
+            "For coded: modifiers of BORIS.",
         ),
         Column("task_id", "The number of its task in the session's record."),
         Column("mark", "What a wizard marked as wrong about the act.", levels=MARKS),
@@ -271,7 +273,7 @@ def _events(data: SessionData) -> Iterator[_EventRow]:
             trial_type="cue",
             actor=cue.source,
             value=cue.text,
-            status="undone" if cue.undone_at is not None else "answered" if end is not None else "",
+            status=cue.state,
             task_id=cue.task,
         )
     for phase in data.phases:

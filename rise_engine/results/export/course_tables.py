@@ -171,10 +171,6 @@ def _cue_rows(data: SessionData) -> Iterator[Row]:
         yield Row(data, number, cue, cue.task in early if cue.task is not None else None)
 
 
-def _cue_state(row: Row) -> str:
-    return "undone" if row.of.undone_at is not None else "open" if row.of.task is None else "answered"
-
-
 CUES = TableSchema(
     "cues",
     "One row is one cue: somebody marked the end of the participant's turn.",
@@ -183,7 +179,7 @@ CUES = TableSchema(
         moment("at", "it was marked.", required=True),
         SOURCE,
         Column("text", "What the wizard said about it."),
-        Column("state", "What became of the cue.", _cue_state, levels=CUE_STATES, required=True),
+        Column("state", "What became of the cue.", levels=CUE_STATES, required=True),
         moment("filled_at", "the robot confirmed the first filler."),
         moment("answered_at", "the robot began to answer, with its voice if the answer speaks."),
         moment("undone_at", "it was taken back."),

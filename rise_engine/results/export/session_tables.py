@@ -161,8 +161,8 @@ SESSIONS = TableSchema(
         count("cues", "How often somebody marked the end of the participant's turn.", lambda row: len(row.data.cues)),
         count(
             "cues_answered",
-            "Cues that an act answered, even if the act was never heard.",
-            lambda row: sum(cue.task is not None for cue in row.data.cues),
+            "Cues with the state answered.",
+            lambda row: sum(cue.state == "answered" for cue in row.data.cues),
         ),
         count("cues_undone", "Cues that were taken back.", _repairs("cues_undone")),
         count(

@@ -162,7 +162,7 @@ def _answer_of(cue: Cue, outages: Iterable[Outage]) -> tuple[float | None, str]:
         away = seconds_without_engine(outages, cue.at, cue.answered_at)
         without = f", and {away:.2f} s without an engine" if away else ""
         return cue.answered_at, f"waits {cue.answered_at - cue.at:.2f} s{without}"
-    return None, "no answer" if cue.task is None else "answer not heard"
+    return None, "answer not heard" if cue.state == "unheard" else "no answer"
 
 
 # --- rules ------------------------------------------------------------------------------------------------------------

@@ -51,7 +51,8 @@ MODES = {
     "debug": "the robot was simulated: not a participant's data",
 }
 CUE_STATES = {
-    "answered": "an act answered it, even if it was never heard; answered_at is then empty",
+    "answered": "an act answered it",
+    "unheard": "an act began to answer it, and ended before the robot confirmed the answer",
     "undone": "it was taken back",
     "open": "nothing answered it",
 }

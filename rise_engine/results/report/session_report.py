@@ -8,7 +8,7 @@ from pathlib import PurePath
 from rise_engine import __version__
 from rise_engine.base.text import pluralize
 from rise_engine.privacy.levels import ExportLevel
-from rise_engine.results.analysis.model import Point, SessionData, SessionFacts
+from rise_engine.results.analysis.model import CueState, Point, SessionData, SessionFacts
 from rise_engine.results.report.course import course_figure
 from rise_engine.results.report.document import (
     ACTOR_NAMES,
@@ -36,6 +36,12 @@ from rise_engine.results.report.session_facts import MARKS, SessionFigures, sess
 from rise_engine.results.report.trials_section import latency_section
 from rise_engine.session.media import MediaFile
 
+_OF_CUES: dict[CueState, str] = {
+    "answered": "",
+    "unheard": "answer not heard",
+    "undone": "taken back",
+    "open": "not answered",
+}
 LEVEL_WORDS = {
     "full": "full: everything, as it was recorded. Only for those who ran the study",
     "shared": "shared: for other researchers; no dates, no notes, no names",
@@ -430,9 +436,7 @@ def _in_order(data: SessionData) -> Iterable[Block]:
         when = act.started_at if act.started_at is not None else act.accepted_at
         rows.append((when, (act.act, cause_text(act.by, act.via), act.status, waits, texts)))
     for cue in data.cues:
-        heard = "" if cue.answered_at is not None else "not answered" if cue.task is None else "answer not heard"
-        status = "taken back" if cue.undone_at is not None else heard
-        rows.append((cue.at, ("cue", source_name(cue.source), status, "", cue.text)))
+        rows.append((cue.at, ("cue", source_name(cue.source), _OF_CUES[cue.state], "", cue.text)))
     for phase in data.phases:
         rows.append((phase.start, (f"{phase.rule}: {phase.state}", source_name(phase.source), "", "", phase.trigger)))
     recoveries = [point for point in data.points if point.kind == "recovery"]

@@ -13,7 +13,7 @@ from rise_engine.base.errors import SessionError
 from rise_engine.kernel.inputs import SessionStarted
 from rise_engine.kernel.records import ENGINE, ActionRecord, SessionRecord, StopRecord, TimingRecord
 from rise_engine.privacy.levels import ExportLevel
-from rise_engine.results.analysis.model import PlayedAct, SessionData, SessionFacts
+from rise_engine.results.analysis.model import Cue, PlayedAct, SessionData, SessionFacts
 from rise_engine.results.analysis.outages import OutageCollector, records_by_wall_clock, seconds_without_engine
 from rise_engine.results.analysis.phases import PointCollector
 from rise_engine.results.analysis.reading import read_session, read_sessions
@@ -404,6 +404,19 @@ def test_whatever_is_left_of_a_journal_is_read(tmp_path: Path) -> None:
             assert known == sorted(known)
         assert all(each.start <= each.end <= found.facts.duration for each in found.phases)
         assert all(isinstance(each, ActionRecord) or each.t >= 0 for each in found.records)
+
+
+@pytest.mark.parametrize(
+    ("cue", "state"),
+    [
+        (Cue(at=1.0, source="wizard:anna"), "open"),
+        (Cue(at=1.0, source="wizard:anna", task=3), "unheard"),  # its act was stopped before it spoke
+        (Cue(at=1.0, source="wizard:anna", task=3, answered_at=2.0), "answered"),
+        (Cue(at=1.0, source="wizard:anna", undone_at=2.0), "undone"),
+    ],
+)
+def test_what_became_of_a_cue(cue: Cue, state: str) -> None:
+    assert cue.state == state
 
 
 def test_two_outages_at_one_session_time_keep_their_lengths() -> None:
