@@ -164,7 +164,13 @@ def _rewrite_log(log: LockedLog, entries: list[LogEntry], participant: str, own:
     digest = hash_pseudonym(participant, salt)
     slots = [each.get("slot") for each in entries if each.kind == "taken" and each.get("participant") == participant]
     kept: list[LogEntry] = []
+    moved_to_them: dict[str, Any] = {}
     for entry in entries:
+        session = str(entry.get("session"))
+        if entry.kind == "reassigned" and entry.get("participant") == participant:
+            moved_to_them[session] = moved_to_them.get(session, entry.get("was"))
+        elif entry.kind == "reassigned" and entry.get("was") == participant and session in moved_to_them:
+            entry = replace(entry, fields={**entry.fields, "was": moved_to_them.pop(session)})
         if not _concerns(entry, participant, own):
             kept.append(entry)
         elif entry.kind == "taken" or not _is_about(entry, participant, own):

@@ -387,6 +387,15 @@ def test_a_reassigned_session_is_still_proved_when_its_former_participant_has_wi
     assert check_sessions(study)[0] == 1
 
 
+def test_a_withdrawal_between_two_reassignments_leaves_who_it_was_run_under(moved: Path, study: Path) -> None:
+    assert run("study", "reassign", study, moved.name, "P03", "--reason", "no, P03")[0] == 0
+    assert run("study", "withdraw", study, "P04", "--yes")[0] in (0, 1)
+    status, lines = check_sessions(study)
+    assert status == 0, lines
+    assert f"{moved.name}: run as P02, and reassigned to P03: no, P03" in lines
+    assert read_session(moved).facts.run_as == "P02"
+
+
 def test_a_withdrawal_says_which_sessions_ran_under_another_name(moved: Path, study: Path) -> None:
     said = run("study", "withdraw", study, "P04")[1]
     assert f"session {moved.name}, run as P02, and reassigned to P04: P04 sat there" in said

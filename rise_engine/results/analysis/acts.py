@@ -116,6 +116,7 @@ class ActCollector:
             act=name,
             source=task.source,
             by=origin.by,
+            origin=origin.task,
             via=origin.via,
             actor=actor_of(origin.by),
             status=cast(TaskStatus, task.status),

@@ -111,6 +111,8 @@ class PlayedAct(Struct, frozen=True, kw_only=True):
     by: str
     """The source of its cause, traced through any number of rules (`causes`).
     `rule:NAME`: the rule acted by itself, for example after a time."""
+    origin: int | None = None
+    """The task of its cause."""
     via: tuple[str, ...] = ()
     """The rules between `by` and this act, in their order."""
     actor: ActorKind

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import re
 from collections import Counter
-from collections.abc import Iterable, Mapping
+from collections.abc import Collection, Iterable, Mapping
 from sys import intern
 
 from msgspec import Struct
@@ -186,12 +186,15 @@ def _point_of(record: AnyRecord) -> Point | None:
             return None
 
 
-def count_repairs(records: Iterable[AnyRecord], acts: Iterable[PlayedAct], stepped_back: int) -> Repairs:
+def count_repairs(
+    records: Iterable[AnyRecord], acts: Iterable[PlayedAct], stepped_back: int, fillers: Collection[str]
+) -> Repairs:
     """Count the repairs during a session.
 
     :param records: the session's records.
     :param acts: its acts.
     :param stepped_back: how often a rule was moved back to an earlier state.
+    :param fillers: the acts that the scenario calls fillers.
     """
     counts = Counter(
         (type(each), each.status) for each in records if isinstance(each, FailureRecord | CueRecord | StopRecord)
@@ -201,19 +204,19 @@ def count_repairs(records: Iterable[AnyRecord], acts: Iterable[PlayedAct], stepp
         repeated=counts[FailureRecord, "repeated"],
         stepped_back=stepped_back,
         cues_undone=counts[CueRecord, "undone"],
-        canceled=sum(was_stopped_by_wizard(act, by_task) for act in by_task.values()),
+        canceled=sum(was_stopped_by_wizard(act, by_task, fillers) for act in by_task.values()),
         released=counts[StopRecord, "released"],
     )
 
 
-def was_stopped_by_wizard(act: PlayedAct, acts: Mapping[int, PlayedAct]) -> bool:
+def was_stopped_by_wizard(act: PlayedAct, acts: Mapping[int, PlayedAct], fillers: Collection[str]) -> bool:
     """Whether a wizard stopped an act after its start, or replaced it by another act. A filler gives way to the answer
     as it should."""
     if act.status != "CANCELED" or act.started_at is None:
         return False
     if (found := _BY_WIZARD.search(act.reason)) is not None:
         return actor_of(found[1]) == "wizard"
-    if not act.reason.startswith(_INTERRUPTED) or act.filler:
+    if not act.reason.startswith(_INTERRUPTED) or act.filler or act.act in fillers:
         return False
     name, ended = act.reason.removeprefix(_INTERRUPTED), act.ended_at or act.started_at
     before = [each for each in acts.values() if each.act == name and each.accepted_at <= ended and each.task > act.task]

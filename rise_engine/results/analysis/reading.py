@@ -28,6 +28,7 @@ from rise_engine.kernel.records import (
     StopRecord,
     SyncRecord,
 )
+from rise_engine.kernel.wizard_marks import filler_acts
 from rise_engine.privacy.levels import ExportLevel
 from rise_engine.results.analysis.acts import ActCollector
 from rise_engine.results.analysis.coded import read_annotations
@@ -228,7 +229,7 @@ def _read(
         media=media,
         coded=read_annotations(folder, source.filter, played, away.outages, end, problems),
         scenario=scenario,
-        repairs=count_repairs(few, played, phases.stepped_back),
+        repairs=count_repairs(few, played, phases.stepped_back, filler_acts(scenario) if scenario is not None else ()),
         problems=tuple(problems),
     )
     return data, source.filter.people

@@ -4,7 +4,7 @@ begins. docs/reference/exports.md defines every value, and this module follows i
 from __future__ import annotations
 
 from bisect import bisect_left, bisect_right
-from collections.abc import Collection, Iterable, Mapping, Sequence
+from collections.abc import Iterable, Sequence
 from typing import Any, Literal, TypeAlias, TypeVar
 
 from msgspec import Struct
@@ -12,17 +12,23 @@ from msgspec import Struct
 from rise_engine.expression import EvaluationError, Expression
 from rise_engine.kernel.behaviors import describe_behavior
 from rise_engine.kernel.records import AnyRecord, FailureRecord, MemoryRecord, RuleRecord, TaskRecord
+from rise_engine.kernel.rules import WITHOUT_ENTRY
 from rise_engine.results.analysis.model import PlayedAct, SessionData, WizardKey, seconds_between
 from rise_engine.results.analysis.outages import seconds_without_engine
-from rise_engine.results.analysis.phases import was_stopped_by_wizard
+from rise_engine.results.analysis.phases import STEPPED_BACK, was_stopped_by_wizard
 from rise_engine.scenario.model import Json
 from rise_engine.scenario.trial_settings import TrialSettings
 
 TrialEnd: TypeAlias = Literal["trial", "rule", "key", "record"]
-_NO_REACTIONS = frozenset({"markCue", "undoCue", "nextFiller", "stopAll", "releaseStop", "stepBack"})
+_NO_REACTIONS = frozenset(
+    {
+        *("markCue", "undoCue", "nextFiller", "stopAll", "releaseStop", "stepBack"),
+        *("stopInteractionRule", "stopCommunicationRobotAct", "cancelTask", "moveTask"),
+    }
+)
 """Requests of wizards that are no reaction to the participant's turn."""
-_CONTINUED = "without onEntry"
-"""How the trigger of a state ends that a rule has entered again, as if it had never left it."""
+_BACK = ("resumed", STEPPED_BACK)
+"""How the triggers of a state begin to which a rule has come back."""
 _AT_THE_START = frozenset({"file", "study", "condition"})
 """Sources of the values that exist when a session begins."""
 _OUTAGES = {
@@ -176,11 +182,13 @@ class _Spans:
             self._start = record.t
 
     def _add_rule(self, record: RuleRecord) -> None:
-        if record.status == "entered" and (record.trigger or "").endswith(_CONTINUED):
-            self._continue(record.name)
-        elif record.status == "entered" and self._settings.begins_at(record.name, record.state or ""):
+        trigger = record.trigger or ""
+        begins = record.status == "entered" and self._settings.begins_at(record.name, record.state or "")
+        if begins and not (trigger.startswith(_BACK) and trigger.endswith(WITHOUT_ENTRY)):
             self._end(record.t, "trial")
             self._start, self._rule = record.t, record.name
+        elif record.status == "entered" and trigger.startswith(_BACK):
+            self._continue(record.name)
         elif record.status in ("ended", "stopped", "faulted") and record.name == self._rule:
             self._end(record.t, "rule")
             self._stopped = record.name if record.status == "stopped" else ""
@@ -222,7 +230,8 @@ class _Lists:
     def __init__(self, data: SessionData, spans: _Spans) -> None:
         assert data.scenario is not None
         settings = data.scenario.act_settings
-        asides = {name for name, each in settings.items() if each.filler or not each.answers}
+        fillers = {name for name, each in settings.items() if each.filler}
+        asides = fillers | {name for name, each in settings.items() if not each.answers}
         acts = [act for act in data.acts if not act.filler and act.act not in asides]
         by_task = {act.task: act for act in data.acts}
         self._data = data
@@ -230,7 +239,15 @@ class _Lists:
         self._spoken = _sorted((act.voice_at, act) for act in acts)
         self._onsets = _sorted((act.voice_at if act.speaks else act.robot_at, act) for act in acts)
         self._cues = _sorted((cue.at, cue) for cue in data.cues if cue.undone_at is None)
-        self._keys = _sorted((key.at, key) for key in data.keys if _is_reaction(key, by_task, asides))
+        caused: dict[int | None, list[PlayedAct]] = {}
+        for act in data.acts:
+            caused.setdefault(act.origin, []).append(act)
+        only_asides = {
+            task for task, theirs in caused.items() if all(act.filler or act.act in asides for act in theirs)
+        }
+        self._keys = _sorted(
+            (key.at, key) for key in data.keys if key.function not in _NO_REACTIONS and key.task not in only_asides
+        )
         self._raised = _sorted(data.raised)
         marks = [point for point in data.points if point.kind == "mistake"]
         self._marked_acts = _sorted((by_task[m.task].accepted_at, m.name) for m in marks if m.task in by_task)
@@ -245,7 +262,7 @@ class _Lists:
                 *spans.repeated,
                 *(phase.start for phase in data.phases if phase.stepped_back),
                 *(cue.undone_at for cue in data.cues),
-                *(act.ended_at for act in data.acts if was_stopped_by_wizard(act, by_task)),
+                *(act.ended_at for act in data.acts if was_stopped_by_wizard(act, by_task, fillers)),
             )
         )
         keys = data.scenario.keys.values()
@@ -310,13 +327,6 @@ class _Lists:
             return None
         at = bisect_left(self._onsets, start, key=_time)
         return self._onsets[at][0] if at < len(self._onsets) else None
-
-
-def _is_reaction(key: WizardKey, acts: Mapping[int, PlayedAct], asides: Collection[str]) -> bool:
-    """Whether a key is a wizard's reaction to the participant: neither the cue nor a filler, a stop or the like."""
-    act = acts.get(key.act) if key.act is not None else None
-    is_aside = act is not None and act.task == key.task and (act.filler or act.act in asides)
-    return key.function not in _NO_REACTIONS and not is_aside
 
 
 def _asked(function: str, behavior: str) -> str:

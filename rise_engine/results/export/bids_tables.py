@@ -213,8 +213,8 @@ EVENT_COLUMNS: Columns = {
         ),
         Column(
             "status",
-            "How an act or an action ended; for a filler, `filler` follows. Of a cue: answered, unheard, undone or open. "
-            "For coded: modifiers of BORIS.",
+            "How an act or an action ended; for a filler, `filler` follows. For cue: answered, unheard, undone or "
+            "open. For coded: modifiers of BORIS.",
         ),
         Column("task_id", "The number of its task in the session's record."),
         Column("mark", "What a wizard marked as wrong about the act.", levels=MARKS),

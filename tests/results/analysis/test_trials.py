@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import random
 import re
 from pathlib import Path
@@ -39,6 +40,8 @@ ACTS = {"startCommunicationRobotAct", "say"}
 ASIDES = {"Hm", "Think"}
 SPEAKING = {"Greet", "Answer", "Ask", "Thanks", "Hm"}
 NO_REACTIONS = {*UNMARKABLE, "markCue", "undoCue", "nextFiller", "stopAll", "releaseStop", "stepBack"}
+NO_REACTIONS |= {"stopCommunicationRobotAct", "stopInteractionRule", "cancelTask", "moveTask"}
+CONTINUED = {"resumed, without onEntry", "stepped back, without onEntry"}
 BY_STATE = TrialSettings(state="Visit/*", columns=(Expression.parse("visits"), Expression.parse("noise")))
 BY_KEY = TrialSettings(key=Expression.parse("noise"), columns=(Expression.parse("noise"),))
 
@@ -61,7 +64,7 @@ class Text:
         for record in self.records:
             ended_by, begins = "", False
             if isinstance(record, RuleRecord) and self.settings.state:
-                if record.status == "entered" and (record.trigger or "").endswith("without onEntry"):
+                if record.status == "entered" and record.trigger in CONTINUED:
                     if start is None and stopped == record.name:
                         (start, _, _), rule, stopped = found.pop(), "Visit", ""
                 elif record.status == "entered" and record.name == "Visit":
@@ -156,7 +159,8 @@ class Text:
         found = []
         for number, record in self.tasks.items():
             refused = any(isinstance(e, TaskRecord) and e.id == number and e.status == "REJECTED" for e in self.records)
-            is_aside = record.function in ACTS and (number in self.fillers or record.behavior in ASIDES)
+            theirs = [n for n, each in self.tasks.items() if each.function in ACTS and self.root(n) == number]
+            is_aside = theirs and all(n in self.fillers or self.tasks[n].behavior in ASIDES for n in theirs)
             if record.source != WIZARD or refused or is_aside or record.function in NO_REACTIONS:
                 continue
             if record.cause is not None:  # another request brought it along
@@ -183,7 +187,7 @@ class Text:
     def is_stopped_by_wizard(self, record: TaskRecord) -> bool:
         if not record.reason.startswith("interrupted by "):
             return re.search(r"\bby wizard:", record.reason) is not None and not record.reason.startswith("stop-all ")
-        if record.id in self.fillers:
+        if record.id in self.fillers or record.behavior in ASIDES:
             return False
         name = record.reason.removeprefix("interrupted by ")
         later = [
@@ -306,15 +310,24 @@ def test_nothing_is_measured_from_speech_whose_end_nobody_knows(tmp_path: Path) 
     compared(folder, BY_STATE)
 
 
-def test_a_filler_is_no_reaction_of_the_wizard_and_no_correction(tmp_path: Path) -> None:
+@pytest.mark.parametrize(
+    ("function", "behavior"),
+    [("startCommunicationRobotAct", "Hm"), ("startInteractionRule", "Bridge"), ("raiseEventTopic", "/hm")],
+)
+def test_a_filler_is_no_reaction_of_the_wizard_and_no_correction(tmp_path: Path, function: str, behavior: str) -> None:
     """Otherwise wizards would look faster, and would correct more, in the condition with fillers."""
-    script = [(1.0, task("startInteractionRule", "Visit")), (10.0, task("raiseEventTopic", "/tea", pressed=9.9))]
-    script += [(20.0, task("markCue", pressed=20.0)), (20.5, task("startCommunicationRobotAct", "Hm", pressed=20.4))]
-    script += [(20.8, task("startCommunicationRobotAct", "Answer", pressed=20.7))]
-    data = read(play_session(tmp_path / "sessions", script, until=40.0))
-    tea = trials_of(data)[-1]
-    assert (tea.wizard_asked, tea.key_at, tea.wizard_s) == ("startCommunicationRobotAct Answer", 20.7, 0.7)
-    assert (tea.repairs, data.repairs.total) == (0, 0)
+    for name, text in {**QUIZ, **BRIDGE}.items():
+        (tmp_path / "quiz" / name).parent.mkdir(parents=True, exist_ok=True)
+        (tmp_path / "quiz" / name).write_text(text, "utf-8")
+    script = [(0.5, task("startInteractionRule", "Listen")), (1.0, task("startInteractionRule", "Quiz"))]
+    script += [(8.0, task("markCue", pressed=8.0)), (12.0, task("markCue", pressed=12.0))]
+    script += [(12.5, task(function, behavior, pressed=12.4)), (12.8, task("say", "Good", pressed=12.7))]
+    data = read(play_session(tmp_path / "sessions", script, scenario=tmp_path / "quiz", until=30.0, faults=()))
+    assert [each.status for each in data.acts if each.act == "Hm"] == ["CANCELED"]
+    trial = next(each for each in trials_of(data) if each.start == 12.0)
+    assert (data.repairs.total, trial.repairs) == (0, 0)
+    assert next((key.at, key.function) for key in data.keys if key.at > 12.0) == (12.4, function)
+    assert (trial.key_at, trial.wizard_asked) == (12.7, "say Good")
 
 
 @pytest.mark.parametrize("back", ["stop", "step"])
@@ -333,12 +346,57 @@ def test_a_trial_goes_on_after_a_stop_or_a_step_back_without_asking_again(tmp_pa
     assert found[1].key_at is None  # a stop is no reaction to the participant
 
 
+def test_a_rule_that_begins_in_the_state_of_a_trial_begins_one(tmp_path: Path) -> None:
+    """Also without its onEntry, and after a wizard has stopped it: that is another trial, and no stop of everything."""
+    for name, text in QUIZ.items():
+        (tmp_path / "quiz" / name).parent.mkdir(parents=True, exist_ok=True)
+        (tmp_path / "quiz" / name).write_text(text, "utf-8")
+    again = '{"rule": "Quiz", "state": "Ask", "enter": false}'
+    script = [(1.0, task("startInteractionRule", "Quiz")), (8.0, task("stopInteractionRule", "Quiz", pressed=8.0))]
+    script += [(20.0, task("startInteractionRule", again)), (25.0, task("markCue", pressed=25.0))]
+    data = read(play_session(tmp_path / "sessions", script, scenario=tmp_path / "quiz", until=30.0, faults=()))
+    found = trials_of(data)
+    assert [(each.start, each.end, each.cue_at, each.key_at) for each in found[:2]] == [
+        (1.0, 8.0, None, None),
+        (20.0, 25.0, 25.0, None),
+    ]
+
+
+PAUSING = (
+    '<InteractionRule name="Quiz" initial="Ask"><State id="Ask"><transition after="3s" target="Pause"/></State>'
+    '<State id="Pause"><transition eventTopic="/cue" target="Ask"/></State></InteractionRule>'
+)
+
+
+@pytest.mark.parametrize("choice", ["wait", "enter"])
+def test_a_stop_in_a_later_state_of_a_trial_does_not_end_it(tmp_path: Path, choice: str) -> None:
+    for name, text in {**QUIZ, "rules/r.xml": PAUSING}.items():
+        (tmp_path / "quiz" / name).parent.mkdir(parents=True, exist_ok=True)
+        (tmp_path / "quiz" / name).write_text(text, "utf-8")
+    script = [(1.0, task("startInteractionRule", "Quiz")), (6.0, task("stopAll"))]
+    script += [(9.0, task("releaseStop", json.dumps({"Quiz": choice}))), (15.0, task("markCue", pressed=15.0))]
+    data = read(play_session(tmp_path / "sessions", script, scenario=tmp_path / "quiz", until=30.0, faults=()))
+    first = trials_of(data)[0]
+    assert (first.start, first.end, first.cue_at, first.stops) == (1.0, 15.0, 15.0, 1)
+
+
 QUIZ = {
     "scenario.toml": 'title = "Quiz"\n[trials]\nstate = "Ask"\n',
     "acts/a.xml": '<Dialog name="Ask"><Speech><actionID>1</actionID><message>Well?</message></Speech></Dialog>',
     "rules/r.xml": '<InteractionRule name="Quiz" initial="Ask"><State id="Ask">'
     '<onEntry><function startCommunicationRobotAct="Ask"/></onEntry>'
     '<transition eventTopic="/cue" target="Ask"/></State></InteractionRule>',
+}
+
+
+BRIDGE = {
+    "scenario.toml": QUIZ["scenario.toml"] + '[act.Hm]\nfiller = true\ncalling_type = "None"\n',
+    "acts/b.xml": '<Dialog name="Hm"><Speech><actionID>1</actionID><message>Hm, let me</message></Speech></Dialog>',
+    "rules/b.xml": '<InteractionRules><InteractionRule name="Bridge" initial="S"><State id="S"><onEntry>'
+    '<function startCommunicationRobotAct="Hm"/></onEntry></State></InteractionRule>'
+    '<InteractionRule name="Listen" initial="S"><State id="S"><transition eventTopic="/hm" target="T"/></State>'
+    '<State id="T"><onEntry><function startCommunicationRobotAct="Hm"/></onEntry></State></InteractionRule>'
+    "</InteractionRules>",
 }
 
 
