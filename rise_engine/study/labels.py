@@ -6,6 +6,7 @@ The journal stays unchanged, and readers who need the participant follow the log
 
 from __future__ import annotations
 
+import re
 from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import Any
@@ -13,11 +14,13 @@ from typing import Any
 from msgspec import Struct
 
 from rise_engine.session.folder import JOURNAL, info_differences
-from rise_engine.session.labels import label_differences, read_labels, refuse_differences
+from rise_engine.session.labels import label_differences, pseudonym_problem, read_labels, refuse_differences
 from rise_engine.study.study_log import LOG_FILE, LogEntry, StudyLogError, read_kept_log
 from rise_engine.study.verdict import read_verdict
 from rise_engine.study.withdrawn import PREFIX
 
+_FOLDER_NAME = re.compile(r"\d{4}-\d{2}-\d{2}_\d{6}_([A-Za-z0-9]+)_")
+"""The start of a folder's name, with the participant."""
 _ABOUT_SESSIONS = frozenset({"session", "outcome", "reassigned"})
 """Kinds of entries with a session's labels."""
 
@@ -90,6 +93,7 @@ def session_differences(folder: Path, log: Sequence[LogEntry] | None = None) -> 
         if each.kind in _ABOUT_SESSIONS and name in (each.get("folder"), each.get("session"))
     ]
     labels = read_labels(folder / JOURNAL) if told else None
+    found += _name_differences(name, labels or {})
     given: Mapping[str, Any] | None = labels
     accepted: Mapping[str, Any] | None = labels
     moves = [each for each in told if each.kind == "reassigned"]
@@ -112,6 +116,13 @@ def session_differences(folder: Path, log: Sequence[LogEntry] | None = None) -> 
     return found
 
 
+def _name_differences(name: str, labels: Mapping[str, Any]) -> Iterator[str]:
+    """Say whether the folder's name has another participant than the journal. People may give it another form."""
+    named, participant = _FOLDER_NAME.match(name), str(labels.get("participant") or "")
+    if named is not None and not pseudonym_problem(participant) and participant not in ("", named[1]):
+        yield f'the folder\'s name says "{named[1]}", but {JOURNAL} says participant = "{participant}"'
+
+
 def _outcome_differences(folder: Path, told: Sequence[LogEntry]) -> Iterator[str]:
     """Say where the log's outcomes of a session do not follow from its journal.
 
@@ -126,6 +137,11 @@ def _outcome_differences(folder: Path, told: Sequence[LogEntry]) -> Iterator[str
         yield (
             f'{LOG_FILE}, line {told[0].line}, says status = "{told[0].get("status")}", but {JOURNAL} says '
             f'status = "{judged.status}"'
+        )
+    reason = str(told[0].get("reason") or "")
+    if judged is not None and reason != judged.reason and PREFIX not in reason:
+        yield (
+            f'{LOG_FILE}, line {told[0].line}, says reason = "{reason}", but {JOURNAL} says reason = "{judged.reason}"'
         )
     for each in told[1:]:
         if not str(each.get("reason") or "").strip():

@@ -331,7 +331,7 @@ def test_a_session_that_did_not_end_is_found_without_knowing_where_it_was(root: 
     assert "These sessions did not end. To go on with one of them:\n  rise-tui --config " + str(other) in result.stderr
     assert command in result.stderr, "the latest first, and one of each scenario"
     info = running.record / "session.toml"
-    info.write_text(re.sub('started = ".*"', 'started = "yesterday"', info.read_text("utf-8")), "utf-8")
+    info.write_text(re.sub('title = ".*"', 'title = "yesterday"', info.read_text("utf-8")), "utf-8")
     result = engine("sessions")
     assert result.returncode == 0 and f"{running.record.name} cannot be described: " in result.stderr
 

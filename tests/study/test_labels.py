@@ -261,6 +261,21 @@ def _other_plan(study: Path, folder: Path) -> None:
     (study / "plan.csv").write_text(text.replace(row, swapped), "utf-8")
 
 
+def _other_name(study: Path, folder: Path) -> None:
+    other = folder.with_name(folder.name.replace("_P01_", "_P03_"))
+    folder.rename(other)
+    log = study / LOG_FILE
+    log.write_text(log.read_text("utf-8").replace(folder.name, other.name), "utf-8")
+
+
+def _other_reason(study: Path, folder: Path) -> None:
+    log = study / LOG_FILE
+    lines = log.read_text("utf-8").splitlines(keepends=True)
+    at = next(n for n, line in enumerate(lines) if folder.name in line and '"kind":"outcome"' in line)
+    lines[at] = lines[at].replace('"reason":""', '"reason":"all fine"')
+    log.write_text("".join(lines), "utf-8")
+
+
 def _unnamed(study: Path, folder: Path) -> None:
     lines = (study / LOG_FILE).read_text("utf-8").splitlines(keepends=True)
     (study / LOG_FILE).write_text("".join(each for each in lines if folder.name not in each), "utf-8")
@@ -274,6 +289,8 @@ def _unnamed(study: Path, folder: Path) -> None:
         (_other_record, '`status` is "ABORTED", but the replay gives "SUCCEEDED"'),
         (_other_plan, "plan.csv gives row "),
         (_unnamed, "study.jsonl does not name this session"),
+        (_other_name, 'the folder\'s name says "P03", but journal.jsonl says participant = "P01"'),
+        (_other_reason, 'says reason = "all fine", but journal.jsonl says reason = ""'),
     ],
 )
 def test_what_is_not_proved_is_named(study: Path, damage: Callable[[Path, Path], None], told: str) -> None:
@@ -281,7 +298,7 @@ def test_what_is_not_proved_is_named(study: Path, damage: Callable[[Path, Path],
     damage(study, folder)
     status, lines = check_sessions(study)
     assert status == 1
-    about = [line for line in lines if line.startswith(f"{folder.name}: ")]
+    about = [line for line in lines if line.startswith((f"{folder.name}: ", f"{folder.name[:17]}_P03_"))]
     assert any(told in line for line in about), lines
     assert any(re.match(r"\d of 8 sessions proved", line) for line in lines)
 

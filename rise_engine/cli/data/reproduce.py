@@ -14,7 +14,7 @@ from rise_engine import __version__
 from rise_engine.base.errors import FileError, RiseError, SessionError
 from rise_engine.base.exit_status import DIFFERENT, OK, USAGE
 from rise_engine.base.text import pluralize
-from rise_engine.cli.data.proof_text import DECIDED_LATER, agreement_text, proof_lines, proof_row
+from rise_engine.cli.data.proof_text import DECIDED_LATER, TIMES_OF_DAY, agreement_text, proof_lines, proof_row
 from rise_engine.cli.options import JSON
 from rise_engine.cli.session.other_robot import compare_on_robot, load_for_robot
 from rise_engine.cli.terminal import Refused, print_lines, refusing, write_json
@@ -231,6 +231,7 @@ def _proof_paragraph(found: Reproduction) -> list[str]:
         *(f"- anything about {name}: {why}" for name, why in found.about.absent.items()),
         "- that participants.csv holds what people said: no session has a copy of it",
         f"- {DECIDED_LATER}",
+        f"- {TIMES_OF_DAY}",
         "- that README.md, environment.txt and ro-crate-metadata.json are right: nothing is derived from them",
         "- that nobody has replaced everything together, inputs, records and all that follows. Against that, compare "
         "the fingerprint with the one that the authors have published:",

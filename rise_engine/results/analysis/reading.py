@@ -197,7 +197,9 @@ def _read(
     try:
         scenario = source.load_scenario()
     except SessionError as error:
-        problems.append(f"what the robot's actions take of it is not known for certain: {error}")
+        problems.append(
+            f"its trials are not known, nor for certain what the robot's actions take of it (speech, gaze): {error}"
+        )
     acts, phases, points = ActCollector(scenario), PhaseCollector(), PointCollector()
     away = OutageCollector(_speed_of(source))
     few: list[AnyRecord] = []

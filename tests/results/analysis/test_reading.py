@@ -329,7 +329,8 @@ def test_a_scenario_that_cannot_be_loaded_is_said(tmp_path: Path) -> None:
     (tmp_path / "scenario" / "acts" / "all.xml").write_text("<Dialogs/>", "utf-8")
     found = read_session(folder)
     assert (
-        len(found.problems) == 1 and "what the robot's actions take of it is not known for certain" in found.problems[0]
+        len(found.problems) == 1
+        and "its trials are not known, nor for certain what the robot's actions take of it" in found.problems[0]
     )
     assert found.acts == before.acts
 
