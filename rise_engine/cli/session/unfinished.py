@@ -33,7 +33,7 @@ def unfinished_sessions(running: Mapping[str, SessionSummary | None]) -> list[Un
         if os.path.realpath(folder) in recorded:
             continue
         try:
-            scenario = read_info(folder).scenario_folder
+            scenario = read_info(folder, compare=False).scenario_folder
         except SessionError:
             continue
         name = session_name(scenario)
