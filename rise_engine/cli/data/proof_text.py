@@ -44,7 +44,9 @@ def proof_row(session: ProvedSession) -> dict[str, Any]:
     return row
 
 
-TIMES_OF_DAY = "that times of day are right, and so when sessions began and how long outages were: nothing repeats them"
+TIMES_OF_DAY = (
+    "that times of day are right, such as when sessions began and how long outages lasted: nothing else records them"
+)
 """What a replay does not give again."""
 DECIDED_LATER = "that study.jsonl has everything that people decided after a session: no session has a copy of it"
 """What no proof covers: a line removed from the log, such as a reassignment."""
