@@ -364,7 +364,11 @@ class Engine:
         self._stop_unrecorded(input.source)
 
     def _stop_unrecorded(self, source: str) -> None:
-        """Stop the robot although nothing can be recorded."""
+        """Stop the robot although nothing can be recorded. What has not gone out yet never starts."""
+        for step in self._unrecorded_steps:
+            starts, step.starts[:] = tuple(step.starts), ()
+            for start in starts:
+                self._post_not_begun(start)
         self._unrecorded_stops.append(f"stop was sent to the robot by {source}")
         self._carry_out_before_recording(StopRobot())
         self._update_journal_status()
@@ -481,9 +485,12 @@ class Engine:
                 for start in step.starts:
                     if start.action == command.action:
                         step.starts.remove(start)
-                        self.post(ActionReport(action=start.action, status="canceled", reason="it had not begun yet"))
+                        self._post_not_begun(start)
                         return
         self._commands.run(command)
+
+    def _post_not_begun(self, start: StartAction) -> None:
+        self.post(ActionReport(action=start.action, status="canceled", reason="it had not begun yet"))
 
     # --- the end ------------------------------------------------------------------------------------------------
 

@@ -9,6 +9,8 @@ from contextlib import asynccontextmanager, suppress
 from pathlib import Path
 from typing import Any
 
+import pytest
+
 from rise_engine.base.files import Disk
 from rise_engine.kernel.commands import StartAction
 from rise_engine.kernel.inputs import ActionReport, EstopReport, RobotChanged, StopReport, Submit
@@ -207,6 +209,28 @@ async def test_stop_reaches_the_robot_also_when_nothing_can_be_recorded(tmp_path
         await it.until(lambda: len(it.replies) == 2)
         await it.until(lambda: [record for record in it.of(StopRecord) if record.status == "latched"])
         assert it.of(StopRecord)[0].source == "wizard:anna"
+
+
+@pytest.mark.parametrize(
+    "stop", [lambda it: it.ask(STOP), lambda it: it.robot.report(EstopReport(source="estop:/door", pressed=True))]
+)
+async def test_what_had_not_gone_out_before_a_stop_never_starts(
+    tmp_path: Path, stop: Callable[[Session], None]
+) -> None:
+    """The disk refuses the step that starts an act, the robot is stopped and confirms; then the disk has room again."""
+    disk = FullDisk()
+    async with session(tmp_path, disk) as it:
+        disk.number = errno.ENOSPC
+        it.ask(start("Greet"))
+        await it.until(lambda: it.engine.paused)
+        stop(it)
+        it.robot.report(StopReport(confirmed=("all",)))
+        disk.number = None
+        await it.until(lambda: [record for record in it.of(StopRecord) if record.status == "latched"])
+        await it.until(lambda: it.of(TaskRecord)[-1].status in ("CANCELED", "SUCCEEDED"))
+        assert not [call for call in it.robot.calls if call.startswith("start")]
+        ended = {record.action: (record.status, record.reason) for record in it.of(ActionRecord)}
+        assert ended["1"] == ("canceled", "it had not begun yet")
 
 
 async def test_an_emergency_stop_reaches_the_robot_also_when_nothing_can_be_recorded(tmp_path: Path) -> None:
