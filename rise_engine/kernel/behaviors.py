@@ -5,7 +5,7 @@ Anybody who submits a task can write such a behaviour. So each reader refuses in
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from typing import Any, Literal, TypeAlias, TypeVar
 
 import msgspec
@@ -47,7 +47,7 @@ class StepBack(Struct, frozen=True, forbid_unknown_fields=True):
 
 
 _STEP_BACK = '{"rule": "Table setting", "take_back": ["task"], "enter": true, "stop_acts": false}'
-_RESUMPTIONS = '{"Table setting": "enter", "Wizard": "wait"}'
+_RELEASE = '{"Table setting": "enter", "Wizard": "wait", "stop": 1}'
 _RULE_START = '{"rule": "Table setting", "state": "After the welcome", "enter": false}'
 
 
@@ -58,12 +58,34 @@ def read_rule_start(behavior: str) -> RuleStart:
     return read_object(behavior, RuleStart, f"a rule's name, or JSON such as {_RULE_START}")
 
 
-def read_resumptions(behavior: str) -> dict[str, Resumption]:
-    """Read the behaviour of releaseStop: the resumption of each rule; empty: all stay stopped. Raises BehaviorError."""
+class Release(Struct, frozen=True):
+    """The behaviour of releaseStop (`release_behavior` writes it)."""
+
+    rules: dict[str, Resumption]
+    """The resumption of each rule; the others stay stopped."""
+    stop: int | None = None
+    """The number of the stop that the person has seen, from 1. None: any."""
+
+
+def read_release(behavior: str) -> Release:
+    """Read the behaviour of releaseStop; empty: all rules stay stopped. Raises BehaviorError."""
     try:
-        return msgspec.json.decode(behavior, type=dict[str, Resumption]) if behavior else {}
+        said = msgspec.json.decode(behavior, type=dict[str, Resumption | int]) if behavior else {}
     except (msgspec.DecodeError, RecursionError, UnicodeError) as error:
-        raise BehaviorError(f"the behaviour is empty, or JSON such as {_RESUMPTIONS} ({error})") from None
+        raise BehaviorError(f"the behaviour is empty, or JSON such as {_RELEASE} ({error})") from None
+    rules = {name: how for name, how in said.items() if not isinstance(how, int)}
+    numbers = {name: number for name, number in said.items() if isinstance(number, int)}
+    if numbers.keys() - {"stop"}:
+        raise BehaviorError(f"the behaviour is empty, or JSON such as {_RELEASE}")
+    return Release(rules, numbers.get("stop"))
+
+
+def release_behavior(rules: Mapping[str, str], stop: int | None = None) -> str:
+    """Write the behaviour of releaseStop; empty if every rule stays stopped, and any stop is meant."""
+    resumed: dict[str, str | int] = {name: how for name, how in rules.items() if how != "leave"}
+    if stop is not None and "stop" not in resumed:  # a rule of this name leaves no room for the number
+        resumed["stop"] = stop
+    return msgspec.json.encode(resumed).decode() if resumed else ""
 
 
 def read_step_back(behavior: str) -> StepBack:
@@ -121,8 +143,8 @@ def _describe_start(behavior: str) -> str:
     return f"{start.rule}{place}{'' if start.enter else ', without onEntry'}"
 
 
-def _describe_resumptions(behavior: str) -> str:
-    return ", ".join(f"{rule}: {how}" for rule, how in read_resumptions(behavior).items())
+def _describe_release(behavior: str) -> str:
+    return ", ".join(f"{rule}: {how}" for rule, how in read_release(behavior).rules.items())
 
 
 def _describe_step_back(behavior: str) -> str:
@@ -134,7 +156,7 @@ def _describe_step_back(behavior: str) -> str:
 _DESCRIPTIONS: dict[str, Callable[[str], str]] = {
     "startInteractionRule": _describe_start,
     "raiseEventTopic": lambda behavior: read_event_raise(behavior).event,
-    "releaseStop": _describe_resumptions,
+    "releaseStop": _describe_release,
     "stepBack": _describe_step_back,
 }
 

@@ -215,6 +215,7 @@ class Kernel:
             stop_timer=self.stop.timer,
             stood=self.stop.stood,
             held_by=self.stop.held_by,
+            stops=self.stop.count,
             wizard_marks=self.wizard_marks.state,
             failures=self.failures.state,
             open_cue_at=core.open_cue_at,
@@ -258,7 +259,7 @@ class Kernel:
         runner.last_pick = snapshot.last_pick
         runner.robot_lost = snapshot.robot_lost
         self.stop.status, self.stop.timer, self.stop.stood = snapshot.stop, snapshot.stop_timer, snapshot.stood
-        self.stop.held_by = snapshot.held_by
+        self.stop.held_by, self.stop.count = snapshot.held_by, snapshot.stops
         self.wizard_marks.state, core.open_cue_at = snapshot.wizard_marks, snapshot.open_cue_at
         self.failures.state = snapshot.failures
         core.open_goals = snapshot.open_goals

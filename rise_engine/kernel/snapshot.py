@@ -75,6 +75,8 @@ class Snapshot(Struct, frozen=True):
     stop_timer: int | None
     stood: list[StoodRule]
     held_by: list[str]
+    stops: int
+    """How many stops were requested."""
     wizard_marks: WizardMarksState
     failures: FailuresState
     open_cue_at: float | None

@@ -42,6 +42,8 @@ class StopLatch:
         """The rules that the stop has ended, the bottom of the stack first, until it is released."""
         self.held_by: list[str] = []
         """The sources of the emergency stops that are pressed, in order."""
+        self.count = 0
+        """How many stops were requested so far: the number of the last one."""
 
     @property
     def latched(self) -> bool:
@@ -51,6 +53,7 @@ class StopLatch:
     def request(self, source: str) -> None:
         """Request a stop. While it is latched, this asks the robot again."""
         self.status = "requested"
+        self.count += 1
         self._core.emit(StopRecord, "requested", source=source, held_by=tuple(self.held_by))
 
     def let_go(self, source: str) -> None:
@@ -89,13 +92,14 @@ class StopLatch:
         robot = self._core.scenario.robot.name
         self._core.emit(StopRecord, "latched", unconfirmed=(robot,), held_by=tuple(self.held_by))
 
-    @property
-    def why_not_release(self) -> str:
-        """Why it cannot be released now; empty if it can."""
+    def why_not_release(self, seen: int | None) -> str:
+        """Why it cannot be released now; empty if it can. `seen`: the number of the stop that a person means."""
         if self.status == "released":
             return "nothing is stopped"
         if self.held_by:
             return f"{stopper_words(self.held_by[0])} has not been let go"
+        if seen not in (None, self.count):
+            return "everything was stopped again since: look at the robot, and release this stop"
         return "the robot has not answered the stop yet" if self.status == "requested" else ""
 
     def release(self, source: str) -> None:

@@ -14,7 +14,7 @@ from rise_engine.expression import Assignment, EvaluationError, ExpressionError
 from rise_engine.kernel.behaviors import (
     BehaviorError,
     read_event_raise,
-    read_resumptions,
+    read_release,
     read_rule_start,
     read_step_back,
 )
@@ -425,8 +425,9 @@ class TaskHandlers:
     def _release_stop(self, task: Submit) -> None:
         stood = self._stop.stood
         try:
-            chosen = read_resumptions(task.behavior)
-            problem = self._stop.why_not_release or _why_not_resume(chosen, stood)
+            release = read_release(task.behavior)
+            chosen = release.rules
+            problem = self._stop.why_not_release(release.stop) or _why_not_resume(chosen, stood)
         except BehaviorError as unreadable:
             chosen, problem = {}, str(unreadable)
         asked = self._core.next_task

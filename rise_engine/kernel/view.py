@@ -181,6 +181,8 @@ class StopView(Struct):
     """The rules that it has ended, the bottom of the stack first, until it is released."""
     held_by: tuple[str, ...] = ()
     """The emergency stops that are pressed. The stop cannot be released before they are let go."""
+    count: int = 0
+    """How many stops were requested so far: the number of the last one."""
 
     @property
     def latched(self) -> bool:
@@ -322,6 +324,7 @@ class SessionView(Struct):
             record.source or self.stop.source,
             self.stop.stood if record.status != "released" else [],
             record.held_by,
+            self.stop.count + (record.status == "requested"),
         )
 
     def _apply_control(self, record: ControlRecord) -> None:

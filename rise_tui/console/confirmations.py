@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from typing import Any, Protocol
 
 from textual.app import App
 
+from rise_engine.kernel.behaviors import release_behavior
 from rise_engine.kernel.records import stopper_words
 from rise_engine.run.protocol.client import ControlVerb
 from rise_engine.scenario.model import rule_start_behavior
@@ -57,11 +58,14 @@ class Confirmations:
         self._console = console
         self._control_shown: tuple[str | None, str | None] = (None, None)
         """Who had control, and who asked for it, when the question about control opened."""
+        self._stop_shown = 0
+        """The number of the stop that the question about the release is about."""
 
     def ask_to_release(self) -> None:
         """Ask whether to release the stop or, if nothing is stopped, the held parts."""
         console = self._console
         stop = console.store.view.stop
+        self._stop_shown = stop.count
         if not stop.latched and console.store.open_goals:
             self._ask_to_release_parts()
             return
@@ -81,7 +85,10 @@ class Confirmations:
             return
         dialog = Dialog("Release the stop?", lines, DialogChoice("r", "Release"), no="Stay stopped", repeat_keys=keys)
         dialog.add_class("-release")
-        console.app.push_screen(dialog, lambda yes: console.send("releaseStop") if yes else None)
+        console.app.push_screen(dialog, lambda yes: self._release({}) if yes else None)
+
+    def _release(self, rules: Mapping[str, str]) -> None:
+        self._console.send("releaseStop", release_behavior(rules, self._stop_shown))
 
     def _ask_to_release_parts(self) -> None:
         console = self._console
@@ -96,7 +103,7 @@ class Confirmations:
         console = self._console
         dialog = ReleaseDialog(lines, rules, keys)
         dialog.add_class("-release")
-        console.app.push_screen(dialog, lambda yes: console.send("releaseStop", dialog.behavior) if yes else None)
+        console.app.push_screen(dialog, lambda yes: self._release(dialog.chosen) if yes else None)
 
     def ask_to_start(self, name: str, state: str) -> None:
         """Ask whether to start a rule in a state, with or without the functions of its `onEntry`."""
@@ -148,8 +155,13 @@ class Confirmations:
         console.app.push_screen(dialog, lambda key: console.request_control(verbs[key]) if key else None)
 
     def close_release_question(self) -> None:
-        """Close a question about a stop that is no longer the last one."""
+        """Close the question about the release, because everything is being stopped again."""
         self._withdraw("-release", "stopped again: the question about releasing the stop was closed")
+
+    def close_outdated_release_question(self) -> None:
+        """Close the question about a stop that is no longer the last one: somebody else has stopped everything."""
+        if self._console.store.view.stop.count != self._stop_shown:
+            self.close_release_question()
 
     def close_outdated_control_question(self) -> None:
         """Close the question about control when somebody else now has it or asks for it."""

@@ -95,6 +95,7 @@ class ConsoleScreen(Screen[None]):
         self.refresh_scheduler.schedule(parts)
         if "status" in parts:
             self.confirmations.close_outdated_control_question()
+            self.confirmations.close_outdated_release_question()
 
     def on_resize(self) -> None:
         self.bars.fit_terminal(self.app.size)

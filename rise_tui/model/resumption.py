@@ -127,12 +127,6 @@ def resumption_lines(
     return lines
 
 
-def release_behavior(chosen: Mapping[str, str]) -> str:
-    """The behaviour of the task that releases the stop; empty if every rule stays stopped."""
-    resumed = {name: how for name, how in chosen.items() if how != "leave"}
-    return json.dumps(resumed, ensure_ascii=False) if resumed else ""
-
-
 BACK, KEEP = "take back", "keep"
 GO_ON, STOP = "go on", "stop"
 ACTS = ""

@@ -21,7 +21,6 @@ from rise_tui.model.resumption import (
     STOP,
     BackStep,
     InterruptedRule,
-    release_behavior,
     resumption_lines,
     step_behavior,
     step_lines,
@@ -100,9 +99,7 @@ class ChoicesDialog(Dialog):
             for choice in self._choices:
                 if option in choice.options:
                     self.chosen[choice.name] = option
-            self._show_choices()
-        else:
-            super().on_key(event)
+            self._show_choices()  # other keys: Textual calls `Dialog.on_key`, too
 
     def action_select(self, step: int) -> None:
         self.selected = min(max(self.selected + step, 0), len(self._choices) - 1)
@@ -145,11 +142,6 @@ class ReleaseDialog(ChoicesDialog):
             repeat_keys=repeat_keys,
         )
         self._rules = rules
-
-    @property
-    def behavior(self) -> str:
-        """The behaviour of the task that releases the stop, with the present choices."""
-        return release_behavior(self.chosen)
 
     def choice_lines(self, width: int, rows: int) -> list[str]:
         return resumption_lines(self._rules, self.chosen, self.selected, width, rows)

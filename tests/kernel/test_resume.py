@@ -123,6 +123,8 @@ def test_the_highest_rule_says_its_first_and_the_record_says_how(tmp_path: Path)
     [
         ('{"Low": "enter", "Hihg": "wait"}', "the stop has ended no rule 'Hihg'; did you mean 'High'?"),
         ('{"Low": "enter", "High": "go"}', "Invalid enum value 'go'"),
+        ('{"Low": "enter", "stop": 2}', "everything was stopped again since: look at the robot, and release this stop"),
+        ('{"Low": "enter", "High": 1}', "the behaviour is empty, or JSON such as"),
         ('["Low"]', "the behaviour is empty, or JSON such as"),
         ("Low", "the behaviour is empty, or JSON such as"),
     ],
@@ -134,6 +136,18 @@ def test_nothing_is_applied_by_half(two: Session, behavior: str, reason: str) ->
     assert two.kernel.stop.latched and two.states == {}
     release(two, Low="enter", High="enter")
     assert len(two.states) == 2, "and all is remembered still"
+
+
+def test_a_release_that_names_a_stop_releases_no_later_one(two: Session) -> None:
+    """Somebody else has stopped everything since: nobody who has not seen that lets the robot go on."""
+    stopped(two)
+    two.submit("stopAll", source="wizard:olga")
+    two.confirm_stop("all")
+    task = two.submit("releaseStop", '{"Low": "wait", "stop": 1}')
+    assert (task.status, two.kernel.stop.latched) == ("REJECTED", True)
+    assert view_of(two).stop.count == 2
+    assert two.submit("releaseStop", '{"Low": "wait", "stop": 2}').status == "SUCCEEDED"
+    assert list(two.states) == ["Low"]
 
 
 def test_a_second_stop_forgets_nothing_and_the_release_forgets_all(two: Session) -> None:

@@ -323,7 +323,11 @@ class Play:
         if pick([True, False]):
             return ""
         names = [each.rule.name for each in self.interpreter.session.going_on.stopped] or ["R0"]
-        words = {name: pick(["enter", "wait", "wait", "leave"]) for name in names if pick([True, True, False])}
+        words: dict[str, str | int] = {
+            name: pick(["enter", "wait", "wait", "leave"]) for name in names if pick([True, True, False])
+        }
+        if pick([True, False]):  # the last stop, or one before it
+            words["stop"] = self.kernel.stop.count - pick([0, 0, 0, 1])
         return pick([json.dumps(words)] * 8 + ['{"Nobody": "enter"}', '{"R0": "go"}', "x"])
 
     def step_back(self) -> str:

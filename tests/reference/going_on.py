@@ -53,14 +53,16 @@ class GoingOn:
             past = list(self.pasts.get(run, []))
             self.stopped.append(Remembered(run.rule, run.state.id, run.priority, held, past))
 
-    def read_release(self, behavior: str) -> dict[str, str]:
-        """What is to become of each rule."""
+    def read_release(self, behavior: str, stops: int) -> dict[str, str]:
+        """What is to become of each rule. `stops`: how often everything was stopped."""
         if not behavior.strip():
             return {}
         try:
             words = json.loads(behavior)
         except ValueError:
             raise Refused("this is no JSON") from None
+        if isinstance(words, dict) and type(words.get("stop")) is int and words.pop("stop") != stops:
+            raise Refused("it was stopped again")
         known = {each.rule.name for each in self.stopped}
         if not isinstance(words, dict) or set(words) - known:
             raise Refused("there is a rule that was not stopped")

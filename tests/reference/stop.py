@@ -21,6 +21,8 @@ class Stop:
         self.clock: Clock | None = None
         self.pressed: list[str] = []
         """The emergency stops that are pressed."""
+        self.stops = 0
+        """How often everything was stopped."""
 
     @property
     def in_force(self) -> bool:
@@ -36,6 +38,7 @@ class Stop:
         session = self.session
         session.tasks.record(task, "SUCCEEDED")
         self.status = "requested"
+        self.stops += 1
         self._record("requested", source=task.source)
         session.forget(self.clock)
         self.clock = session.after(ANSWER, self._no_answer)
@@ -94,7 +97,7 @@ class Stop:
             raise Refused("an emergency stop is pressed")
         if self.status == "requested":
             raise Refused("the robot has not answered yet")
-        words = self.session.going_on.read_release(task.behavior)
+        words = self.session.going_on.read_release(task.behavior, self.stops)
         self.session.tasks.record(task, "SUCCEEDED")
         self.status = ""
         self._record("released", source=task.source)

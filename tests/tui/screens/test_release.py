@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+from typing import Any
 
 import pytest
 from msgspec.structs import replace
@@ -41,7 +42,8 @@ def text_of(dialog: ReleaseDialog) -> str:
 async def release_sent(it: Console) -> dict[str, str]:
     await it.until(lambda: any(function == "releaseStop" for function, _ in it.client.asked()))
     behavior = next(behavior for function, behavior in it.client.asked() if function == "releaseStop")
-    found: dict[str, str] = json.loads(behavior or "{}")
+    found: dict[str, Any] = json.loads(behavior)
+    assert found.pop("stop") == it.screen.session.store.view.stop.count, "the stop that the wizard has seen"
     return found
 
 
@@ -92,6 +94,27 @@ async def test_a_console_that_comes_later_asks_the_same_and_of_many_rules_shows_
         assert "▸ Rule 12: greeting" in text_of(dialog) and "Rule 1:" not in text_of(dialog)
         await it.press("r")
         assert await release_sent(it) == {"Rule 12": "enter"}
+
+
+async def test_the_key_that_asks_about_rules_also_answers_when_it_is_pressed_again() -> None:
+    async with console(size=(80, 24)) as it:
+        stop(it, Main="greeting")
+        await asked(it)
+        await it.press("w")
+        await it.press("ctrl+r")
+        assert await release_sent(it) == {"Main": "wait"}
+
+
+async def test_a_stop_of_somebody_else_closes_the_question() -> None:
+    """A release must not let the robot go on that somebody has just stopped."""
+    async with console(size=(80, 24)) as it:
+        stop(it, Main="greeting")
+        await asked(it)
+        it.client.stop("requested", source="wizard:olga")
+        await it.back()
+        assert "was closed" in it.notice
+        await it.press("r")
+        assert it.client.asked() == []
 
 
 OPEN = OpenGoal("pepper/speech", "3/1", "Speech", "it refused to stop")
