@@ -12,7 +12,7 @@ from pathlib import Path
 import click
 
 from rise_engine.base.errors import SessionError
-from rise_engine.base.exit_status import FAILED, OK, STILL_RUNNING
+from rise_engine.base.exit_status import FAILED, NOT_WRITTEN, OK, STILL_RUNNING
 from rise_engine.base.files import is_locked
 from rise_engine.cli.terminal import Refused, print_lines, print_notes
 from rise_engine.kernel.records import look_at_robot_text
@@ -27,7 +27,7 @@ from rise_engine.run.protocol.registry import (
     session_name,
     socket_path,
 )
-from rise_engine.session.folder import left_open, read_info, running_sessions
+from rise_engine.session.folder import has_ended, left_open, read_info, running_sessions
 from rise_engine.session.lock import user_name
 from rise_engine.study.sessions import SESSIONS
 from rise_engine.study.study_toml import is_study
@@ -43,7 +43,7 @@ def stop(which: str | None) -> int:
     """End a running session: stop what it began on the robot, and complete the record.
 
     Without an argument, end the only running session. Exit status: 0 it has ended; 6 the same, but the robot may still
-    be moving; 1 there is no such session, or several.
+    be moving; 74 the same, but not everything could be recorded; 1 there is no such session, or several.
     """
     name = find_session_name(which)
     lock = lock_path(socket_path(name))
@@ -58,6 +58,9 @@ def stop(which: str | None) -> int:
         if time.monotonic() > deadline:
             raise Refused(f"{name} (process {pid}) has not ended within {END_SECONDS:g} s", status=FAILED)
         time.sleep(0.02)
+    if summary is not None and summary.folder and not has_ended(Path(summary.folder)):
+        unrecorded = f"{name} has ended, and the end of its record could not be written: look at the robot"
+        raise Refused(unrecorded, status=NOT_WRITTEN)
     print_notes(f"{name} has ended")
     if summary is None or not summary.folder:
         return OK

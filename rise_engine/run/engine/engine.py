@@ -15,7 +15,7 @@ from __future__ import annotations
 import logging
 import platform
 from collections import deque
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Iterator
 from typing import TypeAlias
 
 from msgspec import Struct
@@ -37,7 +37,7 @@ from rise_engine.kernel.inputs import (
     StopReport,
     Submit,
 )
-from rise_engine.kernel.records import AnyRecord, OpenGoal, TaskRecord
+from rise_engine.kernel.records import AnyRecord, OpenGoal, StopRecord, TaskRecord
 from rise_engine.ports.robot import Robot
 from rise_engine.run.engine.clock import SessionClock, seconds_between_labels
 from rise_engine.run.engine.command_runner import CommandRunner, error_text
@@ -221,6 +221,8 @@ class Engine:
         self.clock.call_at(self.clock.now() + END_SECONDS, self.end_now)
         if self._is_robot_busy if stop is None else stop:
             self.post(Submit(function="stopAll", source="engine"))
+            if self.paused:
+                self._stop_unrecorded("engine, because the session ends")
         self._end_if_idle()
 
     def end_now(self, reason: str = "") -> None:
@@ -456,6 +458,8 @@ class Engine:
         journal = self._journal
         assert journal is not None
         error = journal.error
+        if error and not self.journal_status.trouble and not self._unrecorded_stops:
+            self._unrecorded_stops += self._stops_not_recorded_yet()
         if error and self._unrecorded_stops:
             error += "; " + ", ".join(self._unrecorded_stops)
         elif not error and self.journal_status.trouble:
@@ -466,6 +470,16 @@ class Engine:
         before, self.journal_status = self.journal_status, now
         if (before.behind, before.trouble) != (now.behind, now.trouble) and self.on_journal_status is not None:
             self.on_journal_status(now)
+
+    def _stops_not_recorded_yet(self) -> Iterator[str]:
+        """Describe the stop, if the disk has refused its record before anybody saw it, and the robot's answers."""
+        records = [record for step in self._unrecorded_steps for record in step.records]
+        for record in records:
+            if isinstance(record, StopRecord) and record.status == "requested":
+                yield f"stop was sent to the robot by {record.source}"
+            elif isinstance(record, StopRecord) and record.status == "latched":
+                yield _stop_sentence(record)
+        yield from (_stop_sentence(input) for input, _ in self._queue if isinstance(input, StopReport))
 
     def _publish(self, records: list[AnyRecord]) -> None:
         for record in records:
@@ -541,7 +555,7 @@ def _reply_for(input: AnyInput, records: list[AnyRecord]) -> Reply:
     return Reply(task.status != "REJECTED", task.reason, task.id)
 
 
-def _stop_sentence(report: StopReport) -> str:
+def _stop_sentence(report: StopReport | StopRecord) -> str:
     confirmed = f"confirmed by {', '.join(report.confirmed)}" if report.confirmed else "confirmed by nobody"
     return confirmed + (f", NOT by {', '.join(report.unconfirmed)}" if report.unconfirmed else "")
 

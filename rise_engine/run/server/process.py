@@ -239,7 +239,8 @@ class _SessionProcess:
     def _abandon(self) -> None:
         if not self.engine.ended:
             self.unrecorded = True
-            logging.getLogger(__name__).error("the disk did not take the last records: %s", self.engine.journal_status)
+            trouble = self.engine.journal_status.trouble or "it is too slow"
+            logging.getLogger(__name__).error("the disk did not take the last records: %s", trouble)
             self.engine.abandon()
 
     async def _poll_journal(self, engine: Engine) -> None:

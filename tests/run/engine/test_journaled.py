@@ -233,6 +233,39 @@ async def test_what_had_not_gone_out_before_a_stop_never_starts(
         assert ended["1"] == ("canceled", "it had not begun yet")
 
 
+async def test_a_stop_that_the_disk_refuses_first_is_told(tmp_path: Path) -> None:
+    """Nobody sees its record, but everybody sees that the robot was told to stop, and what it answered."""
+    disk = FullDisk()
+    async with session(tmp_path, disk) as it:
+        it.ask(start("Greet"))
+        await it.until(lambda: it.replies)
+        disk.number = errno.ENOSPC
+        it.ask(STOP)
+        it.robot.report(StopReport(confirmed=("pepper/speech",)))
+        await it.until(lambda: it.engine.paused)
+        it.engine.flush_durable()
+        it.robot.report(StopReport(confirmed=("pepper/speech", "pepper/body")))
+        assert it.journalings[-1].trouble == (
+            "the disk is full; stop was sent to the robot by wizard:anna, confirmed by pepper/speech, "
+            "confirmed by pepper/speech, pepper/body"
+        )
+        disk.number = None
+
+
+async def test_the_end_stops_the_robot_also_when_nothing_can_be_recorded(tmp_path: Path) -> None:
+    disk = FullDisk()
+    async with session(tmp_path, disk) as it:
+        it.ask(start("Greet"))
+        await it.until(lambda: it.replies)
+        disk.number = errno.ENOSPC
+        it.robot.report(ActionReport(action="1/1", status="accepted"))
+        await it.until(lambda: it.engine.paused)
+        it.engine.end("enough")
+        assert it.robot.calls[-1] == "stop"
+        assert it.journalings[-1].trouble.endswith("stop was sent to the robot by engine, because the session ends")
+        disk.number = None
+
+
 async def test_an_emergency_stop_reaches_the_robot_also_when_nothing_can_be_recorded(tmp_path: Path) -> None:
     disk = FullDisk()
     async with session(tmp_path, disk) as it:
