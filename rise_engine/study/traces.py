@@ -6,7 +6,7 @@ from __future__ import annotations
 import os
 import re
 import tomllib
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from functools import lru_cache
 from pathlib import Path
 
@@ -162,20 +162,30 @@ def find_names(study: Path, participant: str) -> list[str]:
     """List in sentences where a pseudonym is still in a study's folder, and what to do about it."""
     found = []
     theirs = {PARTICIPANTS_FILE, *questionnaire_files(study)}
+    folders = [each.name for each in folders_in(study / SESSIONS)]
+
+    def is_named_outside_folders(line: str) -> bool:
+        return has_name(_without(line, folders), participant)
+
     for path in sorted(study.rglob("*")):
         name = path.relative_to(study)
         if name.parts[0] == WORK_FOLDER:  # it will be erased, or its withdrawal reports why not
             continue
         if has_name(path.name, participant):
-            found.append(f"the name of {name}: erase it, or give it another name")
+            kept = _was_run_under(study, name, participant)
+            found.append(f"the name of {name}: {_KEPT if kept else 'erase it, or give it another name'}")
         if path.is_symlink() or not path.is_file():
             continue
-        if lines := lines_naming(path, participant):
+        lines = lines_naming(path, participant)
+        if lines and str(name) == LOG_FILE:  # the names of their folders are told above
+            lines = lines_with(path, is_named_outside_folders)
+        if lines:
             advice = _OF_PEOPLE if str(name) in theirs else _advice(study, name, participant)
             found.append(f"{name}, line{'s' if len(lines) > 1 else ''} {name_some(lines)}: {advice}")
     return found
 
 
+_KEPT = "the session was run under this name and reassigned; a session keeps the name that it was run under"
 _OF_PEOPLE = "delete the line yourself, because nothing but people writes in this file"
 
 
@@ -183,11 +193,24 @@ def _advice(study: Path, name: Path, participant: str) -> str:
     if name.parts[0] == SESSIONS and len(name.parts) == 3 and name.name == MEDIA_FILE:
         return f"give that file a name without it, then rise-engine media remove {name.parts[1]} and media add"
     if name.parts[0] == SESSIONS and len(name.parts) > 2:
-        labels = read_labels(study / SESSIONS / name.parts[1] / JOURNAL) or {}
-        if labels.get("participant") == participant:
-            return "the session was run under this name and reassigned; a session keeps the name that it was run under"
+        if _was_run_under(study, name, participant):
+            return _KEPT
         return f"rise-engine redact {name.parts[1]} --replace {participant}=NAME, if it means them"
     return "take it out yourself, if it means them"
+
+
+def _was_run_under(study: Path, name: Path, participant: str) -> bool:
+    """Whether a path is of a session that was run under this participant."""
+    if name.parts[0] != SESSIONS or len(name.parts) < 2:
+        return False
+    labels = read_labels(study / SESSIONS / name.parts[1] / JOURNAL) or {}
+    return labels.get("participant") == participant
+
+
+def _without(line: str, folders: Iterable[str]) -> str:
+    for folder in folders:
+        line = line.replace(folder, "")
+    return line
 
 
 def lines_naming(path: Path, participant: str) -> list[int]:

@@ -369,6 +369,10 @@ def test_records_name_who_sat_there_and_tables_whom_it_was_run_under(
     begun = [json.loads(path.read_text("utf-8").splitlines()[0]) for path in (tmp_path / "records").glob("*.jsonl")]
     found = {(each["participant"], each["run"], each["attempt"]) for each in begun if each["purpose"] == "counted"}
     assert ("P04", 1, 1) in found and len(found) == 7
+    ended = [json.loads(path.read_text("utf-8").splitlines()[-1]) for path in (tmp_path / "records").glob("*.jsonl")]
+    assert {each["participant"] for each in ended if each["kind"] == "session"} <= {"", "P01", "P02", "P03", "P04"}
+    text = "".join(path.read_text("utf-8") for path in (tmp_path / "records").glob("*P04*" if level != "full" else "x"))
+    assert '"participant":"P02"' not in text
     assert level == "full" or (tmp_path / "records" / "P04_hesitation_real_run1.jsonl").exists()
     assert run("export", study, "--format", "tables", "--level", level, "-o", tmp_path / "tables")[0] == 0
     with (tmp_path / "tables" / "sessions.csv").open(encoding="utf-8") as file:
@@ -397,6 +401,8 @@ def test_a_reassigned_session_is_still_proved_when_its_former_participant_has_wi
 ) -> None:
     told = run("study", "withdraw", study, "P02", "--yes")[1]
     assert f"{moved.name}/session.toml, line" in told and "the session was run under this name and reassigned" in told
+    assert f"the name of sessions/{moved.name}: the session was run under this name" in told
+    assert "study.jsonl, line" not in told, "it names the folder, which stays"
     assert check_sessions(study)[0] == 0
     assert read_session(moved).facts.participant == "P04"
     assert run("export", study, "--format", "tables", "-o", tmp_path / "tables")[0] == 0

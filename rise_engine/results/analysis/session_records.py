@@ -107,7 +107,7 @@ class SessionRecords:
     def _read_reassigned(self) -> Iterator[AnyRecord]:
         """Give each record, with the present labels of a session that its study's log has reassigned."""
         for record in self.contents.read_records():
-            if self.moved is not None and isinstance(record, SessionRecord) and record.status != "ended":
+            if self.moved is not None and isinstance(record, SessionRecord) and record.participant:
                 record = replace(record, **self.moved.labels)
             yield record
 

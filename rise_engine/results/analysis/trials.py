@@ -19,6 +19,7 @@ from rise_engine.results.analysis.phases import STEPPED_BACK, was_stopped_by_wiz
 from rise_engine.scenario.model import Json
 from rise_engine.scenario.trial_settings import TrialSettings
 
+NoNumber: TypeAlias = Literal["outage", "stop", "value"]
 TrialEnd: TypeAlias = Literal["trial", "rule", "key", "record"]
 _NO_REACTIONS = frozenset(
     {
@@ -94,18 +95,23 @@ class PlayedTrial(Struct, frozen=True, kw_only=True):
         """Seconds from the end of the robot's speech to the wizard's key."""
         return seconds_between(self.asked_end, self.key_at)
 
-    def is_other_value(self, name: str) -> bool:
-        """Whether a column has a value that is not a number, such as a text from the memory."""
-        value = self.values.get(name)
-        return value is not None and (isinstance(value, bool) or not isinstance(value, int | float))
-
     def number(self, name: str) -> float | None:
-        """Return a column as a number, for use as a dependent variable. None: it is not a number, or a time in which
-        the session had no engine for a while."""
-        if any(getattr(self, away) for away in _OUTAGES.get(name, ())):
+        """Return a column as a number, for use as a dependent variable. None: `why_no_number`, or there is no value."""
+        if self.why_no_number(name):
             return None
         value = self.values[name] if name in self.values else getattr(self, name, None)
-        return float(value) if isinstance(value, int | float) and not isinstance(value, bool) else None
+        return float(value) if isinstance(value, int | float) else None
+
+    def why_no_number(self, name: str) -> NoNumber | None:
+        """Return why a value is left out. outage: the session had no engine for a while in that time; stop: everything
+        was stopped in the trial; value: it is not a number, such as a text from the memory."""
+        if any(getattr(self, away) for away in _OUTAGES.get(name, ())):
+            return "outage"
+        if name in _OUTAGES and self.stops:
+            return "stop"
+        value = self.values.get(name)
+        is_number = isinstance(value, int | float) and not isinstance(value, bool)
+        return None if value is None or is_number else "value"
 
 
 def trials_of(data: SessionData) -> tuple[PlayedTrial, ...]:

@@ -10,7 +10,7 @@ from msgspec import Struct
 
 from rise_engine.results.analysis.model import ActorKind, SessionData, SessionFacts
 from rise_engine.results.analysis.statistics import Share, Summary, summarise
-from rise_engine.results.analysis.trials import trials_of
+from rise_engine.results.analysis.trials import NoNumber, trials_of
 from rise_engine.results.report.latency import BANDS, LatencyFacts, LatencyPart
 from rise_engine.results.report.session_facts import SessionFigures, session_figures
 from rise_engine.study.checked import asks_debriefing, check_text
@@ -46,10 +46,8 @@ class SessionRow(Struct, frozen=True):
     """The dependent variable of its trials. Empty: its scenario does not define trials."""
     trials: tuple[float | None, ...] = ()
     """Its value in each trial."""
-    interrupted: frozenset[int] = frozenset()
-    """The numbers of trials with an outage of the engine."""
-    not_numbers: frozenset[int] = frozenset()
-    """The numbers of trials whose value is not a number."""
+    left_out: tuple[tuple[int, NoNumber], ...] = ()
+    """The numbers of trials whose value is left out, with the reason."""
 
     @property
     def is_complete(self) -> bool:
@@ -219,11 +217,10 @@ def session_row(data: SessionData, checked: Mapping[str, str] | None = None) -> 
         problems=data.problems,
         measure=settings.measure if settings is not None else "",
         trials=tuple(trial.number(settings.measure) for trial in trials) if settings is not None else (),
-        interrupted=frozenset(number for number, trial in enumerate(trials, 1) if trial.outage_s is not None),
-        not_numbers=frozenset(
-            number
+        left_out=tuple(
+            (number, why)
             for number, trial in enumerate(trials, 1)
-            if settings is not None and trial.is_other_value(settings.measure)
+            if settings is not None and (why := trial.why_no_number(settings.measure)) is not None
         ),
     )
 

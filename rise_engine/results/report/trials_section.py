@@ -8,6 +8,7 @@ from msgspec import Struct
 
 from rise_engine.base.text import clean, pluralize
 from rise_engine.results.analysis.statistics import median, median_interval, summarise
+from rise_engine.results.analysis.trials import NoNumber
 from rise_engine.results.report.charts import WIDTH, latency_figure
 from rise_engine.results.report.document import (
     Block,
@@ -28,6 +29,11 @@ UNDECLARED = (
     'begins one: state = "Ask". In sessions from then on, the dependent variable is shown here by condition, and '
     "trials.csv has a row for each trial."
 )
+_LEFT_OUT: dict[NoNumber, str] = {
+    "outage": "The engine was away in {names}; no time across an outage is measured.",
+    "stop": "Everything was stopped in {names}; no time of such a trial is measured.",
+    "value": "Left out, because {measure} is not a number there: {names}.",
+}
 _INTERVAL = "95 % interval of the median by order statistics (at least 95 %, exact; none of fewer than 6 trials)"
 
 
@@ -42,10 +48,8 @@ class TrialRow(Struct, frozen=True):
     trials: int
     """All trials, also those without a value."""
     people: int
-    interrupted: tuple[str, ...] = ()
-    """Trials with an outage of the engine."""
-    not_numbers: tuple[str, ...] = ()
-    """Trials whose value is not a number."""
+    left_out: tuple[tuple[str, NoNumber], ...] = ()
+    """Trials whose value is left out, with the reason."""
 
     @property
     def interval(self) -> tuple[float, float] | None:
@@ -78,9 +82,8 @@ def trial_rows(conditions: Iterable[tuple[str, Sequence[SessionRow]]]) -> list[T
             if trials := sum(len(row.trials) for row in theirs):
                 people = len({row.facts.participant for row in theirs})
                 values, hovers = tuple(value for value, _ in pairs), tuple(hover for _, hover in pairs)
-                interrupted = tuple(trial_name(row, number) for row in theirs for number in sorted(row.interrupted))
-                not_numbers = tuple(trial_name(row, number) for row in theirs for number in sorted(row.not_numbers))
-                found.append(TrialRow(name, measure, values, hovers, trials, people, interrupted, not_numbers))
+                left_out = tuple((trial_name(row, number), why) for row in theirs for number, why in row.left_out)
+                found.append(TrialRow(name, measure, values, hovers, trials, people, left_out))
     return found
 
 
@@ -139,10 +142,11 @@ def _table(measure: str, rows: Sequence[TrialRow]) -> ReportTable:
                 f"{number_text(summary.lower)}\u2013{number_text(summary.upper)}" if summary is not None else "",
             )
         )
-    interrupted = "; ".join(each for row in rows for each in row.interrupted)
-    notes = f" The engine was away in {interrupted}; no time across an outage is measured." if interrupted else ""
-    if not_numbers := "; ".join(each for row in rows for each in row.not_numbers):
-        notes += f" Left out, because {measure} is not a number there: {not_numbers}."
+    left_out = [each for row in rows for each in row.left_out]
+    notes = ""
+    for why, sentence in _LEFT_OUT.items():
+        if names := "; ".join(name for name, reason in left_out if reason == why):
+            notes += " " + sentence.format(measure=measure, names=names)
     return ReportTable(
         caption=f"Trials of complete sessions by condition: {measure}{' in seconds' if _unit(measure) else ''}",
         head=("condition", "people", "trials", "measured", "median", "95 % interval", "middle half"),

@@ -297,7 +297,11 @@ def test_what_is_measured(tmp_path: Path) -> None:
     assert tea.number("participant_s") == tea.participant_s and tea.number("visits") == 1 and tea.number("start") == 10
     for value, is_other in (("3", True), (True, True), (3, False), (None, False)):
         told = replace(tea, values={"score": value})
-        assert (told.number("score"), told.is_other_value("score")) == (None if is_other else value, is_other)
+        expected = (None, "value") if is_other else (value, None)
+        assert (told.number("score"), told.why_no_number("score")) == expected
+    stopped = replace(tea, stops=1)
+    assert (stopped.number("participant_s"), stopped.why_no_number("participant_s")) == (None, "stop")
+    assert stopped.number("visits") == 1, "what is no time is counted"
 
 
 def test_nothing_is_measured_from_speech_whose_end_nobody_knows(tmp_path: Path) -> None:

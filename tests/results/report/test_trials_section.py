@@ -38,13 +38,13 @@ def test_each_trial_is_a_dot_and_its_numbers_are_text() -> None:
 
 
 def test_a_trial_in_which_the_engine_was_away_is_named() -> None:
-    rows = trial_rows([("yes", [replace(FAST, interrupted=frozenset({2}))]), ("no", [SLOW])])
+    rows = trial_rows([("yes", [replace(FAST, left_out=((2, "outage"),))]), ("no", [SLOW])])
     table = trials_section(rows, declared=True).blocks[1]
     assert isinstance(table, ReportTable) and "away in P01, trial 2; no time across" in table.note
 
 
 def test_a_trial_of_several_runs_is_named_with_its_run() -> None:
-    second = replace(SLOW, facts=replace(SLOW.facts, participant="P01", run=2), interrupted=frozenset({2}))
+    second = replace(SLOW, facts=replace(SLOW.facts, participant="P01", run=2), left_out=((2, "outage"),))
     rows = trial_rows([("yes", [replace(FAST, facts=replace(FAST.facts, run=1))]), ("no", [second])])
     figure, table = trials_section(rows, declared=True).blocks
     assert isinstance(table, ReportTable) and "away in P01, run 2, trial 2; no" in table.note
@@ -52,9 +52,10 @@ def test_a_trial_of_several_runs_is_named_with_its_run() -> None:
 
 
 def test_a_value_that_is_no_number_is_named_where_it_is_left_out() -> None:
-    rows = trial_rows([("yes", [replace(FAST, measure="score", not_numbers=frozenset({3}))])])
+    rows = trial_rows([("yes", [replace(FAST, measure="score", left_out=((3, "value"), (4, "stop")))])])
     table = trials_section(rows, declared=True).blocks[1]
     assert isinstance(table, ReportTable) and table.note.endswith(
+        " Everything was stopped in P01, trial 4; no time of such a trial is measured."
         " Left out, because score is not a number there: P01, trial 3."
     )
 
