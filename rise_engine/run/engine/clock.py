@@ -108,6 +108,10 @@ class VirtualClock:
         self._now = max(self._now, when)
 
 
+_WAITED = 0.05
+"""Seconds from which on an input counts as one that has waited. Others are handled at once."""
+
+
 class RealClock:
     """Real time on an asyncio loop. With `speed` 10, ten session seconds pass in one second."""
 
@@ -135,7 +139,9 @@ class RealClock:
         return (self._loop.time() - self._origin) * self.speed
 
     def wall_label(self, t: float) -> str:
-        moment = datetime.fromtimestamp(time_ns() // 1_000_000 / 1000, UTC)
+        waited = (self.now() - t) / self.speed  # what happened while nothing could be recorded has its own time
+        milliseconds = time_ns() // 1_000_000 - (int(waited * 1000) if waited > _WAITED else 0)
+        moment = datetime.fromtimestamp(milliseconds / 1000, UTC)
         return moment.astimezone().isoformat(timespec="milliseconds")
 
     def call_at(self, when: float, callback: Callable[[], None]) -> Timer:

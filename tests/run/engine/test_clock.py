@@ -81,7 +81,9 @@ async def test_the_label_is_the_local_time_with_its_offset(zone: str, monkeypatc
             monkeypatch.setattr("rise_engine.run.engine.clock.time_ns", lambda now=nanoseconds: now)
             whole, milliseconds = divmod(nanoseconds // 1_000_000, 1000)
             exact = datetime.fromtimestamp(whole).astimezone() + timedelta(milliseconds=milliseconds)
-            assert clock.wall_label(0) == exact.isoformat(timespec="milliseconds")
+            assert clock.wall_label(clock.now()) == exact.isoformat(timespec="milliseconds")
+            earlier = datetime.fromisoformat(clock.wall_label(clock.now() - 60.0))
+            assert exact - earlier == pytest.approx(timedelta(seconds=60), abs=timedelta(milliseconds=20))
     finally:
         monkeypatch.undo()
         time.tzset()
