@@ -91,7 +91,7 @@ class RefreshScheduler:
         bars.status_line.draw()
         bars.speech_band.draw()
         bars.speech_input.draw()
-        if store.cut_since is not None or bars.alarm_bar.counts:
+        if store.cut_since is not None or store.silent_seconds or bars.alarm_bar.counts:
             bars.alarm_bar.draw()
         if store.view.repeats:
             bars.failure_bar.draw()

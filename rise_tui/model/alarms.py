@@ -127,6 +127,7 @@ def current_alarms(store: Store, key_name: KeyNames) -> list[Alarm]:
     if store.cut_since is not None and (store.stop_unsent or monotonic() - store.cut_since >= CUT_SECONDS):
         return [_cut_alarm(store, store.cut_since)]
     return [
+        *_silent_alarms(store, key_name),
         *_stop_alarms(store, key_name),
         *_recording_alarms(store, key_name),
         *_robot_alarms(store, key_name),
@@ -161,6 +162,16 @@ def _cut_alarm(store: Store, since: float) -> Alarm:
         (("   to stop the robot now, use its own switch", "strong"),),
         counts_seconds=True,
     )
+
+
+def _silent_alarms(store: Store, key_name: KeyNames) -> Iterator[Alarm]:
+    if silent := store.silent_seconds:
+        yield Alarm(
+            ((" ✗ ENGINE SILENT ", "alarm"), (f"  no sign of life for {format_age(silent)}", "strong")),
+            (("   keys start nothing until it answers; this is the last known state", "plain"),),
+            ((f"   {key_name('stop')} may not reach the robot: use its own switch", "fault"),),
+            counts_seconds=True,
+        )
 
 
 def _stop_alarms(store: Store, key_name: KeyNames) -> Iterator[Alarm]:

@@ -31,7 +31,9 @@ KeyNames: TypeAlias = Callable[[str], str]
 class BlockedReason(Struct, frozen=True):
     """A reason why something is impossible now."""
 
-    code: Literal["over", "gone", "cut", "replay", "control", "not-recording", "stopped", "safe", "locked", "paused"]
+    code: Literal[
+        "over", "gone", "cut", "replay", "control", "not-recording", "stopped", "safe", "locked", "paused", "silent"
+    ]
     detail: str = ""
     """How the session ended, why the engine has gone, or what is wrong with the disk."""
     holder: str = ""
@@ -51,6 +53,8 @@ def blocked_text(reason: BlockedReason | None, key_name: KeyNames) -> str:
             return f"the engine has gone: {reason.detail}"
         case "cut":
             return "the connection is cut; the console is reconnecting"
+        case "silent":
+            return "the engine gives no sign of life: nothing was started"
         case "replay":
             return "this is a replay"
         case "control":

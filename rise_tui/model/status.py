@@ -278,7 +278,9 @@ def _control_cells(store: Store, padded: bool) -> list[StatusCell]:
 def _key_state_line(store: Store) -> StyledLine:
     """The state of the keys. A console that only observes does not show LIVE."""
     words: list[StyledSpan] = []
-    if store.key_state == "STOPPED":
+    if store.silent_seconds and not store.view.stop.latched:  # a stop that was sent meanwhile is not known to be one
+        words.append((" SILENT ", "alarm"))
+    elif store.key_state == "STOPPED":
         words.append((" STOPPED ", "alarm"))
     elif store.journal_status.trouble:
         words.append((" PAUSED ", "alarm"))

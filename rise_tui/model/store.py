@@ -8,6 +8,7 @@ from __future__ import annotations
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field
 from os import urandom
+from time import monotonic
 from typing import Any, Literal, TypeAlias, get_args
 
 from msgspec import Struct
@@ -102,6 +103,10 @@ class SentTask(Struct, frozen=True):
     at: float
 
 
+SILENT_SECONDS = 3.0
+"""Seconds without a sign of life of the engine, which gives one each second, before the console tells it."""
+
+
 @dataclass
 class Store:
     """One console's knowledge of one session."""
@@ -129,6 +134,8 @@ class Store:
     journal_status: JournalStatus = field(init=False)
     heartbeat: Heartbeat = field(default_factory=Heartbeat)
     """The last sign of life of the robot and the engine."""
+    heard_at: float | None = None
+    """When the engine last gave a sign of life, on the console's own clock. None: it gives none, as in a replay."""
     shadow: ShadowStatus | None = None
     """The state of the shadow, while this console plays a session's cues to a second wizard."""
     input_mode: InputMode = "LIVE"
@@ -175,7 +182,7 @@ class Store:
     def reattach(self, attach_reply: AttachReply) -> None:
         """Take over the new snapshot after the connection was cut. It has the truth."""
         had_control, former_name = self.has_control, self.own_name
-        self.cut_since, self.stop_unsent = None, False
+        self.cut_since, self.stop_unsent, self.heard_at = None, False, None
         self.sent.clear()
         self._rebuild(attach_reply)
         lost = had_control and not self.has_control
@@ -250,6 +257,14 @@ class Store:
         """The client that waits for this console's answer about control."""
         return self.view.asked if self.has_control and self.view.asked != self.own_name else None
 
+    @property
+    def silent_seconds(self) -> float:
+        """For how long the engine has given no sign of life; 0 while it gives them, and for a session that is over."""
+        if self.heard_at is None or self.gone_reason or self.cut_since is not None:
+            return 0.0
+        silent = monotonic() - self.heard_at
+        return silent if silent >= SILENT_SECONDS else 0.0
+
     def blocked_reason(self, deed: Deed) -> BlockedReason | None:
         """What blocks this deed from this console now; None if nothing does."""
         if self.gone_reason:
@@ -266,6 +281,8 @@ class Store:
         return self._start_blocked() if deed == "start" else None
 
     def _start_blocked(self) -> BlockedReason | None:
+        if self.silent_seconds:
+            return BlockedReason("silent")
         if self.journal_status.trouble:
             return BlockedReason("not-recording", self.journal_status.trouble)
         match self.key_state:
@@ -341,6 +358,8 @@ class Store:
         """Take in a batch of updates; returns what changed."""
         changed: set[StorePart] = set()
         noticed = self.notice
+        if self.heard_at is not None or any(isinstance(record, Heartbeat) for record in updates):
+            self.heard_at = monotonic()
         for record in updates:
             if isinstance(record, JournalStatus):
                 changed |= self._apply_journal_status(record)

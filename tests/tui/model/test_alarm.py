@@ -7,11 +7,14 @@ from collections.abc import Callable
 import pytest
 
 from rise_engine.kernel.records import RobotRecord, StopRecord
+from rise_engine.run.protocol.client import Heartbeat
 from rise_tui.actions import BY_ID
 from rise_tui.key_labels import key_name
 from rise_tui.model.alarms import alarm_lines, current_alarms, degraded_text, group_parts
+from rise_tui.model.control import blocked_text
 from rise_tui.model.notice import Notice
-from rise_tui.model.store import Store
+from rise_tui.model.status import status_line
+from rise_tui.model.store import SentTask, Store
 from rise_tui.rendering.text import line_width, plain_text
 from tests.tui.conftest import console
 from tests.tui.fake import FakeClient, demo
@@ -51,6 +54,34 @@ def test_a_lost_robot_says_for_how_long_what_was_broken_off_and_what_to_do() -> 
     assert second == "   interrupted: Greet; acts fail until the robot is back; rules and memory go on"
     assert "check the robot and its network" in third and "F9 may not reach it, its own switch will" in third
     assert all(len(line) <= 80 for line in (first, second, third))
+
+
+def test_an_engine_that_stands_still_is_told_and_nothing_starts(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Its connection is whole, and its last state would look alive."""
+    clock = [100.0]
+    monkeypatch.setattr("rise_tui.model.store.monotonic", lambda: clock[0])
+    store = store_after()
+    clock[0] += 60.0
+    assert said(store) == [], "a replay gives no signs of life"
+    store.apply([Heartbeat()])
+    clock[0] += 2.5
+    assert said(store) == [] and store.blocked_reason("start") is None
+    clock[0] += 9.5
+    first, second, third = said(store)
+    assert first == " ✗ ENGINE SILENT   no sign of life for 12 s"
+    assert second == "   keys start nothing until it answers; this is the last known state"
+    assert third == "   F9 may not reach the robot: use its own switch"
+    assert blocked_text(store.blocked_reason("start"), key_name).startswith("the engine gives no sign of life")
+    assert store.blocked_reason("change") is None, "a stop is sent all the same"
+    store.sent["1"] = SentTask("stopAll", "", 0.0)
+    assert said(store)[1:] == [third, " ■ STOP sent   waiting for the engine"]
+    assert "SILENT" in plain_text(status_line(store, 80)) and "STOPPED" not in plain_text(status_line(store, 80))
+    store.sent.clear()
+    store.apply([RobotRecord(1, 0.0, "", status="connected")])
+    assert said(store) == [] and store.blocked_reason("start") is None
+    clock[0] += 30.0
+    store.reattach(store.attach_reply)
+    assert said(store) == [], "after a cut it is heard again first"
 
 
 def test_acts_that_had_ended_before_are_not_broken_off() -> None:
