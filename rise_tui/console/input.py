@@ -32,6 +32,8 @@ TOGETHER_SECONDS = 0.012
 """Two different keys closer than this cannot be two intended key presses."""
 PASTE_QUIET_SECONDS = 0.3
 """After a paste, keys count again after this long without input."""
+STALL_SECONDS = 3.0
+"""When the console has done nothing for so long, keys that it finds then were pressed for a moment that has passed."""
 ARMED_SECONDS = 2.0
 """How long a `hold` act stays armed after its first press."""
 
@@ -78,6 +80,7 @@ class InputController:
 
     - Keys that arrive together are a paste, or a link that stalled: none of them counts. The terminal's reader
       recognises them, because they came in one read. The pieces of a paste in several reads are faster than fingers.
+    - Keys that were pressed while the console stood still do not count either.
     - A press within the debounce time of the last one of the same kind counts once; a held key counts once.
     - A `hold` act needs a second press, or Enter. A held key that repeats is not a second press.
     """
@@ -95,6 +98,8 @@ class InputController:
         self._last_key = ""
         self._last_at = float("-inf")
         self._paste_until = float("-inf")
+        self._alive_at = float("inf")
+        """When the console last knew that it does not stand still."""
         self._pressed: dict[tuple[str, str], float] = {}
         """The last press by function and behavior, whether it counted or not."""
         self._pending: tuple[KeyAction, float, RunningTimer] | None = None
@@ -118,6 +123,7 @@ class InputController:
         `typing`: it goes into a text field. `together`: it came in one piece with others.
         """
         self._key_at = at
+        self._look_for_standstill()
         near = at - self._last_at < TOGETHER_SECONDS and key != self._last_key
         if together or (near and not typing) or at < self._paste_until:  # in a field, a typist's keys may be close
             if at >= self._paste_until and not typing:
@@ -125,6 +131,20 @@ class InputController:
             self._paste_until = at + PASTE_QUIET_SECONDS
             self.disarm()
         self._last_key, self._last_at = key, at
+
+    def note_alive(self) -> None:
+        """Note that the console does something. It calls this every second."""
+        self._look_for_standstill()
+        self._alive_at = self._clock()
+
+    def _look_for_standstill(self) -> None:
+        """After a standstill of the console, keys count again a moment later."""
+        now = self._clock()
+        stood = now - self._alive_at
+        if stood > STALL_SECONDS:
+            self._alive_at, self._paste_until = now, now + PASTE_QUIET_SECONDS
+            self.disarm()
+            self._actions.show_notice(f"the console stood still for {stood:.0f} s: keys of that time start nothing")
 
     def observe_mouse(self) -> None:
         """Note a press of the mouse: what happens now has no key."""

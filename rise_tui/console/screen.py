@@ -86,6 +86,7 @@ class ConsoleScreen(Screen[None]):
         self.session.on_change = self._store_changed
         self.run_worker(self.session.receive_records(), name="pump", exit_on_error=True)
         self.set_interval(CLOCK_SECONDS, self.refresh_scheduler.draw_every_second)
+        self.set_interval(CLOCK_SECONDS, self.input.note_alive)
         self.set_interval(RUNNING_SECONDS, self.refresh_scheduler.draw_every_half_second)
         self.pane_layout.focus_pane("acts")
 

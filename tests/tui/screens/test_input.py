@@ -111,6 +111,27 @@ def test_one_press_fires_once_and_soon() -> None:
     assert keys.fired == ["A"]
 
 
+@pytest.mark.parametrize("first", ["key", "tick"])
+def test_a_key_that_waited_while_the_console_stood_still_starts_nothing(first: str) -> None:
+    """Nobody wants now what was wanted then; and the stop key goes on."""
+    keys = Keyboard()
+    keys.input.note_alive()
+    keys.wait(1.0)
+    keys.input.note_alive()
+    keys.wait(12.0)
+    if first == "tick":
+        keys.input.note_alive()
+    keys.input.observe_key("a", keys.now)
+    assert not keys.input.admits_key("a", printable=True, typing=False, leaving=False)
+    assert keys.input.admits_key("f9", printable=False, typing=False, leaving=False)
+    assert keys.told == ["the console stood still for 12 s: keys of that time start nothing"]
+    keys.wait(1.0)
+    keys.input.note_alive()
+    keys.press("a", A)
+    keys.wait(0.03)
+    assert keys.fired == ["A"]
+
+
 def test_two_keys_of_a_fast_typist_both_count() -> None:
     keys = Keyboard()
     keys.press("a", A)
