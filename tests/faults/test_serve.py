@@ -89,6 +89,22 @@ def test_a_signal_stops_the_robot_and_ends_the_session_in_order(root: Path, numb
     assert engine("sessions").stderr.startswith("no session is running")
 
 
+def test_a_standstill_of_the_engine_is_in_the_record(root: Path) -> None:
+    import time
+
+    it = Serving(folder(root / "study"))
+    wait_for_record(it.record, b'"kind":"robot"')
+    for _ in range(2):  # at the first one it may not have begun to look
+        os.kill(it.process.pid, signal.SIGSTOP)
+        time.sleep(6.5)  # this is the standstill
+        os.kill(it.process.pid, signal.SIGCONT)
+        assert "does not answer" not in engine("sessions").stdout
+    wait_for_record(it.record, b"s: what happened then is recorded late")
+    assert it.end() == 0
+    notes = [line for line in (it.record / JOURNAL).read_bytes().splitlines() if b'"kind":"note"' in line]
+    assert notes and re.search(rb"the engine stood still for ([67]|\d\d) s", notes[-1])
+
+
 def wait_for_record(record: Path, what: bytes) -> None:
     """Until the journal holds it; the file system is asked, because nothing else of that process is known here."""
     import time
