@@ -198,7 +198,7 @@ def _read(
         scenario = source.load_scenario()
     except SessionError as error:
         problems.append(
-            f"its trials are not known, nor for certain what the robot's actions take of it (speech, gaze): {error}"
+            f"its trials are not known, and it is not certain which parts of the robot its actions used: {error}"
         )
     acts, phases, points = ActCollector(scenario), PhaseCollector(), PointCollector()
     away = OutageCollector(_speed_of(source))

@@ -330,7 +330,7 @@ def test_a_scenario_that_cannot_be_loaded_is_said(tmp_path: Path) -> None:
     found = read_session(folder)
     assert (
         len(found.problems) == 1
-        and "its trials are not known, nor for certain what the robot's actions take of it" in found.problems[0]
+        and "its trials are not known, and it is not certain which parts of the robot" in found.problems[0]
     )
     assert found.acts == before.acts
 
