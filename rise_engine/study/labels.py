@@ -39,6 +39,11 @@ class Reassignment(Struct, frozen=True):
     reason: str
 
     @property
+    def run_as(self) -> str:
+        """The participant under whom it was run. `withdrawn`: they have withdrawn."""
+        return "withdrawn" if self.was.startswith(PREFIX) else self.was
+
+    @property
     def sentence(self) -> str:
         back = " and back" if self.participant == self.was else f" to {self.participant}"
         return f"run as {self.was}, and reassigned{back}: {self.reason}"

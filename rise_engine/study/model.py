@@ -257,8 +257,10 @@ class SessionEntry(Struct, frozen=True):
     """Session time of its last record."""
     condition: str = ""
     slot: int | None = None
+    run_as: str = ""
+    """The participant under whom it was run, if the log has reassigned it. `withdrawn`: they have withdrawn."""
     reassigned: str = ""
-    """Who it was run under and why it was reassigned, in a sentence. Empty: it was not."""
+    """Why it was reassigned. Empty: it was not."""
 
 
 ParticipantState: TypeAlias = Literal[

@@ -29,9 +29,14 @@ class ProvedSession(Struct, frozen=True):
     """A remark that the log has reassigned it, which is not a problem."""
 
     @property
+    def identical(self) -> bool:
+        """Whether it replays record for record."""
+        return self.comparison is not None and self.comparison.identical
+
+    @property
     def proved(self) -> bool:
         """Whether it replays record for record, and nothing disagrees with its journal."""
-        return self.comparison is not None and self.comparison.identical and not self.problems
+        return self.identical and not self.problems
 
 
 def prove_sessions(

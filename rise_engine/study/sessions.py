@@ -118,7 +118,7 @@ def read_sessions(folder: Path, study_id: str, log: Sequence[LogEntry]) -> list[
 def _reassign(session: StudySession, moved: Reassignment | None) -> StudySession:
     if moved is None:
         return session
-    entry = replace(session.entry, **moved.labels, reassigned=moved.sentence)
+    entry = replace(session.entry, **moved.labels, run_as=moved.run_as, reassigned=moved.reason)
     return replace(session, entry=entry, reassigned=moved)
 
 

@@ -184,7 +184,7 @@ def session_line(entry: SessionEntry, conditions: Conditions) -> str:
     what += f": {entry.reason}" if entry.reason else ""
     parts = [f"run {entry.run}{attempt}", what, conditions.shown(entry.condition), begun_text(entry.started)]
     parts += [format_seconds(round(entry.seconds))] if entry.status != "running" else []
-    parts.append(entry.reassigned)
+    parts += [f"run as {entry.run_as}, and reassigned: {entry.reassigned}"] if entry.run_as else []
     return " · ".join(filter(None, map(clean, parts)))
 
 

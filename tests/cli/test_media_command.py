@@ -207,6 +207,14 @@ def test_a_session_that_was_interrupted_says_for_what_it_holds(tmp_path: Path, s
     assert json.loads(done.output)["files"][0]["remarks"][0].endswith("this holds only for what was after 20.0 s")
 
 
+def test_a_recording_that_went_on_without_an_engine_begins_when_it_began(tmp_path: Path, sound: Path) -> None:
+    recovered = SessionRecord(3, 20.0, "", status="recovered", downtime=30.0)
+    folder = session(tmp_path, MARKS[0], recovered, MARKS[1])
+    run("add", folder, sound, "--at", "65.5=mark2")  # 30 s later in the file than in the session
+    for done in (run("list", folder), run("add", folder, sound)):
+        assert "begins 4.500 s before the session (as you have said)" in done.output, done.output
+
+
 def test_a_bag_is_a_folder(tmp_path: Path) -> None:
     folder = session(tmp_path)
     bag = folder / "bag"

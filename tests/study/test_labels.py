@@ -353,12 +353,16 @@ def test_a_reassigned_session_is_its_new_participants_everywhere(moved: Path, st
     exported = [each for each in read_log(study) if each.kind == "exported"][-1]
     assert "P04" in exported.get("participants")
     (standing,) = [each for each in read_state(study).standing.participants if each.participant == "P04"]
-    assert [each.reassigned for each in standing.sessions if each.folder == moved.name] == [
-        "run as P02, and reassigned to P04: P04 sat there"
+    assert [(each.run_as, each.reassigned) for each in standing.sessions if each.folder == moved.name] == [
+        ("P02", "P04 sat there")
     ]
     assert re.search(rf"P04 .*aborted .*{moved.name}", run("sessions", study)[1])
     assert re.search(r"P04 .*aborted", run("study", "status", study)[1])
-    assert "P04" in run("report", study)[1]
+    report = " ".join(run("report", study)[1].split())
+    assert "P04 run 1, attempt 1 run as P02 P04 sat there" in report
+    assert "Run under another participant and reassigned: 1 session." in report
+    shared = " ".join(run("report", study, "--level", "shared")[1].split())
+    assert "P04 run 1, attempt 1 run as P02 [free text, 3 words]" in shared
 
 
 @pytest.mark.parametrize("level", ["full", "public"])

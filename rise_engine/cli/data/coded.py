@@ -128,7 +128,7 @@ def _find_clock(
 ) -> tuple[CodedClock, ClockSource]:
     """Find how the file's times relate to the session's. Raises SessionError."""
     if moments:
-        given = [parse_moment(each, read_marks(folder)[0]) for each in moments]
+        given = [parse_moment(each, read_marks(folder).marks) for each in moments]
         found = align_by_moments(given)
         if found.offset is None:
             raise SessionError(found.problem)

@@ -15,10 +15,12 @@ from msgspec.structs import replace
 from rise_engine.base.errors import SessionError
 from rise_engine.base.exit_status import OK, PARTIAL, USAGE
 from rise_engine.base.text import pluralize
-from rise_engine.cli.data.moments import parse_moment, read_marks
+from rise_engine.cli.data.moments import MarksAndOutages, parse_moment, read_marks
 from rise_engine.cli.options import JSON, SESSION
 from rise_engine.cli.terminal import exit_with_usage, print_lines, print_notes, reason_of, refusing, show, write_json
 from rise_engine.kernel.records import RecordingRecord
+from rise_engine.results.analysis.model import Outage
+from rise_engine.results.export.media_clock import offset_at_start
 from rise_engine.run.recording.alignment import (
     Alignment,
     SessionMark,
@@ -54,8 +56,7 @@ class _Addition(Struct, frozen=True):
     """What is the same for all files that are added at once."""
 
     folder: Path
-    marks: list[SessionMark]
-    interruptions: list[float]
+    clock: MarksAndOutages
     given: list[FoundMark]
     """Moments that the user has given."""
     find: bool
@@ -106,9 +107,9 @@ def add(
         exit_with_usage("use either --find-marks or --at")
     if len(files) != 1 and (moments or name):
         exit_with_usage("--at and --name are about one file: name it")
-    marks, interruptions = read_marks(session)
-    given = [parse_moment(each, marks) for each in moments]
-    addition = _Addition(session, marks, interruptions, given, find_marks, name)
+    clock = read_marks(session)
+    given = [parse_moment(each, clock.marks) for each in moments]
+    addition = _Addition(session, clock, given, find_marks, name)
     known = [path for path in map(Path, _known_paths(session)) if path.exists()]
     facts = [(path, _look(path)) for path in ([Path(each).expanduser() for each in files] or known)]
     if not facts:
@@ -146,7 +147,7 @@ def _print_added(addition: _Addition, facts: Sequence[tuple[Path, MediaFacts]], 
             documents.append({**_values(addition.folder, file), **values})
             continue
         already = ["it was registered already"] if added.was_there else []
-        print_lines(*_lines(file), *_alignment_lines(file, found), *already)
+        print_lines(*_lines(file), *_alignment_lines(file, found, addition.clock.outages), *already)
     if as_json:
         write_json({"files": documents})
     return status
@@ -163,7 +164,7 @@ def _add(addition: _Addition, path: Path, facts: MediaFacts) -> _Added:
         raise SessionError(f"{path} cannot be read: {reason_of(error)}") from None
     by: AlignedBy = "marks" if addition.find else "given"
     if addition.find:
-        found = _find(path, facts, addition.marks)
+        found = _find(path, facts, addition.clock.marks)
     elif addition.given:
         found = align_by_moments(addition.given)
     elif before is not None and before.offset is not None:
@@ -172,7 +173,7 @@ def _add(addition: _Addition, path: Path, facts: MediaFacts) -> _Added:
         by, found = "start", _by_start(folder, path)
     if found.offset is not None:
         offset = round(found.offset, 6)
-        found = replace(found, remarks=(*found.remarks, *_interruption_remarks(addition.interruptions, found)))
+        found = replace(found, remarks=(*found.remarks, *_interruption_remarks(addition.clock.interruptions, found)))
         file = replace(file, offset=offset, rate=found.rate, aligned_by=by, marks=found.marks, within=found.within)
     register_media(folder, file)
     return _Added(file, found, before is not None)
@@ -241,13 +242,14 @@ def list_media(session: Path, as_json: bool) -> int:
     Exit status: 0; 1 if a file is not where it was; 2 if the session cannot be read.
     """
     files = read_media(session)
+    outages = read_marks(session).outages if files else []
     listed = {str(media_path(session, each)) for each in files}
     others = [path for path in registered_recordings(session, inside=True) if path not in listed]
     missing = [each for each in files if not media_path(session, each).exists()]
     lines: list[str] = []
     for each in files:
         gone = ["   IT IS NOT THERE: put it back, or rise-engine media remove"] if each in missing else []
-        lines += [*_lines(each), *(f"   {line}" for line in position_lines(each)), *gone]
+        lines += [*_lines(each), *(f"   {line}" for line in position_lines(each, outages)), *gone]
     if others:
         lines += [f"on record, and not in {MEDIA_FILE} (rise-engine media add):", *(f"   {each}" for each in others)]
     document = {"files": [_values(session, each) for each in files], "on_record_only": others}
@@ -283,11 +285,15 @@ def _lines(file: MediaFile) -> list[str]:
     return [f"{file.path}: {', '.join(filter(None, about))}"]
 
 
-def position_lines(file: MediaFile) -> list[str]:
-    """Describe a recording's alignment with the session's clock."""
+def position_lines(file: MediaFile, outages: Sequence[Outage]) -> list[str]:
+    """Describe a recording's alignment with the session's clock.
+
+    :param outages: when the session had no engine, while the recording went on.
+    """
     if file.offset is None:
         return ["it is not aligned with the session"]
-    begins = f"begins {abs(file.offset):.3f} s {'before' if file.offset >= 0 else 'after'} the session"
+    offset = offset_at_start(file, outages)
+    begins = f"begins {abs(offset):.3f} s {'before' if offset >= 0 else 'after'} the session"
     drift = ""
     if file.has_drift:
         drift = f", its clock runs {abs(file.drift_ppm):.1f} ppm {'fast' if file.rate >= 1 else 'slow'}"
@@ -297,7 +303,7 @@ def position_lines(file: MediaFile) -> list[str]:
     return [f"{begins}{drift} ({by[file.aligned_by]})"]
 
 
-def _alignment_lines(file: MediaFile, found: Alignment) -> list[str]:
+def _alignment_lines(file: MediaFile, found: Alignment, outages: Sequence[Outage]) -> list[str]:
     lines = []
     if file.aligned_by == "marks" and found.offset is not None:
         for mark in file.marks:
@@ -305,7 +311,7 @@ def _alignment_lines(file: MediaFile, found: Alignment) -> list[str]:
                 f"mark {mark.number}: {mark.media_at:.4f} s in the file, {mark.session_at:.4f} s of the session, "
                 f"{mark.strength:.1f} times above all else"
             )
-    lines += position_lines(file) if file.offset is not None else []
+    lines += position_lines(file, outages) if file.offset is not None else []
     if found.within is not None and found.offset is not None:
         ppm = f", and its drift to {found.rate_within_ppm:.0f} ppm" if found.rate_within_ppm is not None else ""
         lines.append(f"that is known to {found.within * 1000:.0f} ms{ppm}: by how well the marks' own times are known")

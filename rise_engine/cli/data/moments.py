@@ -6,29 +6,46 @@ import re
 from collections.abc import Sequence
 from pathlib import Path
 
+from msgspec import Struct
+
 from rise_engine.cli.terminal import exit_with_usage
 from rise_engine.kernel.records import SessionRecord, SyncRecord
+from rise_engine.results.analysis.model import Outage
+from rise_engine.results.analysis.outages import OutageCollector
 from rise_engine.run.recording.alignment import UNKNOWN_WITHIN, SessionMark
 from rise_engine.session.folder import JOURNAL
 from rise_engine.session.journal_reader import read_journal
+from rise_engine.session.labels import read_labels
 from rise_engine.session.media import FoundMark
 
 _MARK = re.compile(r"mark *(\d+)")
 _CLOCK = re.compile(r"(?:(\d+):)?(\d+):(\d+(?:\.\d*)?)")
 
 
-def read_marks(folder: Path) -> tuple[list[SessionMark], list[float]]:
-    """Read a session's marks, and the times at which it continued after interruptions. Raises SessionError."""
+class MarksAndOutages(Struct):
+    """What the journal of a session says about its clock."""
+
+    marks: list[SessionMark]
+    interruptions: list[float]
+    """When the session continued after an interruption, in session seconds."""
+    outages: list[Outage]
+    """The interruptions whose length is known."""
+
+
+def read_marks(folder: Path) -> MarksAndOutages:
+    """Read a session's marks and interruptions. Raises SessionError."""
     marks: list[SessionMark] = []
     interruptions: list[float] = []
+    collector = OutageCollector((read_labels(folder / JOURNAL) or {}).get("speed") or 1.0)
     for record in read_journal(folder / JOURNAL).read_records():
+        collector.add(record)
         if isinstance(record, SessionRecord) and record.status == "recovered":
             interruptions.append(record.t)
         elif isinstance(record, SyncRecord):
             within = record.within if record.within is not None else UNKNOWN_WITHIN
             at = record.at if record.at is not None else record.t
             marks.append(SessionMark(record.number, at, within, record.medium, len(interruptions)))
-    return marks, interruptions
+    return MarksAndOutages(marks, interruptions, collector.outages)
 
 
 def parse_moment(text: str, marks: Sequence[SessionMark]) -> FoundMark:

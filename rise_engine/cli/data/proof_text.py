@@ -27,7 +27,7 @@ def proof_row(session: ProvedSession) -> dict[str, Any]:
     found = session.comparison
     row: dict[str, Any] = {
         "session": session.name,
-        "identical": found is not None and found.identical,
+        "identical": session.identical,
         "proved": session.proved,
         "problems": list(session.problems),
         "note": session.note,
@@ -44,12 +44,13 @@ def proof_row(session: ProvedSession) -> dict[str, Any]:
     return row
 
 
-TIMES_OF_DAY = (
-    "that times of day are right, such as when sessions began and how long outages lasted: nothing else records them"
+NOT_PROVED = (
+    "that participants.csv, questionnaires, coded.json (annotations) and media.json (recordings) hold what people "
+    "gave: nothing else records it",
+    "that study.jsonl has everything that people decided after a session: no session has a copy of it",
+    "that times of day are right, such as when sessions began and how long outages lasted: nothing else records them",
 )
-"""What a replay does not give again."""
-DECIDED_LATER = "that study.jsonl has everything that people decided after a session: no session has a copy of it"
-"""What no proof covers: a line removed from the log, such as a reassignment."""
+"""What replays and comparisons leave open, also when nothing differs. The second: a line removed from the log."""
 
 
 def agreement_text(files: Sequence[str], sessions: Iterable[ProvedSession]) -> str:

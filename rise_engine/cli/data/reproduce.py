@@ -14,7 +14,7 @@ from rise_engine import __version__
 from rise_engine.base.errors import FileError, RiseError, SessionError
 from rise_engine.base.exit_status import DIFFERENT, OK, USAGE
 from rise_engine.base.text import pluralize
-from rise_engine.cli.data.proof_text import DECIDED_LATER, TIMES_OF_DAY, agreement_text, proof_lines, proof_row
+from rise_engine.cli.data.proof_text import NOT_PROVED, agreement_text, proof_lines, proof_row
 from rise_engine.cli.options import JSON
 from rise_engine.cli.session.other_robot import compare_on_robot, load_for_robot
 from rise_engine.cli.terminal import Refused, print_lines, refusing, write_json
@@ -197,7 +197,7 @@ def _other_lines(other: OtherCourse, robot: str) -> list[str]:
 
 
 def _last_lines(found: Reproduction, robot: str | None) -> list[str]:
-    identical = sum(each.comparison is not None and each.comparison.identical for each in found.sessions)
+    identical = sum(each.identical for each in found.sessions)
     lines = ["", f"{identical} of {pluralize(len(found.sessions), 'session')} identical"]
     if robot is not None:
         same = sum(each.comparison is not None and each.comparison.identical for each in found.others)
@@ -229,9 +229,7 @@ def _proof_paragraph(found: Reproduction) -> list[str]:
         "This does not prove:",
         *(f"- {each}" for each in found.inputs.open),
         *(f"- anything about {name}: {why}" for name, why in found.about.absent.items()),
-        "- that participants.csv holds what people said: no session has a copy of it",
-        f"- {DECIDED_LATER}",
-        f"- {TIMES_OF_DAY}",
+        *(f"- {each}" for each in NOT_PROVED),
         "- that README.md, environment.txt and ro-crate-metadata.json are right: nothing is derived from them",
         "- that nobody has replaced everything together, inputs, records and all that follows. Against that, compare "
         "the fingerprint with the one that the authors have published:",

@@ -13,7 +13,7 @@ from rise_engine.base.errors import FileError
 from rise_engine.base.exit_status import OK, REFUSED
 from rise_engine.base.text import pluralize
 from rise_engine.checks.kinds import StudyLook, look_at_kinds
-from rise_engine.cli.data.proof_text import DECIDED_LATER, TIMES_OF_DAY, agreement_text, proof_lines, proof_row
+from rise_engine.cli.data.proof_text import NOT_PROVED, agreement_text, proof_lines, proof_row
 from rise_engine.cli.options import JSON, STUDY_OR_HERE
 from rise_engine.cli.scenario.loading import diagnostic_row
 from rise_engine.cli.terminal import Refused, exit_with_usage, print_lines, print_notes, write_json
@@ -124,8 +124,7 @@ def _print_proof(path: Path) -> bool:
     print_lines(
         f"{proved} of {pluralize(len(found), 'session')} proved: the record comes out of its inputs again, and "
         f"{agreement_text(compared_files(state), found)}",
-        f"not proved: {DECIDED_LATER}",
-        f"not proved: {TIMES_OF_DAY}",
+        *(f"not proved: {each}" for each in NOT_PROVED),
     )
     return proved == len(found)
 

@@ -19,6 +19,7 @@ from rise_engine.study.withdrawal import plan_withdrawal
 from rise_engine.study.withdrawal import withdraw as withdraw_participant
 from rise_engine.study.withdrawal_work import WithdrawalPlan
 from rise_engine.study.withdrawn import FILE as KEPT_FILE
+from rise_engine.study.withdrawn import PREFIX
 
 
 @click.command("withdraw")
@@ -76,8 +77,11 @@ def _slot_afterwards(study: Path, participant: str) -> str:
     theirs = [entry.get("slot") for entry in taken if entry.get("participant") == participant]
     if not theirs:
         return ""
-    holder = takers[theirs[-1]]
-    return "their slot is free" if holder == participant else f"slot {theirs[-1]}, which they had, stays with {holder}"
+    holder = str(takers[theirs[-1]])
+    if holder == participant:
+        return "their slot is free"
+    stays = "is free" if holder.startswith(PREFIX) else f"stays with {holder}"
+    return f"slot {theirs[-1]}, which they had, {stays}"
 
 
 def _plan_lines(plan: WithdrawalPlan, moved: Mapping[str, Reassignment]) -> list[str]:

@@ -46,7 +46,6 @@ from rise_engine.study.standing import places_of
 from rise_engine.study.study_log import LOG_FILE, LogEntry, StudyLogError, file_stamp, read_log
 from rise_engine.study.study_toml import load_study
 from rise_engine.study.traces import PARTICIPANTS_FILE, STUDY_FILE, owner_of, study_of_session, wizard_names
-from rise_engine.study.withdrawn import PREFIX
 
 
 class Judgement(Struct, frozen=True):
@@ -279,8 +278,7 @@ def _facts(
     )
     if moved is None:
         return facts
-    run_as = "withdrawn" if moved.was.startswith(PREFIX) else moved.was
-    return replace(facts, **moved.labels, run_as=run_as)
+    return replace(facts, **moved.labels, run_as=moved.run_as)
 
 
 def _speed_of(source: SessionRecords) -> float:

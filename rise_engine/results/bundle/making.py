@@ -41,6 +41,7 @@ from rise_engine.session.media import MEDIA_FILE
 from rise_engine.session.scenario_copies import copy_folders
 from rise_engine.session.shadow import shadow_files
 from rise_engine.study.plan_file import PLAN_FILE
+from rise_engine.study.proof import prove_sessions
 from rise_engine.study.publishing import authors_of
 from rise_engine.study.state import StudyStatus, read_state
 from rise_engine.study.study_log import LOG_FILE
@@ -60,7 +61,7 @@ class BundleReport(Struct):
     look_at: list[str] = field(default_factory=list)
     """What a person should check before giving it away."""
     sessions: int = 0
-    """The number of sessions that can be run again from it."""
+    """The number of sessions in it."""
     fingerprint: str = ""
     """The checksum of its checksums."""
 
@@ -113,6 +114,8 @@ class _Bundle:
         self._absent: dict[str, str] = {}
         """Why logged sessions are not in the bundle, by their names in its log."""
         self._versions: dict[str, set[str]] = {}
+        self._identical = 0
+        """The number of sessions that replay record for record."""
         self._look_at = LookAt(state.study, options.level)
         self.report = BundleReport()
 
@@ -132,6 +135,11 @@ class _Bundle:
         (root / ENVIRONMENT_FILE).write_text(environment_text(self._versions), "utf-8")
         state = read_state(root)
         changed = check_inputs(root, state, sessions_in_order(root, state)).problems
+        for proof in prove_sessions(root, state, absent=self._absent):
+            self._identical += proof.identical
+            if not proof.proved:
+                differs = (proof.comparison.why,) if proof.comparison is not None and not proof.identical else ()
+                changed += [f"{proof.name}: {each}" for each in (*differs, *proof.problems)]
         self.report.look_at += [f"{each}. rise-engine reproduce will report it too" for each in changed]
         self.report.look_at += self._look_at.sentences(root, self._people, license)
         self.report.contents += self._contents(root)
@@ -226,6 +234,7 @@ class _Bundle:
             make_private_folder(file.parent)
             write_private_file(file, answers_text(answers).encode())
             inputs.append(answers.settings.file)
+            self.report.left_out += answers.left_out
         names, people_names = self._names, self._people
         (root / LOG_FILE).write_text(log_text(self._state.log, names, people_names, self._level), "utf-8")
         for each in self._state.sessions:
@@ -262,9 +271,10 @@ class _Bundle:
             if path.is_file():
                 counts[path.relative_to(root).parts[0]] += 1
         people = len({each.facts.participant for each in self._sessions})
+        every = self._identical == self.report.sessions
         told = {
-            SESSIONS: f"{pluralize(self.report.sessions, 'session')} of {pluralize(people, 'participant')}, which can "
-            "be run again (rise-engine reproduce)",
+            SESSIONS: f"{pluralize(self.report.sessions, 'session')} of {pluralize(people, 'participant')}, "
+            f"{'which' if every else f'{self._identical} of which'} can be run again (rise-engine reproduce)",
             STUDY_FILE: "the design",
             PARTICIPANTS_FILE: "pseudonyms, strata, declared columns",
             PLAN_FILE: "who got what",

@@ -55,7 +55,7 @@ _TRIAL_TYPES = {
 }
 """The kinds of rows in `_events.tsv`."""
 _OF_TRIALS = (
-    "trial robot_said asked_at asked_end cue_at participant_s key_at wizard_key wizard_asked wizard_s key_s "
+    "trial robot_said asked_task asked_at asked_end cue_at participant_s key_at wizard_key wizard_asked wizard_s key_s "
     "robot_next_at prompts repairs events marks failures stops wall_s participant_outage_s wizard_outage_s"
 )
 

@@ -11,7 +11,7 @@ time that passed on the computer's clock. A file is aligned with the part of the
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from pathlib import Path
 
 from msgspec import Struct
@@ -67,7 +67,7 @@ def clock_of_file(file: MediaFile, gaps: tuple[Outage, ...], origin: float = 0.0
     :param gaps: when the session had no engine.
     :param origin: its own seconds at annotation time 0.
     """
-    return MediaClock(rate=file.rate, shift=_offset(file, gaps) - origin, gaps=gaps)
+    return MediaClock(rate=file.rate, shift=offset_at_start(file, gaps) - origin, gaps=gaps)
 
 
 def recording_clock(
@@ -89,8 +89,10 @@ def recording_clock(
     leader = files[0]
     files = files[:1] if alone else files
     gaps = data.outages
-    offset = _offset(leader, gaps)
-    linked = [LinkedFile(file=each, path=_path(data, each), origin=_offset(each, gaps) - offset) for each in files]
+    offset = offset_at_start(leader, gaps)
+    linked = [
+        LinkedFile(file=each, path=_path(data, each), origin=offset_at_start(each, gaps) - offset) for each in files
+    ]
     _tell_doubts(data, files, gaps, warnings)
     return MediaClock(rate=leader.rate, shift=offset, gaps=gaps, linked=tuple(linked))
 
@@ -106,7 +108,7 @@ def session_clock(data: SessionData, warnings: list[str]) -> MediaClock:
     if not files:
         return MediaClock(gaps=data.outages)
     gaps = data.outages
-    begins = {id(each): -_offset(each, gaps) for each in files}
+    begins = {id(each): -offset_at_start(each, gaps) for each in files}
     earliest = max(0.0, min(begins.values()))
     together = [each for each in files if begins[id(each)] <= earliest + SAME_START_SECONDS]
     for each in files:
@@ -185,7 +187,7 @@ def _rate_is_measured(file: MediaFile) -> bool:
     return len(file.marks) >= 2 or file.rate != 1.0
 
 
-def _offset(file: MediaFile, gaps: tuple[Outage, ...]) -> float:
+def offset_at_start(file: MediaFile, gaps: Sequence[Outage]) -> float:
     """Return the media time at the session's start, also for a file that began after a gap and was aligned there."""
     assert file.offset is not None
     laid_at = file.marks[0].session_at if file.marks else max(0.0, -file.offset)

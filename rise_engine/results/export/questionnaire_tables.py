@@ -31,6 +31,8 @@ class ToldAnswers(Struct, frozen=True):
     """One column for each item."""
     rows: tuple[tuple[tuple[SessionFacts, ...], Answers], ...]
     """Each row with its sessions: that of its run, or one of each run of the participant."""
+    left_out: tuple[str, ...] = ()
+    """Sentences on rows that are not in it."""
 
     @property
     def name(self) -> str:
@@ -62,31 +64,36 @@ def told_answers(
     found = []
     for settings in study.questionnaires:
         read = load_questionnaire(study, settings, people)
-        _report(read, warnings)
+        left_out = _report(read, warnings)
         if read.items:
-            found.append(_told(read, level, known, warnings))
+            told = _told(read, level, known, warnings)
+            left_out += told.left_out
+            found.append(replace(told, left_out=tuple(left_out)))
+        warnings += left_out
     return found
 
 
-def _report(read: Questionnaire, warnings: list[str]) -> None:
+def _report(read: Questionnaire, warnings: list[str]) -> list[str]:
+    """Refuse a file with errors, and say whose rows are left out because nobody knows them."""
     name = read.settings.name
     if wrong := [str(each) for each in read.errors if each.code != _NOT_HERE]:
         raise ExportError(f"the questionnaire {name} cannot be exported; nothing was written", *wrong)
-    lines = [each.location.line for each in read.errors]
-    if lines:
-        warnings.append(
-            f"{read.settings.file}, line {name_some(lines)}: left out, because participants.csv does not have the "
-            "participant; `rise-engine study check` says more"
-        )
     if any(each.code == "no-questionnaire" for each in read.diagnostics):
         warnings.append(f"the questionnaire {name} is not in it: there is no file {read.settings.file} yet")
+    lines = [each.location.line for each in read.errors]
+    why = "participants.csv does not have the participant; `rise-engine study check` says more"
+    return _left_out(read.settings, lines, why)
+
+
+def _left_out(settings: QuestionnaireSettings, lines: Sequence[int], why: str) -> list[str]:
+    return [f"{settings.file}, line {name_some(lines)}: left out, because {why}"] if lines else []
 
 
 def _told(read: Questionnaire, level: ExportLevel, known: Sequence[SessionFacts], warnings: list[str]) -> ToldAnswers:
     """Apply the level to typed answers, that is, to text items without levels."""
     settings, count = read.settings, LevelFilter(level, None).count_typed_words
     typed = [item.name for item in read.items if item.type == "string" and not item.levels]
-    rows = []
+    rows, nowhere = [], []
     for answers in read.rows:
         theirs = [each for each in known if each.participant == answers.participant]
         runs = dict.fromkeys(each.run for each in theirs if answers.run in (None, each.run))
@@ -94,6 +101,8 @@ def _told(read: Questionnaire, level: ExportLevel, known: Sequence[SessionFacts]
         if about:
             told = {name: count(value) if name in typed else value for name, value in answers.values.items()}
             rows.append((tuple(about), replace(answers, values=told)))
+        else:
+            nowhere.append(answers.line)
     there = {(answers.participant, answers.run) for _, answers in rows}
     wanted = {(each.participant, each.run if settings.run else None) for each in known if each.participant}
     if missing := sorted({name for name, _ in wanted - there}):
@@ -109,7 +118,8 @@ def _told(read: Questionnaire, level: ExportLevel, known: Sequence[SessionFacts]
         )
         for item in read.items
     )
-    return ToldAnswers(settings, columns, tuple(rows))
+    left_out = _left_out(settings, nowhere, "there is no session of this participant and run in it")
+    return ToldAnswers(settings, columns, tuple(rows), tuple(left_out))
 
 
 def _of_run(sessions: list[SessionFacts]) -> SessionFacts:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from statistics import fmean
 from typing import Any, TypeAlias
 
@@ -48,7 +48,13 @@ TRIALS = TableSchema(
             "robot_said",
             "What the robot said first in the trial. If it said nothing, this column and the next three are empty.",
         ),
-        Column("asked_task", "The number in acts.csv of that act.", lambda row: row.of.task, type="integer", minimum=1),
+        Column(
+            "asked_task",
+            "The number of that act's task in the session's record.",
+            lambda row: row.of.task,
+            type="integer",
+            minimum=1,
+        ),
         moment("asked_at", "the robot confirmed its first action that uses the voice. The first sound comes later."),
         moment("asked_end", "its last action that uses the voice ended; empty: it did not end, or nobody knows when."),
         moment("cue_at", "the first cue from asked_at on was marked. Cues that were taken back do not count."),
@@ -211,10 +217,16 @@ class WideTable:
 
         measure, where = self.measure, f"in the condition {condition}"
         unit = "s" if measure.endswith("_s") else ""
-        yield count(f"trials.{condition}", f"Trials {where}.", lambda row: len(all_of(row)))
-        yield count(
-            f"measured.{condition}", f"Trials {where} whose {measure} is a number.", lambda row: len(known(row))
-        )
+        no_session = "; empty: no such session."
+        for name, about, values in (
+            ("trials", f"Trials {where}{no_session}", all_of),
+            ("measured", f"Trials {where} whose {measure} is a number{no_session}", known),
+        ):
+
+            def number(row: _WideRowRow, values: Callable[[_WideRowRow], Sequence[Any]] = values) -> int | None:
+                return len(values(row)) if condition in row[1].measures else None
+
+            yield Column(f"{name}.{condition}", about, number, "integer", minimum=0)
         about = f"of {measure} over the trials {where} that have one; empty: there are none."
         median_name, mean_name = f"{measure}.{condition}.median", f"{measure}.{condition}.mean"
         yield Column(median_name, f"Median {about}", lambda row: median(known(row)), "number", unit)

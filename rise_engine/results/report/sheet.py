@@ -205,6 +205,9 @@ def _how_many(standing: StudyStanding, withdrawn: Withdrawn) -> list[str]:
         f"{standing.wanted} wanted complete"
     )
     told += f", {states['excluded']} excluded, {max(withdrawn.count, states['withdrawn'])} withdrawn."
+    moved = sum(bool(each.run_as) for person in standing.participants for each in person.sessions)
+    if moved:
+        told += f" Run under another participant and reassigned: {pluralize(moved, 'session')}."
     cells = [
         f"{' '.join((*cell.strata.values(), cell.condition))}".strip() + f": {cell.complete} complete"
         for cell in standing.cells

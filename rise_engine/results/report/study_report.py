@@ -187,7 +187,7 @@ def _plan(given: StudyReportInput) -> Iterable[Block]:
         yield Paragraph(f"Not in this bundle: {left_out_text(given.left_out)}.", "note")
     if out := tuple(_out(standing, given.level)):
         yield ReportTable(
-            caption="Excluded participants and aborted sessions, with the reasons",
+            caption="Excluded participants, aborted and reassigned sessions, with the reasons",
             head=("participant", "what", "reason"),
             rows=out,
         )
@@ -217,16 +217,18 @@ def _flow(standing: StudyStanding, withdrawn: Withdrawn) -> Iterable[tuple[str, 
 
 
 def _out(standing: StudyStanding, level: ExportLevel) -> Iterable[tuple[str, str, str]]:
-    """List excluded participants and all aborted sessions, even if they were repeated."""
+    """List excluded participants, all aborted sessions, even if they were repeated, and reassigned ones."""
     for each in standing.participants:
         if each.state == "withdrawn":
             continue  # restored from a backup
         if each.state == "excluded":
             yield each.participant, "excluded", _reason(each.why, level)
         for session in each.sessions:
+            which = f"run {session.run}, attempt {session.attempt}"
             if session.outcome == "aborted":
-                what = f"run {session.run}, attempt {session.attempt} aborted"
-                yield each.participant, what, _reason(session.reason, level)
+                yield each.participant, f"{which} aborted", _reason(session.reason, level)
+            if session.run_as:
+                yield each.participant, f"{which} run as {session.run_as}", _reason(session.reassigned, level)
 
 
 def _reason(why: str, level: ExportLevel) -> str:
@@ -459,6 +461,7 @@ def _went_wrong(row: SessionRow) -> str:
     facts, found = row.facts, row.figures.mistakes
     unanswered = row.figures.cues - row.figures.answered
     told = [
+        f"run as {facts.run_as}" if facts.run_as else "",
         f"{pluralize(unanswered, 'cue')} not answered" if unanswered else "",
         f"{pluralize(found.aborted, 'act')} failed" if found.aborted else "",
         f"{pluralize(found.rules_faulted, 'rule')} faulted" if found.rules_faulted else "",

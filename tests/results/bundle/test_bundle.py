@@ -217,6 +217,30 @@ def test_a_session_that_cannot_be_shared_is_left_out_with_a_sentence(tmp_path: P
     assert sum(each["@type"] == "CreateAction" for each in actions) == 2
 
 
+def test_an_archive_names_the_session_that_cannot_be_run_again(tmp_path: Path) -> None:
+    study = make_study(tmp_path / "study")
+    first, second = sessions_of(study)[1:3]
+    journal = first / "journal.jsonl"
+    journal.write_bytes(journal.read_bytes().replace(b"hurry", b"hurra", 1))
+    report = bundle_of(study, tmp_path / "bundle", "full", [first, second])
+    assert any(line.startswith("sessions/: 2 sessions of 1 participant, 1 of which can be") for line in report.contents)
+    told = [each for each in report.look_at if first.name in each]
+    assert len(told) == 1 and "reproduce will report it too" in told[0], report.look_at
+
+
+def test_answers_of_somebody_without_a_session_are_named(tmp_path: Path) -> None:
+    study = make_study(tmp_path / "study")
+    with (study / "study.toml").open("a", encoding="utf-8") as file:
+        file.write('\n[questionnaire.after]\nfile = "after.csv"\n')
+    (study / "after.csv").write_text("participant,q1\nP01,1\nP02,2\nP09,3\n", "utf-8")
+    report = bundle_of(study, tmp_path / "bundle", folders=sessions_of(study)[1:3])
+    assert [each for each in report.left_out if each.startswith("after.csv")] == [
+        "after.csv, line 4: left out, because participants.csv does not have the participant; `rise-engine study "
+        "check` says more",
+        "after.csv, line 3: left out, because there is no session of this participant and run in it",
+    ]
+
+
 def test_shadows_are_in_an_archive_and_nowhere_else(study: Path, tmp_path: Path) -> None:
     folder = Path(shutil.copytree(study, tmp_path / "study"))
     session = sessions_of(folder)[1]

@@ -249,7 +249,7 @@ def test_what_it_proves_and_what_not(bundle: Path) -> None:
     ):
         assert each in proves
     assert fingerprint(bundle) in not_proved
-    assert "participants.csv" in not_proved
+    assert "participants.csv, questionnaires, coded.json" in not_proved
 
 
 def test_what_people_may_write_later_changes_no_session(bundle: Path) -> None:

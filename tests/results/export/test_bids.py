@@ -276,6 +276,14 @@ def test_participants_and_sessions(dataset: Path) -> None:
     assert "consent" not in text
 
 
+def test_a_trial_names_the_task_that_asked(dataset: Path) -> None:
+    for path in dataset.rglob("*_events.tsv"):
+        found = table(path)
+        acts = {each["task_id"] for each in found if each["trial_type"] == "act"}
+        asked = {each["asked_task"] for each in found if each["trial_type"] == "trial"}
+        assert asked <= acts | {"n/a"} and (asked - {"n/a"} or not asked)
+
+
 def test_no_column_is_called_as_an_entity(dataset: Path) -> None:
     """pybids takes what a sidecar says of `session` for the entity, and cannot count it."""
     for path in dataset.rglob("*.json"):

@@ -76,6 +76,7 @@ def test_answers_stand_beside_what_is_the_same_in_all_sessions_of_a_participant(
     assert first["factor_hesitation"] in ("yes", "no") and first["factor_noise"] == ""  # within: it differs
     assert list(first)[:3] == ["participant", "condition", "mode"]
     assert any("answers/godspeed.csv, line 5: left out" in each for each in warnings)
+    assert any("line 4: left out, because there is no session of this participant" in each for each in warnings)
     assert any("after has no row for every run of P02" in each for each in warnings)
 
 

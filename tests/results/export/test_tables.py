@@ -24,7 +24,7 @@ from rise_engine.kernel.records import (
 from rise_engine.ports.recorder import MediaKind
 from rise_engine.privacy.levels import ExportLevel
 from rise_engine.results.analysis.model import ActorKind, PointKind
-from rise_engine.results.analysis.reading import read_sessions
+from rise_engine.results.analysis.reading import read_session, read_sessions
 from rise_engine.results.export import table_levels
 from rise_engine.results.export.course_tables import CODED
 from rise_engine.results.export.format import ExportError
@@ -371,3 +371,18 @@ def test_wide_has_a_row_for_each_participant(study: Path, tables: Path, tmp_path
             if known:
                 assert float(row[f"participant_s.{level}.median"]) == pytest.approx(statistics.median(known), abs=2e-6)
                 assert float(row[f"participant_s.{level}.mean"]) == pytest.approx(statistics.fmean(known), abs=2e-6)
+
+
+def test_wide_has_no_number_of_trials_where_there_was_no_session(study: Path, tmp_path: Path) -> None:
+    def is_first_loud(path: Path) -> bool:
+        facts = read_session(path).facts
+        return facts.participant == "P01" and facts.factors["noise"] == "loud"
+
+    sessions = [each for each in sessions_of(study) if not is_first_loud(each)]
+    context = export_context(sessions, "full")
+    context.wide = True
+    export_sessions(FORMAT, tmp_path / "wide", sessions, context)
+    first, second, _ = rows(tmp_path / "wide", "wide")
+    assert first["trials.quiet"] != "" and (first["trials.loud"], first["measured.loud"]) == ("", "")
+    assert second["trials.loud"] != ""
+    assert findings(tmp_path / "wide") == []
