@@ -89,17 +89,21 @@ def test_a_signal_stops_the_robot_and_ends_the_session_in_order(root: Path, numb
     assert engine("sessions").stderr.startswith("no session is running")
 
 
-def test_a_standstill_of_the_engine_is_in_the_record(root: Path) -> None:
-    import time
-
-    it = Serving(folder(root / "study"))
+async def test_a_standstill_of_the_engine_is_in_the_record_and_starts_nothing(root: Path) -> None:
+    study = folder(root / "study")
+    it = Serving(study)
     wait_for_record(it.record, b'"kind":"robot"')
+    client = SocketClient(session_name(study), "anna")
+    await client.attach()
     for _ in range(2):  # at the first one it may not have begun to look
         os.kill(it.process.pid, signal.SIGSTOP)
-        time.sleep(6.5)  # this is the standstill
+        asked = asyncio.create_task(client.send(Submit(function="startCommunicationRobotAct", behavior="Greet")))
+        await asyncio.sleep(6.5)  # this is the standstill
         os.kill(it.process.pid, signal.SIGCONT)
-        assert "does not answer" not in engine("sessions").stdout
+        reply = await asked
+    assert not reply.accepted and reply.reason.endswith("ask again"), reply
     wait_for_record(it.record, b"s: what happened then is recorded late")
+    await client.close()
     assert it.end() == 0
     notes = [line for line in (it.record / JOURNAL).read_bytes().splitlines() if b'"kind":"note"' in line]
     assert notes and re.search(rb"the engine stood still for ([67]|\d\d) s", notes[-1])

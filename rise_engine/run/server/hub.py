@@ -12,6 +12,7 @@ from __future__ import annotations
 import logging
 import os
 from collections.abc import Callable
+from time import monotonic
 from unicodedata import normalize
 
 from msgspec import Struct
@@ -30,6 +31,13 @@ _LOG = logging.getLogger(__name__)
 
 ALLOWED_WITHOUT_CONTROL = frozenset({"stopAll", "cancelOpenGoals", "markMistake"})
 """Functions for every attached client: they start nothing. Every client may also add notes."""
+STOPPING = frozenset({"stopCommunicationRobotAct", "stopInteractionRule", "stopRuleOfAct", "cancelTask"})
+"""Functions that can be late and do no harm."""
+STANDSTILL_SECONDS = 5.0
+"""After a longer standstill of this process, nothing starts that was asked before. It is noted: the record would blame
+the robot, and durations are too long."""
+OLD_SECONDS = 1.0
+"""For this long after a standstill, requests may be from before it."""
 
 
 class AttachedClient(Struct, frozen=True, eq=False):
@@ -79,6 +87,10 @@ class SessionHub:
         self._first_record_came = False
         self.ending = False
         """Whether the session is about to end: nobody starts anything any more."""
+        self._alive_at: float | None = None
+        """When `note_alive` was last called."""
+        self._old_until = 0.0
+        """Until then, requests may be from before a standstill of this process."""
         engine.subscribe(self._apply_record)
         engine.on_journal_status = self._notify_listeners
 
@@ -168,6 +180,21 @@ class SessionHub:
 
     # --- requests of clients ------------------------------------------------------------------------------------
 
+    def note_alive(self) -> None:
+        """Note that this process runs. It calls this again and again, so that a standstill shows."""
+        self._may_be_old()
+        self._alive_at = monotonic()
+
+    def _may_be_old(self) -> bool:
+        """Whether this process has just stood still, so that what comes now may have been asked before."""
+        now = monotonic()
+        if self._alive_at is not None and (stood := now - self._alive_at) > STANDSTILL_SECONDS:
+            self._alive_at, self._old_until = now, now + OLD_SECONDS
+            self.engine.post(
+                Note(text=f"the engine stood still for {stood:.0f} s: what happened then is recorded late")
+            )
+        return now < self._old_until
+
     def submit(self, client: AttachedClient, message: ClientInput, answer: ReplyCallback) -> None:
         """Pass an input on, in the client's name; `answer` is called once."""
         problem = self._why_not_submit(client, message)
@@ -237,6 +264,8 @@ class SessionHub:
             return "" if reports else "an observer reports nothing; attach as a wizard or a program"
         if message.function in ALLOWED_WITHOUT_CONTROL:
             return ""
+        if message.function not in STOPPING and self._may_be_old():
+            return "the engine stood still, and this may have been asked before: ask again"
         if self.ending:
             return "the session is ending"
         if client.role == "node":

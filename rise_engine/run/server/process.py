@@ -40,9 +40,7 @@ RECORD_SECONDS = 5.0
 LEFTOVER_SECONDS = 5.0
 """Seconds after a recovery in which a wizard can take control and decide about what the robot is still doing."""
 POLL_SECONDS = 0.5
-"""Interval between two checks of the journal, so that a lag shows."""
-STANDSTILL_SECONDS = 5.0
-"""A longer standstill of this process is noted: the record would blame the robot, and durations are too long."""
+"""Interval between two checks of the journal, so that a lag shows, and of this process, so that a standstill does."""
 
 
 def serve(options: SessionOptions, report: ReportStartup) -> int:
@@ -247,11 +245,8 @@ class _SessionProcess:
 
     async def _poll_journal(self, engine: Engine) -> None:
         while True:
-            before = self.loop.time()
+            self.hub.note_alive()
             await asyncio.sleep(POLL_SECONDS)
-            stood = self.loop.time() - before - POLL_SECONDS
-            if stood > STANDSTILL_SECONDS:
-                engine.post(Note(text=f"the engine stood still for {stood:.0f} s: what happened then is recorded late"))
             engine.flush_durable()
 
 

@@ -176,6 +176,31 @@ def test_rules_of_control(deeds: str, reason: str, control: list[Any]) -> None:
     assert folded == played.hub.view and folded.control == (control[-1][2] if control else None)
 
 
+def test_after_a_standstill_of_the_engine_nothing_starts_that_was_asked_before(monkeypatch: pytest.MonkeyPatch) -> None:
+    """What waited in the sockets comes when the engine goes on; stops, marks and remarks of that time still count."""
+    now = [100.0]
+    monkeypatch.setattr("rise_engine.run.server.hub.monotonic", lambda: now[0])
+    played = HubSession()
+    for deed in ("wa attaches", "nb attaches", "wa acts"):
+        assert played.does(deed) == ""
+    played.hub.note_alive()
+    now[0] += 4.9
+    assert played.does("wa acts") == ""
+    played.hub.note_alive()
+    now[0] += 12.0
+    for deed in ("wa acts", "nb acts", "wa cues", "wa frees"):
+        assert "the engine stood still, and this may have been asked before: ask again" in played.does(deed), deed
+    for deed in ("wa stops", "wa marks", "wa notes", "wa checks"):
+        assert played.does(deed) == "", deed
+    played.hub.note_alive()
+    now[0] += 0.9
+    assert "ask again" in played.does("wa frees"), "one of several messages that waited"
+    now[0] += 0.2
+    assert "the robot has not answered the stop yet" in played.does("wa frees"), "the kernel was asked"
+    told = [record.text for record in played.records if isinstance(record, NoteRecord)]
+    assert told == ["the engine stood still for 12 s: what happened then is recorded late", "x"]
+
+
 def test_reports_name_the_person_whatever_a_client_writes() -> None:
     played = HubSession()
     for deed in ("wanna attaches", "wanna checks", "wanna records", "wanna syncs", "wanna judges"):
