@@ -9,8 +9,9 @@ from msgspec.structs import replace
 from rise_adapters.ros2.robot.estop_input import SERVICE_TYPE
 from rise_adapters.ros2.transport.port import STATUS, QoS
 
-from rise_engine.kernel.inputs import EstopReport, RobotChanged
+from rise_engine.kernel.inputs import ActionReport, EstopReport, RobotChanged
 from tests.ros.bench import profile
+from tests.ros.memory import MemoryTransport
 from tests.ros.test_robot import Alone
 
 NAME, TYPE, SOURCE = "/estop_pressed", "std_msgs/msg/Bool", "estop:/estop_pressed"
@@ -72,28 +73,79 @@ def test_one_that_speaks_only_of_changes_is_not_known_until_then() -> None:
     assert standing(robot)[0] == "connected" and robot.of(EstopReport) == [LET_GO]
 
 
-@pytest.mark.parametrize("silent_after", [0, 2])
-def test_one_publisher_does_not_let_go_of_the_button_of_another(silent_after: int) -> None:
-    robot = with_estop(**TOPIC, **({"silent_after": silent_after} if silent_after else {}))
-    base, panel = robot.far.publisher(NAME, TYPE), robot.far.publisher(NAME, TYPE)
-    robot.run(1)
+def say(robot: Alone, seconds: int, *buttons: tuple[Any, bool]) -> None:
+    """Let each button publish its state twice a second."""
+    for _ in range(seconds * 2):
+        for button, pressed in buttons:
+            button.publish({"data": pressed})
+        robot.run(robot.clock.now() + 0.5)
 
-    def say(seconds: int, *pressed: bool) -> None:
-        for _ in range(seconds * 2):
-            for button, each in zip((base, panel), pressed, strict=False):
-                button.publish({"data": each})
-            robot.run(robot.clock.now() + 0.5)
 
-    say(3, True, False)
+@pytest.mark.parametrize("hangs", [True, False], ids=["hangs", "dies"])
+def test_one_publisher_does_not_let_go_of_the_button_of_another(hangs: bool) -> None:
+    robot = with_estop(**TOPIC, silent_after=2)
+    base = robot.far.publisher(NAME, TYPE)
+    panel = MemoryTransport(robot.wire, robot.loop, "/panel").publisher(NAME, TYPE)
+    say(robot, 3, (base, False), (panel, True))
     assert [report.pressed for report in robot.of(EstopReport)] == [True], "the other one says that it is not pressed"
-    several = "the emergency stop at /estop_pressed has several publishers (/robot), and no `silent_after`: "
-    assert standing(robot)[0] == ("connected" if silent_after else "degraded")
-    assert silent_after or standing(robot)[1].startswith(several)
-    say(3, False, False)
-    assert robot.of(EstopReport)[-1] == (LET_GO if silent_after else PRESSED)
-    panel.close()
-    say(3, False)
-    assert robot.of(EstopReport)[-1] == LET_GO and standing(robot)[0] == "connected"
+    why = "has several publishers (/panel, /robot): a message does not say whose it is; let one program join them"
+    was = "; it was pressed when it was heard last"
+    assert standing(robot) == ("degraded", f"the emergency stop at /estop_pressed {why}{was}")
+    if not hangs:
+        panel.close()
+    say(robot, 10, (base, False))
+    assert robot.of(EstopReport)[-1] == PRESSED, "nobody has let go of the button that was pressed"
+    gone = "had 2 publishers, and not all are there: the one that has gone may be pressed"
+    assert standing(robot) == ("degraded", f"the emergency stop at /estop_pressed {why if hangs else gone}{was}")
+
+
+def test_a_button_whose_program_is_started_again_lets_go() -> None:
+    robot = with_estop(**TOPIC)
+    first = robot.far.publisher(NAME, TYPE)
+    say(robot, 1, (first, True))
+    second = robot.far.publisher(NAME, TYPE)  # the middleware still shows the one that was killed
+    say(robot, 3, (second, False))
+    assert robot.of(EstopReport) == [PRESSED]
+    first.close()
+    say(robot, 1, (second, False))
+    assert robot.of(EstopReport) == [PRESSED, LET_GO] and standing(robot)[0] == "connected"
+
+
+@pytest.mark.parametrize("then", ["not pressed", "pressed", "nothing"])
+def test_nothing_begins_before_the_emergency_stop_has_said_its_state(then: str) -> None:
+    """A service manager recovers a session by itself, while somebody holds the button and looks at the robot."""
+    robot = with_estop(**TOPIC)
+    robot.start()
+    robot.run(1)
+    button = robot.far.publisher(NAME, TYPE)
+    robot.run(2)
+    assert robot.servers["/pepper/rise/speech"].at_once == 0 and robot.of(RobotChanged) == []
+    if then != "nothing":
+        button.publish({"data": then == "pressed"})
+    robot.run(2.2)
+    assert robot.servers["/pepper/rise/speech"].at_once == (then == "not pressed")
+    robot.run(6)
+    last = robot.of(ActionReport)[-1]
+    reason = "the emergency stop at /estop_pressed "
+    told = {
+        "not pressed": ("succeeded", ""),
+        "pressed": ("failed", f"estop-pressed: {reason}is pressed"),
+        "nothing": ("failed", f"estop-unknown: {reason}has said nothing yet, so whether it is pressed is not known"),
+    }
+    assert (last.status, last.reason) == told[then]
+
+
+def test_nothing_begins_while_the_emergency_stop_is_silent() -> None:
+    robot = with_estop(**TOPIC, silent_after=2)
+    button = robot.far.publisher(NAME, TYPE)
+    say(robot, 3, (button, False))
+    robot.run(robot.clock.now() + 3)
+    robot.start()
+    robot.run(robot.clock.now() + 1)
+    assert robot.servers["/pepper/rise/speech"].at_once == 0
+    button.publish({"data": False})
+    robot.run(robot.clock.now() + 0.2)
+    assert robot.servers["/pepper/rise/speech"].at_once == 1
 
 
 def test_which_values_mean_that_it_is_pressed() -> None:

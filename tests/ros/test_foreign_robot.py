@@ -202,6 +202,21 @@ def test_a_topic_is_repeated_at_its_rate_and_reset_once() -> None:
     assert robot.log("Turn") == ["begun", "ended reset"] * 2
 
 
+def test_a_base_does_not_go_on_by_itself_after_a_standstill_of_the_session(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Its watchdog has stopped it meanwhile, and somebody may stand before it."""
+    robot = Zora()
+    robot.start("turn", "Turn", speed=0.5, duration=60_000)
+    robot.run(1)
+    before = len(robot.wire.messages("/cmd_vel"))
+    now = robot.clock.now
+    monkeypatch.setattr(robot.clock, "now", lambda: now() + 5)
+    robot.run(1)
+    assert [each["twist"]["angular"]["z"] for each in robot.wire.messages("/cmd_vel")[before:]] == [0.0]
+    assert [(status, reason) for _, status, reason in robot.endings()] == [
+        ("failed", "standstill: the session was silent for 5.1 s, so the robot does not go on")
+    ]
+
+
 def test_a_base_that_is_back_after_a_stop_gets_a_reset_of_that_time() -> None:
     """A controller ignores a velocity with an old stamp."""
     robot = Zora()

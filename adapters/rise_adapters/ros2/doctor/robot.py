@@ -195,16 +195,13 @@ def _describe_estop(estop: EstopInput | None) -> Iterator[DoctorFinding]:
     if estop is None:
         return
     what = f"the emergency stop at {estop.name}"
-    if estop.fault or estop.pressed is None:
-        trouble = estop.trouble or f"{what} has said nothing yet, so whether it is pressed is not known"
-        yield DoctorFinding("problem", "robot", trouble, "start what publishes it; `options.estop` says what is meant")
+    if estop.fault:
+        remedy = "nothing begins before it is known; `options.estop` says what is meant"
+        yield DoctorFinding("problem", "robot", estop.trouble, remedy)
     elif estop.pressed:
         yield DoctorFinding("warning", "robot", f"{what} is pressed", "release it: nothing starts before that")
     else:
         yield DoctorFinding("ok", "robot", f"{what} is heard, and is not pressed")
-    if len(estop.publishers) > 1:
-        who = ", ".join(estop.publishers)
-        yield DoctorFinding("warning", "robot", f"{what} has several publishers; the last message counts: {who}")
 
 
 def _describe_clients(transport: Transport, expected: Sequence[_ExpectedEndpoint]) -> Iterator[DoctorFinding]:

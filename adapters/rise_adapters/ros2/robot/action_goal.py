@@ -178,10 +178,13 @@ class ActionGoal:
     def _poll_waiting(self, now: float) -> None:
         endpoint, presence = self.endpoint, self.endpoint.presence
         endpoint.compare()
+        held = self._host.why_held()
         if endpoint.misfit:
             self._end("failed", endpoint.misfit)
-        elif endpoint.is_ready:
+        elif endpoint.is_ready and not held:
             self._send()
+        elif held and now >= self._deadline:
+            self._end("failed", held)
         elif presence.count > 1 and (presence.appeared_twice or now >= self._deadline):
             self._end(*endings.of_two_servers(endpoint))
         elif endpoint.open and now >= self._deadline:

@@ -1,10 +1,10 @@
 """Listens to the laboratory's emergency stop: on somebody else's topic, or through a service that this side offers.
 
 It hears every publisher, whatever its quality of service, because its subscription requests what is offered, like
-`ros2 topic echo`. If it cannot hear one, that is a fault of the robot, so that nobody relies on it.
+`ros2 topic echo`. While its state is not known for certain, that is a fault of the robot, and nothing new begins.
 
-A message does not say who has sent it. With several publishers, one that is not pressed must not let go for another one
-that is. Then only time tells: each of them speaks within `silent_after`, so after that time without *pressed*, none is.
+A message does not say who has sent it. One publisher that is not pressed must not let go for another one that is, so
+with several publishers, or when one of them has gone, the state is not known.
 """
 
 from __future__ import annotations
@@ -46,8 +46,8 @@ class EstopInput:
         self._qos = QoS()
         self._subscription: Subscription | None = None
         self._service: Closable | None = None
-        self._pressed_at = 0.0
-        """When it was last heard to be pressed."""
+        self._most = 0
+        """The largest number of nodes that have published it at the same time."""
         self._since: float | None = None
         """When it was found, or last heard; None: it is not there."""
         if mapping.type:
@@ -61,6 +61,7 @@ class EstopInput:
             return
         ends = [end for end in self._transport.publisher_endpoints(self.name) if end.type == self._mapping.type]
         self.publishers = [end.node for end in ends]
+        self._most = max(self._most, len(set(self.publishers)))
         offered = [end.qos for end in ends if end.qos is not None]
         if offered:
             self._subscribe(QoS(10, all(qos.reliable for qos in offered), all(qos.latched for qos in offered)))
@@ -70,15 +71,26 @@ class EstopInput:
             self._since = self._now()
 
     @property
-    def fault(self) -> Literal["", "missing", "silent", "several"]:
+    def fault(self) -> Literal["", "missing", "unheard", "silent", "several", "gone"]:
+        """Why its state is not known; empty: it is known."""
         if self._subscription is None:
             return ""
         if self._since is None:
             return "missing"
-        if not self._mapping.silent_after and self._subscription.count_publishers() > 1:
+        count = self._subscription.count_publishers()
+        if count > 1:
             return "several"
-        limit = self._mapping.silent_after or (UNHEARD_SECONDS if self.pressed is None else 0.0)
+        if min(count, len(set(self.publishers))) < self._most:
+            return "gone"
+        if self.pressed is None:
+            return "unheard"
+        limit = self._mapping.silent_after
         return "silent" if limit and self._now() > self._since + limit else ""
+
+    @property
+    def is_new(self) -> bool:
+        """Whether it was found just now, so that its first message may still come."""
+        return self.fault == "unheard" and self._since is not None and self._now() <= self._since + UNHEARD_SECONDS
 
     @property
     def trouble(self) -> str:
@@ -87,13 +99,15 @@ class EstopInput:
         match self.fault:
             case "missing":
                 why = f"cannot be heard: nothing publishes it as {self._mapping.type}"
-            case "silent" if self._mapping.silent_after:
-                why = f"has said nothing for {self._mapping.silent_after:g} s"
             case "silent":
+                why = f"has said nothing for {self._mapping.silent_after:g} s"
+            case "unheard":
                 why = "has said nothing yet, so whether it is pressed is not known"
             case "several":
                 names = ", ".join(sorted(set(self.publishers)))
-                why = f"has several publishers ({names}), and no `silent_after`: not all may have let go"
+                why = f"has several publishers ({names}): a message does not say whose it is; let one program join them"
+            case "gone":
+                why = f"had {self._most} publishers, and not all are there: the one that has gone may be pressed"
             case _:
                 return ""
         return f"{what} {why}{'; it was pressed when it was heard last' if self.pressed else ''}"
@@ -123,17 +137,8 @@ class EstopInput:
         reply({"success": True, "message": f"the emergency stop {'is pressed' if pressed else stays}"})
 
     def _take(self, pressed: bool) -> None:
-        if pressed:
-            self._pressed_at = self._now()
-        elif self.pressed and self._may_another_be_pressed():
-            return
+        if not pressed and self.fault in ("several", "gone"):
+            return  # another one may be pressed
         if pressed != self.pressed:
             self.pressed = pressed
             self._report(EstopReport(source=f"estop:{self.name}", pressed=pressed))
-
-    def _may_another_be_pressed(self) -> bool:
-        """Whether the word *not pressed* may be of another publisher than the one that was pressed."""
-        if self._subscription is None or self._subscription.count_publishers() < 2:
-            return False
-        limit = self._mapping.silent_after
-        return not limit or self._now() <= self._pressed_at + limit

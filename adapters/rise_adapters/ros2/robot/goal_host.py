@@ -91,6 +91,10 @@ class GoalHost(Protocol):
 
     clock: Clock
 
+    def why_held(self) -> str:
+        """Why nothing new begins anywhere on the robot, for a person; empty: it may begin."""
+        ...
+
     def report_accepted(self, action: str) -> None: ...
 
     def report_ended(self, action: str, status: Ending, reason: str) -> None:

@@ -273,6 +273,13 @@ class Ros2Robot:
 
     # --- for goals (`GoalHost`) ---------------------------------------------------------------------------------
 
+    def why_held(self) -> str:
+        if self._estop is None:
+            return ""
+        if self._estop.pressed:
+            return f"estop-pressed: the emergency stop at {self._estop.name} is pressed"
+        return f"estop-unknown: {self._estop.trouble}" if self._estop.fault else ""
+
     def report_accepted(self, action: str) -> None:
         self._report(ActionReport(action=action, status="accepted"))
 
@@ -413,7 +420,9 @@ class Ros2Robot:
             self._report(RobotChanged(status=now.status, detail=detail, open=now.open))
 
     def _is_discovering(self) -> bool:
-        """Whether missing endpoints may still be found."""
+        """Whether missing endpoints may still be found, or the emergency stop may still say its state."""
+        if self._estop is not None and self._estop.is_new:
+            return True
         is_early = self.clock.now() + TIMER_TOLERANCE < self._grace_until
         return is_early and any(each.fault == "missing" for each in (*self._endpoints, self._estop) if each is not None)
 

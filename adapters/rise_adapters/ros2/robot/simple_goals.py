@@ -28,6 +28,10 @@ LEASE_SECONDS = 30.0
 DDS after 10 s, Fast DDS after 20 s)."""
 
 
+STANDSTILL_SECONDS, STANDSTILL_PERIODS = 1.0, 3.0
+"""After a longer pause between two repetitions, in seconds and in periods, the goal ends."""
+
+
 class TopicGoal:
     """One of our messages on one topic, until its time is over. Implements `Goal`."""
 
@@ -57,6 +61,7 @@ class TopicGoal:
         self._is_stoppable = mapping.stoppable
         self._is_harmless = mapping.harmless
         self._rate = mapping.rate
+        self._sent_at = -inf
         self._repeat: Timer | None = None
         self._expected = goal.expected
         self._deadline = host.clock.now() + mapping.deadlines.server
@@ -113,12 +118,13 @@ class TopicGoal:
         now = self._host.clock.now() + TIMER_TOLERANCE
         if self.phase == "waiting":
             self.endpoint.compare()
+            held = self._host.why_held()
             if self.endpoint.misfit:
                 self._end("failed", self.endpoint.misfit)
-            elif self.endpoint.is_ready:
+            elif self.endpoint.is_ready and not held:
                 self._publish()
             elif now >= self._deadline:
-                self._end("failed", f"server-missing: {endings.describe_missing(self.endpoint)}")
+                self._end("failed", held or f"server-missing: {endings.describe_missing(self.endpoint)}")
         elif self.phase == "running" and now >= self._deadline:
             self._end("succeeded", "")
         elif self._is_reset_due and self.endpoint.presence.count:
@@ -158,11 +164,18 @@ class TopicGoal:
             return False
         if self._rate:
             clock = self._host.clock
-            self._repeat = clock.call_at(clock.now() + 1 / self._rate, self._send_again)
+            self._sent_at = clock.now()
+            self._repeat = clock.call_at(self._sent_at + 1 / self._rate, self._send_again)
         return True
 
     def _send_again(self) -> None:
-        if self.phase == "running" and self.endpoint.user is self:
+        if self.phase != "running" or self.endpoint.user is not self:
+            return
+        silent = self._host.clock.now() - self._sent_at
+        if silent > max(STANDSTILL_SECONDS, STANDSTILL_PERIODS / self._rate):
+            # The robot's own watchdog may have stopped it, and somebody may stand before it.
+            self._end("aborted", f"standstill: the session was silent for {silent:.1f} s, so the robot does not go on")
+        else:
             self._send()
 
     def _end(self, status: Ending, reason: str) -> None:
@@ -263,12 +276,13 @@ class ServiceGoal:
         endpoint = self.endpoint
         if self.phase == "waiting":
             endpoint.compare()
+            held = self._host.why_held()
             if endpoint.misfit:
                 self._end("failed", endpoint.misfit)
-            elif endpoint.is_ready:
+            elif endpoint.is_ready and not held:
                 self._call()
             elif now >= self._deadline:
-                self._end(*self._why_not_sent())
+                self._end(*(("failed", held) if held else self._why_not_sent()))
         elif self.phase == "running" and now >= self._deadline:
             grace = self._mapping.deadlines.result
             self._end(*endings.of_overdue_result(endpoint.name, self._expected, grace))
