@@ -10,6 +10,8 @@ from time import monotonic
 from typing import NamedTuple
 
 from rise_engine.kernel.records import RecordingRecord
+from rise_engine.kernel.view import StopView
+from rise_engine.run.protocol.client import UnrecordedStop
 from rise_tui.model.control import KeyNames
 from rise_tui.model.notice import short_name
 from rise_tui.model.store import Store
@@ -176,11 +178,16 @@ def _silent_alarms(store: Store, key_name: KeyNames) -> Iterator[Alarm]:
 
 def _stop_alarms(store: Store, key_name: KeyNames) -> Iterator[Alarm]:
     stop = store.view.stop
-    _, _, unrecorded = store.journal_status.trouble.partition("; ")
-    if unrecorded:  # a stop while nothing can be recorded: reported here, recorded later
-        sent, _, confirmed = unrecorded.partition(", ")
-        answer = confirmed.replace("confirmed by ", "") or "the robot has not answered yet"
-        yield Alarm(((" ■ STOP ", "alarm"), (f"  {sent}", "strong")), _confirmed_line(answer))
+    if (unrecorded := store.journal_status.stop) is not None:
+        yield Alarm(
+            (
+                (" ■ STOP ", "alarm"),
+                (f"  sent to the robot by {short_name(unrecorded.source)}; not recorded yet", "strong"),
+            ),
+            *_answer_lines(unrecorded, key_name)
+            if unrecorded.answered
+            else ((("   waiting for the robot to confirm", "plain"),), _USE_SWITCH),
+        )
     elif not stop.latched:
         if store.stopping:
             yield Alarm(((" ■ STOP sent ", "alarm"), ("  waiting for the engine", "strong")))
@@ -191,36 +198,40 @@ def _stop_alarms(store: Store, key_name: KeyNames) -> Iterator[Alarm]:
                 (f"  asked {format_clock(stop.since)} by {short_name(stop.source)}", "strong"),
             ),
             (("   waiting for the robot to confirm", "plain"),),
-            (("   if the robot keeps moving, use its own switch", "plain"),),
+            _USE_SWITCH,
         )
     else:
         head = "nothing starts until it is released"
         release: StyledLine = ((f"   {key_name('release')} release", "key"),) if store.has_control else ()
         if stop.held_by:
             head, release = f"{', '.join(map(short_name, stop.held_by))} has not been let go", ()
-        missing: StyledLine = ()
-        for words, parts in (("CANNOT BE STOPPED", stop.unstoppable), ("NOT CONFIRMED", stop.unconfirmed)):
-            if parts:
-                missing += ((f"   {words}  ", "fault"), (group_parts(parts), "strong"))
-        if stop.unconfirmed:
-            missing += ((f"   look at the robot; {key_name('stop')} asks again", "plain"),)
+        confirmed, missing = _answer_lines(stop, key_name)
         yield Alarm(
             ((" ■ STOPPED ", "alarm"), (f"  {head}", "strong"), *release),
-            (
-                *_confirmed_line(group_parts(stop.confirmed) or "no part"),
-                (f"   by {short_name(stop.source)}", "muted"),
-            ),
-            missing or (("   every part has confirmed", "plain"),),
+            (*confirmed, (f"   by {short_name(stop.source)}", "muted")),
+            missing,
         )
 
 
-def _confirmed_line(parts: str) -> StyledLine:
-    return (f"   {'confirmed':<15}", "plain"), (parts, "strong")
+_USE_SWITCH: StyledLine = (("   if the robot keeps moving, use its own switch", "plain"),)
+
+
+def _answer_lines(stop: StopView | UnrecordedStop, key_name: KeyNames) -> tuple[StyledLine, StyledLine]:
+    """The parts that have confirmed a stop, and those that have not."""
+    missing: StyledLine = ()
+    for words, parts in (("CANNOT BE STOPPED", stop.unstoppable), ("NOT CONFIRMED", stop.unconfirmed)):
+        if parts:
+            missing += ((f"   {words}  ", "fault"), (group_parts(parts), "strong"))
+    if stop.unconfirmed:
+        missing += ((f"   look at the robot; {key_name('stop')} asks again", "plain"),)
+    confirmed = group_parts(stop.confirmed) or "no part"
+    return ((f"   {'confirmed':<15}", "plain"), (confirmed, "strong")), missing or (
+        ("   every part has confirmed", "plain"),
+    )
 
 
 def _recording_alarms(store: Store, key_name: KeyNames) -> Iterator[Alarm]:
-    why = store.journal_status.trouble.partition("; ")[0]
-    if why:
+    if why := store.journal_status.trouble:
         yield Alarm(
             ((" ✗ NOT RECORDING ", "alarm"), (f"  {why}", "strong")),
             (("   the session is paused until the disk accepts records again", "plain"),),

@@ -449,7 +449,7 @@ class Store:
         before, self.journal_status = self.journal_status, now
         if before.trouble and not now.trouble:
             self.notice = Notice("the disk accepts records again: the session goes on")
-        shown = before.trouble != now.trouble or int(before.behind) != int(now.behind)
+        shown = (before.trouble, before.stop) != (now.trouble, now.stop) or int(before.behind) != int(now.behind)
         return frozenset({"status"}) if shown else frozenset()
 
     def _apply_task(self, record: TaskRecord) -> frozenset[StorePart]:

@@ -34,6 +34,7 @@ from rise_engine.run.protocol.client import (
     LinkLost,
     Reply,
     Role,
+    UnrecordedStop,
 )
 from rise_engine.run.protocol.session_options import SessionOptions
 from rise_engine.scenario.loader import load
@@ -155,9 +156,9 @@ class FakeClient:
     def control_record(self, status: str, by: str, holder: str | None) -> None:
         self.emit(ControlRecord(0, 0.0, "", status=status, by=by, holder=holder))  # type: ignore[arg-type]
 
-    def journal(self, *, trouble: str = "", behind: float = 0.0) -> None:
+    def journal(self, *, trouble: str = "", behind: float = 0.0, stop: UnrecordedStop | None = None) -> None:
         """How the record stands, from now on."""
-        self.journaling = JournalStatus(durable=self._seq, behind=behind, trouble=trouble)
+        self.journaling = JournalStatus(durable=self._seq, behind=behind, trouble=trouble, stop=stop)
         if self._attached:
             self._queue.put_nowait([self.journaling])
 

@@ -15,7 +15,7 @@ from __future__ import annotations
 import logging
 import platform
 from collections import deque
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Callable, Iterable
 from typing import TypeAlias
 
 from msgspec import Struct
@@ -42,7 +42,7 @@ from rise_engine.ports.robot import Robot
 from rise_engine.run.engine.clock import SessionClock, seconds_between_labels
 from rise_engine.run.engine.command_runner import CommandRunner, error_text
 from rise_engine.run.engine.drivers import driver_name_for
-from rise_engine.run.protocol.client import JournalStatus, Reply
+from rise_engine.run.protocol.client import JournalStatus, Reply, UnrecordedStop
 from rise_engine.scenario.model import Scenario
 from rise_engine.session.journal import Journal
 from rise_engine.session.journal_format import encode_input, encode_record, join_step
@@ -165,7 +165,7 @@ class Engine:
         self._seq = self._kernel.seq
         self._end_reason: str | None = None
         self._last_record_made = False
-        self._unrecorded_stops: list[str] = []
+        self._unrecorded_stop: UnrecordedStop | None = None
         """Results of stops that were requested while nothing could be recorded."""
 
     # --- a session's life ---------------------------------------------------------------------------------------
@@ -349,8 +349,8 @@ class Engine:
         if self._last_record_made:
             return
         self._queue.append((self._with_time(input), _ignore_reply))
-        if self._unrecorded_stops and isinstance(input, StopReport):
-            self._unrecorded_stops.append(_stop_sentence(input))
+        if self._unrecorded_stop is not None and isinstance(input, StopReport):
+            self._unrecorded_stop = _with_answer(self._unrecorded_stop, input)
             self._update_journal_status()
         if self.paused and isinstance(input, EstopReport) and input.pressed:
             self._stop_unrecorded(input.source)
@@ -371,7 +371,7 @@ class Engine:
             starts, step.starts[:] = tuple(step.starts), ()
             for start in starts:
                 self._post_not_begun(start)
-        self._unrecorded_stops.append(f"stop was sent to the robot by {source}")
+        self._unrecorded_stop = UnrecordedStop(source)
         self._carry_out_before_recording(StopRobot())
         self._update_journal_status()
 
@@ -458,28 +458,29 @@ class Engine:
         journal = self._journal
         assert journal is not None
         error = journal.error
-        if error and not self.journal_status.trouble and not self._unrecorded_stops:
-            self._unrecorded_stops += self._stops_not_recorded_yet()
-        if error and self._unrecorded_stops:
-            error += "; " + ", ".join(self._unrecorded_stops)
+        if error and not self.journal_status.trouble and self._unrecorded_stop is None:
+            self._unrecorded_stop = self._stop_not_recorded_yet()
         elif not error and self.journal_status.trouble:
-            self._unrecorded_stops.clear()
-            self.post(Note(text=f"recording was interrupted and goes on now: {self.journal_status.trouble}"))
+            self._unrecorded_stop = None
+            self.post(Note(text=f"recording was interrupted and goes on now: {self.journal_status.sentence}"))
         lag = round(journal.lag, 1) if journal.lag > LAG_SHOWN_FROM else 0.0
-        now = JournalStatus(self._seq, lag, error)
+        now = JournalStatus(self._seq, lag, error, self._unrecorded_stop if error else None)
         before, self.journal_status = self.journal_status, now
-        if (before.behind, before.trouble) != (now.behind, now.trouble) and self.on_journal_status is not None:
+        if replace(before, durable=now.durable) != now and self.on_journal_status is not None:
             self.on_journal_status(now)
 
-    def _stops_not_recorded_yet(self) -> Iterator[str]:
-        """Describe the stop, if the disk has refused its record before anybody saw it, and the robot's answers."""
-        records = [record for step in self._unrecorded_steps for record in step.records]
-        for record in records:
+    def _stop_not_recorded_yet(self) -> UnrecordedStop | None:
+        """Return the stop, if the disk has refused its record before anybody saw it, with the robot's answer."""
+        stop: UnrecordedStop | None = None
+        for record in [record for step in self._unrecorded_steps for record in step.records]:
             if isinstance(record, StopRecord) and record.status == "requested":
-                yield f"stop was sent to the robot by {record.source}"
-            elif isinstance(record, StopRecord) and record.status == "latched":
-                yield _stop_sentence(record)
-        yield from (_stop_sentence(input) for input, _ in self._queue if isinstance(input, StopReport))
+                stop = UnrecordedStop(record.source)
+            elif isinstance(record, StopRecord) and record.status == "latched" and stop is not None:
+                stop = _with_answer(stop, record)
+        for input, _ in self._queue:
+            if isinstance(input, StopReport) and stop is not None:
+                stop = _with_answer(stop, input)
+        return stop
 
     def _publish(self, records: list[AnyRecord]) -> None:
         for record in records:
@@ -555,9 +556,8 @@ def _reply_for(input: AnyInput, records: list[AnyRecord]) -> Reply:
     return Reply(task.status != "REJECTED", task.reason, task.id)
 
 
-def _stop_sentence(report: StopReport | StopRecord) -> str:
-    confirmed = f"confirmed by {', '.join(report.confirmed)}" if report.confirmed else "confirmed by nobody"
-    return confirmed + (f", NOT by {', '.join(report.unconfirmed)}" if report.unconfirmed else "")
+def _with_answer(stop: UnrecordedStop, report: StopReport | StopRecord) -> UnrecordedStop:
+    return UnrecordedStop(stop.source, True, report.confirmed, report.unconfirmed, report.unstoppable)
 
 
 def versions() -> dict[str, str]:

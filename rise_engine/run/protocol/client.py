@@ -29,6 +29,26 @@ ClientInput: TypeAlias = Submit | Note | CheckReport | OutcomeReport | Recording
 """What a client may send. The engine sets the time and the source."""
 
 
+class UnrecordedStop(Struct, frozen=True):
+    """The last stop of a session that can record nothing now. Its records follow."""
+
+    source: str
+    answered: bool = False
+    """Whether the robot has answered; the rest is its last answer, as in `StopReport`."""
+    confirmed: tuple[str, ...] = ()
+    unconfirmed: tuple[str, ...] = ()
+    unstoppable: tuple[str, ...] = ()
+
+    @property
+    def sentence(self) -> str:
+        """The stop and its answer, for a person."""
+        told = [f"stop was sent to the robot by {self.source}"]
+        told += [f"CANNOT BE STOPPED: {', '.join(self.unstoppable)}"] if self.unstoppable else []
+        told += [f"NOT confirmed by {', '.join(self.unconfirmed)}"] if self.unconfirmed else []
+        told += [f"confirmed by {', '.join(self.confirmed) or 'nobody'}"] if self.answered else []
+        return "; ".join(told)
+
+
 class JournalStatus(Struct, frozen=True, tag_field="kind", tag="journaling"):
     """The state of the session's record. It comes among the records whenever it changes, and is not a record itself."""
 
@@ -38,6 +58,13 @@ class JournalStatus(Struct, frozen=True, tag_field="kind", tag="journaling"):
     """Seconds for which the oldest input has been waiting for the disk; 0 if nothing waits."""
     trouble: str = ""
     """Why nothing can be recorded, for a person. While this is set, the session is paused."""
+    stop: UnrecordedStop | None = None
+    """The last stop since then; None: there was none."""
+
+    @property
+    def sentence(self) -> str:
+        """The trouble and the stop, for a person; empty: everything is recorded."""
+        return f"{self.trouble}; {self.stop.sentence}" if self.stop is not None else self.trouble
 
 
 class Heartbeat(Struct, frozen=True, tag_field="kind", tag="pulse"):

@@ -173,7 +173,7 @@ class SessionHub:
             participant=view.session.participant if view.session is not None else "",
             condition=view.session.condition if view.session is not None else "",
             wizard=view.wizard,
-            trouble=engine.journal_status.trouble,
+            trouble=engine.journal_status.sentence,
             pid=os.getpid(),
             versions=versions(),
         )

@@ -239,7 +239,7 @@ class _SessionProcess:
     def _abandon(self) -> None:
         if not self.engine.ended:
             self.unrecorded = True
-            trouble = self.engine.journal_status.trouble or "it is too slow"
+            trouble = self.engine.journal_status.sentence or "it is too slow"
             logging.getLogger(__name__).error("the disk did not take the last records: %s", trouble)
             self.engine.abandon()
 

@@ -199,11 +199,15 @@ async def test_stop_reaches_the_robot_also_when_nothing_can_be_recorded(tmp_path
         await it.until(lambda: it.engine.paused)
         it.ask(STOP)
         assert it.robot.calls[-1] == "stop"
-        it.robot.report(StopReport(confirmed=("pepper/speech",), unconfirmed=("pepper/body",)))
-        assert it.journalings[-1].trouble == (
-            "the disk reports an error; stop was sent to the robot by wizard:anna, "
-            "confirmed by pepper/speech, NOT by pepper/body"
+        it.robot.report(StopReport(confirmed=("pepper/body",), unconfirmed=("pepper/speech",)))
+        it.robot.report(
+            StopReport(confirmed=("pepper/speech",), unconfirmed=("pepper/body",), unstoppable=("pepper/face",))
         )
+        assert it.journalings[-1].trouble == "the disk reports an error"
+        assert it.journalings[-1].sentence == (
+            "the disk reports an error; stop was sent to the robot by wizard:anna; CANNOT BE STOPPED: pepper/face; "
+            "NOT confirmed by pepper/body; confirmed by pepper/speech"
+        ), "the last answer counts"
         assert len(it.replies) == 1, "the stop is answered when it is recorded"
         disk.number = None
         await it.until(lambda: len(it.replies) == 2)
@@ -245,9 +249,8 @@ async def test_a_stop_that_the_disk_refuses_first_is_told(tmp_path: Path) -> Non
         await it.until(lambda: it.engine.paused)
         it.engine.flush_durable()
         it.robot.report(StopReport(confirmed=("pepper/speech", "pepper/body")))
-        assert it.journalings[-1].trouble == (
-            "the disk is full; stop was sent to the robot by wizard:anna, confirmed by pepper/speech, "
-            "confirmed by pepper/speech, pepper/body"
+        assert it.journalings[-1].sentence == (
+            "the disk is full; stop was sent to the robot by wizard:anna; confirmed by pepper/speech, pepper/body"
         )
         disk.number = None
 
@@ -262,7 +265,7 @@ async def test_the_end_stops_the_robot_also_when_nothing_can_be_recorded(tmp_pat
         await it.until(lambda: it.engine.paused)
         it.engine.end("enough")
         assert it.robot.calls[-1] == "stop"
-        assert it.journalings[-1].trouble.endswith("stop was sent to the robot by engine, because the session ends")
+        assert it.journalings[-1].sentence.endswith("stop was sent to the robot by engine, because the session ends")
         disk.number = None
 
 
@@ -274,7 +277,7 @@ async def test_an_emergency_stop_reaches_the_robot_also_when_nothing_can_be_reco
         await it.until(lambda: it.engine.paused)
         it.robot.report(EstopReport(source="estop:/door", pressed=True))
         assert it.robot.calls == ["stop"]
-        assert it.journalings[-1].trouble.endswith("stop was sent to the robot by estop:/door")
+        assert it.journalings[-1].sentence.endswith("stop was sent to the robot by estop:/door")
         disk.number = None
         await it.until(lambda: it.of(StopRecord))
         assert it.of(StopRecord)[0].held_by == ("estop:/door",)

@@ -7,7 +7,7 @@ from collections.abc import Callable
 import pytest
 
 from rise_engine.kernel.records import RobotRecord, StopRecord
-from rise_engine.run.protocol.client import Heartbeat
+from rise_engine.run.protocol.client import Heartbeat, UnrecordedStop
 from rise_tui.actions import BY_ID
 from rise_tui.key_labels import key_name
 from rise_tui.model.alarms import alarm_lines, current_alarms, degraded_text, group_parts
@@ -187,11 +187,16 @@ def test_the_last_line_names_all_the_others() -> None:
 
 
 def test_a_stop_that_could_not_be_recorded_is_told_all_the_same() -> None:
-    trouble = f"{FULL}; stop sent to the robot at 83.0 s, confirmed by speech"
-    store = store_after(lambda client: client.journal(trouble=trouble))
+    stop = UnrecordedStop("engine, because the session ends")
+    store = store_after(lambda client: client.journal(trouble=FULL, stop=stop))
     told = said(store)
-    assert "STOP " in told[0] and "stop sent to the robot at 83.0 s" in told[0]
-    assert "confirmed" in told[1] and "speech" in told[1] and FULL in told[2]
+    assert told[0] == " ■ STOP   sent to the robot by engine, because the session ends; not recorded yet"
+    assert "waiting for the robot to confirm" in told[1] and FULL in told[2]
+    answer = UnrecordedStop("wizard:anna", True, ("mila/grasp",), ("mila/base (no answer)",), ("mila/face", "mila/say"))
+    told = said(store_after(lambda client: client.journal(trouble=FULL, stop=answer)))
+    assert "sent to the robot by anna" in told[0]
+    assert told[1].strip().startswith("CANNOT BE STOPPED  mila: face, say   NOT CONFIRMED  mila: base (no answer)")
+    assert FULL in told[2]
 
 
 def test_a_gone_engine_hides_everything_else_and_says_how_to_come_back() -> None:

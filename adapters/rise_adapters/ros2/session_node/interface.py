@@ -153,7 +153,7 @@ def _robot_status(hub: SessionHub) -> Message:
 def _journal_status(hub: SessionHub) -> Message:
     journaling = hub.engine.journal_status
     if journaling.trouble:
-        level, message = ERROR, f"nothing can be recorded, so the session is paused: {journaling.trouble}"
+        level, message = ERROR, f"nothing can be recorded, so the session is paused: {journaling.sentence}"
     elif journaling.behind:
         level, message = WARN, f"the disk is {journaling.behind:.1f} s behind"
     elif not hub.folder:
