@@ -12,7 +12,7 @@ from typing import Any, Literal
 from textual import events, on
 
 from rise_engine.base.errors import StudyError
-from rise_engine.base.exit_status import STILL_RUNNING
+from rise_engine.base.exit_status import NOT_WRITTEN, STILL_RUNNING
 from rise_engine.kernel.records import look_at_robot_text
 from rise_engine.run.protocol.client import Client, EngineGone, Rejected
 from rise_engine.run.protocol.registry import RegistryError
@@ -32,6 +32,7 @@ from rise_tui.console.study_day import StudyDay
 from rise_tui.console.study_screen import StudyScreen
 from rise_tui.console.ui_state import SAVE_SECONDS, UiState, save_all
 from rise_tui.key_labels import use_own_keys, why_blocked
+from rise_tui.model.alarms import unrecorded_end_text
 from rise_tui.model.notice import Notice
 from rise_tui.rendering import themes
 from rise_tui.rendering.terminal_app import TerminalApp
@@ -412,7 +413,9 @@ class ConsoleApp(TerminalApp):
         if closed == "late":
             session.show_notice(Notice("the session did not end in time: look at the robot", "fault"))
         elif closed == "done":
-            sentence = "; ".join(filter(None, (look_at_robot_text(session.store.view.left_open), ending.sentence)))
+            store = session.store
+            warning = unrecorded_end_text(store) or look_at_robot_text(store.view.left_open)
+            sentence = "; ".join(filter(None, (warning, ending.sentence)))
             await self._show_study(sentence)
             if (screen := self.study_screen) is not None and (folder := session.store.attach_reply.folder):
                 screen.show_report(sentence, Path(folder).name)
@@ -444,7 +447,9 @@ class ConsoleApp(TerminalApp):
             self.exit_message = exit_dialogs.exit_message(
                 self._session.store, end=end, in_time=closed == "done", patience=END_PATIENCE, signal_name=signal_name
             )
-            if end and self._session.store.view.left_open:
+            if end and self._session.store.end_unrecorded:
+                code = NOT_WRITTEN
+            elif end and self._session.store.view.left_open:
                 code = STILL_RUNNING
         elif self._day.source is not None:
             busy = self.study_screen.busy if self.study_screen is not None else ""

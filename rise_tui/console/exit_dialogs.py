@@ -7,6 +7,7 @@ import shlex
 from rise_engine.kernel.records import look_at_robot_text
 from rise_tui.config.paths import abbreviate_home
 from rise_tui.key_labels import why_blocked
+from rise_tui.model.alarms import unrecorded_end_text
 from rise_tui.model.status import running_lines, session_title
 from rise_tui.model.store import Store
 from rise_tui.rendering.text import format_clock
@@ -78,6 +79,8 @@ def exit_message(store: Store, *, end: bool, in_time: bool, patience: float, sig
         return f"{lead}{title} did not end within {patience:g} s: look at the robot; rise-tui shows what runs"
     if end or store.ended_in_order:
         kept = store.attach_reply.folder
+        if store.end_unrecorded:
+            return f"{lead}{unrecorded_end_text(store)}\nthe record until then is in {abbreviate_home(kept)}"
         if left := look_at_robot_text(store.view.left_open):
             lead = f"{left}\n{lead}"
         if not kept:

@@ -5,11 +5,13 @@ from __future__ import annotations
 import asyncio
 from collections.abc import Callable, Sequence
 from itertools import count
+from pathlib import Path
 from time import monotonic
 
 from rise_engine.kernel.inputs import CheckReport, Note, OutcomeReport, Submit
 from rise_engine.run.client.shadow import ShadowClient
 from rise_engine.run.protocol.client import AttachReply, Client, ClientUpdate, ControlVerb, EngineGone, LinkLost
+from rise_engine.session.folder import JOURNAL, has_ended
 from rise_tui.key_labels import key_name, why_blocked
 from rise_tui.model.control import Deed
 from rise_tui.model.notice import Notice, task_label
@@ -64,8 +66,16 @@ class ConsoleSession:
             except EngineGone as gone:
                 self._note_engine_gone(str(gone), over=self.store.view.ended)
                 return
+        await self._look_for_recorded_end()
         ended = self.store.view.end_reason
         self._note_engine_gone(ended or "it has ended", over=True)
+
+    async def _look_for_recorded_end(self) -> None:
+        """Look whether the record of a session that is over has an end, if that has not come and the disk is here."""
+        attached = self.store.attach_reply
+        folder = Path(attached.folder)
+        if not (attached.replay or attached.shadow or self.store.view.ended) and (folder / JOURNAL).is_file():
+            self.store.end_unrecorded = not await asyncio.to_thread(has_ended, folder)
 
     async def _apply_batch(self, batch: Sequence[ClientUpdate]) -> None:
         """Apply records in pieces, so that a key need not wait until a slow console has caught up."""
@@ -224,6 +234,8 @@ class ConsoleSession:
         """Leave. With `end_session` the engine stops the robot and ends."""
         self._is_closed = not end_session  # the end of the records then means nothing
         await self.client.close(end_session=end_session)
+        if end_session:
+            await self._look_for_recorded_end()
 
     def _note_engine_gone(self, reason: str, *, over: bool) -> None:
         store = self.store

@@ -139,6 +139,14 @@ def current_alarms(store: Store, key_name: KeyNames) -> list[Alarm]:
 
 def _gone_alarm(store: Store, key_name: KeyNames) -> Alarm:
     leave: StyledSpan = (f"   {key_name('quit')}", "key")
+    if store.end_unrecorded:
+        sent = store.journal_status.stop
+        unknown: StyledLine = (("   what the robot was doing then is not known", "plain"),)
+        return Alarm(
+            ((" ■ ENDED, NOT RECORDED ", "alarm"), ("  the disk did not take its end: look at the robot", "strong")),
+            _answer_lines(sent, key_name)[1] if sent is not None and sent.answered else unknown,
+            (leave, (" leaves", "plain")),
+        )
     if store.ended_in_order:
         return Alarm(
             ((" ■ SESSION ENDED ", "alarm"), (f"  {store.gone_reason}", "strong")),
@@ -154,6 +162,15 @@ def _gone_alarm(store: Store, key_name: KeyNames) -> Alarm:
         ((f"   no key reaches the robot, not even {stop}; use the robot's own switch", "plain"),),
         (leave, (f" {again}; this is the last known state", "plain")),
     )
+
+
+def unrecorded_end_text(store: Store) -> str:
+    """What people are told after the end of a session whose record has no end; empty: it has one."""
+    if not store.end_unrecorded:
+        return ""
+    stop = store.journal_status.stop
+    told = f"; {stop.sentence}" if stop is not None else ""
+    return f"LOOK AT THE ROBOT: the session has ended, and the end of its record could not be written{told}"
 
 
 def _cut_alarm(store: Store, since: float) -> Alarm:

@@ -127,6 +127,8 @@ class Store:
     """Why the session is over or the engine has gone; empty while it lives."""
     ended_in_order: bool = False
     """The session ended in order. If only `gone_reason` is set, the engine has gone without that."""
+    end_unrecorded: bool = False
+    """Whether it is over, and its record has no end: the disk took no more."""
     cut_since: float | None = None
     """Since when this connection has been cut, on the console's own clock; None while it is intact."""
     stop_unsent: bool = False

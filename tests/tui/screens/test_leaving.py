@@ -4,16 +4,19 @@ from __future__ import annotations
 
 import signal
 from collections.abc import Callable
+from pathlib import Path
 from threading import Event
 from typing import Any
 
 import pytest
+from msgspec.structs import replace
 from textual.widgets import Button, Static
 
-from rise_engine.base.exit_status import STILL_RUNNING
+from rise_engine.base.exit_status import NOT_WRITTEN, STILL_RUNNING
 from rise_engine.kernel.records import OpenGoal, RobotRecord, SessionRecord
-from rise_engine.run.protocol.client import AttachReply, EngineGone
+from rise_engine.run.protocol.client import AttachReply, EngineGone, UnrecordedStop
 from rise_engine.scenario.keys import KeyRefusedError, bindable_key_name
+from rise_engine.session.folder import JOURNAL
 from rise_tui.config.launch import RecoveredClient
 from rise_tui.console.app import END_PATIENCE
 from rise_tui.console.exit_dialogs import END_KEY, exit_message
@@ -238,6 +241,30 @@ async def test_leaving_what_is_over_asks_nothing(in_order: bool) -> None:
         await it.press("ctrl+c")
         await it.until(lambda: not it.app.is_running)
         assert it.app.exit_message == exit_message(it.screen.store, end=False, in_time=True, patience=END_PATIENCE)
+
+
+@pytest.mark.parametrize("ends", [True, False])
+async def test_a_session_whose_end_could_not_be_recorded_is_not_said_to_have_ended_well(
+    tmp_path: Path, ends: bool
+) -> None:
+    """By who ended it, and by who watched."""
+    (tmp_path / JOURNAL).write_bytes(b'{"n":1,"input":"session_started"}\n')
+    async with console() as it:
+        it.screen.store.attach_reply = replace(it.screen.store.attach_reply, folder=str(tmp_path))
+        it.client.journal(trouble="the disk is full", stop=UnrecordedStop("engine", True, unstoppable=("mila/say",)))
+        if ends:
+            await asked_to_end(it)
+            await it.press(*"end", "enter")
+        else:
+            it.client._queue.put_nowait(None)  # the end of the records, without its record
+            await it.until(lambda: "ENDED, NOT RECORDED" in it.bars.alarm_bar.text)
+            assert "look at the robot" in it.bars.alarm_bar.text and "CANNOT BE STOPPED" in it.bars.alarm_bar.text
+            await it.press("ctrl+c")
+        await it.until(lambda: not it.app.is_running)
+        assert it.app.return_code == (NOT_WRITTEN if ends else 0)
+        said, where = it.app.exit_message.splitlines()
+        assert said.startswith("LOOK AT THE ROBOT: the session has ended, and the end of its record could not be")
+        assert said.endswith("CANNOT BE STOPPED: mila/say; confirmed by nobody") and str(tmp_path) in where
 
 
 def a_store(client: FakeClient) -> Store:
