@@ -129,6 +129,41 @@ def test_what_others_run_and_does_not_stop_is_not_confirmed(cancel: Any, reason:
     assert robot.stop() == StopReport(confirmed=("pepper/look_at",), unconfirmed=(f"pepper/speech ({reason})",))
 
 
+def test_what_ran_before_the_session_is_shown_and_nothing_goes_beside_it() -> None:
+    """As after a crash whose session nobody continued, or one that another version continued."""
+    robot = Alone()
+    server = robot.servers[SPEECH]
+    server.foreign(OTHERS, Plan(seconds=60))
+    robot.run(1)
+    robot.start()
+    robot.run(7)
+    state = robot.of(RobotChanged)[-1]
+    (goal,) = state.open
+    assert (state.status, goal.part, goal.type, goal.reason) == (
+        *("degraded", "pepper/speech", "Speech"),
+        "this session did not begin it",
+    )
+    end = robot.of(ActionReport)[-1]
+    held = "held: /pepper/rise/speech may still be doing Speech (this session did not begin it) and gets nothing else"
+    assert (end.status, end.reason) == ("failed", held) and server.at_once == 1
+    robot.robot.cancel_open_goals("pepper/speech")
+    robot.run(8)
+    assert server.goals[OTHERS].status == CANCELED and robot.of(RobotChanged)[-1].status == "connected"
+    robot.start("2/a")
+    robot.run(9)
+    assert server.at_once == 1 and robot.of(ActionReport)[-1].status == "succeeded"
+
+
+def test_what_others_begin_during_the_session_holds_nothing() -> None:
+    """A gaze controller may always be doing something; a session's own act takes its place."""
+    robot = Alone()
+    robot.start("1/a", "LookAt")
+    robot.run(5)
+    robot.servers[GAZE].foreign(OTHERS, Plan(seconds=60))
+    robot.run(6)
+    assert robot.of(RobotChanged)[-1].status == "connected"
+
+
 @pytest.mark.parametrize(
     ("cancel", "confirmed", "unconfirmed"),
     [

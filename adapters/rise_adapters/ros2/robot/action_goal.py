@@ -82,7 +82,8 @@ class ActionGoal:
         self._sent_to: frozenset[bytes] = frozenset()
         """The programs that offered the action when it was sent."""
         self._is_adopted = False
-        """Whether an earlier engine has sent it ..."""
+        """Whether an earlier engine has sent it, or somebody unknown ..."""
+        self.is_unknown = False
         self._may_cancel = True
         """... in which case it is stopped only on request."""
         self._began_late = False
@@ -97,8 +98,12 @@ class ActionGoal:
 
     # --- from the engine ----------------------------------------------------------------------------------------
 
-    def adopt(self, *, accepted: bool) -> None:
-        """Take over a goal that an earlier engine has sent, and that has ended for the session."""
+    def adopt(self, *, accepted: bool, unknown: bool = False) -> None:
+        """Take over a goal that an earlier engine has sent, and that has ended for the session.
+
+        :param unknown: it ran before the session, and who sent it is not known.
+        """
+        self.is_unknown = unknown
         self.phase, self._ending = "ended", "lost"
         self._ended_at, self._deadline = self._now(), inf
         self.may_be_running = self._is_adopted = True
@@ -143,6 +148,8 @@ class ActionGoal:
         if self.endpoint.presence.was_seen and not self.endpoint.presence.count:
             return "its program has gone"
         if self._is_adopted and not self.cancellation.confirmed and self.cancellation.refused_at is None:
+            if self.is_unknown:
+                return "this session did not begin it"
             return f"an engine that has gone {'began' if self._accepted else 'may have begun'} it"
         if self._accepted is None:
             return "it has not answered and may still begin"

@@ -212,6 +212,8 @@ class ActionEndpoint(_ComparedEndpoint):
             transport, mapping.name, mapping.type, now=clock.now, feedback=feedback, status=status
         )
         self.lifecycle = LifecycleWatch(transport, clock.now)
+        self.was_heard = False
+        """Whether it has told the status of its goals since it appeared."""
         self._unanswered_at: float | None = None
         self._probed_at = 0.0
 
@@ -220,6 +222,7 @@ class ActionEndpoint(_ComparedEndpoint):
         gone = self.presence.update(self.client.count_servers() if count is None else count)
         if gone:
             self.client.statuses.clear()
+            self.was_heard = False
             self._unanswered_at = None
             self.lifecycle.follow("")
         elif self.presence.count:

@@ -318,7 +318,7 @@ class Ros2Robot:
     # --- stopping everything ------------------------------------------------------------------------------------
 
     def _find_goals(self, endpoint: ActionEndpoint) -> Mapping[bytes, ActionGoal]:
-        return {id: goal for id, goal in self._by_id.items() if goal.endpoint is endpoint}
+        return {id: goal for id, goal in self._by_id.items() if goal.endpoint is endpoint and not goal.is_unknown}
 
     # --- polling ------------------------------------------------------------------------------------------------
 
@@ -449,11 +449,23 @@ class Ros2Robot:
             goal.take_feedback()
 
     def _take_status(self, endpoint: ActionEndpoint, statuses: Mapping[bytes, int]) -> None:
+        if not endpoint.was_heard:
+            endpoint.was_heard = True
+            for id in endpoint.client.unfinished_goals() - self._by_id.keys():
+                self._adopt_unknown(endpoint, id)
         for goal in tuple(self._by_id.values()):
             if goal.id in statuses or (goal.endpoint is endpoint and goal.is_live()):
                 goal.take_status(statuses)
         if self._stop is not None:
             self._stop.poll()
+
+    def _adopt_unknown(self, endpoint: ActionEndpoint, id: bytes) -> None:
+        """Take over a goal that ran before this session found the server. Nothing else goes there beside it."""
+        type = next(action for action, its in self._endpoint_of.items() if its is endpoint)
+        goal = StartAction(f"unknown/{id.hex()[:8]}", type, {}, 0.0, goal=id.hex())
+        made = ActionGoal(self, endpoint, goal, self._mappings[type], {}, 0.0)
+        self._goals[goal.action] = self._by_id[id] = made
+        made.adopt(accepted=True, unknown=True)
 
     def _forget_oldest(self) -> None:
         """Keep the number of remembered goals bounded."""
