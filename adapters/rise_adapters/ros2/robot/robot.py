@@ -178,8 +178,15 @@ class Ros2Robot:
         self._goals[goal.action] = made
         self._forget_oldest()
         self._poll_endpoints((made.endpoint,))
-        made.poll()
+        if not self._is_settling:
+            made.poll()
         self.on_goal_changed(made)
+
+    @property
+    def _is_settling(self) -> bool:
+        """Whether the robot may still be doing what an earlier engine has left. Nothing new begins beside that, because
+        the two were never meant to happen together."""
+        return any(goal.may_be_running and goal.holds_its_part for goal in self._adopted)
 
     def _make_goal(self, goal: StartAction, mapping: ActionMapping, message: Message) -> Goal:
         """Make a goal. Raises ValueError if it cannot be sent. `message` has present values; later ones are made
@@ -352,8 +359,10 @@ class Ros2Robot:
         self._poll_endpoints()
         if self._estop is not None and not self._transport.failure():
             self._estop.poll()
+        is_settling = self._is_settling
         for goal in tuple(self._live.values()):
-            goal.poll()
+            if not (is_settling and goal.phase == "waiting"):
+                goal.poll()
         self._report_standing()
         self._set_timer()
 
