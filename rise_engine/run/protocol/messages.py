@@ -1,7 +1,7 @@
-"""The messages on a session's socket: one JSON object per line, version 1 (docs/reference/link.md).
+"""The messages on a session's socket: one JSON object per line (docs/reference/link.md).
 
 A client attaches and gets the session's state in pieces (`hello`, `tasks`, `ready`). From then on it gets every record,
-and the replies to its messages. Readers ignore fields that they do not know; a change of a meaning raises `VERSION`.
+and the replies to its messages. Readers ignore fields that they do not know.
 """
 
 from __future__ import annotations
@@ -41,7 +41,9 @@ from rise_engine.kernel.view import (
 )
 from rise_engine.run.protocol.client import ClientInput, ControlVerb, Heartbeat, JournalStatus, Role
 
-VERSION = 1
+VERSION = 3
+"""Raised with every change of a message, also for a further field: an older console would leave out, for example, what
+cannot be stopped."""
 MAX_LINE_BYTES = 1_048_576
 """Maximum bytes of a client's line. A longer line is not a person's error: its connection ends."""
 MAX_MESSAGE_BYTES = 65_536

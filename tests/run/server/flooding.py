@@ -29,7 +29,7 @@ sent = {"connections": 0, "messages": 0}
 async def attach(role: str = "node") -> tuple[asyncio.StreamReader, asyncio.StreamWriter]:
     reader, writer = await asyncio.open_unix_connection(PATH)
     sent["connections"] += 1
-    writer.write(json.dumps({"type": "attach", "version": 1, "name": "flood", "role": role}).encode() + b"\n")
+    writer.write(json.dumps({"type": "attach", "version": 3, "name": "flood", "role": role}).encode() + b"\n")
     return reader, writer
 
 

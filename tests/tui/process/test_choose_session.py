@@ -21,7 +21,7 @@ from tests.tui.terminals import environment_of, run_rise_tui
 
 def about(**given: Any) -> SessionSummary:
     usual: dict[str, Any] = {
-        "version": 1,
+        "version": 3,
         "title": "LabLinking",
         "mode": "debug",
         "robot": "pepper",
