@@ -250,7 +250,7 @@ class ActRunner:
             elif state.state == "running":
                 if core.scenario.robot.actions[state.type].engine:
                     self._end_action(run, id, "canceled", reason)
-                else:
+                elif not self.restarted:  # or what an earlier engine has left is for people to decide about
                     self._cancel_timer(state)
                     state.state = "canceling"
                     core.commands.append(CancelAction(f"{run.task.id}/{id}"))

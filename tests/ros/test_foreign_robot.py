@@ -251,6 +251,7 @@ FAULTS = {
     "die-on-goal": (None, "lost", "arrived"),
     "die-on-cancel:1": (1, "lost", "arrived accepted begun cancel-asked ended vanished"),
     "fail": (None, "failed", "arrived accepted begun ended failed"),
+    "abort": (None, "failed", "arrived accepted begun ended failed"),
 }
 
 

@@ -170,7 +170,7 @@ class SimulatedAction:
         self._tell_progress(run)
         if run.has_fault("hang"):
             run.seconds = inf
-        elif run.has_fault("fail"):
+        elif run.has_fault("fail", "abort"):
             run.ending = self._call_after(run.seconds / 2, partial(self._fail, run))
         else:
             run.ending = self._call_after(run.seconds, partial(self._succeed, run))
