@@ -213,7 +213,7 @@ class Acts:
                     self._record(run, self._never_begun(action), "skipped", why)
             elif doing.engine:
                 self._end(run, doing, "canceled", why)
-            else:
+            elif not self.session.failures.giving_up:  # after a recovery, nothing is cancelled by itself (9.3)
                 run.cancelled.append(doing.action.id)
                 self.session.forget(doing.clock)
                 self.session.order("cancel", f"{run.task.id}/{doing.action.id}")
