@@ -26,6 +26,7 @@ from tests.checks.robots import ACTIONS, Lamp, scenario
 def use(monkeypatch: pytest.MonkeyPatch, **behaviour: object) -> type[Lamp]:
     kind = type("LampOfTest", (Lamp,), behaviour)
     monkeypatch.setattr("rise_engine.run.engine.drivers.find_driver", lambda name: kind)
+    monkeypatch.setattr("rise_engine.run.engine.drivers.driver_names", lambda: {"lamp"})
     return kind
 
 
@@ -78,7 +79,7 @@ async def test_one_whose_link_flickers_is_no_endless_matter(tmp_path: Path, monk
 
 async def test_a_driver_that_is_not_there_or_wants_other_options(tmp_path: Path) -> None:
     found = await look_at_robot(scenario(tmp_path))
-    assert not found.passed and found.reason.startswith("the robot driver 'lamp' is not installed (installed: ")
+    assert not found.passed and found.reason.startswith("the robot driver 'lamp' is not installed: a driver is")
     simulated = scenario(tmp_path / "two", profile='driver = "simulated"\n[options]\nlatency = "soon"\n' + ACTIONS)
     found = await look_at_robot(replace(simulated, mode="debug"))
     assert found == Finding(False, reason="the robot profile 'lamp': latency must be a number from 0 to 60")

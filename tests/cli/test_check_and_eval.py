@@ -93,6 +93,17 @@ def test_check_for_another_robot(tmp_path: Path) -> None:
     assert unknown.returncode == 1 and "`pepper`" in unknown.stdout
 
 
+def test_a_driver_that_is_not_installed_is_found_the_evening_before(tmp_path: Path) -> None:
+    study = folder(tmp_path / "s", toml='robot = "lab"')
+    (study / "robots").mkdir()
+    (study / "robots" / "lab.toml").write_text('title = "Lab"\ndriver = "ros3"\n[actions.Speech]\n[actions.LookAt]\n', "utf-8")
+    for mode, status, severity in (("real", 1, "error"), ("debug", 0, "warning")):
+        done = engine("check", study, "--mode", mode)
+        assert done.returncode == status, done.stdout
+        assert f"{severity} robot-profile: the robot driver 'ros3' is not installed" in done.stdout
+        assert "did you mean `ros2`?" in done.stdout
+
+
 @pytest.mark.parametrize("arguments", [("check",), ("run", "--act", "Greet", "--speed", "max")])
 def test_neither_screen_nor_robot_is_imported_without_need_and_no_event_loop_to_check(
     tmp_path: Path, arguments: tuple[str, ...]

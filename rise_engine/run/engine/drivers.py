@@ -10,6 +10,7 @@ from importlib.metadata import EntryPoint
 from typing import Any, cast
 
 from rise_engine.base.errors import AdapterError, RiseError
+from rise_engine.base.nearest_name import did_you_mean
 from rise_engine.base.plugins import find_plugin, installed_plugins
 from rise_engine.ports.bridge import Bridge, BridgeOpener, ProfileChecker, ProfileFinding, RosConnection
 from rise_engine.ports.robot import Clock, Driver, Robot
@@ -45,12 +46,15 @@ def find_driver(name: str) -> Driver:
     """Load the driver of that name. Raises AdapterError if it is not installed or cannot be loaded."""
     entry = find_plugin(DRIVERS, name)
     if entry is None:
-        installed = ", ".join(sorted(installed_plugins(DRIVERS).names)) or "none"
-        raise AdapterError(
-            f"the robot driver {name!r} is not installed (installed: {installed}); "
-            f"a driver is a Python package with an entry point of that name in the group {DRIVERS!r}"
-        )
+        raise AdapterError(_unknown_driver(name))
     return cast(Driver, _load_plugin(entry, f"the robot driver {name!r}"))
+
+
+def _unknown_driver(name: str) -> str:
+    return (
+        f"the robot driver {name!r} is not installed: a driver is a Python package with an entry point of that name in "
+        f"the group {DRIVERS!r}{did_you_mean(name, sorted(driver_names()))}"
+    )
 
 
 def driver_name_for(profile: RobotProfile, mode: Mode) -> str:
@@ -113,7 +117,8 @@ def profile_findings(profile: RobotProfile) -> list[ProfileFinding]:
     """Return the findings of a profile's own driver about it, whatever the mode."""
     entry = find_plugin(CHECKS, profile.driver)
     if entry is None:
-        return []
+        known = profile.driver in driver_names()
+        return [] if known else [ProfileFinding(_unknown_driver(profile.driver), "driver", "missing")]
     try:
         check: ProfileChecker = _load_plugin(entry, f"the check of the robot driver {profile.driver!r}")
     except AdapterError as error:

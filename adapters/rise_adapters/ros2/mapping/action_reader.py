@@ -268,9 +268,11 @@ class ActionReader:
         return known is True
 
     def _read_rate(self) -> float:
-        rate = self._table.get("rate", 0.0)
-        if isinstance(rate, bool) or not isinstance(rate, int | float) or not 0 <= rate <= MAX_RATE:
-            self._add_mistake("rate", f"is how often in a second it is published: a number up to {MAX_RATE:g}")
+        rate = self._table.get("rate")
+        if rate is None:
+            return 0.0
+        if isinstance(rate, bool) or not isinstance(rate, int | float) or not 0 < rate <= MAX_RATE:
+            self._add_mistake("rate", f"is how often in a second it is published: above 0, up to {MAX_RATE:g}")
             return 0.0
         return float(rate)
 
