@@ -368,7 +368,7 @@ def has_begun(folder: Path) -> bool:
     """Whether the session has at least one input."""
     try:
         with (folder / JOURNAL).open("rb") as file:
-            return b'\n{"n":' in file.read(4_096)
+            return any(line.startswith(b'{"n":') for line in file)
     except OSError:
         return False
 

@@ -120,7 +120,7 @@ def _recover(folder: Path, disk: Disk, lock: JournalLock, on_progress: ProgressC
         info=info,
         kernel=kernel,
         view=view,
-        t=max(contents.input_t, _read_clock(folder)),
+        t=max(contents.input_t, read_clock(folder)),
         timers=replay.timers,
         inputs=contents.inputs,
         size=size,
@@ -223,7 +223,7 @@ def _save_aside(journal: Path, name: str, data: Iterable[bytes], disk: Disk) -> 
     return kept.name
 
 
-def _read_clock(folder: Path) -> float:
+def read_clock(folder: Path) -> float:
     """Read the session time that the engine last noted. 0 when it cannot be read."""
     try:
         noted = float((folder / CLOCK).read_bytes())

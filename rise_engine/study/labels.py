@@ -7,15 +7,18 @@ The journal stays unchanged, and readers who need the participant follow the log
 from __future__ import annotations
 
 import re
+import tomllib
 from collections.abc import Iterator, Mapping, Sequence
+from functools import lru_cache
 from pathlib import Path
 from typing import Any
 
 from msgspec import Struct
 
+from rise_engine.scenario.files.file_names import STUDY_FILE
 from rise_engine.session.folder import JOURNAL, info_differences
 from rise_engine.session.labels import label_differences, pseudonym_problem, read_labels, refuse_differences
-from rise_engine.study.study_log import LOG_FILE, LogEntry, StudyLogError, read_kept_log
+from rise_engine.study.study_log import LOG_FILE, LogEntry, StudyLogError, file_stamp, read_kept_log
 from rise_engine.study.verdict import read_verdict
 from rise_engine.study.withdrawn import PREFIX
 
@@ -82,7 +85,7 @@ def reassignment_of(folder: Path) -> Reassignment | None:
 
 
 def session_differences(folder: Path, log: Sequence[LogEntry] | None = None) -> list[str]:
-    """List what session.toml and the study's log say differently from a session's journal.
+    """List what session.toml, the study's log and the id in its study.toml say differently from a session's journal.
 
     After a reassignment, the log may have the journal's labels or the new ones.
 
@@ -99,6 +102,8 @@ def session_differences(folder: Path, log: Sequence[LogEntry] | None = None) -> 
     ]
     labels = read_labels(folder / JOURNAL) if told else None
     found += _name_differences(name, labels or {})
+    if any(each.kind == "session" for each in told):
+        found += _study_differences(folder.resolve().parent.parent / STUDY_FILE, labels or {})
     given: Mapping[str, Any] | None = labels
     accepted: Mapping[str, Any] | None = labels
     moves = [each for each in told if each.kind == "reassigned"]
@@ -126,6 +131,22 @@ def _name_differences(name: str, labels: Mapping[str, Any]) -> Iterator[str]:
     named, participant = _FOLDER_NAME.match(name), str(labels.get("participant") or "")
     if named is not None and not pseudonym_problem(participant) and participant not in ("", named[1]):
         yield f'the folder\'s name says "{named[1]}", but {JOURNAL} says participant = "{participant}"'
+
+
+def _study_differences(study: Path, labels: Mapping[str, Any]) -> Iterator[str]:
+    """Say whether the study has another id than when the session ran."""
+    id, recorded = _study_id(study, file_stamp(study)), labels.get("study")
+    if id and recorded and id != recorded:
+        yield f'{STUDY_FILE} says id = "{id}", but {JOURNAL} says study = "{recorded}"'
+
+
+@lru_cache(maxsize=4)
+def _study_id(study: Path, changed: tuple[int, int]) -> str:
+    """Return the id in study.toml, even if other parts have errors. Empty: unknown. Cached while it is unchanged."""
+    try:
+        return str(tomllib.loads(study.read_text("utf-8")).get("id") or "")
+    except (OSError, ValueError):
+        return ""
 
 
 def _outcome_differences(folder: Path, told: Sequence[LogEntry]) -> Iterator[str]:

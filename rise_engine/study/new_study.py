@@ -106,7 +106,7 @@ def study_toml_text(new: NewStudy) -> str:
     lines = [
         "# The design of this study. You change it here; `rise-engine study check` says in",
         "# words what is wrong with it. Once there is a plan, what the plan is made of stays:",
-        "# seed, n, scenario, factors, assignment, strata. Everything else can change.",
+        "# seed, n, scenario, factors, assignment, strata. The id stays too, once there is a session.",
         "",
         f"title    = {_text(study.title)}",
         f"id       = {_text(study.id)}  # letters and digits: a part of file names",

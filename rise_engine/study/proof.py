@@ -12,7 +12,7 @@ from rise_engine.session.folder import INFO, JOURNAL, has_begun
 from rise_engine.session.replay import ReplayComparison, compare_replay
 from rise_engine.study.plan import runs_of
 from rise_engine.study.plan_file import PLAN_FILE
-from rise_engine.study.sessions import StudySession, copied_sessions, session_folders
+from rise_engine.study.sessions import MOVED_AWAY, StudySession, copied_sessions, session_folders
 from rise_engine.study.state import StudyStatus
 from rise_engine.study.study_log import LOG_FILE, StudyLogError, read_log
 
@@ -60,6 +60,9 @@ def prove_sessions(
             yield ProvedSession(name, None, (copies[name],))
             continue
         if session is not None and session.entry.status == "running":
+            continue
+        if session is not None and session.info is None and session.missing != MOVED_AWAY:
+            yield ProvedSession(name, None, (f"it {session.missing}",))
             continue
         if name not in there:
             judged = session is not None and session.entry.purpose == "counted" and session.entry.outcome is not None

@@ -21,7 +21,7 @@ from rise_engine.study.plan_file import NEW_PLAN_FILE, PLAN_FILE, PlanLoad, plan
 from rise_engine.study.planning import held_slots, last_planned, plan_problem, scenario_hashes
 from rise_engine.study.questionnaires import find_missing, load_questionnaire
 from rise_engine.study.session_kinds import check_languages
-from rise_engine.study.sessions import SESSIONS, copied_sessions, session_folders
+from rise_engine.study.sessions import MOVED_AWAY, SESSIONS, copied_sessions, read_sessions, session_folders
 from rise_engine.study.study_log import LOG_FILE, LogEntry, StudyLogError, read_log
 from rise_engine.study.study_toml import STUDY_FILE, StudyLoad, load_study
 from rise_engine.study.withdrawn import is_withdrawn
@@ -154,10 +154,25 @@ def _review_log(
         _check_holders(entries, people.participants, plan.slots, diagnostics)
     for name, sentence in copied_sessions(folder, entries).items():
         diagnostics.error("copied-session", SourceLocation(f"{SESSIONS}/{name}"), sentence)
-    for path in session_folders(folder):
-        for sentence in session_differences(path, entries):
-            diagnostics.error("other-label", SourceLocation(f"{SESSIONS}/{path.name}"), sentence)
+    _check_sessions(study, entries, diagnostics)
     return entries, diagnostics.sorted()
+
+
+def _check_sessions(study: Study, entries: list[LogEntry], diagnostics: Diagnostics) -> None:
+    """Check that the sessions of the log are there, can be read, and are what other files say."""
+    folder = Path(study.folder)
+    known = {each.name: each for each in read_sessions(folder, study.id, entries)}
+    for session in known.values():
+        location = SourceLocation(f"{SESSIONS}/{session.name}")
+        if session.missing == MOVED_AWAY:  # as when data are deleted in time
+            diagnostics.warning("lost-session", location, f"it {session.missing}")
+        elif session.missing:
+            diagnostics.error("lost-session", location, f"it {session.missing}")
+    for path in session_folders(folder):
+        other = known.get(path.name)
+        is_read = other is not None and other.info is not None
+        for sentence in other.differences if other is not None and is_read else session_differences(path, entries):
+            diagnostics.error("other-label", SourceLocation(f"{SESSIONS}/{path.name}"), sentence)
 
 
 def _check_plan(study: Study, planned: LogEntry | None, plan: PlanLoad, diagnostics: Diagnostics) -> None:

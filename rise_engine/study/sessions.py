@@ -12,7 +12,7 @@ from collections.abc import Collection, Iterable, Sequence
 from contextlib import suppress
 from datetime import datetime
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import Any, Literal, NamedTuple
 
 from msgspec import Struct
 from msgspec.structs import replace
@@ -25,6 +25,7 @@ from rise_engine.scenario.model import Json
 from rise_engine.session.folder import JOURNAL, SessionInfo, has_begun, has_ended, is_abandoned, read_info
 from rise_engine.session.labels import read_labels
 from rise_engine.session.lock import JournalLock
+from rise_engine.session.recovery import read_clock
 from rise_engine.study.labels import Reassignment, reassignments, session_differences
 from rise_engine.study.model import SessionEntry
 from rise_engine.study.study_log import EntryKind, LogEntry
@@ -36,7 +37,10 @@ GIVEN_UP = "its engine had gone, and it was given up"
 """The reason for aborting a session that nobody continued."""
 
 
-_MOVED_AWAY = "is not in the study's sessions any more"
+MOVED_AWAY = "is not in the study's sessions any more"
+NO_JOURNAL = (
+    "has no readable journal: what happened in it is lost, unless a backup has it. Put the journal back from there"
+)
 
 
 class StudySession(Struct, frozen=True):
@@ -45,9 +49,9 @@ class StudySession(Struct, frozen=True):
     entry: SessionEntry
     path: Path
     info: SessionInfo | None
-    """None: only the log has the session (`missing`)."""
+    """None: nothing of what happened can be read (`missing`)."""
     missing: str = ""
-    """Why only the log has it: `is not in the study's sessions any more`, or `cannot be read: ...`."""
+    """Why only the log or session.toml has it: `MOVED_AWAY`, `NO_JOURNAL`, or `cannot be read: ...`."""
     abandoned: bool = False
     """Whether somebody decided not to continue it."""
     left_open: bool = False
@@ -73,10 +77,11 @@ class MissingEntry(NamedTuple):
 def read_sessions(folder: Path, study_id: str, log: Sequence[LogEntry]) -> list[StudySession]:
     """Return every session of the study, in the order in which they began. Some may only be in the log.
 
-    Folders without any input, whose engines were killed at once, are not sessions.
+    Folders without any input, whose engines were killed at once, are not sessions. A journal that was lost later does
+    not make a session vanish: it is `missing`.
 
     :param folder: the study's folder.
-    :param study_id: folders of other studies are left out.
+    :param study_id: folders of other studies are left out, unless the log names them.
     :param log: the study's log; its outcomes count.
     """
     outcomes = {_text(each, "session"): each for each in log if each.kind == "outcome"}
@@ -84,6 +89,7 @@ def read_sessions(folder: Path, study_id: str, log: Sequence[LogEntry]) -> list[
     about: dict[str, list[LogEntry]] = {}
     for each in log:
         about.setdefault(_text(each, "folder") or _text(each, "session"), []).append(each)
+    logged = {_text(each, "folder") for each in log if each.kind == "session"}
     found: dict[str, StudySession] = {}
     passed_over = {*copied_sessions(folder, log)}
     unreadable: dict[str, str] = {}
@@ -95,17 +101,24 @@ def read_sessions(folder: Path, study_id: str, log: Sequence[LogEntry]) -> list[
         except SessionError as error:  # only the log can describe it
             unreadable[path.name] = f"cannot be read: {error}"
             continue
-        session = _from_folder(path, info, outcomes.get(path.name)) if info.study == study_id else None
-        if session is None:
+        told = about.get(path.name, ())
+        is_running = is_locked(path / JOURNAL)
+        if info.study != study_id and path.name not in logged:
             passed_over.add(path.name)
-        else:
-            differences = session_differences(path, about.get(path.name, ()))
-            session = replace(session, differences=tuple(differences))
+        elif is_running or has_begun(path):
+            session = _from_folder(path, info, outcomes.get(path.name), running=is_running)
+            session = replace(session, differences=tuple(session_differences(path, told)))
             found[path.name] = _reassign(session, moved.get(path.name))
+        elif _nothing_happened(path, told):
+            passed_over.add(path.name)
+        elif path.name in logged:
+            unreadable[path.name] = NO_JOURNAL
+        else:
+            found[path.name] = StudySession(_entry_of(path, info, "ended"), path, None, NO_JOURNAL)
     for each in log:
         name = _text(each, "folder")
         if each.kind == "session" and name not in found and name not in passed_over:
-            session = _from_log(folder, each, outcomes.get(name), unreadable.get(name, _MOVED_AWAY))
+            session = _from_log(folder, each, outcomes.get(name), unreadable.get(name, MOVED_AWAY))
             found[name] = _reassign(session, moved.get(name))
     begun = [_text(each, "folder") for each in log if each.kind == "session"]
     places = {name: place for place, name in enumerate(begun)}  # the only order where dates are removed
@@ -163,24 +176,35 @@ def copied_sessions(folder: Path, log: Sequence[LogEntry]) -> dict[str, str]:
     return copies
 
 
-def _from_folder(path: Path, info: SessionInfo, outcome: LogEntry | None) -> StudySession | None:
-    running = is_locked(path / JOURNAL)
-    if not running and not has_begun(path):
-        return None
-    ended = has_ended(path)
-    entry = SessionEntry(
+def _nothing_happened(path: Path, told: Iterable[LogEntry]) -> bool:
+    """Whether the engine of a session without any input was killed at once.
+
+    It leaves a journal without inputs. The log has at most that the session began, and no time was noted.
+
+    :param told: what the log says about the session.
+    """
+    kinds = {each.kind for each in told}
+    return kinds <= {"session"} and (not kinds or (path / JOURNAL).is_file()) and read_clock(path) < 1
+
+
+def _from_folder(path: Path, info: SessionInfo, outcome: LogEntry | None, *, running: bool) -> StudySession:
+    entry = _entry_of(path, info, "ended" if has_ended(path) else "running" if running else "unfinished")
+    left_open = entry.status == "unfinished"
+    return StudySession(_with_outcome(entry, outcome), path, info, abandoned=is_abandoned(path), left_open=left_open)
+
+
+def _entry_of(path: Path, info: SessionInfo, status: Literal["running", "unfinished", "ended"]) -> SessionEntry:
+    return SessionEntry(
         participant=info.participant,
         run=info.run,
         attempt=info.attempt,
         purpose=info.purpose or "debug",
         folder=path.name,
         started=info.started,
-        status="ended" if ended else "running" if running else "unfinished",
+        status=status,
         condition=info.condition,
         slot=info.slot or None,
     )
-    left_open = entry.status == "unfinished"
-    return StudySession(_with_outcome(entry, outcome), path, info, abandoned=is_abandoned(path), left_open=left_open)
 
 
 def _from_log(folder: Path, session: LogEntry, outcome: LogEntry | None, missing: str) -> StudySession:

@@ -331,6 +331,99 @@ def test_a_copied_session_does_not_count(study: Path, tmp_path: Path) -> None:
         assert copy.name not in [each["session"] for each in csv.DictReader(file)]
 
 
+# --- lost -------------------------------------------------------------------------------------------------------------
+
+
+def _no_journal(folder: Path) -> None:
+    (folder / "journal.jsonl").unlink()
+
+
+def _empty_journal(folder: Path) -> None:
+    (folder / "journal.jsonl").write_bytes(b"")
+
+
+def _only_the_header(folder: Path) -> None:
+    journal = folder / "journal.jsonl"
+    journal.write_bytes(journal.read_bytes().splitlines(keepends=True)[0])
+
+
+def _a_folder_instead(folder: Path) -> None:
+    _no_journal(folder)
+    (folder / "journal.jsonl").mkdir()
+
+
+@pytest.mark.parametrize("lose", [_no_journal, _empty_journal, _only_the_header, _a_folder_instead])
+def test_a_session_whose_journal_is_lost_is_told_and_its_run_is_not_asked_for_again(
+    study: Path, tmp_path: Path, lose: Callable[[Path], None]
+) -> None:
+    folder = next(each for each in sessions_of(study) if "P01" in each.name and read_info(each).purpose == "counted")
+    lose(folder)
+    told = f"{folder.name} of P01 has no readable journal"
+    state = read_state(study)
+    assert [each for each in state.standing.due if each.startswith(told)] and state.state_of("P01") == "complete"
+    with OpenStudy(study) as opened:
+        assert len(opened.state.sessions) == 8
+    status, said = run("study", "check", study)
+    assert status == 1 and f"sessions/{folder.name}:1:1: error lost-session: it has no readable journal" in said
+    status, lines = check_sessions(study)
+    assert status == 1 and any(line.startswith(f"{folder.name}: not proved: it has no readable") for line in lines)
+    assert (
+        f"{folder.name} is not in the export: it has no readable journal" in _export(study, folder, tmp_path / "x")[1]
+    )
+    assert f"{folder.name} has no readable journal" in run("report", study)[1]
+    said = run("study", "bundle", study, "-o", tmp_path / "bundle", "--level", "full")[1]
+    assert f"{folder.name} is not in the export: it has no readable journal" in said
+    assert f"anything about {folder.name}: " in run("reproduce", tmp_path / "bundle")[1]
+
+
+def test_a_session_that_only_its_session_toml_knows_is_told(study: Path) -> None:
+    """Also when the log lost its lines: the engine had noted its clock, so it ran."""
+    folder = sessions_of(study)[1]
+    (folder / "clock").write_text("118.000")
+    _no_journal(folder)
+    lines = (study / LOG_FILE).read_text("utf-8").splitlines(keepends=True)
+    (study / LOG_FILE).write_text("".join(each for each in lines if folder.name not in each), "utf-8")
+    assert any(each.startswith(f"{folder.name} of P01 has no readable") for each in read_state(study).standing.due)
+
+
+def test_an_engine_that_was_killed_at_once_leaves_no_session(study: Path) -> None:
+    """It had written that the session begins, and its journal was still empty."""
+    folder = sessions_of(study)[1]
+    _empty_journal(folder)
+    log = study / LOG_FILE
+    lines = [each for each in log.read_text("utf-8").splitlines(keepends=True) if folder.name not in each]
+    begins = '{"kind":"session","at":"2024-11-23T10:30:00.000+01:00","participant":"P01","slot":1,"run":1,"attempt":1,'
+    log.write_text("".join([*lines, f'{begins}"purpose":"counted","folder":"{folder.name}"}}\n']), "utf-8")
+    assert folder.name not in [each.name for each in read_state(study).sessions]
+    assert "lost-session" not in run("study", "check", study)[1]
+
+
+def test_a_session_that_was_moved_away_is_no_error(study: Path) -> None:
+    """As when data are deleted in time."""
+    folder = sessions_of(study)[1]
+    shutil.rmtree(folder)
+    status, said = run("study", "check", study)
+    assert (
+        status == 0 and f"{folder.name}:1:1: warning lost-session: it is not in the study's sessions any more" in said
+    )
+
+
+def test_the_sessions_stay_when_the_study_gets_another_id(study: Path, tmp_path: Path) -> None:
+    before = [each.entry for each in read_state(study).sessions]
+    edit(study / "study.toml", '^id = ".*"', 'id = "lampz"')
+    state = read_state(study)
+    assert [each.entry for each in state.sessions] == before and state.standing.complete == 3
+    told = 'study.toml says id = "lampz", but journal.jsonl says study = "hesitation"'
+    status, said = run("study", "check", study)
+    assert status == 1 and said.count(f"error other-label: {told}") == 8
+    assert "was given another label" in run("study", "status", study)[1]
+    status, lines = check_sessions(study)
+    assert status == 1 and any(line.startswith("0 of 8 sessions proved") for line in lines)
+    for read in (_export, _report):
+        status, said = read(study, sessions_of(study)[1], tmp_path / "out")
+        assert status == 2 and told in said
+
+
 # --- reassigned -------------------------------------------------------------------------------------------------------
 
 
