@@ -24,6 +24,7 @@ from rise_engine.study.session_kinds import check_languages
 from rise_engine.study.sessions import MOVED_AWAY, SESSIONS, copied_sessions, read_sessions, session_folders
 from rise_engine.study.study_log import LOG_FILE, LogEntry, StudyLogError, read_log
 from rise_engine.study.study_toml import STUDY_FILE, StudyLoad, load_study
+from rise_engine.study.traces import WORK_FOLDER, interrupted_withdrawals
 from rise_engine.study.withdrawn import is_withdrawn
 
 _OF_PARTICIPANTS = frozenset({"strata", "consent", "participants"})
@@ -142,6 +143,8 @@ def _review_log(
     except StudyLogError as error:
         diagnostics.error("unreadable", SourceLocation(LOG_FILE), str(error))
         return [], diagnostics.sorted()
+    for sentence in interrupted_withdrawals(folder):
+        diagnostics.error("interrupted-withdrawal", SourceLocation(WORK_FOLDER), sentence)
     planned = last_planned(entries)
     if not loaded.unsure & _OF_PLAN:
         _check_plan(study, planned, plan, diagnostics)

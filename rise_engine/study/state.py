@@ -28,7 +28,7 @@ from rise_engine.study.sessions import MissingEntry, StudySession, copied_sessio
 from rise_engine.study.standing import Places, places_of, study_standing
 from rise_engine.study.study_log import LockedLog, LogEntry, read_log
 from rise_engine.study.study_toml import is_study, load_study
-from rise_engine.study.traces import registered_recordings
+from rise_engine.study.traces import interrupted_withdrawals, registered_recordings
 from rise_engine.study.withdrawn import is_withdrawn
 
 NAMED = 3
@@ -92,6 +92,8 @@ class StudyStatus(Struct, frozen=True):
     plan_hash: str
     problems: tuple[str, ...] = ()
     """Sentences on what blocks every session that counts."""
+    interrupted: tuple[str, ...] = ()
+    """Sentences on withdrawals that have not erased everything (`interrupted_withdrawals`)."""
 
     @property
     def pseudonyms(self) -> tuple[str, ...]:
@@ -207,6 +209,8 @@ def _state(files: StudyFiles, log: Sequence[LogEntry]) -> StudyStatus:
     problems = _plan_problems(files, log)
     places = places_of(files.participants, log)
     standing = study_standing(study, files.participants, files.plan, log, sessions, problems=problems)
+    interrupted = interrupted_withdrawals(folder)
+    standing = replace(standing, due=(*interrupted, *standing.due))
     return StudyStatus(
         study=study,
         participants=files.participants,
@@ -217,6 +221,7 @@ def _state(files: StudyFiles, log: Sequence[LogEntry]) -> StudyStatus:
         standing=standing,
         plan_hash=files.plan_hash,
         problems=tuple(problems),
+        interrupted=tuple(interrupted),
     )
 
 

@@ -27,6 +27,8 @@ from rise_engine.study.study_log import LOG_FILE
 
 WORK_FOLDER = ".withdrawing"
 """A folder in the study's folder, while data are being erased."""
+LIST_FILE = "list.json"
+"""In a folder of it, the list of what to erase."""
 MANIFEST_FILE = "manifest-sha256.txt"
 """The checksums of a bundle (`results.bundle`). Nobody may write into a study's folder that has them."""
 
@@ -67,6 +69,20 @@ def folders_in(sessions: Path) -> list[Path]:
         return sorted(Path(each.path) for each in os.scandir(sessions) if each.is_dir(follow_symlinks=False))
     except OSError:
         return []
+
+
+def interrupted_withdrawals(study: Path, besides: Path | None = None) -> list[str]:
+    """Return a sentence for each withdrawal in a study's folder that has not erased everything.
+
+    :param study: the study's folder.
+    :param besides: the folder of a withdrawal that is left out.
+    """
+    return [
+        f"a withdrawal was interrupted: their data are still in {WORK_FOLDER}/{work.name}; `rise-engine study withdraw "
+        f"STUDY PSEUDONYM` completes it ({LIST_FILE} there says whose)"
+        for work in folders_in(study / WORK_FOLDER)
+        if work != besides and (work / LIST_FILE).exists()
+    ]
 
 
 def owner_of(folder: Path) -> str:

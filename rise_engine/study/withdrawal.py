@@ -30,6 +30,7 @@ from rise_engine.study.traces import (
     find_names,
     folders_in,
     has_name,
+    interrupted_withdrawals,
     lines_naming,
     name_pattern,
     owner_of,
@@ -105,6 +106,7 @@ def withdraw(
             f"not everything could be erased: {error.filename or study}: {error_message(error)}. Fix that and "
             "repeat the command: it continues where it stopped"
         ) from None
+    report.unreached += interrupted_withdrawals(study, work)
     report.remains = find_names(study, participant)
     report.beyond += _beyond(study, participant)
     return report

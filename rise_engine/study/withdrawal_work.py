@@ -20,6 +20,7 @@ from rise_engine.study.plan_file import PLAN_FILE
 from rise_engine.study.sessions import SESSIONS
 from rise_engine.study.study_log import LOG_FILE, SET_ASIDE_FILE
 from rise_engine.study.traces import (
+    LIST_FILE,
     MANIFEST_FILE,
     PARTICIPANTS_FILE,
     STUDY_FILE,
@@ -140,9 +141,6 @@ def _is_older(path: Path, session: Path) -> bool:
     return max(newest, path.lstat().st_mtime) < started - 1
 
 
-_LIST = "list.json"
-
-
 class WithdrawalPlan(Struct):
     """The list of what to erase."""
 
@@ -218,11 +216,11 @@ def new_work(study: Path) -> Path:
 
 
 def read_list(work: Path) -> WithdrawalPlan:
-    return msgspec.json.decode((work / _LIST).read_bytes(), type=WithdrawalPlan)
+    return msgspec.json.decode((work / LIST_FILE).read_bytes(), type=WithdrawalPlan)
 
 
 def write_list(work: Path, plan: WithdrawalPlan, disk: Disk) -> None:
-    disk.write_whole(work / _LIST, msgspec.json.encode(plan))
+    disk.write_whole(work / LIST_FILE, msgspec.json.encode(plan))
 
 
 def join_plans(before: WithdrawalPlan, now: WithdrawalPlan) -> WithdrawalPlan:

@@ -27,7 +27,7 @@ from rise_engine.study.state import OpenStudy, due_retention, read_state
 from rise_engine.study.study_log import LOG_FILE, SET_ASIDE_FILE, LockedLog, StudyLogError, read_log
 from rise_engine.study.traces import WORK_FOLDER, find_names, owner_of
 from rise_engine.study.withdrawal import plan_withdrawal, withdraw
-from rise_engine.study.withdrawal_work import WithdrawalPlan
+from rise_engine.study.withdrawal_work import Erasing, WithdrawalPlan
 from rise_engine.study.withdrawn import is_withdrawn, without_salts
 from tests.forked import Forked
 from tests.kills import every_kill
@@ -257,6 +257,50 @@ def test_killed_at_any_touch_of_the_disk(tmp_path: Path) -> None:
         withdraw(made.study, "P01")
         assert_gone(made)
     assert touches[-1] > 60
+
+
+@pytest.fixture
+def interrupted(made: Folder, monkeypatch: pytest.MonkeyPatch) -> Folder:
+    """The log is rewritten, and nothing is erased yet."""
+
+    def stop(erasing: Erasing) -> None:
+        raise KeyboardInterrupt
+
+    with monkeypatch.context() as patch, pytest.raises(KeyboardInterrupt):
+        patch.setattr(Erasing, "run", stop)
+        withdraw(made.study, "P01")
+    return made
+
+
+INTERRUPTED = "a withdrawal was interrupted: their data are still in .withdrawing/1; `rise-engine study withdraw STUDY"
+
+
+def test_whoever_reads_the_study_says_that_a_withdrawal_was_interrupted(interrupted: Folder, tmp_path: Path) -> None:
+    study = interrupted.study
+    status = run("study", "status", study)
+    assert status.exit_code == 1 and INTERRUPTED in status.output.partition("to do")[2]
+    assert f"warning: {INTERRUPTED}" in run("study", "next", study).output
+    check = run("study", "check", study)
+    assert check.exit_code == 1 and f"error interrupted-withdrawal: {INTERRUPTED}" in check.output
+    bundle = run("study", "bundle", study, "-o", tmp_path / "bundle")
+    assert bundle.exit_code == 1 and INTERRUPTED in bundle.output
+    with OpenStudy(study) as open:
+        assert open.state.standing.due[0].startswith(INTERRUPTED)
+    report = CliRunner().invoke(main, ["report", str(study)])
+    assert report.exit_code == 1 and "!! a withdrawal was interrupted" in report.output
+    export = CliRunner().invoke(main, ["export", str(study), "--format", "tables", "-o", str(tmp_path / "tables")])
+    assert export.exit_code == 2 and INTERRUPTED in export.output and not (tmp_path / "tables").exists()
+    theirs = study / ".withdrawing" / "1" / interrupted.sessions[0].name
+    export = CliRunner().invoke(main, ["export", str(theirs), "--format", "csv"])
+    assert export.exit_code == 2 and "its participant withdraws" in export.output
+
+
+def test_a_withdrawal_says_that_another_one_was_interrupted(interrupted: Folder) -> None:
+    assert any(each.startswith(INTERRUPTED) for each in withdraw(interrupted.study, "P02").unreached)
+    report = withdraw(interrupted.study, "P01")
+    assert not any(INTERRUPTED in each for each in report.unreached)
+    assert run("study", "status", interrupted.study).exit_code == 0
+    assert "interrupted" not in run("study", "check", interrupted.study).output
 
 
 # --- the command ---

@@ -29,7 +29,7 @@ from rise_engine.study.sessions import StudySession
 from rise_engine.study.state import read_state
 from rise_engine.study.study_log import read_log
 from rise_engine.study.study_toml import STUDY_FILE, is_study
-from rise_engine.study.traces import owner_of, study_of_session, wizard_names
+from rise_engine.study.traces import WORK_FOLDER, owner_of, study_of_session, wizard_names
 from rise_engine.study.withdrawn import is_withdrawn
 
 Command = TypeVar("Command", bound=Callable[..., Any])
@@ -147,7 +147,8 @@ def select_sessions(named: Sequence[str], *, all: bool = False) -> Selection:
 
     :param named: folders of studies (or their study.toml), and sessions as `find_session` accepts them.
     :param all: for studies, also the sessions that do not count or did not end.
-    :raises ExportError: nothing is left to export, or the participant of a session has withdrawn.
+    :raises ExportError: nothing is left to export, the participant of a session has withdrawn, or a withdrawal was
+        interrupted.
     :raises SessionError: one is not a session.
     :raises FileError: a study's files have errors.
     :raises StudyLogError: a study's log cannot be read.
@@ -169,7 +170,9 @@ def select_sessions(named: Sequence[str], *, all: bool = False) -> Selection:
 
 
 def _refuse_withdrawn(folder: Path) -> None:
-    """Refuse a session of a participant who has withdrawn, which a backup may have restored."""
+    """Refuse a session of a participant who has withdrawn, which a backup may have restored, or is being erased."""
+    if folder.resolve().parent.parent.name == WORK_FOLDER:
+        raise ExportError(f"{folder.name} is not exported: its participant withdraws")
     study = study_of_session(folder)
     if study is not None and is_withdrawn(owner_of(folder), read_log(study)):
         raise ExportError(f"{folder.name} is not exported: its participant has withdrawn")
@@ -177,6 +180,8 @@ def _refuse_withdrawn(folder: Path) -> None:
 
 def _select_study(selection: Selection, path: Path, *, all: bool, alone: bool) -> None:
     state = read_state(path)
+    if state.interrupted:
+        raise ExportError("nothing was exported", *state.interrupted)
     selection.several = True
     if alone:
         selection.standing = state.standing

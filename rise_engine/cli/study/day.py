@@ -14,7 +14,7 @@ from rise_engine.base.exit_status import NOT_WRITTEN, OK, REFUSED
 from rise_engine.checks import CheckContext
 from rise_engine.cli.options import CHECK_OPTIONS, HERE, JSON, STUDY, STUDY_OR_HERE, options
 from rise_engine.cli.study.checks import CheckOptions, gather_check_reports, read_check_options
-from rise_engine.cli.terminal import print_lines, refusing, show, table_lines
+from rise_engine.cli.terminal import print_lines, print_notes, refusing, show, table_lines
 from rise_engine.kernel.records import OutcomeStatus
 from rise_engine.study.begin import BeginRequest, CannotBegin, plan_session
 from rise_engine.study.judge import exclude_participant, judge_session, reassign_session, session_to_judge
@@ -30,13 +30,14 @@ _log_errors = refusing(NOT_WRITTEN, of=StudyLogError)
 @STUDY_OR_HERE
 @JSON
 @_log_errors
-def status(study: Path, as_json: bool) -> None:
+def status(study: Path, as_json: bool) -> int:
     """Show the state of STUDY (default: this folder): participants, cells, who is next, and what is left to do.
 
-    It writes nothing. Exit status: 0; 1 if a file of the study has errors.
+    It writes nothing. Exit status: 0; 1 if a file of the study has errors, or a withdrawal was interrupted.
     """
     state = read_state(study.absolute())
     show(status_lines(state), status_json(state), as_json=as_json)
+    return REFUSED if state.interrupted else OK
 
 
 @click.command("next")
@@ -49,6 +50,7 @@ def next_participant(study: Path, as_json: bool) -> int:
     Exit status: 0; 1 if nobody can begin, or a file of the study has errors.
     """
     state = read_state(study.absolute())
+    print_notes(*(f"warning: {each}" for each in state.interrupted))
     show(next_lines(state), next_json(state), as_json=as_json)
     return OK if state.standing.next else REFUSED
 
