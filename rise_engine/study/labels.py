@@ -24,6 +24,8 @@ from rise_engine.study.withdrawn import PREFIX
 
 _FOLDER_NAME = re.compile(r"\d{4}-\d{2}-\d{2}_\d{6}_([A-Za-z0-9]+)_")
 """The start of a folder's name, with the participant."""
+_ROUNDED = 0.001
+"""Seconds by which the log's times differ from a journal's at most."""
 _ABOUT_SESSIONS = frozenset({"session", "outcome", "reassigned"})
 """Kinds of entries with a session's labels."""
 
@@ -111,7 +113,9 @@ def session_differences(folder: Path, log: Sequence[LogEntry] | None = None) -> 
         str(each.get(who)).startswith(PREFIX) for each in moves for who in ("was", "participant")
     ):
         accepted = {**labels, **reassignments(moves)[name].labels}  # a withdrawal has put these into the earlier lines
-    found += _outcome_differences(folder, [each for each in told if each.kind == "outcome"])
+    outcomes = [each for each in told if each.kind == "outcome"]
+    found += _outcome_differences(folder, outcomes)
+    found += _end_differences(folder, outcomes) if labels is not None else []
     for each in told:
         where = f"{LOG_FILE}, line {each.line},"
         if each.kind == "reassigned":
@@ -172,6 +176,18 @@ def _outcome_differences(folder: Path, told: Sequence[LogEntry]) -> Iterator[str
     for each in told[1:]:
         if not str(each.get("reason") or "").strip():
             yield f"{LOG_FILE}, line {each.line}, corrects the outcome and gives no reason"
+
+
+def _end_differences(folder: Path, told: Sequence[LogEntry]) -> Iterator[str]:
+    """Say whether the journal ends earlier than the log's first outcome, which has the session time of its end."""
+    logged = told[0].get("seconds") if told else None
+    if not isinstance(logged, float | int):
+        return
+    end = read_verdict(folder).seconds
+    if end < logged - _ROUNDED:
+        yield (
+            f"{LOG_FILE}, line {told[0].line}, says {logged:.3f} s, {JOURNAL} ends at {end:.3f} s: its end is missing"
+        )
 
 
 def refuse_relabelled(folder: Path) -> None:

@@ -171,6 +171,8 @@ def _check_sessions(study: Study, entries: list[LogEntry], diagnostics: Diagnost
             diagnostics.warning("lost-session", location, f"it {session.missing}")
         elif session.missing:
             diagnostics.error("lost-session", location, f"it {session.missing}")
+        elif session.without_end:
+            diagnostics.warning("no-end", location, f"it {session.without_end}")
     for path in session_folders(folder):
         other = known.get(path.name)
         is_read = other is not None and other.info is not None

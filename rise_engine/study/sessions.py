@@ -62,6 +62,13 @@ class StudySession(Struct, frozen=True):
     """Sentences on what session.toml or the log say differently from its journal, which counts."""
 
     @property
+    def without_end(self) -> str:
+        """Says that it counts as complete although its record has no end. Empty: this is not so."""
+        if self.entry.outcome != "complete" or self.entry.purpose != "counted" or not self.left_open:
+            return ""
+        return "counts as complete, and its record has no end: its engine had gone, or the end of its journal is lost"
+
+    @property
     def name(self) -> str:
         """The name of its folder."""
         return self.entry.folder

@@ -424,6 +424,43 @@ def test_the_sessions_stay_when_the_study_gets_another_id(study: Path, tmp_path:
         assert status == 2 and told in said
 
 
+@pytest.mark.parametrize("lines", [1, 2, 3, 60])
+def test_a_journal_whose_end_is_missing_is_not_taken_for_the_session(study: Path, tmp_path: Path, lines: int) -> None:
+    folder = next(each for each in sessions_of(study) if "P01" in each.name and read_info(each).purpose == "counted")
+    journal = folder / "journal.jsonl"
+    journal.write_bytes(b"".join(journal.read_bytes().splitlines(keepends=True)[:-lines]))
+    status, said = run("study", "check", study)
+    if lines == 1:  # the record of the last input: the replay gives it again
+        assert status == 0 and "no-end" not in said
+        return
+    seconds = read_verdict(folder).seconds
+    told = rf"study.jsonl, line \d+, says 120.000 s, journal.jsonl ends at {seconds:.3f} s: its end is missing"
+    assert status == 1 and re.search(f"error other-label: {told}", said)
+    assert f"{folder.name}:1:1: warning no-end: it counts as complete, and its record has no end" in said
+    status, lines_ = check_sessions(study)
+    assert status == 1 and any(line.startswith("7 of 8 sessions proved") for line in lines_)
+    for read in (_export, _report):
+        status, said = read(study, folder, tmp_path / "out")
+        assert status == 2 and re.search(told, said)
+
+
+def test_a_session_that_was_judged_before_its_engine_vanished_has_no_end_and_is_told(
+    study: Path, tmp_path: Path
+) -> None:
+    """That is no error: the log never had another end."""
+    folder = next(each for each in sessions_of(study) if "P01" in each.name and read_info(each).purpose == "counted")
+    journal = folder / "journal.jsonl"
+    journal.write_bytes(b"".join(journal.read_bytes().splitlines(keepends=True)[:-2]))
+    edit(study / LOG_FILE, rf'(?<="kind":"outcome")(.*{folder.name}.*)"seconds":120.0', r'\1"seconds":118.0')
+    told = "counts as complete, and its record has no end"
+    status, said = run("study", "check", study)
+    assert status == 0 and f"{folder.name}:1:1: warning no-end: it {told}" in said
+    status, said = _export(study, folder, tmp_path / "tables")
+    assert status == 0 and f"note: {folder.name} {told}" in said
+    said = " ".join(run("report", study)[1].replace("!!", "").split())
+    assert f"{folder.name} {told}" in said
+
+
 # --- reassigned -------------------------------------------------------------------------------------------------------
 
 

@@ -51,7 +51,7 @@ def bundle(
         "left out:",
         *_indent(report.left_out),
         "look at this before anybody else gets it:",
-        *_indent(report.look_at),
+        *_indent([*selection.notes, *report.look_at]),
         "its fingerprint, for the paper (rise-engine reproduce prints it):",
         f"  {report.fingerprint}",
     )

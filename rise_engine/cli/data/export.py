@@ -65,6 +65,8 @@ class Selection(Struct):
     """Whether a study, or more than one session, was named."""
     remarks: list[str] = field(default_factory=list)
     """What is left out, in sentences."""
+    notes: list[str] = field(default_factory=list)
+    """What to know of selected sessions, in sentences."""
 
 
 def level_option(default: ExportLevel, about: str) -> Callable[[Command], Command]:
@@ -196,6 +198,7 @@ def _select_study(selection: Selection, path: Path, *, all: bool, alone: bool) -
             left_out[why] += 1
         else:
             selection.folders.append(session.path)
+            selection.notes += [f"{session.name} {session.without_end}"] if session.without_end else []
     if left_out:
         told = ", ".join(f"{count} {why}" for why, count in left_out.items())
         sessions = pluralize(left_out.total(), "session")
@@ -223,7 +226,7 @@ def _export(selection: Selection, format: ExportFormat, request: ExportRequest) 
     context.wide = request.wide
     out = Path(request.out)
     report = export_sessions(format, out, folders, context, private=request.private, several=selection.several)
-    print_notes(*(f"note: {sentence}" for sentence in (*selection.remarks, *report.warnings)))
+    print_notes(*(f"note: {sentence}" for sentence in (*selection.remarks, *selection.notes, *report.warnings)))
     status = _tell_problems(report.problems)
     print_notes(f"{pluralize(report.sessions, 'session')} exported to {out}")
     return status

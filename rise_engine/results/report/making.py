@@ -95,7 +95,7 @@ def make_study_report(
         level,
         shows_conditions=conditions or complete or not state.study.assignment.hidden,
         withdrawn=withdrawn_of(state.log),
-        problems=tuple(problems),
+        problems=(*problems, *(f"{each.name} {each.without_end}" for each in _kept(state) if each.without_end)),
         left_out=dict(left_out or {}),
     )
     sheet = sheet_markdown(state.study, given.sheet)
