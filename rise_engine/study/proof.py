@@ -75,6 +75,7 @@ def prove_sessions(
         elif state is not None and session is not None:
             problems += [] if name in named else [f"{LOG_FILE} does not name this session"]
             problems += _plan_differences(state, session)
+            problems += [f"{LOG_FILE} cannot be read whole, so what it says of it is not certain"] * bool(state.damaged)
         moved = session.reassigned if session is not None else None
         note = moved.sentence if moved is not None else ""
         try:

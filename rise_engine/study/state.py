@@ -26,7 +26,7 @@ from rise_engine.study.plan_file import read_plan
 from rise_engine.study.planning import last_planned, plan_problem
 from rise_engine.study.sessions import MissingEntry, StudySession, copied_sessions, missing_entries, read_sessions
 from rise_engine.study.standing import Places, places_of, study_standing
-from rise_engine.study.study_log import LockedLog, LogEntry, read_log
+from rise_engine.study.study_log import LockedLog, LogEntry, read_log_and_damage
 from rise_engine.study.study_toml import is_study, load_study
 from rise_engine.study.traces import interrupted_withdrawals, registered_recordings
 from rise_engine.study.withdrawn import is_withdrawn
@@ -94,6 +94,8 @@ class StudyStatus(Struct, frozen=True):
     """Sentences on what blocks every session that counts."""
     interrupted: tuple[str, ...] = ()
     """Sentences on withdrawals that have not erased everything (`interrupted_withdrawals`)."""
+    damaged: tuple[str, ...] = ()
+    """Sentences on lines of the log that cannot be read, so that everything here may be wrong."""
 
     @property
     def pseudonyms(self) -> tuple[str, ...]:
@@ -151,7 +153,11 @@ def read_state(folder: Path) -> StudyStatus:
     :raises rise_engine.study.study_log.StudyLogError: its log cannot be read.
     """
     files = _read_files(folder)
-    state = _state(files, read_log(folder))
+    log, damaged = read_log_and_damage(folder)
+    state = _state(files, log)
+    if damaged:
+        standing = replace(state.standing, due=(*damaged, *state.standing.due))
+        state = replace(state, standing=standing, damaged=tuple(damaged))
     due = due_retention(state.study, state.sessions, datetime.now().astimezone().date())
     due += [f"{name}: {sentence}" for name, sentence in copied_sessions(folder, state.log).items()]
     return replace(state, standing=replace(state.standing, due=(*state.standing.due, *due))) if due else state

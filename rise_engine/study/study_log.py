@@ -111,6 +111,22 @@ def read_log(folder: Path, diagnostics: Diagnostics | None = None) -> list[LogEn
     return entries
 
 
+def read_log_and_damage(folder: Path) -> tuple[list[LogEntry], list[str]]:
+    """Read a study's log, and a sentence for each line that is not an entry.
+
+    What follows from the readable lines may be wrong without the others, so whoever uses them tells these sentences.
+
+    :raises StudyLogError: it cannot be read.
+    """
+    diagnostics = Diagnostics()
+    entries = read_log(folder, diagnostics)
+    return entries, [
+        f"{each.location.file}:{each.location.line}: {each.message}. Until then, what it said is not taken into account"
+        for each in diagnostics.sorted()
+        if each.severity == "error"
+    ]
+
+
 def read_kept_log(folder: Path) -> Sequence[LogEntry]:
     """Do the same as `read_log`, but keep the result until the file changes, for callers that ask repeatedly.
 

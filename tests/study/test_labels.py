@@ -461,6 +461,31 @@ def test_a_session_that_was_judged_before_its_engine_vanished_has_no_end_and_is_
     assert f"{folder.name} {told}" in said
 
 
+def test_a_line_of_the_log_that_cannot_be_read_is_told_by_whoever_uses_the_others(study: Path, tmp_path: Path) -> None:
+    """Here it is the line that excluded somebody, saved in the encoding of another program."""
+    assert run("study", "outcome", study, "P03", "excluded", "--reason", "Mxller was drunk")[0] == 0
+    log = study / LOG_FILE
+    line = len(log.read_bytes().splitlines())
+    log.write_bytes(log.read_bytes().replace(b"Mxller", b"M\xfcller"))
+    told = f"study.jsonl:{line}: this line is not UTF-8"
+    status, said = run("study", "status", study)
+    assert status == 1 and told in said.partition("to do")[2]
+    assert f"warning: {told}" in run("study", "next", study)[1]
+    folder = sessions_of(study)[-1]
+    for read in (_export, _records, _report):
+        status, said = read(study, folder, tmp_path / read.__name__)
+        assert status == 1 and f"warning: {told}" in said, read
+    status, said = run("report", study)
+    assert status == 1 and f"!! {told}" in said
+    status, said = run("report", folder)
+    assert status == 1 and f"warning: {told}" in said
+    status, said = run("study", "bundle", study, "-o", tmp_path / "bundle")
+    assert status == 1 and told in said and not (tmp_path / "bundle").exists()
+    status, lines = check_sessions(study)
+    assert status == 1 and any(each.startswith("0 of 8 sessions proved") for each in lines)
+    assert f"{folder.name}: study.jsonl cannot be read whole, so what it says of it is not certain" in lines
+
+
 # --- reassigned -------------------------------------------------------------------------------------------------------
 
 

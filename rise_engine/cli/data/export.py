@@ -27,7 +27,7 @@ from rise_engine.session.folder import find_session
 from rise_engine.study.model import StudyStanding
 from rise_engine.study.sessions import StudySession
 from rise_engine.study.state import read_state
-from rise_engine.study.study_log import read_log
+from rise_engine.study.study_log import read_log_and_damage
 from rise_engine.study.study_toml import STUDY_FILE, is_study
 from rise_engine.study.traces import WORK_FOLDER, owner_of, study_of_session, wizard_names
 from rise_engine.study.withdrawn import is_withdrawn
@@ -67,6 +67,8 @@ class Selection(Struct):
     """What is left out, in sentences."""
     notes: list[str] = field(default_factory=list)
     """What to know of selected sessions, in sentences."""
+    problems: list[str] = field(default_factory=list)
+    """What of their studies' logs cannot be read, in sentences."""
 
 
 def level_option(default: ExportLevel, about: str) -> Callable[[Command], Command]:
@@ -139,7 +141,7 @@ def export(
         raise ExportError("--wide adds a table to --format tables; other formats have no tables")
     selection = select_sessions(named, all=all_sessions)
     if format in RECORD_FORMATS and not selection.several:
-        return _export_records(selection.folders[0], request)
+        return _export_records(selection, request)
     with ended_by_signals():
         return _export(selection, load_format(format), request)
 
@@ -162,7 +164,7 @@ def select_sessions(named: Sequence[str], *, all: bool = False) -> Selection:
             _select_study(selection, path, all=all, alone=len(named) == 1)
         else:
             folder = find_session(name)
-            _refuse_withdrawn(folder)
+            _refuse_withdrawn(selection, folder)
             selection.folders.append(folder)
     unique = {folder.resolve(): folder for folder in reversed(selection.folders)}
     selection.folders = list(reversed(unique.values()))
@@ -171,12 +173,16 @@ def select_sessions(named: Sequence[str], *, all: bool = False) -> Selection:
     return selection
 
 
-def _refuse_withdrawn(folder: Path) -> None:
+def _refuse_withdrawn(selection: Selection, folder: Path) -> None:
     """Refuse a session of a participant who has withdrawn, which a backup may have restored, or is being erased."""
     if folder.resolve().parent.parent.name == WORK_FOLDER:
         raise ExportError(f"{folder.name} is not exported: its participant withdraws")
     study = study_of_session(folder)
-    if study is not None and is_withdrawn(owner_of(folder), read_log(study)):
+    if study is None:
+        return
+    log, damaged = read_log_and_damage(study)
+    selection.problems += [each for each in damaged if each not in selection.problems]
+    if is_withdrawn(owner_of(folder), log):
         raise ExportError(f"{folder.name} is not exported: its participant has withdrawn")
 
 
@@ -185,6 +191,7 @@ def _select_study(selection: Selection, path: Path, *, all: bool, alone: bool) -
     if state.interrupted:
         raise ExportError("nothing was exported", *state.interrupted)
     selection.several = True
+    selection.problems += [each for each in state.damaged if each not in selection.problems]
     if alone:
         selection.standing = state.standing
     left_out: Counter[str] = Counter()
@@ -227,19 +234,21 @@ def _export(selection: Selection, format: ExportFormat, request: ExportRequest) 
     out = Path(request.out)
     report = export_sessions(format, out, folders, context, private=request.private, several=selection.several)
     print_notes(*(f"note: {sentence}" for sentence in (*selection.remarks, *selection.notes, *report.warnings)))
-    status = _tell_problems(report.problems)
+    status = _tell_problems(report.problems, selection.problems)
     print_notes(f"{pluralize(report.sessions, 'session')} exported to {out}")
     return status
 
 
-def _tell_problems(problems: Sequence[str]) -> int:
-    """Print what could not be read; return the exit status."""
-    print_notes(*(f"warning: {problem}" for problem in problems), *["Everything else was exported."] * bool(problems))
-    return PARTIAL if problems else OK
+def _tell_problems(problems: Sequence[str], of_studies: Sequence[str]) -> int:
+    """Print what could not be read of sessions and of their studies; return the exit status."""
+    print_notes(*(f"warning: {problem}" for problem in (*of_studies, *problems)))
+    print_notes(*["Everything else was exported."] * bool(problems))
+    return PARTIAL if problems or of_studies else OK
 
 
-def _export_records(folder: Path, request: ExportRequest) -> int:
+def _export_records(selection: Selection, request: ExportRequest) -> int:
     """Write the records of one session, one after the other, to a file or to standard output."""
+    folder = selection.folders[0]
     out, format = request.out, RECORD_FORMATS[RECORD_FORMATS.index(request.format)]
     wizards = wizard_names(study_of_session(folder))
     exporter = SessionExport(folder, level=request.level, private=request.private, wizards=wizards)
@@ -251,7 +260,7 @@ def _export_records(folder: Path, request: ExportRequest) -> int:
             print_notes(*(f"warning: {problem}" for problem in export.problems))
             with export.here.open("xb") as file:
                 exporter.write(format, file, spreadsheet_safe=request.spreadsheet_safe)
-    return _tell_problems(exporter.problems)
+    return _tell_problems(exporter.problems, selection.problems)
 
 
 @contextmanager

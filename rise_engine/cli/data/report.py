@@ -57,7 +57,7 @@ def report(
 
     Exit status: 0; 1 if something could not be read, and the rest was reported; 2 if nothing was.
     """
-    path = without_file(named, STUDY_FILE)
+    path, damaged = without_file(named, STUDY_FILE), list[str]()
     if is_study(path):
         state = read_state(path)
         folders, people = report_folders(state), {path.resolve(): state.pseudonyms}
@@ -65,12 +65,15 @@ def report(
     elif sheet is not None or conditions:
         exit_with_usage(f"--{'sheet' if sheet is not None else 'conditions'} is for a study, and {named} is none")
     else:
-        folders, people = select_sessions([named]).folders[:1], {}
+        selection = select_sessions([named])
+        folders, people = selection.folders[:1], {}
+        damaged = selection.problems
         make = partial(make_session_report, folders[0], level, private)
     new_file = partial(new_export, folders=folders, level=level, people=people)
     made, written = _write(make, folders, output, sheet, new_file)
-    print_notes(*(f"warning: {problem}" for problem in made.problems), *written)
-    return PARTIAL if made.problems else OK
+    problems = (*damaged, *made.problems)
+    print_notes(*(f"warning: {problem}" for problem in problems), *written)
+    return PARTIAL if problems else OK
 
 
 def _write(

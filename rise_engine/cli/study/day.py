@@ -37,7 +37,7 @@ def status(study: Path, as_json: bool) -> int:
     """
     state = read_state(study.absolute())
     show(status_lines(state), status_json(state), as_json=as_json)
-    return REFUSED if state.interrupted else OK
+    return REFUSED if state.interrupted or state.damaged else OK
 
 
 @click.command("next")
@@ -50,7 +50,7 @@ def next_participant(study: Path, as_json: bool) -> int:
     Exit status: 0; 1 if nobody can begin, or a file of the study has errors.
     """
     state = read_state(study.absolute())
-    print_notes(*(f"warning: {each}" for each in state.interrupted))
+    print_notes(*(f"warning: {each}" for each in (*state.interrupted, *state.damaged)))
     show(next_lines(state), next_json(state), as_json=as_json)
     return OK if state.standing.next else REFUSED
 

@@ -78,6 +78,8 @@ def make_bundle(
     :param remarks: sentences on sessions of the study that are not in `folders`.
     :raises ExportError: it cannot be made; nothing of it is left.
     """
+    if state.interrupted or state.damaged:
+        raise ExportError("no bundle was made", *state.interrupted, *state.damaged)
     if not folders:
         raise ExportError("there is no session to put into a bundle", *remarks)
     study, is_folder = Path(state.study.folder).resolve(), out.suffix != ".zip"

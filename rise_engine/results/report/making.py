@@ -78,7 +78,11 @@ def make_study_report(
     :raises rise_engine.study.study_log.StudyLogError: its log cannot be read.
     """
     state = read_state(folder)
-    problems = [*state.interrupted, *(f"{each.name} {each.missing}" for each in _kept(state) if each.info is None)]
+    problems = [
+        *state.interrupted,
+        *state.damaged,
+        *(f"{each.name} {each.missing}" for each in _kept(state) if each.info is None),
+    ]
     folders = report_folders(state)
 
     def note_unreadable(path: Path, error: SessionError) -> None:
