@@ -16,8 +16,8 @@ from rise_engine.kernel.records import FINAL, AnyRecord, CueRecord, Mark, TaskRe
 from rise_engine.kernel.speech import SAY, SPEECH
 from rise_engine.kernel.task_view import ActionView, TaskView, add_record
 from rise_engine.results.analysis.causes import CauseCollector, actor_of
-from rise_engine.results.analysis.model import ActPart, Cue, Outage, PlayedAct, WizardKey
-from rise_engine.results.analysis.outages import seconds_without_engine
+from rise_engine.results.analysis.model import ActPart, Cue, Interruption, Outage, PlayedAct, WizardKey
+from rise_engine.results.analysis.outages import interruption_between, seconds_without_engine
 from rise_engine.scenario.model import ActionSpec, Scenario
 from rise_engine.scenario.reading.action_declarations import core_actions
 from rise_engine.scenario.speech.spoken import MESSAGE, SPEECH_CHANNEL
@@ -58,14 +58,18 @@ class ActCollector:
         elif isinstance(record, TaskRecord):
             _share_words(self._tasks[record.id])
 
-    def acts(self, outages: Sequence[Outage] = ()) -> tuple[PlayedAct, ...]:
+    def acts(self, outages: Sequence[Outage] = (), interruptions: Sequence[Interruption] = ()) -> tuple[PlayedAct, ...]:
         """Return every act, in the order in which the engine accepted them."""
         acts = [task for task in self._tasks.values() if task.is_act]
         marks = self._causes.marks([act.id for act in acts])
         played = [self._played(act, marks.get(act.id)) for act in acts]
-        if outages:
+        if interruptions:
             played = [
-                replace(each, response_outage_s=seconds_without_engine(outages, each.cue_at, each.answered_at))
+                replace(
+                    each,
+                    response_outage_s=seconds_without_engine(outages, each.cue_at, each.answered_at),
+                    response_interrupted=interruption_between(interruptions, each.cue_at, each.answered_at),
+                )
                 for each in played
             ]
         return tuple(sorted(played, key=lambda each: (each.accepted_at, each.task)))

@@ -25,7 +25,7 @@ from rise_engine.kernel.behaviors import (
 from rise_engine.kernel.records import ControlRecord, CueRecord, Mark, MistakeRecord, TaskRecord
 from rise_engine.results.analysis.causes import actor_of
 from rise_engine.results.analysis.model import SessionData, SessionFacts
-from rise_engine.results.analysis.outages import seconds_without_engine
+from rise_engine.results.analysis.outages import interruption_between
 from rise_engine.scenario.model import Scenario, normal_topic
 from rise_engine.session.folder import read_info
 from rise_engine.session.replay import load_session_scenario
@@ -65,7 +65,7 @@ class Decision(Struct, frozen=True):
     latency: float | None = None
     """Seconds from the cue to the key. None: nothing was done, or the time is meaningless (see `why`)."""
     why: str = ""
-    """Why a decision has no latency: `paused`, `another speed`, `before the cue`, `no engine`."""
+    """Why a decision has no latency: `paused`, `another speed`, `before the cue`, `no engine`, `stopped`."""
 
 
 class JudgedCue(Struct, frozen=True, kw_only=True):
@@ -248,8 +248,9 @@ def _windows(data: SessionData, scenario: Scenario | None) -> list[_Window]:
                 if pressed >= windows[-1].at:
                     label = decision_label(scenario, record.function, record.behavior)
                     latency = round(pressed - windows[-1].at, 6)
-                    away = seconds_without_engine(data.outages, windows[-1].at, pressed)
-                    windows[-1].decision = Decision(label, why="no engine") if away else Decision(label, latency)
+                    kind = interruption_between(data.interruptions, windows[-1].at, pressed)
+                    why = {"outage": "no engine", "stop": "stopped", None: ""}[kind]
+                    windows[-1].decision = Decision(label, None if why else latency, why)
     return windows
 
 

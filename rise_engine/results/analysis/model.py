@@ -31,6 +31,10 @@ ActorKind: TypeAlias = Literal["wizard", "rule", "program", "engine"]
 """The kind of requester. program: a node, a client, the command line."""
 
 
+InterruptionKind: TypeAlias = Literal["outage", "stop"]
+"""outage: the session had no engine; stop: everything was stopped."""
+
+
 class SessionFacts(SessionIdentity, frozen=True, kw_only=True):
     """The facts of a whole session, repeated in every row of a table."""
 
@@ -136,6 +140,8 @@ class PlayedAct(Struct, frozen=True, kw_only=True):
     ended_at: float | None
     response_outage_s: float | None = None
     """Seconds without an engine between its cue and its answer. None: none."""
+    response_interrupted: InterruptionKind | None = None
+    """What interrupted the wait between its cue and its answer. None: nothing."""
     mark: Mark | None = None
     """The mistake that a wizard marked on it, or on the key that first led to it. None: no mistake."""
     parts: tuple[ActPart, ...] = ()
@@ -156,9 +162,9 @@ class PlayedAct(Struct, frozen=True, kw_only=True):
 
     @property
     def answer_s(self) -> float | None:
-        """Seconds from cue to answer, without fillers, acts requested before the cue, and waits in which the session
-        had no engine. Medians and shares use this."""
-        return None if self.filler or self.before_cue or self.response_outage_s else self.response_s
+        """Seconds from cue to answer, without fillers, acts requested before the cue, and interrupted waits. Medians
+        and shares use this."""
+        return None if self.filler or self.before_cue or self.response_interrupted else self.response_s
 
     @property
     def wizard_s(self) -> float | None:
@@ -280,6 +286,15 @@ class Outage(Struct, frozen=True, kw_only=True):
     """Its length by the wall clock, from the first engine's last sign of life to the recovery."""
 
 
+class Interruption(Struct, frozen=True, kw_only=True):
+    """A time in which nobody could be answered. Durations across it measure neither wizard nor participant."""
+
+    kind: InterruptionKind
+    at: float
+    until: float
+    """Equal to `at` for an outage. Infinite for a stop that was not released."""
+
+
 class Phase(Struct, frozen=True, kw_only=True):
     """A time during which a rule was in a state."""
 
@@ -357,6 +372,8 @@ class SessionData(Struct, frozen=True, kw_only=True):
     phases: tuple[Phase, ...] = ()
     """All phases, also those without length."""
     outages: tuple[Outage, ...] = ()
+    interruptions: tuple[Interruption, ...] = ()
+    """Outages and stops."""
     points: tuple[Point, ...] = ()
     """In the order of the record."""
     checks: tuple[CheckRecord, ...] = ()

@@ -1,26 +1,34 @@
-"""Times when a session had no engine: how long session time stood still, and which durations this affects."""
+"""Interruptions: when a session had no engine, or everything was stopped, and which durations this affects."""
 
 from __future__ import annotations
 
 from collections.abc import Iterable, Iterator
 from datetime import datetime
 
-from rise_engine.kernel.records import AnyRecord, SessionRecord
-from rise_engine.results.analysis.model import Outage, SessionData
+from rise_engine.kernel.records import ENGINE, AnyRecord, SessionRecord, StopRecord
+from rise_engine.results.analysis.model import Interruption, InterruptionKind, Outage, SessionData
+
+_KINDS: tuple[InterruptionKind, ...] = ("outage", "stop")
+"""The worst first."""
 
 
 class OutageCollector:
-    """A collector of outages. Give it a session's records in their order."""
+    """A collector of outages and stops. Give it a session's records in their order."""
 
     def __init__(self, speed: float = 1.0) -> None:
         """`speed`: session seconds per second of the wall clock."""
         self._speed = speed
         self.outages: list[Outage] = []
         self._before: AnyRecord | None = None
+        self._stops: list[Interruption] = []
+        self._stopped_at: float | None = None
+        """When everything was stopped. None: it is not."""
 
     def add(self, record: AnyRecord) -> float | None:
         """Take the next record. Returns the length of the outage that it ended, in seconds; None: it ended none."""
         before, self._before = self._before, record
+        if isinstance(record, StopRecord):
+            self._add_stop(record)
         if before is None or not isinstance(record, SessionRecord) or record.status != "recovered":
             return None
         # Use the wall clock if the level shows it: old journals counted from the last record instead.
@@ -30,6 +38,47 @@ class OutageCollector:
             return None
         self.outages.append(Outage(at=record.t, seconds=round(away, 6)))
         return self.outages[-1].seconds
+
+    def _add_stop(self, record: StopRecord) -> None:
+        if record.status == "released":
+            if self._stopped_at is not None:
+                self._stops.append(Interruption(kind="stop", at=self._stopped_at, until=record.t))
+            self._stopped_at = None
+        elif self._stopped_at is None and record.source != ENGINE:  # its own stop ends the session
+            self._stopped_at = record.t
+
+    def interruptions(self) -> tuple[Interruption, ...]:
+        """Return all outages and stops."""
+        found = [Interruption(kind="outage", at=each.at, until=each.at) for each in self.outages]
+        if self._stopped_at is not None:
+            found.append(Interruption(kind="stop", at=self._stopped_at, until=float("inf")))
+        return (*found, *self._stops)
+
+
+def interruption_between(
+    interruptions: Iterable[Interruption], start: float | None, end: float | None
+) -> InterruptionKind | None:
+    """Return what interrupted the time from `start` to `end`, of several the worst. None: nothing, or one of the two is
+    not known.
+
+    >>> stop = Interruption(kind="stop", at=2.0, until=3.0)
+    >>> interruption_between([stop], 1.0, 2.5), interruption_between([stop], 3.0, 4.0)
+    ('stop', None)
+    """
+    if start is None or end is None:
+        return None
+    kinds = {
+        each.kind
+        for each in interruptions
+        if (start < each.at <= end if each.at == each.until else each.at < end and start < each.until)
+    }
+    return worst(kinds)
+
+
+def worst(kinds: Iterable[InterruptionKind | None]) -> InterruptionKind | None:
+    """Return the worst of several interruptions. None: there is none."""
+    found = set(kinds)
+    return next((kind for kind in _KINDS if kind in found), None)
 
 
 def seconds_without_engine(outages: Iterable[Outage], start: float | None, end: float | None) -> float | None:

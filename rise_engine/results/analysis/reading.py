@@ -210,7 +210,8 @@ def _read(
         if isinstance(record, _FEW):
             few.append(record)
         end = record.t
-    played = acts.acts(away.outages)
+    interruptions = away.interruptions()
+    played = acts.acts(away.outages, interruptions)
     media = _media(folder, problems) if level == "full" else ()
     data = SessionData(
         facts=_facts(source, few, end, away.outages, _judgement(source, study, few)),
@@ -223,6 +224,7 @@ def _read(
         raised=acts.raised(),
         phases=phases.phases(end),
         outages=tuple(away.outages),
+        interruptions=interruptions,
         points=points.points(),
         checks=tuple({each.id: each for each in few if isinstance(each, CheckRecord)}.values()),
         recordings=tuple({each.name: each for each in few if isinstance(each, RecordingRecord)}.values()),

@@ -13,13 +13,13 @@ from rise_engine.expression import EvaluationError, Expression
 from rise_engine.kernel.behaviors import describe_behavior
 from rise_engine.kernel.records import AnyRecord, FailureRecord, MemoryRecord, RuleRecord, TaskRecord
 from rise_engine.kernel.rules import WITHOUT_ENTRY
-from rise_engine.results.analysis.model import PlayedAct, SessionData, WizardKey, seconds_between
-from rise_engine.results.analysis.outages import seconds_without_engine
+from rise_engine.results.analysis.model import InterruptionKind, PlayedAct, SessionData, WizardKey, seconds_between
+from rise_engine.results.analysis.outages import interruption_between, worst
 from rise_engine.results.analysis.phases import STEPPED_BACK, was_stopped_by_wizard
 from rise_engine.scenario.model import Json
 from rise_engine.scenario.trial_settings import TrialSettings
 
-NoNumber: TypeAlias = Literal["outage", "stop", "value"]
+NoNumber: TypeAlias = InterruptionKind | Literal["value"]
 TrialEnd: TypeAlias = Literal["trial", "rule", "key", "record"]
 _NO_REACTIONS = frozenset(
     {
@@ -32,13 +32,13 @@ _BACK = ("resumed", STEPPED_BACK)
 """How the triggers of a state begin to which a rule has come back."""
 _AT_THE_START = frozenset({"file", "study", "condition"})
 """Sources of the values that exist when a session begins."""
-_OUTAGES = {
-    "duration_s": ("outage_s",),
-    "participant_s": ("participant_outage_s",),
-    "wizard_s": ("wizard_outage_s",),
-    "key_s": ("participant_outage_s", "wizard_outage_s"),
+_INTERRUPTED = {
+    "duration_s": ("interrupted",),
+    "participant_s": ("participant_interrupted",),
+    "wizard_s": ("wizard_interrupted",),
+    "key_s": ("participant_interrupted", "wizard_interrupted"),
 }
-"""For each duration of a trial, what says that the session had no engine meanwhile."""
+"""For each duration of a trial, what says that it was interrupted."""
 _Each = TypeVar("_Each")
 
 
@@ -69,11 +69,12 @@ class PlayedTrial(Struct, frozen=True, kw_only=True):
     failures: int = 0
     stops: int = 0
     """How often everything was stopped in it."""
-    outage_s: float | None = None
-    participant_outage_s: float | None = None
-    """Seconds without an engine between the end of the robot's speech and the cue."""
-    wizard_outage_s: float | None = None
-    """Seconds without an engine between the cue and the wizard's key."""
+    interrupted: InterruptionKind | None = None
+    """What interrupted the trial. None: nothing, as for the next two."""
+    participant_interrupted: InterruptionKind | None = None
+    """What interrupted the time between the end of the robot's speech and the cue (without a cue: the key)."""
+    wizard_interrupted: InterruptionKind | None = None
+    """What interrupted the time between the cue and the wizard's key."""
 
     @property
     def duration_s(self) -> float:
@@ -104,11 +105,9 @@ class PlayedTrial(Struct, frozen=True, kw_only=True):
 
     def why_no_number(self, name: str) -> NoNumber | None:
         """Return why a value is left out. outage: the session had no engine for a while in that time; stop: everything
-        was stopped in the trial; value: it is not a number, such as a text from the memory."""
-        if any(getattr(self, away) for away in _OUTAGES.get(name, ())):
-            return "outage"
-        if name in _OUTAGES and self.stops:
-            return "stop"
+        was stopped in it; value: it is not a number, such as a text from the memory."""
+        if (why := worst(getattr(self, each) for each in _INTERRUPTED.get(name, ()))) is not None:
+            return why
         value = self.values.get(name)
         is_number = isinstance(value, int | float) and not isinstance(value, bool)
         return None if value is None or is_number else "value"
@@ -290,6 +289,7 @@ class _Lists:
         key = self._key(answer_from, end)
         asked = _asked(key.function, key.asked) if key is not None else ""
         heard = cue_at if cue_at is not None else key.at if key is not None else None
+        interruptions = self._data.interruptions
         prompts_from = asked_end if asked_end is not None else asked_at
         prompts = (
             _within(self._spoken, prompts_from, heard if heard is not None else until)
@@ -316,9 +316,9 @@ class _Lists:
             marks=(*_within(self._marked_acts, start, until), *_until(self._marked_keys, start, end)),
             failures=len(_until(self._faults, start, end)),
             stops=len(_until(self._stops, start, end)),
-            outage_s=seconds_without_engine(self._data.outages, start, end),
-            participant_outage_s=seconds_without_engine(self._data.outages, asked_end, heard),
-            wizard_outage_s=seconds_without_engine(self._data.outages, cue_at, key.at if key is not None else None),
+            interrupted=interruption_between(interruptions, start, end),
+            participant_interrupted=interruption_between(interruptions, asked_end, heard),
+            wizard_interrupted=interruption_between(interruptions, cue_at, key.at if key is not None else None),
         )
 
     def _key(self, start: float | None, end: float) -> WizardKey | None:

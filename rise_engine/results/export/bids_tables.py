@@ -56,7 +56,8 @@ _TRIAL_TYPES = {
 """The kinds of rows in `_events.tsv`."""
 _OF_TRIALS = (
     "trial robot_said asked_task asked_at asked_end cue_at participant_s key_at wizard_key wizard_asked wizard_s key_s "
-    "robot_next_at prompts repairs events marks failures stops wall_s participant_outage_s wizard_outage_s"
+    "robot_next_at prompts repairs events marks failures stops wall_s interrupted "
+    "participant_interrupted wizard_interrupted"
 )
 
 
@@ -111,7 +112,7 @@ ACT_COLUMNS: Columns = _picked(
     ACTS,
     "task_id=task act actor=by actor_kind=actor via status filler before_cue cue_at key_at accepted_at started_at "
     "robot_at voice_at ended_at wizard_s way_s queue_s robot_s voice_s response_time=response_s "
-    "response_outage=response_outage_s mark condition",
+    "response_outage=response_outage_s response_interrupted mark condition",
 )
 """The columns of `_beh.tsv`: a row for each act, in the order of the requests."""
 
@@ -193,7 +194,7 @@ EVENT_COLUMNS: Columns = {
         Column("trial_type", "The kind of the row.", levels=_TRIAL_TYPES),
         seconds(
             "response_time",
-            "Only for a robot_act that answered a cue and was requested after it, without an outage in between: "
+            "Only for a robot_act that answered a cue, was requested after it, and whose wait nothing interrupted: "
             "seconds from the cue to the confirmation of its first action that uses the robot's voice or, if it does "
             "not speak, of its first action.",
         ),

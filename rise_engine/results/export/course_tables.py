@@ -25,6 +25,7 @@ from rise_engine.results.export.table_schema import (
     Reference,
     Row,
     TableSchema,
+    interrupted,
     moment,
     numbering,
     outage_columns,
@@ -114,6 +115,7 @@ ACTS = TableSchema(
         ),
         seconds("duration_s", "From started_at to ended_at.", span("started_at", "ended_at")),
         *outage_columns("duration_s", "started_at", "ended_at"),
+        interrupted("response_interrupted", "the time from the cue to the answer"),
         seconds("response_outage_s", "Seconds without an engine between the cue and the answer; empty: none."),
         seconds(
             "response_wall_s",
@@ -268,7 +270,7 @@ def _event_rows(data: SessionData) -> Iterator[Row]:
 
 
 def _event_columns() -> tuple[Column, ...]:
-    outage_s, wall_s = outage_columns("duration", "onset", "end")
+    outage_s, wall_s, _ = outage_columns("duration", "onset", "end")
     return (
         numbering("event"),
         moment("onset", "it began.", required=True),
@@ -324,7 +326,7 @@ CODED = TableSchema(
         moment("begin", "it begins.", required=True),
         moment("end", "it ends; equal to begin: it is a moment.", required=True),
         seconds("duration_s", "From begin to end.", span("begin", "end")),
-        *outage_columns("duration_s", "begin", "end", lambda row: row.of.outage_s),
+        *outage_columns("duration_s", "begin", "end", lambda row: row.of.outage_s)[:2],
         Column(
             "value",
             "The annotation; BORIS: the behaviour. Below the level full, speech is replaced by its number of words.",

@@ -167,7 +167,7 @@ SESSIONS = TableSchema(
         count("cues_undone", "Cues that were taken back.", _repairs("cues_undone")),
         count(
             "responses",
-            "Answers with a response time that were requested after their cue, without an outage in their wait. The "
+            "Answers with a response time that were requested after their cue, and whose wait nothing interrupted. The "
             "next three columns are about them.",
             lambda row: len(_answers(row.data)),
         ),

@@ -6,12 +6,12 @@ answers, have their own tiers. Changes of memory, checks and control are only in
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterator
 
 from rise_engine.kernel.records import ENGINE
 from rise_engine.kernel.speech import SAY
-from rise_engine.results.analysis.model import ActPart, Cue, Outage, Phase, PlayedAct, Point, SessionData
-from rise_engine.results.analysis.outages import seconds_without_engine
+from rise_engine.results.analysis.model import ActPart, Cue, Phase, PlayedAct, Point, SessionData
+from rise_engine.results.analysis.outages import interruption_between, seconds_without_engine
 from rise_engine.results.export.tiers import ROBOT_SPEECH, Doer, TierSpan
 from rise_engine.scenario.model import CUE_TOPICS
 
@@ -149,18 +149,20 @@ def _name_of(act: PlayedAct) -> str:
 
 def _cue_spans(data: SessionData) -> Iterator[TierSpan]:
     for cue in data.cues:
-        end, text = _answer_of(cue, data.outages)
+        end, text = _answer_of(cue, data)
         said = f"{text} ({cue.text})" if cue.text else text
         code = CUE if cue.undone_at is None else CUE_UNDONE
         yield TierSpan(tier=CUE, start=cue.at, end=end, text=said, code=code, doer="participant")
 
 
-def _answer_of(cue: Cue, outages: Iterable[Outage]) -> tuple[float | None, str]:
+def _answer_of(cue: Cue, data: SessionData) -> tuple[float | None, str]:
     if cue.undone_at is not None:
         return cue.undone_at, "taken back"
     if cue.answered_at is not None:
-        away = seconds_without_engine(outages, cue.at, cue.answered_at)
+        away = seconds_without_engine(data.outages, cue.at, cue.answered_at)
         without = f", and {away:.2f} s without an engine" if away else ""
+        if interruption_between(data.interruptions, cue.at, cue.answered_at) == "stop":
+            without = ", partly with everything stopped"
         return cue.answered_at, f"waits {cue.answered_at - cue.at:.2f} s{without}"
     return None, "answer not heard" if cue.state == "unheard" else "no answer"
 

@@ -67,6 +67,10 @@ PHASE_ENDS = {
     "stopped": "the rule was stopped",
     "faulted": "a fault stopped the rule",
 }
+INTERRUPTIONS = {
+    "outage": "the session had no engine for a while",
+    "stop": "everything was stopped for a while",
+}
 CHECK_RESULTS = {
     "passed": "as it should be",
     "failed": "not as it should be",

@@ -11,7 +11,8 @@ import msgspec
 from msgspec import Struct
 
 from rise_engine.results.analysis.model import SessionData
-from rise_engine.results.analysis.outages import seconds_without_engine
+from rise_engine.results.analysis.outages import interruption_between, seconds_without_engine
+from rise_engine.results.export.table_levels import INTERRUPTIONS
 
 ColumnType: TypeAlias = Literal["string", "number", "integer", "boolean", "datetime", "object", "any"]
 
@@ -137,8 +138,20 @@ def outage(start: str, end: str) -> Value:
     return lambda row: seconds_without_engine(row.data.outages, getattr(row.of, start), getattr(row.of, end))
 
 
-def outage_columns(what: str, start: str, end: str, away: Value | None = None) -> tuple[Column, Column]:
-    """Make columns for the time without an engine between two attributes, and for the duration by the wall clock.
+def interrupted(name: str, what: str, value: Value | None = None) -> Column:
+    """Make the column that says what interrupted a duration."""
+    about = f"What interrupted {what}, of several the first here; empty: nothing. Reports leave it out then."
+    return Column(name, about, value, levels=INTERRUPTIONS)
+
+
+def interruption(start: str, end: str) -> Value:
+    """Get what interrupted the time between two attributes of the row's subject."""
+    return lambda row: interruption_between(row.data.interruptions, getattr(row.of, start), getattr(row.of, end))
+
+
+def outage_columns(what: str, start: str, end: str, away: Value | None = None) -> tuple[Column, Column, Column]:
+    """Make columns for the time without an engine between two attributes, for the duration by the wall clock, and for
+    what interrupted it.
 
     :param what: the duration's column.
     :param start: the attribute with its start.
@@ -156,6 +169,7 @@ def outage_columns(what: str, start: str, end: str, away: Value | None = None) -
             "outage_s", f"Seconds without an engine during {what}; empty: none. Session time stands still then.", away
         ),
         seconds("wall_s", f"{what} by the wall clock, including outage_s; empty: as in session time.", by_wall_clock),
+        interrupted("interrupted", what, interruption(start, end)),
     )
 
 

@@ -11,8 +11,8 @@ from msgspec import Struct
 from rise_engine.base.text import clean
 from rise_engine.kernel.record_words import trigger_text
 from rise_engine.results.analysis.model import ActorKind, Cue, Outage, Phase, PlayedAct, Point, SessionData
-from rise_engine.results.analysis.outages import seconds_without_engine
-from rise_engine.results.report.document import Figure, cause_text, clock_text, seconds_text, with_outage
+from rise_engine.results.analysis.outages import interruption_between, seconds_without_engine
+from rise_engine.results.report.document import Figure, cause_text, clock_text, seconds_text, with_interruption
 from rise_engine.results.report.svg import Drawing
 
 SpanKind: TypeAlias = Literal["cue", "unanswered", "act", "filler", "part", "state", "other-state"]
@@ -62,7 +62,7 @@ class Lane(Struct, frozen=True):
 def lanes_of(data: SessionData) -> list[Lane]:
     """Return every lane that is not empty, from the participant down to the rules."""
     end = data.facts.duration
-    cues = (_cue_span(cue, end, data.outages) for cue in data.cues if cue.undone_at is None)
+    cues = (_cue_span(cue, end, data) for cue in data.cues if cue.undone_at is None)
     lanes = [Lane("cues", tuple(cues))]
     lanes += [Lane(f"robot {channel}", _parts_on(channel, data.acts, end)) for channel in _CHANNELS]
     lanes.append(Lane("robot, other", _parts_on("", data.acts, end)))
@@ -78,12 +78,14 @@ def left_out_rules(phases: Iterable[Phase]) -> list[str]:
     return _rules_by_size(phases)[MAX_RULES:]
 
 
-def _cue_span(cue: Cue, end: float, outages: Sequence[Outage]) -> LaneSpan:
+def _cue_span(cue: Cue, end: float, data: SessionData) -> LaneSpan:
     said = f", \u201c{cue.text}\u201d" if cue.text else ""
     if cue.answered_at is None:
         return LaneSpan(cue.at, cue.at, "", f"cue at {clock_text(cue.at)}{said}, not answered", "unanswered")
-    waits = with_outage(
-        seconds_text(cue.answered_at - cue.at), seconds_without_engine(outages, cue.at, cue.answered_at)
+    waits = with_interruption(
+        seconds_text(cue.answered_at - cue.at),
+        seconds_without_engine(data.outages, cue.at, cue.answered_at),
+        interruption_between(data.interruptions, cue.at, cue.answered_at),
     )
     filled = f", filled after {seconds_text(cue.filled_at - cue.at)}" if cue.filled_at is not None else ""
     hover = f"cue at {clock_text(cue.at)}{said}, answered after {waits}{filled}"
@@ -112,7 +114,8 @@ def _acts_of(actor: ActorKind, acts: Iterable[PlayedAct], end: float) -> tuple[L
             until = act.ended_at if act.ended_at is not None else end
             lasted = f"{clock_text(act.started_at)} {act.act}, {seconds_text(until - act.started_at)}"
             status = "" if act.status == "SUCCEEDED" else f", {act.status}"
-            waited = with_outage(seconds_text(act.response_s or 0.0), act.response_outage_s)
+            waited = seconds_text(act.response_s or 0.0)
+            waited = with_interruption(waited, act.response_outage_s, act.response_interrupted)
             answered = f", answers after {waited}" if act.response_s is not None else ""
             filler = ", a filler" if act.filler else ""
             hover = f"{lasted}, by {cause_text(act.by, act.via)}{status}{filler}{answered * (not act.filler)}"
@@ -134,7 +137,7 @@ def _rule_lanes(phases: Sequence[Phase], outages: Sequence[Outage]) -> list[Lane
         spans: list[LaneSpan] = []
         for phase in phases:
             if phase.rule == rule and phase.end > phase.start:
-                time = with_outage(
+                time = with_interruption(
                     f"{clock_text(phase.start)} to {clock_text(phase.end)}",
                     seconds_without_engine(outages, phase.start, phase.end),
                 )

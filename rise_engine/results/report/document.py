@@ -12,7 +12,7 @@ from typing import Literal, TypeAlias
 
 from msgspec import Struct
 
-from rise_engine.results.analysis.model import ActorKind
+from rise_engine.results.analysis.model import ActorKind, InterruptionKind
 from rise_engine.results.analysis.statistics import Share
 
 Voice: TypeAlias = Literal["plain", "note", "warning"]
@@ -179,12 +179,14 @@ def cause_text(by: str, via: Sequence[str]) -> str:
     return f"{source_name(by)}, through {' > '.join(via)}" if via else source_name(by)
 
 
-def with_outage(told: str, outage: float | None) -> str:
-    """Add to a duration in words how long the session had no engine meanwhile. None: it always had one.
+def with_interruption(told: str, outage: float | None, kind: InterruptionKind | None = None) -> str:
+    """Add to a duration in words what interrupted it.
 
-    >>> with_outage("12.0 s", None)
-    '12.0 s'
+    >>> with_interruption("12.0 s", None), with_interruption("12.0 s", None, "stop")
+    ('12.0 s', '12.0 s, partly with everything stopped')
     """
+    if kind == "stop":
+        return f"{told}, partly with everything stopped"
     return f"{told} and {length_text(outage)} without an engine" if outage else told
 
 

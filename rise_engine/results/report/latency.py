@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Iterable, Sequence
 
 from msgspec import Struct
 
-from rise_engine.results.analysis.model import Cue, PlayedAct
+from rise_engine.results.analysis.model import Cue, InterruptionKind, PlayedAct
 from rise_engine.results.analysis.statistics import Share, Summary, share_over, summarise
 
 
@@ -156,8 +157,8 @@ class LatencyFacts(Struct, frozen=True):
     """The number of responses in each of `rise_engine.results.report.latency.BANDS`."""
     before_cue: int
     """Answers that were requested before their cue. No latency includes them."""
-    across_outage: int
-    """Other answers whose wait had an outage of the engine. No latency includes them."""
+    interrupted: dict[InterruptionKind, int]
+    """Other answers whose wait was interrupted, by what. No latency includes them."""
 
 
 def latencies(acts: Iterable[PlayedAct], cues: Iterable[Cue] = ()) -> LatencyFacts:
@@ -193,7 +194,9 @@ def latencies(acts: Iterable[PlayedAct], cues: Iterable[Cue] = ()) -> LatencyFac
         without_filler=_part("without", "cue to answer", [wait for cue, wait in waits if cue.filled_at is None]),
         in_bands=tuple(counts.count(at) for at in range(len(BANDS))),
         before_cue=sum(act.before_cue for act in left_out),
-        across_outage=sum(not act.before_cue for act in left_out),
+        interrupted=dict(
+            Counter(act.response_interrupted for act in left_out if act.response_interrupted and not act.before_cue)
+        ),
     )
 
 

@@ -17,8 +17,8 @@ from rise_engine.kernel.records import (
     RuleRecord,
     StopRecord,
 )
-from rise_engine.results.analysis.model import ActorKind, Outage, Phase, PlayedAct, SessionData
-from rise_engine.results.analysis.outages import seconds_without_engine
+from rise_engine.results.analysis.model import ActorKind, Interruption, Phase, PlayedAct, SessionData
+from rise_engine.results.analysis.outages import interruption_between, seconds_without_engine
 from rise_engine.results.analysis.statistics import Share, Summary, summarise
 from rise_engine.results.report.latency import LatencyFacts, LatencyPart, answers, latencies
 
@@ -38,7 +38,7 @@ class ActFacts(Struct, frozen=True):
     statuses: dict[str, int]
     """How the requested ones ended."""
     length: Summary | None
-    """Seconds from its turn to its end, for those that succeeded and had an engine all the time."""
+    """Seconds from its turn to its end, for those that succeeded and that nothing interrupted."""
     response: Summary | None
     """Seconds from a cue, for those that answered one."""
     marks: dict[str, int]
@@ -55,7 +55,7 @@ class StateFacts(Struct, frozen=True):
     seconds: float
     """The sum of all visits in session time."""
     each: Summary | None
-    """The visits in which the session had an engine all the time."""
+    """The visits that nothing interrupted."""
     stepped_back: int = 0
     outage_s: float = 0.0
     """Seconds without an engine during the visits, in which session time stood still."""
@@ -115,8 +115,8 @@ def session_figures(data: SessionData) -> SessionFigures:
     return SessionFigures(
         latency=latencies(data.acts, data.cues),
         by_source=_by_source(data.acts),
-        acts=tuple(_act_facts(data.acts, data.outages)),
-        states=tuple(_state_facts(data.phases, data.outages)),
+        acts=tuple(_act_facts(data.acts, data.interruptions)),
+        states=tuple(_state_facts(data)),
         mistakes=_mistakes(data, begun),
         actors=dict(actors.most_common()),
         cues=len(cues),
@@ -134,7 +134,7 @@ def _by_source(acts: Iterable[PlayedAct]) -> tuple[LatencyPart, ...]:
     return tuple(LatencyPart(source, "cue to answer", tuple(found[source])) for source in named)
 
 
-def _act_facts(acts: Iterable[PlayedAct], outages: Sequence[Outage]) -> Iterable[ActFacts]:
+def _act_facts(acts: Iterable[PlayedAct], interruptions: Sequence[Interruption]) -> Iterable[ActFacts]:
     by_name: dict[str, list[PlayedAct]] = {}
     for act in acts:
         by_name.setdefault(act.act, []).append(act)
@@ -145,7 +145,7 @@ def _act_facts(acts: Iterable[PlayedAct], outages: Sequence[Outage]) -> Iterable
             round(act.ended_at - act.started_at, 6)
             for act in begun
             if act.started_at is not None and act.ended_at is not None and act.status == "SUCCEEDED"
-            if seconds_without_engine(outages, act.started_at, act.ended_at) is None
+            if interruption_between(interruptions, act.started_at, act.ended_at) is None
         ]
         yield ActFacts(
             name=name,
@@ -159,15 +159,16 @@ def _act_facts(acts: Iterable[PlayedAct], outages: Sequence[Outage]) -> Iterable
         )
 
 
-def _state_facts(phases: Iterable[Phase], outages: Sequence[Outage]) -> Iterable[StateFacts]:
+def _state_facts(data: SessionData) -> Iterable[StateFacts]:
     found: dict[tuple[str, str], list[Phase]] = {}
-    for phase in phases:
+    for phase in data.phases:
         found.setdefault((phase.rule, phase.state), []).append(phase)
     rules = list(dict.fromkeys(rule for rule, _ in found))
     for (rule, state), visits in sorted(found.items(), key=lambda each: rules.index(each[0][0])):
         lengths = [round(phase.end - phase.start, 6) for phase in visits]
-        away = [seconds_without_engine(outages, phase.start, phase.end) for phase in visits]
-        whole = [length for length, outage in zip(lengths, away, strict=True) if outage is None]
+        away = [seconds_without_engine(data.outages, phase.start, phase.end) for phase in visits]
+        cut = [interruption_between(data.interruptions, phase.start, phase.end) for phase in visits]
+        whole = [length for length, kind in zip(lengths, cut, strict=True) if kind is None]
         back = sum(phase.stepped_back for phase in visits)
         outage = round(sum(each or 0.0 for each in away), 6)
         yield StateFacts(rule, state, len(visits), round(sum(lengths), 6), summarise(whole), back, outage)

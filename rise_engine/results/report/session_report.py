@@ -30,7 +30,7 @@ from rise_engine.results.report.document import (
     seconds_text,
     share_text,
     source_name,
-    with_outage,
+    with_interruption,
 )
 from rise_engine.results.report.session_facts import MARKS, SessionFigures, session_figures
 from rise_engine.results.report.trials_section import latency_section
@@ -146,7 +146,8 @@ def _timed_answers(figures: SessionFigures) -> str:
     facts = figures.latency
     which = [
         *(["were asked for after their cue"] if facts.before_cue else []),
-        *(["had no outage of the engine in their wait"] if facts.across_outage else []),
+        *(["had no outage of the engine in their wait"] if "outage" in facts.interrupted else []),
+        *(["were not waited for while everything was stopped"] if "stop" in facts.interrupted else []),
     ]
     return f"the {len(facts.response.values)} that {' and '.join(which)}" if which else "them"
 
@@ -280,7 +281,8 @@ def _rules(data: SessionData, figures: SessionFigures) -> Iterable[Block]:
         before = state.rule
     yield ReportTable(
         caption="Phases: how often each rule was in a state, for how long in all, what part of the session that is, "
-        "and the median of one visit in seconds. All in session time; the median leaves out visits with an outage",
+        "and the median of one visit in seconds. All in session time; the median leaves out visits with an outage or "
+        "a stop",
         head=("rule", "state", "visits", "in all", "%", "median", "note"),
         rows=tuple(rows),
         numbers=frozenset({2, 3, 4, 5}),
@@ -432,7 +434,8 @@ def _in_order(data: SessionData) -> Iterable[Block]:
     rows: list[tuple[float, tuple[str, ...]]] = []
     for act in data.acts:
         texts = "; ".join(part.text for part in act.parts if part.text)
-        waits = with_outage(number_text(act.response_s), act.response_outage_s) if not act.filler else ""
+        waits = with_interruption(number_text(act.response_s), act.response_outage_s, act.response_interrupted)
+        waits = waits if not act.filler else ""
         when = act.started_at if act.started_at is not None else act.accepted_at
         rows.append((when, (act.act, cause_text(act.by, act.via), act.status, waits, texts)))
     for cue in data.cues:

@@ -255,7 +255,7 @@ def pool(found: Sequence[LatencyFacts]) -> LatencyFacts:
         without_filler=_join("without", "cue to answer", [facts.without_filler for facts in found]),
         in_bands=tuple(sum(facts.in_bands[at] for facts in found) for at in range(len(BANDS))),
         before_cue=sum(facts.before_cue for facts in found),
-        across_outage=sum(facts.across_outage for facts in found),
+        interrupted=dict(sum((Counter(facts.interrupted) for facts in found), Counter())),
     )
 
 

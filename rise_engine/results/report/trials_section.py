@@ -31,7 +31,7 @@ UNDECLARED = (
 )
 _LEFT_OUT: dict[NoNumber, str] = {
     "outage": "The engine was away in {names}; no time across an outage is measured.",
-    "stop": "Everything was stopped in {names}; no time of such a trial is measured.",
+    "stop": "Everything was stopped in {names}; no time across a stop is measured.",
     "value": "Left out, because {measure} is not a number there: {names}.",
 }
 _INTERVAL = "95 % interval of the median by order statistics (at least 95 %, exact; none of fewer than 6 trials)"
@@ -288,14 +288,12 @@ def _blocks(facts: LatencyFacts, by_source: Sequence[LatencyPart]) -> Iterable[B
 
 def left_out_answers(facts: LatencyFacts) -> str:
     """Say how many answers no number here includes. Empty: all are in."""
-    told = [
-        *([f"{pluralize(facts.before_cue, 'answer')} requested before the cue"] if facts.before_cue else []),
-        *(
-            [f"{pluralize(facts.across_outage, 'answer')} across an outage of the engine"]
-            if facts.across_outage
-            else []
-        ),
-    ]
+    counts = (
+        (facts.before_cue, "requested before the cue"),
+        (facts.interrupted.get("outage", 0), "across an outage of the engine"),
+        (facts.interrupted.get("stop", 0), "while everything was stopped"),
+    )
+    told = [f"{pluralize(count, 'answer')} {why}" for count, why in counts if count]
     return f"Left out of all times: {' and '.join(told)}." if told else ""
 
 

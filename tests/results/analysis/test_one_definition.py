@@ -114,7 +114,11 @@ def test_an_answer_across_an_outage_is_in_no_median(tmp_path: Path) -> None:
     assert (late.answer_s, thanks.answer_s) == (None, thanks.response_s)
     assert [each.text for each in spans_of(data) if each.tier == "cue"][1].endswith(" s, and 20.00 s without an engine")
     latency = session_row(data).figures.latency
-    assert (latency.response.values, latency.before_cue, latency.across_outage) == ((thanks.response_s,), 0, 1)
+    assert (latency.response.values, latency.before_cue, latency.interrupted) == (
+        (thanks.response_s,),
+        0,
+        {"outage": 1},
+    )
     report = " ".join(" ".join(text_lines(session_report(data))).split())
     assert "1 answer across an outage of the engine" in report
     assert "half of the 1 that had no outage of the engine in their wait" in report
@@ -123,6 +127,38 @@ def test_an_answer_across_an_outage_is_in_no_median(tmp_path: Path) -> None:
     with (tmp_path / "out" / "acts.csv").open(encoding="utf-8") as file:
         row = list(csv.DictReader(file))[2]
     assert float(row["response_wall_s"]) == pytest.approx(float(row["response_s"]) + 20.0)
+
+
+def test_an_answer_across_a_stop_is_in_no_median_and_no_picture(tmp_path: Path) -> None:
+    """A cue at 20 s, everything stopped from 21 s to 26 s, the key at 27 s: the wizard could start nothing."""
+    script = [
+        (1.0, task("startInteractionRule", "Visit")),
+        (8.0, task("markCue")),
+        act("Thanks", 8.5),
+        (20.0, task("markCue")),
+        (21.0, task("stopAll")),
+        (26.0, task("releaseStop", '{"Visit": "wait"}')),
+        act("Greet", 27.0),
+    ]
+    folder = play_session(tmp_path / "sessions", script=script, until=40.0)
+    data = read_session(folder)
+    thanks, late = data.acts[1:]
+    assert (late.answer_s, late.response_interrupted) == (None, "stop") and late.response_s is not None
+    assert [each.text for each in spans_of(data) if each.tier == "cue"][1].endswith(", partly with everything stopped")
+    row = session_row(data)
+    assert (row.figures.latency.response.values, row.figures.latency.interrupted) == ((thanks.response_s,), {"stop": 1})
+    assert row.wizards[0].reactions == (thanks.wizard_s,)
+    report = " ".join(" ".join(text_lines(session_report(data))).split())
+    assert "Left out of all times: 1 answer while everything was stopped." in report
+    assert "half of the 1 that were not waited for while everything was stopped" in report
+    whys = [each.why for cue in judge_session(data).cues for each in cue.decisions.values()]
+    assert whys == ["", ""], "the stop itself is a decision, and was taken before"
+    load_format("tables").write(tmp_path / "out", [data], export_context([folder], "full"))
+    with (tmp_path / "out" / "acts.csv").open(encoding="utf-8") as file:
+        assert [each["response_interrupted"] for each in csv.DictReader(file)] == ["", "", "stop"]
+    with (tmp_path / "out" / "sessions.csv").open(encoding="utf-8") as file:
+        (session,) = csv.DictReader(file)
+    assert (session["responses"], session["responses_over_2s"]) == ("1", "0")
 
 
 @pytest.mark.parametrize(

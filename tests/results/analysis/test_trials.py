@@ -23,6 +23,7 @@ from rise_engine.kernel.records import (
     MemoryRecord,
     MistakeRecord,
     RuleRecord,
+    SessionRecord,
     StopRecord,
     TaskRecord,
     TimingRecord,
@@ -113,6 +114,9 @@ class Text:
             "prompts": len(prompts),
             "events": tuple(topic for t, topic in self.events() if start < t <= end),
             "repairs": sum(start < t <= end for t in self.repairs()),
+            "interrupted": self.interrupted(start, end),
+            "participant_interrupted": self.interrupted(asked_end, heard),
+            "wizard_interrupted": self.interrupted(cue_at, key_at),
             "stops": sum(start < each.t <= end for each in self.records if self.is_stop(each)),
             "failures": sum(start < each.t <= end for each in self.records if self.is_failure(each)),
             "marks": sorted(
@@ -197,6 +201,21 @@ class Text:
         ]
         by = max((n for n, each in later if name == ("say" if each.function == "say" else each.behavior)), default=None)
         return by is not None and self.tasks[self.root(by)].source == WIZARD
+
+    def interrupted(self, start: float | None, end: float | None) -> str | None:
+        if start is None or end is None:
+            return None
+        if any(isinstance(e, SessionRecord) and e.status == "recovered" and start < e.t <= end for e in self.records):
+            return "outage"
+        stopped: float | None = None
+        for record in self.records:
+            if isinstance(record, StopRecord) and record.status == "released":
+                if stopped is not None and stopped < end and start < record.t:
+                    return "stop"
+                stopped = None
+            elif stopped is None and self.is_stop(record):
+                stopped = record.t
+        return "stop" if stopped is not None and stopped < end else None
 
     def is_stop(self, record: AnyRecord) -> bool:
         return isinstance(record, StopRecord) and record.status == "requested" and record.source != "engine"
@@ -299,7 +318,7 @@ def test_what_is_measured(tmp_path: Path) -> None:
         told = replace(tea, values={"score": value})
         expected = (None, "value") if is_other else (value, None)
         assert (told.number("score"), told.why_no_number("score")) == expected
-    stopped = replace(tea, stops=1)
+    stopped = replace(tea, participant_interrupted="stop")
     assert (stopped.number("participant_s"), stopped.why_no_number("participant_s")) == (None, "stop")
     assert stopped.number("visits") == 1, "what is no time is counted"
 

@@ -318,7 +318,7 @@ def test_every_column_is_described_and_filled(tables: Path) -> None:
         ),  # of recordings; see above
         *("outcome_reason", "injected_faults", "wizard_key"),
         *("outage_s", "wall_s", "response_outage_s", "response_wall_s"),  # of sessions that were recovered
-        *("participant_outage_s", "wizard_outage_s"),
+        *("interrupted", "response_interrupted", "participant_interrupted", "wizard_interrupted"),
         "run_as",  # of sessions that were reassigned
     }
     for schema in TABLES:

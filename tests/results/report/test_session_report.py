@@ -286,7 +286,7 @@ def test_the_first_sentences_are_so(tmp_path):
     script = [act("Answer", 9.0), (10.0, task("markCue", source="wizard:ben"))]
     data = read_session(play_session(tmp_path, script, until=30.0, faults=()))
     assert [each.before_cue for each in data.acts] == [True] or not data.cues[0].answered_at
-    late = replace(data.acts[0], cue_at=8.0, response_outage_s=9.0)
+    late = replace(data.acts[0], cue_at=8.0, response_outage_s=9.0, response_interrupted="outage")
     cue = replace(data.cues[0], answered_at=9.5, answer_s=None, task=late.task)
     document = session_report(replace(data, acts=(late,), cues=(cue,)))
     assert "1 of 1 cue was answered, none with a time that counts." in document.summary

@@ -55,7 +55,7 @@ def test_a_value_that_is_no_number_is_named_where_it_is_left_out() -> None:
     rows = trial_rows([("yes", [replace(FAST, measure="score", left_out=((3, "value"), (4, "stop")))])])
     table = trials_section(rows, declared=True).blocks[1]
     assert isinstance(table, ReportTable) and table.note.endswith(
-        " Everything was stopped in P01, trial 4; no time of such a trial is measured."
+        " Everything was stopped in P01, trial 4; no time across a stop is measured."
         " Left out, because score is not a number there: P01, trial 3."
     )
 
