@@ -19,7 +19,9 @@ from rise_engine.results.analysis.phases import STEPPED_BACK, was_stopped_by_wiz
 from rise_engine.scenario.model import Json
 from rise_engine.scenario.trial_settings import TrialSettings
 
-NoNumber: TypeAlias = InterruptionKind | Literal["value"]
+NoNumber: TypeAlias = InterruptionKind | Literal["back", "silent", "end", "cue", "key", "unset", "value"]
+"""Why a trial has no number. back: a wizard stepped back before there was one; silent: the robot said nothing; end:
+nobody knows when it fell silent; cue, key: there was none; unset: no value; value: it is no number."""
 TrialEnd: TypeAlias = Literal["trial", "rule", "key", "record"]
 _NO_REACTIONS = frozenset(
     {
@@ -39,6 +41,13 @@ _INTERRUPTED = {
     "key_s": ("participant_interrupted", "wizard_interrupted"),
 }
 """For each duration of a trial, what says that it was interrupted."""
+_ENDS: dict[str, tuple[str, ...]] = {
+    "participant_s": ("asked_end", "cue_at"),
+    "wizard_s": ("cue_at", "key_at"),
+    "key_s": ("asked_end", "key_at"),
+}
+"""For each duration that a trial may lack, its ends."""
+_MISSING: dict[str, NoNumber] = {"asked_end": "end", "cue_at": "cue", "key_at": "key"}
 _Each = TypeVar("_Each")
 
 
@@ -64,6 +73,8 @@ class PlayedTrial(Struct, frozen=True, kw_only=True):
     robot_next_at: float | None = None
     prompts: int = 0
     repairs: int = 0
+    stepped_back: bool = False
+    """Whether a wizard stepped back in it."""
     events: tuple[str, ...] = ()
     marks: tuple[str, ...] = ()
     failures: int = 0
@@ -97,20 +108,28 @@ class PlayedTrial(Struct, frozen=True, kw_only=True):
         return seconds_between(self.asked_end, self.key_at)
 
     def number(self, name: str) -> float | None:
-        """Return a column as a number, for use as a dependent variable. None: `why_no_number`, or there is no value."""
+        """Return a column as a number, for use as a dependent variable. None: `why_no_number`."""
         if self.why_no_number(name):
             return None
         value = self.values[name] if name in self.values else getattr(self, name, None)
         return float(value) if isinstance(value, int | float) else None
 
     def why_no_number(self, name: str) -> NoNumber | None:
-        """Return why a value is left out. outage: the session had no engine for a while in that time; stop: everything
-        was stopped in it; value: it is not a number, such as a text from the memory."""
+        """Return why a column has no number. None: it has one."""
+        if name in self.values:
+            value = self.values[name]
+            is_number = isinstance(value, int | float) and not isinstance(value, bool)
+            return None if is_number else "unset" if value is None else "value"
         if (why := worst(getattr(self, each) for each in _INTERRUPTED.get(name, ()))) is not None:
             return why
-        value = self.values.get(name)
-        is_number = isinstance(value, int | float) and not isinstance(value, bool)
-        return None if value is None or is_number else "value"
+        missing = next((each for each in _ENDS.get(name, ()) if getattr(self, each) is None), None)
+        if missing is None:
+            return None
+        if self.interrupted is not None:
+            return self.interrupted
+        if missing == "asked_end":
+            return "silent" if self.asked_at is None else "end"
+        return "back" if self.stepped_back else _MISSING[missing]
 
 
 def trials_of(data: SessionData) -> tuple[PlayedTrial, ...]:
@@ -261,11 +280,12 @@ class _Lists:
             (point.at, point) for point in data.points if point.kind == "stop" and point.name == "requested"
         )
         self._faults = _sorted((point.at, point) for point in data.points if point.kind == "fault")
+        self._steps_back = _sorted((phase.start, None) for phase in data.phases if phase.stepped_back)
         self._repairs = _sorted(
             (at, None)
             for at in (
                 *spans.repeated,
-                *(phase.start for phase in data.phases if phase.stepped_back),
+                *(at for at, _ in self._steps_back),
                 *(cue.undone_at for cue in data.cues),
                 *(act.ended_at for act in data.acts if was_stopped_by_wizard(act, by_task, fillers)),
             )
@@ -312,6 +332,7 @@ class _Lists:
             robot_next_at=self._onset_from(heard),
             prompts=sum(act is not asking for act in prompts),
             repairs=len(_until(self._repairs, start, end)),
+            stepped_back=bool(_until(self._steps_back, start, end)),
             events=tuple(_until(self._raised, start, end)),
             marks=(*_within(self._marked_acts, start, until), *_until(self._marked_keys, start, end)),
             failures=len(_until(self._faults, start, end)),

@@ -32,6 +32,12 @@ UNDECLARED = (
 _LEFT_OUT: dict[NoNumber, str] = {
     "outage": "The engine was away in {names}; no time across an outage is measured.",
     "stop": "Everything was stopped in {names}; no time across a stop is measured.",
+    "back": "A wizard stepped back in {names}, before there was a {measure}.",
+    "silent": "The robot said nothing in {names}.",
+    "end": "Nobody knows when the robot fell silent in {names}.",
+    "cue": "There was no cue in {names}.",
+    "key": "The wizard pressed no key in {names}.",
+    "unset": "There is no {measure} in {names}.",
     "value": "Left out, because {measure} is not a number there: {names}.",
 }
 _INTERVAL = "95 % interval of the median by order statistics (at least 95 %, exact; none of fewer than 6 trials)"

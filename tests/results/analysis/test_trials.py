@@ -249,6 +249,9 @@ def compared(folder: Path, settings: TrialSettings) -> list[dict[str, Any]]:
     for row in told:
         row["marks"] = sorted(row["marks"])
     assert told == expected
+    for trial in trials_of(data):
+        for name in ("duration_s", "participant_s", "wizard_s", "key_s", "prompts", *trial.values):
+            assert (trial.number(name) is None) is (trial.why_no_number(name) is not None), name
     return told
 
 
@@ -314,13 +317,25 @@ def test_what_is_measured(tmp_path: Path) -> None:
     assert (tea.wizard_s, tea.wizard_asked) == (1.25, "startCommunicationRobotAct Answer")
     assert tea.robot_next_at is not None and 22.0 < tea.robot_next_at < 23.0
     assert tea.number("participant_s") == tea.participant_s and tea.number("visits") == 1 and tea.number("start") == 10
-    for value, is_other in (("3", True), (True, True), (3, False), (None, False)):
+    for value, is_other in (("3", True), (True, True), (3, False)):
         told = replace(tea, values={"score": value})
         expected = (None, "value") if is_other else (value, None)
         assert (told.number("score"), told.why_no_number("score")) == expected
     stopped = replace(tea, participant_interrupted="stop")
     assert (stopped.number("participant_s"), stopped.why_no_number("participant_s")) == (None, "stop")
     assert stopped.number("visits") == 1, "what is no time is counted"
+    for changed, whys in (
+        ({"cue_at": None}, {"participant_s": "cue", "wizard_s": "cue"}),
+        ({"key_at": None}, {"wizard_s": "key", "key_s": "key"}),
+        ({"key_at": None, "stepped_back": True}, {"wizard_s": "back", "key_s": "back"}),
+        ({"asked_end": None}, {"participant_s": "end", "key_s": "end"}),
+        ({"asked_end": None, "interrupted": "outage"}, {"participant_s": "outage", "key_s": "outage"}),
+        ({"asked_at": None, "asked_end": None}, {"participant_s": "silent", "key_s": "silent"}),
+        ({"values": {"score": None}}, {"score": "unset"}),
+    ):
+        told = replace(tea, **changed)
+        names = ("participant_s", "wizard_s", "key_s", "prompts", "score")
+        assert {name: why for name in names if (why := told.why_no_number(name)) is not None} == whys
 
 
 def test_nothing_is_measured_from_speech_whose_end_nobody_knows(tmp_path: Path) -> None:

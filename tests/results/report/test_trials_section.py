@@ -60,6 +60,17 @@ def test_a_value_that_is_no_number_is_named_where_it_is_left_out() -> None:
     )
 
 
+def test_every_trial_that_was_not_measured_is_named_with_a_reason() -> None:
+    whys = ("outage", "stop", "back", "silent", "end", "cue", "key", "unset", "value")
+    left_out = tuple((number, why) for number, why in enumerate(whys, 1))
+    rows = trial_rows([("yes", [replace(FAST, trials=(*(None for _ in whys), 1.0), left_out=left_out)])])
+    assert rows[0].trials == len(rows[0].values) + len(rows[0].left_out)
+    table = trials_section(rows, declared=True).blocks[1]
+    assert isinstance(table, ReportTable)
+    for number, said in ((3, "stepped back in P01, trial 3"), (5, "fell silent in P01, trial 5"), (6, "no cue in P01")):
+        assert said in table.note and table.note.count(f"trial {number}") == 1
+
+
 def test_a_study_without_trials_is_told_how_to_declare_them() -> None:
     without = replace(FAST, measure="", trials=())
     (told,) = trials_section(trial_rows([("yes", [without])]), declared=False).blocks
