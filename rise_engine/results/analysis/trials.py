@@ -263,14 +263,9 @@ class _Lists:
         self._spoken = _sorted((act.voice_at, act) for act in acts)
         self._onsets = _sorted((act.voice_at if act.speaks else act.robot_at, act) for act in acts)
         self._cues = _sorted((cue.at, cue) for cue in data.cues if cue.undone_at is None)
-        caused: dict[int | None, list[PlayedAct]] = {}
-        for act in data.acts:
-            caused.setdefault(act.origin, []).append(act)
-        only_asides = {
-            task for task, theirs in caused.items() if all(act.filler or act.act in asides for act in theirs)
-        }
+        started_aside = {act.task for act in data.acts if act.filler or act.act in asides}
         self._keys = _sorted(
-            (key.at, key) for key in data.keys if key.function not in _NO_REACTIONS and key.task not in only_asides
+            (key.at, key) for key in data.keys if key.function not in _NO_REACTIONS and key.task not in started_aside
         )
         self._raised = _sorted(data.raised)
         marks = [point for point in data.points if point.kind == "mistake"]
