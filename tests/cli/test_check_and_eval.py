@@ -96,7 +96,9 @@ def test_check_for_another_robot(tmp_path: Path) -> None:
 def test_a_driver_that_is_not_installed_is_found_the_evening_before(tmp_path: Path) -> None:
     study = folder(tmp_path / "s", toml='robot = "lab"')
     (study / "robots").mkdir()
-    (study / "robots" / "lab.toml").write_text('title = "Lab"\ndriver = "ros3"\n[actions.Speech]\n[actions.LookAt]\n', "utf-8")
+    (study / "robots" / "lab.toml").write_text(
+        'title = "Lab"\ndriver = "ros3"\n[actions.Speech]\n[actions.LookAt]\n', "utf-8"
+    )
     for mode, status, severity in (("real", 1, "error"), ("debug", 0, "warning")):
         done = engine("check", study, "--mode", mode)
         assert done.returncode == status, done.stdout

@@ -194,7 +194,9 @@ class Engine:
         away = seconds_between_labels(self._wall_before, self.clock.wall_label(now))
         # The engine before this one lived longer than its last record: it has noted how much.
         lived_on = (now - self._t_before) / self.clock.speed
-        downtime = None if away is None else round(max(0.0, away - lived_on), 3)
+        downtime = None
+        if away is not None and away > lived_on - 1.0:  # else the computer's clock was set back meanwhile
+            downtime = round(max(0.0, away - lived_on), 3)
         self.accept(SessionRecovered(versions=versions(), reason="its engine had gone", downtime=downtime))
 
     def stop_before_end(self) -> None:

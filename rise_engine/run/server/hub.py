@@ -12,7 +12,7 @@ from __future__ import annotations
 import logging
 import os
 from collections.abc import Callable
-from time import monotonic
+from time import monotonic, time
 from unicodedata import normalize
 
 from msgspec import Struct
@@ -36,6 +36,8 @@ STOPPING = frozenset({"stopCommunicationRobotAct", "stopInteractionRule", "stopR
 STANDSTILL_SECONDS = 5.0
 """After a longer standstill of this process, nothing starts that was asked before. It is noted: the record would blame
 the robot, and durations are too long."""
+CLOCK_JUMP_SECONDS = 1.0
+"""A larger step of the computer's clock is noted. Session time is not affected."""
 OLD_SECONDS = 1.0
 """For this long after a standstill, requests may be from before it."""
 
@@ -89,6 +91,8 @@ class SessionHub:
         """Whether the session is about to end: nobody starts anything any more."""
         self._alive_at: float | None = None
         """When `note_alive` was last called."""
+        self._clock_offset: float | None = None
+        """The computer's clock minus the monotonic one, at that time."""
         self._old_until = 0.0
         """Until then, requests may be from before a standstill of this process."""
         engine.subscribe(self._apply_record)
@@ -184,6 +188,12 @@ class SessionHub:
         """Note that this process runs. It calls this again and again, so that a standstill shows."""
         self._may_be_old()
         self._alive_at = monotonic()
+        offset, before = time() - self._alive_at, self._clock_offset
+        self._clock_offset = offset
+        if before is not None and abs(offset - before) > CLOCK_JUMP_SECONDS:
+            how = f"{'forward' if offset > before else 'back'} by {abs(offset - before):.0f} s"
+            told = f"the clock of this computer was set {how}: times of day do not fit from here on"
+            self.engine.post(Note(text=told))
 
     def _may_be_old(self) -> bool:
         """Whether this process has just stood still, so that what comes now may have been asked before."""

@@ -179,7 +179,8 @@ def test_rules_of_control(deeds: str, reason: str, control: list[Any]) -> None:
 def test_after_a_standstill_of_the_engine_nothing_starts_that_was_asked_before(monkeypatch: pytest.MonkeyPatch) -> None:
     """What waited in the sockets comes when the engine goes on; stops, marks and remarks of that time still count."""
     now = [100.0]
-    monkeypatch.setattr("rise_engine.run.server.hub.monotonic", lambda: now[0])
+    for clock in ("monotonic", "time"):
+        monkeypatch.setattr(f"rise_engine.run.server.hub.{clock}", lambda: now[0])
     played = HubSession()
     for deed in ("wa attaches", "nb attaches", "wa acts"):
         assert played.does(deed) == ""
@@ -199,6 +200,22 @@ def test_after_a_standstill_of_the_engine_nothing_starts_that_was_asked_before(m
     assert "the robot has not answered the stop yet" in played.does("wa frees"), "the kernel was asked"
     told = [record.text for record in played.records if isinstance(record, NoteRecord)]
     assert told == ["the engine stood still for 12 s: what happened then is recorded late", "x"]
+
+
+def test_a_step_of_the_computers_clock_is_noted(monkeypatch: pytest.MonkeyPatch) -> None:
+    now = [100.0, 5000.0]
+    monkeypatch.setattr("rise_engine.run.server.hub.monotonic", lambda: now[0])
+    monkeypatch.setattr("rise_engine.run.server.hub.time", lambda: now[1])
+    played = HubSession()
+    for passed, step in ((0.0, 0.0), (0.5, 0.5), (0.5, 0.4), (0.5, -3599.5), (0.5, 60.5), (0.5, 0.5)):
+        now[0] += passed
+        now[1] += step
+        played.hub.note_alive()
+    told = [record.text for record in played.records if isinstance(record, NoteRecord)]
+    assert told == [
+        f"the clock of this computer was set {how}: times of day do not fit from here on"
+        for how in ("back by 3600 s", "forward by 60 s")
+    ]
 
 
 def test_reports_name_the_person_whatever_a_client_writes() -> None:
