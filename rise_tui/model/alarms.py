@@ -1,13 +1,13 @@
 """What every wizard must know immediately: what is wrong, what still works, and what to do, in words. Pure.
 
-An alarm takes three lines. If there are several, the worst is shown in full, and the last line names the others.
+An alarm takes three lines, or four after a stop if some parts have not confirmed and others cannot be stopped. If there
+are several alarms, the worst is shown, and the last line names the others.
 """
 
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 from time import monotonic
-from typing import NamedTuple
 
 from rise_engine.kernel.records import RecordingRecord
 from rise_engine.kernel.view import StopView
@@ -98,28 +98,26 @@ CUT_SECONDS = 1.0
 """Seconds. A connection that returns sooner does not deserve an alarm."""
 
 
-class Alarm(NamedTuple):
+class Alarm:
     """One thing that is wrong."""
 
-    head: StyledLine
-    second: StyledLine = ()
-    third: StyledLine = ()
-    counts_seconds: bool = False
-    """Whether it shows how long it has lasted, so that it changes every second."""
+    def __init__(self, head: StyledLine, *more: StyledLine, counts_seconds: bool = False) -> None:
+        """`more`: its other lines. `counts_seconds`: it shows how long it has lasted, so it changes every second."""
+        self.head, self.more, self.counts_seconds = head, more, counts_seconds
 
 
 def alarm_lines(found: Sequence[Alarm]) -> tuple[StyledLine, ...]:
-    """The lines to show: three, or none."""
+    """The lines to show."""
     if not found:
         return ()
     worst, *others = found
     if not others:
-        return worst.head, worst.second, worst.third
-    # The second line says more than the third, except when the third names what may still move after a stop.
-    middle = worst.third if any(role == "fault" for _, role in worst.third) else worst.second
+        return (worst.head, *worst.more)
+    # The second line says more than the others, except when those name what may still move after a stop.
+    middle = [line for line in worst.more if any(role == "fault" for _, role in line)] or worst.more[:1]
     gap: StyledLine = (("  ", "plain"),)
     named = others[0].head if len(others) == 1 else sum((other.head[:1] + gap for other in others), ())
-    return worst.head, middle, named
+    return (worst.head, *middle, named)
 
 
 def current_alarms(store: Store, key_name: KeyNames) -> list[Alarm]:
@@ -144,7 +142,7 @@ def _gone_alarm(store: Store, key_name: KeyNames) -> Alarm:
         unknown: StyledLine = (("   what the robot was doing then is not known", "plain"),)
         return Alarm(
             ((" ■ ENDED, NOT RECORDED ", "alarm"), ("  the disk did not take its end: look at the robot", "strong")),
-            _answer_lines(sent, key_name)[1] if sent is not None and sent.answered else unknown,
+            *(_answer_lines(sent, key_name)[1:] if sent is not None and sent.answered else (unknown,)),
             (leave, (" leaves", "plain")),
         )
     if store.ended_in_order:
@@ -201,9 +199,7 @@ def _stop_alarms(store: Store, key_name: KeyNames) -> Iterator[Alarm]:
                 (" ■ STOP ", "alarm"),
                 (f"  sent to the robot by {short_name(unrecorded.source)}; not recorded yet", "strong"),
             ),
-            *_answer_lines(unrecorded, key_name)
-            if unrecorded.answered
-            else ((("   waiting for the robot to confirm", "plain"),), _USE_SWITCH),
+            *(_answer_lines(unrecorded, key_name) if unrecorded.answered else _WAITING),
         )
     elif not stop.latched:
         if store.stopping:
@@ -214,37 +210,36 @@ def _stop_alarms(store: Store, key_name: KeyNames) -> Iterator[Alarm]:
                 (" ■ STOP requested ", "alarm"),
                 (f"  asked {format_clock(stop.since)} by {short_name(stop.source)}", "strong"),
             ),
-            (("   waiting for the robot to confirm", "plain"),),
-            _USE_SWITCH,
+            *_WAITING,
         )
     else:
         head = "nothing starts until it is released"
         release: StyledLine = ((f"   {key_name('release')} release", "key"),) if store.has_control else ()
         if stop.held_by:
             head, release = f"{', '.join(map(short_name, stop.held_by))} has not been let go", ()
-        confirmed, missing = _answer_lines(stop, key_name)
+        confirmed, *missing = _answer_lines(stop, key_name)
         yield Alarm(
             ((" ■ STOPPED ", "alarm"), (f"  {head}", "strong"), *release),
             (*confirmed, (f"   by {short_name(stop.source)}", "muted")),
-            missing,
+            *missing,
         )
 
 
-_USE_SWITCH: StyledLine = (("   if the robot keeps moving, use its own switch", "plain"),)
+_WAITING: tuple[StyledLine, ...] = (
+    (("   waiting for the robot to confirm", "plain"),),
+    (("   if the robot keeps moving, use its own switch", "plain"),),
+)
 
 
-def _answer_lines(stop: StopView | UnrecordedStop, key_name: KeyNames) -> tuple[StyledLine, StyledLine]:
-    """The parts that have confirmed a stop, and those that have not."""
-    missing: StyledLine = ()
-    for words, parts in (("CANNOT BE STOPPED", stop.unstoppable), ("NOT CONFIRMED", stop.unconfirmed)):
-        if parts:
-            missing += ((f"   {words}  ", "fault"), (group_parts(parts), "strong"))
-    if stop.unconfirmed:
-        missing += ((f"   look at the robot; {key_name('stop')} asks again", "plain"),)
+def _answer_lines(stop: StopView | UnrecordedStop, key_name: KeyNames) -> list[StyledLine]:
+    """The parts that have confirmed a stop, and those that have not, which may be cut last."""
+    look: StyledLine = ((f"   look at the robot; {key_name('stop')} asks again", "plain"),) if stop.unconfirmed else ()
     confirmed = group_parts(stop.confirmed) or "no part"
-    return ((f"   {'confirmed':<15}", "plain"), (confirmed, "strong")), missing or (
-        ("   every part has confirmed", "plain"),
-    )
+    lines: list[StyledLine] = [((f"   {'confirmed':<15}", "plain"), (confirmed, "strong"), *look)]
+    for words, parts in (("NOT CONFIRMED", stop.unconfirmed), ("CANNOT BE STOPPED", stop.unstoppable)):
+        if parts:
+            lines.append(((f"   {words}  ", "fault"), (group_parts(parts), "strong")))
+    return lines if len(lines) > 1 else [*lines, (("   every part has confirmed", "plain"),)]
 
 
 def _recording_alarms(store: Store, key_name: KeyNames) -> Iterator[Alarm]:

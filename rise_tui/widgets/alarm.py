@@ -41,7 +41,7 @@ class AlarmBar(StoreLines):
     """Shown while something is wrong that every wizard must know."""
 
     DEFAULT_CSS = """
-    AlarmBar { height: 3; background: $error 18%; display: none; }
+    AlarmBar { height: auto; background: $error 18%; display: none; }
     AlarmBar.-on { display: block; }
     """
 
@@ -53,6 +53,7 @@ class AlarmBar(StoreLines):
         self.counts = any(alarm.counts_seconds for alarm in found)
         shown = alarm_lines(found)
         self.set_class(bool(shown), "-on")
+        self.styles.height = max(1, len(shown))
         width = self.size.width
         self.show(*(crop(line, width) if width else line for line in shown))
 

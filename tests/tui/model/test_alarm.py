@@ -145,10 +145,21 @@ def full(client: FakeClient) -> None:
         ((lose, full, stopped), ["STOPPED", "NOT CONFIRMED  pepper: base", "NOT RECORDING"]),
         ((lose, full), ["NOT RECORDING", "the session is paused", "ROBOT LOST"]),
         ((lose, stopped), ["STOPPED", "NOT CONFIRMED", "ROBOT LOST   for 0 s: no answer for 3 s"]),
-        ((lose, both), ["STOPPED", "CANNOT BE STOPPED  pepper: lamp   NOT CONFIRMED  pepper: base", "ROBOT LOST"]),
-        ((both,), ["STOPPED", "confirmed      pepper: speech", "CANNOT BE STOPPED  pepper: lamp   NOT CONFIRMED"]),
+        (
+            (lose, both),
+            ["STOPPED", "NOT CONFIRMED  pepper: base", "CANNOT BE STOPPED  pepper: lamp", "ROBOT LOST"],
+        ),
+        (
+            (both,),
+            [
+                "STOPPED",
+                "confirmed      pepper: speech   look at the robot; F9 asks again",
+                "NOT CONFIRMED  pepper: base",
+                "CANNOT BE STOPPED  pepper: lamp",
+            ],
+        ),
         ((full,), ["NOT RECORDING   no space", "the session is paused", "F9 still stops the robot"]),
-        ((stopped,), ["STOPPED", "confirmed      pepper: speech", "look at the robot; F9 asks again"]),
+        ((stopped,), ["STOPPED", "confirmed      pepper: speech   look at the robot; F9 asks again", "NOT CONFIRMED"]),
         (
             (pressed,),
             [
@@ -164,7 +175,6 @@ def test_of_several_the_worst_is_first_and_the_others_are_named(
     happenings: tuple[Callable[[FakeClient], object], ...], heads: list[str]
 ) -> None:
     told = said(store_after(*happenings))
-    assert len(told) == 3
     for line, head in zip(told, heads, strict=True):
         assert head in line, told
 
@@ -195,8 +205,9 @@ def test_a_stop_that_could_not_be_recorded_is_told_all_the_same() -> None:
     answer = UnrecordedStop("wizard:anna", True, ("mila/grasp",), ("mila/base (no answer)",), ("mila/face", "mila/say"))
     told = said(store_after(lambda client: client.journal(trouble=FULL, stop=answer)))
     assert "sent to the robot by anna" in told[0]
-    assert told[1].strip().startswith("CANNOT BE STOPPED  mila: face, say   NOT CONFIRMED  mila: base (no answer)")
-    assert FULL in told[2]
+    assert told[1].strip() == "NOT CONFIRMED  mila: base (no answer)"
+    assert told[2].strip() == "CANNOT BE STOPPED  mila: face, say"
+    assert FULL in told[3]
 
 
 def test_a_gone_engine_hides_everything_else_and_says_how_to_come_back() -> None:

@@ -78,7 +78,7 @@ class Ros2Robot:
         """Names of endpoints that do not announce their types, once they were noted."""
         self._other_clients: set[str] = set()
         """Other nodes that may move the robot, once they were noted."""
-        self._closed = False
+        self._is_connected = self._closed = False
         self._estop: EstopInput | None = None
         self._adopted: list[Goal] = []
         """Goals that an earlier engine may have left running."""
@@ -116,7 +116,10 @@ class Ros2Robot:
 
     def connect(self, report: ReportCallback) -> None:
         """Begin. Discovery takes time: reports start when every server is there, or the longest deadline is over."""
-        self._report = report
+        self._report, self._is_connected = report, True
+        for endpoint in self._endpoints:
+            if isinstance(endpoint, ActionEndpoint) and endpoint.client.statuses:
+                self._look_for_unknown(endpoint)
         deadlines = [mapping.deadlines.server for mapping in self._mappings.values()]
         self._grace_until = self.clock.now() + max(deadlines, default=0.0)
         if self._adopted:  # first: nobody has seen yet what the robot is doing
@@ -458,15 +461,19 @@ class Ros2Robot:
             goal.take_feedback()
 
     def _take_status(self, endpoint: ActionEndpoint, statuses: Mapping[bytes, int]) -> None:
-        if not endpoint.was_heard:
-            endpoint.was_heard = True
-            for id in endpoint.client.unfinished_goals() - self._by_id.keys():
-                self._adopt_unknown(endpoint, id)
+        self._look_for_unknown(endpoint)
         for goal in tuple(self._by_id.values()):
             if goal.id in statuses or (goal.endpoint is endpoint and goal.is_live()):
                 goal.take_status(statuses)
         if self._stop is not None:
             self._stop.poll()
+
+    def _look_for_unknown(self, endpoint: ActionEndpoint) -> None:
+        """Look once at what a server is doing when it is found. Goals of an earlier engine are known by then."""
+        if self._is_connected and not endpoint.was_heard:
+            endpoint.was_heard = True
+            for id in endpoint.client.unfinished_goals() - self._by_id.keys():
+                self._adopt_unknown(endpoint, id)
 
     def _adopt_unknown(self, endpoint: ActionEndpoint, id: bytes) -> None:
         """Take over a goal that ran before this session found the server. Nothing else goes there beside it."""

@@ -290,8 +290,8 @@ class StopAll:
         self._report(report)
 
     def _make_report(self) -> StopReport:
-        confirmed = []
-        unconfirmed = [f"{each.endpoint.label} ({each.why_unconfirmed()})" for each in self._topics]
+        confirmed, unconfirmed = [], []
+        topics = [f"{each.endpoint.label} ({each.why_unconfirmed()})" for each in self._topics]
         for cancel in self._cancels:
             if cancel.is_confirmed():
                 confirmed.append(cancel.endpoint.label)
@@ -300,6 +300,6 @@ class StopAll:
         calls = [f"{each.label} (nothing stops a call of a service)" for each in self._services if each.open]
         return StopReport(
             confirmed=tuple(sorted(confirmed)),
-            unconfirmed=tuple(sorted(unconfirmed)),
+            unconfirmed=(*sorted(unconfirmed), *sorted(topics)),  # those last that can never confirm
             unstoppable=tuple(sorted([*self._unstoppable, *calls])),
         )
