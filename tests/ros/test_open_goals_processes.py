@@ -13,6 +13,7 @@ import msgspec
 import pytest
 
 from rise_engine.base import exit_status
+from rise_engine.run.client.socket import SocketClient
 from tests.ros.badrobot import Plan
 from tests.ros.bench import SPEECH, TYPES
 from tests.ros.contract.peers import missing
@@ -128,6 +129,31 @@ async def test_what_a_killed_engine_left_running_is_named_first_and_then_stopped
     first = next(each for each in after if each["kind"] == "robot" and each["open"])
     assert first["open"][0]["reason"] == "an engine that has gone began it" and first["status"] == "degraded"
     assert [each["source"] for each in after if each.get("function") == "cancelOpenGoals"] == ["engine"]
+    assert again.end(signal.SIGTERM) == exit_status.OK
+
+
+@pytest.mark.parametrize("unattended", ["wait", "go on"])
+async def test_a_recovered_session_begins_nothing_before_a_wizard_has_control(
+    lab: Lab, monkeypatch: pytest.MonkeyPatch, unattended: str
+) -> None:
+    lab.write_study(f'[options]\nunattended = "{unattended}"')
+    robot = await lab.robot(Plan(seconds=60))
+    session = await lab.serve("session", "--act", "R_Talk", "--act", "R_Talk", "--new")
+    await robot.says('"begin"')
+    await until(lambda: any(each.get("status") == "accepted" for each in lab.records()), PATIENCE)
+    session.process.kill()
+    session.process.wait()
+    again = await lab.serve("again", "--recover")
+    await robot.says('"end"')  # what the first engine left; the second act was waiting for that
+    if unattended == "wait":
+        told = "nothing begins on the robot until a wizard takes control"
+        await until(lambda: lab.records()[-1].get("open") == [], PATIENCE)
+        assert any(each.get("text") == told for each in lab.records()) and robot.said().count('"begin"') == 1
+        wizard = SocketClient("study", "anna")
+        await wizard.attach()
+    await until(lambda: robot.said().count('"begin"') == 2, PATIENCE)
+    if unattended == "wait":
+        await wizard.close()
     assert again.end(signal.SIGTERM) == exit_status.OK
 
 

@@ -141,7 +141,7 @@ def test_after_a_crash_the_same_session_goes_on(tmp_path: Path, monkeypatch: pyt
     unit = (PACKAGE.parents[1] / "packaging/systemd/rise-engine@.service").read_text("utf-8")
     prevented = next(line for line in unit.splitlines() if line.startswith("RestartPreventExitStatus=")).partition("=")
     final = {0, *map(int, prevented[2].split())}
-    told = ("REFUSED", "USAGE", "ALREADY_RUNNING", "UNFINISHED", "UNRECOVERABLE", "STILL_RUNNING")
+    told = ("REFUSED", "USAGE", "ALREADY_RUNNING", "UNFINISHED", "UNRECOVERABLE", "STILL_RUNNING", "NOT_WRITTEN")
     assert final == {0, *(getattr(exit_status, name) for name in told)}
     assert {status for status in range(-20, 200) if not made.is_crash(status)} == final, "as the unit for systemd"
 

@@ -57,9 +57,9 @@ ARGUMENTS = {
 
 _OF_LAUNCH = ("launch-prefix", "launch-prefix-filter")
 """Arguments of ros2 launch itself."""
-_IN_ORDER = range(7)
+_IN_ORDER = {*range(7), 74}
 """Exit statuses after which a restart is useless: the session ended, even with a robot that may still be doing
-something (6), or was refused (as in the systemd unit)."""
+something (6) or without the end of its record (74), or was refused (as in the systemd unit)."""
 
 
 def typed_arguments(command: Sequence[str], file: str) -> list[str]:

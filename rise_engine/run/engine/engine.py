@@ -40,7 +40,7 @@ from rise_engine.kernel.inputs import (
 from rise_engine.kernel.records import AnyRecord, OpenGoal, StopRecord, TaskRecord
 from rise_engine.ports.robot import Robot
 from rise_engine.run.engine.clock import SessionClock, seconds_between_labels
-from rise_engine.run.engine.command_runner import CommandRunner, error_text
+from rise_engine.run.engine.command_runner import NOT_BEGUN, CommandRunner, error_text
 from rise_engine.run.engine.drivers import driver_name_for
 from rise_engine.run.protocol.client import JournalStatus, Reply, UnrecordedStop
 from rise_engine.scenario.model import Scenario
@@ -198,6 +198,14 @@ class Engine:
         if away is not None and away > lived_on - 1.0:  # else the computer's clock was set back meanwhile
             downtime = round(max(0.0, away - lived_on), 3)
         self.accept(SessionRecovered(versions=versions(), reason="its engine had gone", downtime=downtime))
+
+    def hold_actions(self) -> None:
+        """Keep back every action on the robot from now on, until `let_actions_go`. Everything else goes on."""
+        self._commands.hold()
+
+    def let_actions_go(self) -> None:
+        """Start what was kept back, and every action from now on."""
+        self._commands.let_go()
 
     def stop_before_end(self) -> None:
         """Stop the robot and every rule immediately if anything runs or waits, because the session will end soon.
@@ -507,7 +515,7 @@ class Engine:
         self._commands.run(command)
 
     def _post_not_begun(self, start: StartAction) -> None:
-        self.post(ActionReport(action=start.action, status="canceled", reason="it had not begun yet"))
+        self.post(ActionReport(action=start.action, status="canceled", reason=NOT_BEGUN))
 
     # --- the end ------------------------------------------------------------------------------------------------
 

@@ -17,7 +17,7 @@ from functools import partial
 from rise_engine.base import exit_status
 from rise_engine.base.json_codec import encode
 from rise_engine.kernel.inputs import Note, Submit
-from rise_engine.kernel.records import RecordingStatus, describe_open_goals
+from rise_engine.kernel.records import AnyRecord, ControlRecord, RecordingStatus, describe_open_goals
 from rise_engine.ports.bridge import Bridge
 from rise_engine.ports.robot import Robot
 from rise_engine.run.engine.clock import RealClock
@@ -168,13 +168,20 @@ class _SessionProcess:
     def _start_engine(self, engine: Engine) -> None:
         recovered = self.prepared.recovered
         if recovered is not None:
+            options = engine.scenario.robot.options
+            waits = engine.scenario.mode == "real" and options.get("unattended") != "go on"
+            if waits:
+                engine.hold_actions()
+                engine.subscribe(self._look_for_wizard)
             engine.resume()
+            if waits:
+                engine.post(Note(text="nothing begins on the robot until a wizard takes control"))
             if self.prepared.study is not None:
                 for report in self.prepared.study.unrecorded_checks(self.prepared.folder, recovered.view):
                     engine.post(report)
             for sentence in recovered.report:
                 engine.post(Note(text=sentence))
-            if engine.scenario.robot.options.get("leftovers") != "keep":
+            if options.get("leftovers") != "keep":
                 self.loop.call_later(LEFTOVER_SECONDS, self._cancel_leftovers)
             return
         engine.start()
@@ -186,6 +193,12 @@ class _SessionProcess:
         for submit in self.prepared.options.first_tasks:
             engine.post(submit)
         self._schedule(engine)
+
+    def _look_for_wizard(self, record: AnyRecord) -> None:
+        """Let the robot begin again when a wizard takes control of the recovered session. Until then, nobody may be
+        looking at it."""
+        if isinstance(record, ControlRecord) and record.holder is not None:
+            self.engine.let_actions_go()
 
     def _cancel_leftovers(self) -> None:
         """Stop what an earlier engine left running, if nobody has taken control of the recovered session."""

@@ -116,6 +116,25 @@ async def test_what_went_out_is_on_the_disk(tmp_path: Path) -> None:
         assert [line.n for line in on_disk if isinstance(line, InputLine)] == [1, 2, 3]
 
 
+@pytest.mark.parametrize("then", ["let go", "stop"])
+async def test_an_engine_can_keep_actions_back_until_somebody_is_there(tmp_path: Path, then: str) -> None:
+    async with session(tmp_path, Disk()) as it:
+        it.engine.hold_actions()
+        it.ask(start("Greet"))
+        await it.until(lambda: it.replies)
+        assert it.robot.calls == []
+        if then == "let go":
+            it.engine.let_actions_go()
+            it.engine.let_actions_go()
+            assert it.robot.calls == ["start 1/1"]
+            return
+        it.ask(STOP)
+        await it.until(lambda: it.of(TaskRecord)[-1].status == "CANCELED")
+        assert ("canceled", "it had not begun yet") in {(each.status, each.reason) for each in it.of(ActionRecord)}
+        it.engine.let_actions_go()
+        assert it.robot.calls == ["stop"]
+
+
 async def test_nothing_goes_out_while_the_disk_stalls_but_the_loop_goes_on(tmp_path: Path) -> None:
     """J04."""
     disk = StallingDisk()

@@ -63,6 +63,8 @@ class RosOptions(Struct, frozen=True):
     """The name under which a wrapper offers the actions of the profile `rise`; empty: there is none."""
     leftovers: Literal["cancel", "keep"] = "cancel"
     """What happens to goals that a killed engine left behind, if no wizard is there to decide."""
+    unattended: Literal["wait", "go on"] = "wait"
+    """Whether a recovered session moves the robot before a wizard has taken control."""
     share: tuple[str, ...] = ()
     """Folders with the definitions of further interface packages, for the transport without ROS."""
     estop: EstopMapping | None = None

@@ -128,9 +128,13 @@ def parse_options(
     if leftovers not in ("cancel", "keep"):
         mistakes.add("options.leftovers", "is `cancel` or `keep`")
         leftovers = "cancel"
+    unattended = profile.options.get("unattended", "wait")
+    if unattended not in ("wait", "go on"):
+        mistakes.add("options.unattended", "is `wait` or `go on`")
+        unattended = "wait"
     written = profile.options.get("estop")
     estop = None if written is None else parse_estop(written, types, mistakes)
-    return RosOptions(frame, deadlines, error, wrapper, leftovers, tuple(folders), estop)
+    return RosOptions(frame, deadlines, error, wrapper, leftovers, unattended, tuple(folders), estop)
 
 
 def parse_deadlines(table: Any, before: GoalDeadlines, where: str, mistakes: ProfileMistakes) -> GoalDeadlines:
