@@ -10,9 +10,10 @@ from msgspec import Struct
 from rise_engine.base.errors import SessionError
 from rise_engine.session.folder import INFO, JOURNAL, has_begun
 from rise_engine.session.replay import ReplayComparison, compare_replay
+from rise_engine.study.copies import copied_sessions, session_folders
 from rise_engine.study.plan import runs_of
 from rise_engine.study.plan_file import PLAN_FILE
-from rise_engine.study.sessions import MOVED_AWAY, StudySession, copied_sessions, session_folders
+from rise_engine.study.sessions import MOVED_AWAY, StudySession
 from rise_engine.study.state import StudyStatus
 from rise_engine.study.study_log import LOG_FILE, StudyLogError, read_log
 
@@ -54,6 +55,7 @@ def prove_sessions(
     copies = copied_sessions(folder, state.log if state is not None else ())
     there = {path.name: path for path in session_folders(folder) if has_begun(path)}
     named = _named_in_log(folder)
+    repeated = state.repeated if state is not None else {}
     for name in sorted({*known, *there, *(named if absent is not None else ())}):
         session = known.get(name)
         if name in copies:
@@ -74,6 +76,7 @@ def prove_sessions(
             problems.append("it is no session of this study")
         elif state is not None and session is not None:
             problems += [] if name in named else [f"{LOG_FILE} does not name this session"]
+            problems += [repeated[name]] if name in repeated else []
             problems += _plan_differences(state, session)
             problems += [f"{LOG_FILE} cannot be read whole, so what it says of it is not certain"] * bool(state.damaged)
         moved = session.reassigned if session is not None else None

@@ -12,6 +12,7 @@ from rise_engine.scenario.diagnostics import Diagnostic, Diagnostics
 from rise_engine.scenario.files.tree import Held
 from rise_engine.scenario.model import Scenario, SourceLocation
 from rise_engine.study.balance import block_problems
+from rise_engine.study.copies import SESSIONS, copied_sessions, repeated_sessions, session_folders
 from rise_engine.study.design import runs
 from rise_engine.study.labels import reassignments, session_differences
 from rise_engine.study.model import Participant, Slot, Study
@@ -21,7 +22,7 @@ from rise_engine.study.plan_file import NEW_PLAN_FILE, PLAN_FILE, PlanLoad, plan
 from rise_engine.study.planning import held_slots, last_planned, plan_problem, scenario_hashes
 from rise_engine.study.questionnaires import find_missing, load_questionnaire
 from rise_engine.study.session_kinds import check_languages
-from rise_engine.study.sessions import MOVED_AWAY, SESSIONS, copied_sessions, read_sessions, session_folders
+from rise_engine.study.sessions import MOVED_AWAY, read_sessions
 from rise_engine.study.study_log import LOG_FILE, LogEntry, StudyLogError, read_log
 from rise_engine.study.study_toml import STUDY_FILE, StudyLoad, load_study
 from rise_engine.study.traces import WORK_FOLDER, interrupted_withdrawals
@@ -173,6 +174,8 @@ def _check_sessions(study: Study, entries: list[LogEntry], diagnostics: Diagnost
             diagnostics.error("lost-session", location, f"it {session.missing}")
         elif session.without_end:
             diagnostics.warning("no-end", location, f"it {session.without_end}")
+    for name, sentence in repeated_sessions(each.entry for each in known.values() if not each.missing).items():
+        diagnostics.error("repeated-session", SourceLocation(f"{SESSIONS}/{name}"), sentence)
     for path in session_folders(folder):
         other = known.get(path.name)
         is_read = other is not None and other.info is not None

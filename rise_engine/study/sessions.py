@@ -7,9 +7,7 @@ log's lock, so that a kill at any moment loses nothing.
 
 from __future__ import annotations
 
-import os
 from collections.abc import Collection, Iterable, Sequence
-from contextlib import suppress
 from datetime import datetime
 from pathlib import Path
 from typing import Any, Literal, NamedTuple
@@ -19,20 +17,18 @@ from msgspec.structs import replace
 
 from rise_engine.base.errors import SessionError
 from rise_engine.base.files import is_locked
-from rise_engine.base.json_codec import encode
 from rise_engine.kernel.inputs import CheckReport, OutcomeReport
 from rise_engine.scenario.model import Json
 from rise_engine.session.folder import JOURNAL, SessionInfo, has_begun, has_ended, is_abandoned, read_info
-from rise_engine.session.labels import read_labels
 from rise_engine.session.lock import JournalLock
 from rise_engine.session.recovery import read_clock
+from rise_engine.study.copies import SESSIONS as SESSIONS
+from rise_engine.study.copies import copied_sessions, session_folders
 from rise_engine.study.labels import Reassignment, reassignments, session_differences
 from rise_engine.study.model import SessionEntry
 from rise_engine.study.study_log import EntryKind, LogEntry
 from rise_engine.study.verdict import read_checks, read_verdict
 
-SESSIONS = "sessions"
-"""The folder of the sessions within a study's folder."""
 GIVEN_UP = "its engine had gone, and it was given up"
 """The reason for aborting a session that nobody continued."""
 
@@ -148,39 +144,6 @@ def _timestamp(started: str) -> float:
         return datetime.fromisoformat(started).timestamp()
     except ValueError:
         return 0.0
-
-
-def session_folders(folder: Path) -> list[Path]:
-    """Return the folders in a study's `sessions`, sorted by name."""
-    found: list[Path] = []
-    with suppress(OSError):
-        found = sorted(Path(entry.path) for entry in os.scandir(folder / SESSIONS) if entry.is_dir())
-    return found
-
-
-def copied_sessions(folder: Path, log: Sequence[LogEntry]) -> dict[str, str]:
-    """Find folders that are copies of another session, so that no session counts twice: their journals begin with the
-    same record. The log tells which one is the session; without it, the first by name.
-
-    :param folder: the study's folder.
-    :param log: the study's log.
-    :return: a sentence for each copy, by the folder's name.
-    """
-    logged = {name: number for number, each in enumerate(log) if (name := _text(each, "folder"))}
-    paths = sorted(session_folders(folder), key=lambda path: logged.get(path.name, len(log)))
-    originals: dict[bytes, str] = {}
-    copies: dict[str, str] = {}
-    for path in paths:
-        labels = read_labels(path / JOURNAL)
-        if labels is None or not labels.get("wall"):  # a shared session does not tell when it began
-            continue
-        original = originals.setdefault(encode(labels), path.name)
-        if original != path.name:
-            copies[path.name] = (
-                f"it is a copy of {original}: both journals begin with the same record. It does not count; move it "
-                f"out of {SESSIONS}/"
-            )
-    return copies
 
 
 def _nothing_happened(path: Path, told: Iterable[LogEntry]) -> bool:

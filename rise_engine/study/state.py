@@ -20,11 +20,12 @@ from rise_engine.base.text import name_some, pluralize
 from rise_engine.scenario.model import Json
 from rise_engine.session.folder import mark_abandoned
 from rise_engine.study.chance import cell_for
+from rise_engine.study.copies import copied_sessions, repeated_sessions
 from rise_engine.study.model import Participant, ParticipantState, Slot, Study, StudyStanding
 from rise_engine.study.participants import load_participants
 from rise_engine.study.plan_file import read_plan
 from rise_engine.study.planning import last_planned, plan_problem
-from rise_engine.study.sessions import MissingEntry, StudySession, copied_sessions, missing_entries, read_sessions
+from rise_engine.study.sessions import MissingEntry, StudySession, missing_entries, read_sessions
 from rise_engine.study.standing import Places, places_of, study_standing
 from rise_engine.study.study_log import LockedLog, LogEntry, read_log_and_damage
 from rise_engine.study.study_toml import is_study, load_study
@@ -98,6 +99,11 @@ class StudyStatus(Struct, frozen=True):
     """Sentences on lines of the log that cannot be read, so that everything here may be wrong."""
 
     @property
+    def repeated(self) -> dict[str, str]:
+        """Sentences on sessions that another one precedes with the same participant, run and attempt, by folder."""
+        return repeated_sessions(each.entry for each in self.sessions if not each.missing)
+
+    @property
     def pseudonyms(self) -> tuple[str, ...]:
         """The participants in the log, or with a status in participants.csv, except those who have withdrawn."""
         listed = (each.participant for each in self.participants if each.status)
@@ -159,7 +165,8 @@ def read_state(folder: Path) -> StudyStatus:
         standing = replace(state.standing, due=(*damaged, *state.standing.due))
         state = replace(state, standing=standing, damaged=tuple(damaged))
     due = due_retention(state.study, state.sessions, datetime.now().astimezone().date())
-    due += [f"{name}: {sentence}" for name, sentence in copied_sessions(folder, state.log).items()]
+    doubtful = {**copied_sessions(folder, state.log), **state.repeated}
+    due += [f"{name}: {sentence}" for name, sentence in doubtful.items()]
     return replace(state, standing=replace(state.standing, due=(*state.standing.due, *due))) if due else state
 
 

@@ -326,7 +326,8 @@ def test_a_copied_session_does_not_count(study: Path, tmp_path: Path) -> None:
     assert f"error copied-session: {told}" in run("study", "check", study)[1]
     assert f"{copy.name}: {told}" in run("study", "status", study)[1]
     assert copy.name not in run("sessions", study)[1]
-    assert run("export", study, "--format", "tables", "-o", tmp_path / "tables")[0] in (0, 1)
+    status, said = run("export", study, "--format", "tables", "-o", tmp_path / "tables")
+    assert status == 0 and f"note: {copy.name} is not in the export: {told}" in said
     with (tmp_path / "tables" / "sessions.csv").open(encoding="utf-8") as file:
         assert copy.name not in [each["session"] for each in csv.DictReader(file)]
 
@@ -484,6 +485,43 @@ def test_a_line_of_the_log_that_cannot_be_read_is_told_by_whoever_uses_the_other
     status, lines = check_sessions(study)
     assert status == 1 and any(each.startswith("0 of 8 sessions proved") for each in lines)
     assert f"{folder.name}: study.jsonl cannot be read whole, so what it says of it is not certain" in lines
+
+
+def test_the_copy_of_a_session_in_a_bundle_does_not_count_beside_it(study: Path, tmp_path: Path) -> None:
+    """Not even when somebody begins a session, whereby the log gets what the folders say."""
+    before = [each.entry for each in read_state(study).sessions]
+    make_bundle(read_state(study), sessions_of(study)[1:], tmp_path / "bundle", BundleOptions("shared"))
+    shared = sessions_of(tmp_path / "bundle")[0]
+    shutil.copytree(shared, study / SESSIONS / shared.name)
+    with OpenStudy(study) as opened:
+        assert [each.entry for each in opened.state.sessions] == before
+    assert not [each for each in read_log(study) if each.get("folder") == shared.name]
+    told = "its journal has no dates, as the copies in bundles, and other sessions have them."
+    assert f"{SESSIONS}/{shared.name}:1:1: error copied-session: {told}" in run("study", "check", study)[1]
+    assert f"{shared.name}: {told}" in run("study", "status", study)[1]
+    status, lines = check_sessions(study)
+    assert status == 1 and any(line.startswith(f"{shared.name}: not proved: {told}") for line in lines)
+    bundle = tmp_path / "bundle"
+    assert "copied-session" not in run("study", "check", bundle)[1], "there, no session has dates"
+
+
+def test_two_sessions_of_one_run_and_attempt_are_told(study: Path, tmp_path: Path) -> None:
+    """As when folders of two laboratories are put together."""
+    first, second = (each for each in sessions_of(study) if "P03" in each.name)
+    edit(second / INFO, r"^run = \d", "run = 1")
+    edit(second / INFO, '^condition = ".*"', f'condition = "{read_info(first).condition}"')
+    journal = second / "journal.jsonl"
+    lines = [re.sub(rb'"run":2', b'"run":1', each) for each in journal.read_bytes().splitlines()]
+    again = [with_checksum(each[: each.rindex(b',"crc"')] + b"}") for each in lines[1:]]
+    journal.write_bytes(b"".join([lines[0] + b"\n", *again]))
+    told = f"it is run 1, attempt 1 of P03, and so is {first.name}: only one of them can be, and both count."
+    status, said = run("study", "check", study)
+    assert status == 1 and f"{SESSIONS}/{second.name}:1:1: error repeated-session: {told}" in said
+    assert f"{second.name}: {told}" in run("study", "status", study)[1]
+    assert any(line == f"{second.name}: {told}" or told in line for line in check_sessions(study)[1])
+    assert read_state(study).repeated == {
+        second.name: f"{told} Find out which, and move the other one out of sessions/"
+    }
 
 
 # --- reassigned -------------------------------------------------------------------------------------------------------

@@ -24,6 +24,7 @@ from rise_engine.results.export.format import ExportError, ExportFormat, format_
 from rise_engine.results.export.records import RecordFormat, SessionExport
 from rise_engine.results.export.writing import export_context, export_sessions, new_export
 from rise_engine.session.folder import find_session
+from rise_engine.study.copies import copied_sessions
 from rise_engine.study.model import StudyStanding
 from rise_engine.study.sessions import StudySession
 from rise_engine.study.state import read_state
@@ -68,7 +69,7 @@ class Selection(Struct):
     notes: list[str] = field(default_factory=list)
     """What to know of selected sessions, in sentences."""
     problems: list[str] = field(default_factory=list)
-    """What of their studies' logs cannot be read, in sentences."""
+    """What is wrong in their studies, in sentences."""
 
 
 def level_option(default: ExportLevel, about: str) -> Callable[[Command], Command]:
@@ -192,8 +193,11 @@ def _select_study(selection: Selection, path: Path, *, all: bool, alone: bool) -
         raise ExportError("nothing was exported", *state.interrupted)
     selection.several = True
     selection.problems += [each for each in state.damaged if each not in selection.problems]
+    selection.problems += [f"{name}: {each}" for name, each in state.repeated.items()]
     if alone:
         selection.standing = state.standing
+    copies = copied_sessions(path, state.log)
+    selection.remarks += [f"{name} is not in the export: {each}" for name, each in copies.items()]
     left_out: Counter[str] = Counter()
     for session in state.sessions:
         why = _why_left_out(session)

@@ -30,8 +30,8 @@ from rise_engine.session.folder import (
     read_info,
     sessions_folder,
 )
+from rise_engine.study.copies import SESSIONS, copied_sessions
 from rise_engine.study.labels import reassignment_of
-from rise_engine.study.sessions import SESSIONS, copied_sessions
 from rise_engine.study.standing import when_text
 from rise_engine.study.study_log import read_log
 from rise_engine.study.study_toml import is_study

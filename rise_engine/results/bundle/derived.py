@@ -25,8 +25,8 @@ from rise_engine.results.export.writing import export_context
 from rise_engine.results.report.making import make_study_report
 from rise_engine.results.report.page import page_text
 from rise_engine.session.unfinished_files import private_folder
+from rise_engine.study.copies import session_folders
 from rise_engine.study.model import Study
-from rise_engine.study.sessions import session_folders
 from rise_engine.study.state import StudyStatus, read_state
 from rise_engine.study.traces import MANIFEST_FILE, PARTICIPANTS_FILE
 

@@ -81,6 +81,7 @@ def make_study_report(
     problems = [
         *state.interrupted,
         *state.damaged,
+        *(f"{name}: {sentence}" for name, sentence in state.repeated.items()),
         *(f"{each.name} {each.missing}" for each in _kept(state) if each.info is None),
     ]
     folders = report_folders(state)
