@@ -39,7 +39,14 @@ from rise_engine.scenario.loader import load
 from rise_engine.scenario.model import Scenario
 from rise_engine.session.journal_format import FORMAT, LineError, read_line
 from rise_engine.session.journal_format import JOURNAL as JOURNAL
-from rise_engine.session.labels import label_differences, labels_for, moment_of_zero, read_labels, refuse_differences
+from rise_engine.session.labels import (
+    label_differences,
+    labels_for,
+    moment_differences,
+    moment_of_zero,
+    read_labels,
+    refuse_differences,
+)
 from rise_engine.session.lock import LockHolder, forget_holder, read_holder, user_name
 
 _ANY_CONNECTION = RosConnection()
@@ -202,13 +209,18 @@ def read_info(folder: Path, *, compare: bool = True) -> SessionInfo:
     return info
 
 
-def info_differences(folder: Path) -> list[str]:
-    """List the differences between `session.toml` and the journal in sentences. Empty when it cannot be read."""
+def info_differences(folder: Path, *, moments: bool = False) -> list[str]:
+    """List the differences between `session.toml` and the journal in sentences. Empty when it cannot be read.
+
+    :param folder: the session's folder.
+    :param moments: also compare when it began.
+    """
     try:
         told = asdict(_read_info(folder))
     except SessionError:
         return []
-    return label_differences(read_labels(folder / JOURNAL), told, INFO)
+    labels = read_labels(folder / JOURNAL)
+    return [*label_differences(labels, told, INFO), *(moment_differences(labels, told, INFO) if moments else ())]
 
 
 def _read_info(folder: Path) -> SessionInfo:

@@ -7,7 +7,7 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Iterator, Mapping
 from datetime import datetime, timedelta
 from pathlib import Path
 from typing import Any
@@ -17,7 +17,7 @@ import msgspec
 from rise_engine.base.errors import SessionError
 from rise_engine.base.json_codec import JsonError, decode
 from rise_engine.base.text import escape_surrogates
-from rise_engine.kernel.records import IDENTITY, SessionRecord
+from rise_engine.kernel.records import IDENTITY, Record, SessionRecord
 from rise_engine.session.journal_format import JOURNAL, LineError, read_line
 
 _LABELS = (
@@ -69,6 +69,47 @@ def moment_of_zero(wall: str, t: float, speed: float) -> str:
         return (datetime.fromisoformat(wall) - timedelta(seconds=t / speed)).isoformat(timespec="milliseconds")
     except (ValueError, OverflowError):
         return ""
+
+
+def seconds_away(before: Record, after: Record, speed: float) -> float | None:
+    """Return the seconds between two records during which session time stood still, by their wall clock.
+
+    :param before: the last record of one engine.
+    :param after: the first record of the next one.
+    :param speed: session seconds in a second of the wall clock.
+    :return: None where there are no dates.
+    """
+    try:
+        passed = datetime.fromisoformat(after.wall) - datetime.fromisoformat(before.wall)
+    except (ValueError, TypeError):  # a text is empty, or one of them has no zone
+        return None
+    return passed.total_seconds() - (after.t - before.t) / speed
+
+
+CLOCK_TOLERANCE = 2.0
+"""Seconds by which two times of day of one moment differ at most."""
+
+
+def moment_differences(labels: Mapping[str, Any] | None, told: Mapping[str, Any], file: str) -> Iterator[str]:
+    """Say whether another file gives another moment for the beginning (`started`); a difference of seconds is none.
+
+    It was taken after session time 0 and before the first record, whose `t` says how long that took.
+
+    :param labels: from `read_labels`.
+    :param told: the other file's values.
+    :param file: the other file's name.
+    """
+    if labels is None or not labels.get("wall") or not told.get("started"):
+        return
+    wall, started = str(labels["wall"]), str(told["started"])
+    zero = moment_of_zero(wall, labels["t"], labels.get("speed") or told.get("speed") or 1.0)
+    try:
+        began, first, zero_moment = map(datetime.fromisoformat, (started, wall, zero))
+        early, late = (zero_moment - began).total_seconds(), (began - first).total_seconds()
+    except (ValueError, TypeError):
+        return
+    if max(early, late) > CLOCK_TOLERANCE:
+        yield f"{file} says started = {_as_text(started)}, but the first record of {JOURNAL} is of {wall}"
 
 
 def label_differences(labels: Mapping[str, Any] | None, told: Mapping[str, Any], file: str) -> list[str]:

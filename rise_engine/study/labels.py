@@ -17,9 +17,16 @@ from msgspec import Struct
 
 from rise_engine.scenario.files.file_names import STUDY_FILE
 from rise_engine.session.folder import JOURNAL, info_differences
-from rise_engine.session.labels import label_differences, pseudonym_problem, read_labels, refuse_differences
+from rise_engine.session.labels import (
+    CLOCK_TOLERANCE,
+    label_differences,
+    moment_differences,
+    pseudonym_problem,
+    read_labels,
+    refuse_differences,
+)
 from rise_engine.study.study_log import LOG_FILE, LogEntry, StudyLogError, file_stamp, read_kept_log
-from rise_engine.study.verdict import read_verdict
+from rise_engine.study.verdict import read_recoveries, read_verdict
 from rise_engine.study.withdrawn import PREFIX
 
 _FOLDER_NAME = re.compile(r"\d{4}-\d{2}-\d{2}_\d{6}_([A-Za-z0-9]+)_")
@@ -95,13 +102,13 @@ def session_differences(folder: Path, log: Sequence[LogEntry] | None = None) -> 
     :param log: the log's entries; None: the log of the study around the folder is read.
     :return: sentences that name both values; empty where all agree.
     """
-    found = info_differences(folder)
     name = folder.resolve().name
     told = [
         each
         for each in (_log_of(folder) if log is None else log)
         if each.kind in _ABOUT_SESSIONS and name in (each.get("folder"), each.get("session"))
     ]
+    found = info_differences(folder, moments=any(each.kind == "session" for each in told))
     labels = read_labels(folder / JOURNAL) if told else None
     found += _name_differences(name, labels or {})
     if any(each.kind == "session" for each in told):
@@ -124,6 +131,7 @@ def session_differences(folder: Path, log: Sequence[LogEntry] | None = None) -> 
             if labels is not None:
                 given = {**labels, **reassignments([each])[name].labels}
             continue
+        found += moment_differences(labels, each.fields, where)
         differences = label_differences(labels, each.fields, where)
         is_other = all(label_differences(other, each.fields, where) for other in (given, accepted))
         found += differences if is_other else []
@@ -190,13 +198,29 @@ def _end_differences(folder: Path, told: Sequence[LogEntry]) -> Iterator[str]:
         )
 
 
+def outage_differences(folder: Path) -> list[str]:
+    """List recoveries of a session whose recorded downtime is another one than the times of day around it say.
+
+    Unlike `session_differences`, this reads the whole journal. A repair of the journal gives lost records the times of
+    their neighbours, so that a repaired one is not compared.
+    """
+    labels = read_labels(folder / JOURNAL)
+    if labels is None or not labels.get("wall") or any(folder.glob("journal.damaged-*")):
+        return []
+    return [
+        f"{JOURNAL} says downtime = {each.downtime:.3f} at {each.t:.3f} s, but its times of day say {each.by_clock:.3f}"
+        for each in reversed(read_recoveries(folder, labels.get("speed") or 1.0))
+        if abs(each.downtime - each.by_clock) > CLOCK_TOLERANCE
+    ]
+
+
 def refuse_relabelled(folder: Path) -> None:
-    """Refuse to read a session when two files disagree about it.
+    """Refuse to read a session when two files, or the times in its journal, disagree about it.
 
     :param folder: the session's folder.
     :raises rise_engine.session.labels.RelabelledError: they disagree.
     """
-    refuse_differences(folder, session_differences(folder))
+    refuse_differences(folder, [*session_differences(folder), *outage_differences(folder)])
 
 
 def _log_of(folder: Path) -> Sequence[LogEntry]:

@@ -11,6 +11,7 @@ from rise_engine.base.errors import SessionError
 from rise_engine.session.folder import INFO, JOURNAL, has_begun
 from rise_engine.session.replay import ReplayComparison, compare_replay
 from rise_engine.study.copies import copied_sessions, session_folders
+from rise_engine.study.labels import outage_differences
 from rise_engine.study.plan import runs_of
 from rise_engine.study.plan_file import PLAN_FILE
 from rise_engine.study.sessions import MOVED_AWAY, StudySession
@@ -72,6 +73,7 @@ def prove_sessions(
                 yield ProvedSession(name, None, (f"{LOG_FILE} names this session, and its folder is not there",))
             continue
         problems = list(session.differences) if session is not None else []
+        problems += outage_differences(there[name])
         if state is not None and session is None:
             problems.append("it is no session of this study")
         elif state is not None and session is not None:

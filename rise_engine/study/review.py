@@ -14,7 +14,7 @@ from rise_engine.scenario.model import Scenario, SourceLocation
 from rise_engine.study.balance import block_problems
 from rise_engine.study.copies import SESSIONS, copied_sessions, repeated_sessions, session_folders
 from rise_engine.study.design import runs
-from rise_engine.study.labels import reassignments, session_differences
+from rise_engine.study.labels import outage_differences, reassignments, session_differences
 from rise_engine.study.model import Participant, Slot, Study
 from rise_engine.study.participants import PARTICIPANTS_FILE, ParticipantsLoad, load_participants
 from rise_engine.study.plan import make_plan
@@ -179,7 +179,8 @@ def _check_sessions(study: Study, entries: list[LogEntry], diagnostics: Diagnost
     for path in session_folders(folder):
         other = known.get(path.name)
         is_read = other is not None and other.info is not None
-        for sentence in other.differences if other is not None and is_read else session_differences(path, entries):
+        told = other.differences if other is not None and is_read else session_differences(path, entries)
+        for sentence in (*told, *outage_differences(path)):
             diagnostics.error("other-label", SourceLocation(f"{SESSIONS}/{path.name}"), sentence)
 
 

@@ -1,19 +1,23 @@
-"""How a session was judged and checked while it ran, from the end of its journal."""
+"""How a session was judged, checked and recovered while it ran, from its journal."""
 
 from __future__ import annotations
 
 import os
-from collections.abc import Collection, Iterator
+from collections.abc import Collection, Iterable, Iterator
 from contextlib import suppress
 from pathlib import Path
 from typing import BinaryIO, NamedTuple
 
 from rise_engine.kernel.inputs import AnyInput, CheckReport, OutcomeReport
+from rise_engine.kernel.records import AnyRecord, SessionRecord
 from rise_engine.session.folder import JOURNAL
 from rise_engine.session.journal_format import InputLine, JournalHeader, LineError, read_line
+from rise_engine.session.labels import seconds_away
 
 _BLOCK = 1 << 20
-_OUTCOME, _CHECK = b'"input":"outcome"', b'"input":"check"'
+_OUTCOME, _CHECK, _RECOVERED = b'"input":"outcome"', b'"input":"check"', b'"input":"session_recovered"'
+_BEFORE = 1 << 16
+"""The number of bytes before a recovery in which the last record before it is looked for."""
 _BEFORE_INPUT = 64
 """The largest number of bytes before that in an input's line."""
 
@@ -52,6 +56,48 @@ def read_checks(path: Path, ids: Collection[str]) -> dict[str, CheckReport]:
         for input in _inputs_from_end(file, _CHECK):
             if isinstance(input, CheckReport) and input.id in ids:
                 found.setdefault(input.id, input)
+    return found
+
+
+class Recovery(NamedTuple):
+    """The recovery of a session by another engine."""
+
+    t: float
+    """Session time."""
+    downtime: float
+    """The recorded seconds without an engine."""
+    by_clock: float
+    """The same, by the wall clock of the records before and after it."""
+
+
+def read_recoveries(path: Path, speed: float) -> list[Recovery]:
+    """Return the recoveries of a session whose record has both times, the last one first.
+
+    :param path: the session's folder.
+    :param speed: session seconds in a second of the wall clock.
+    """
+    found: list[Recovery] = []
+    with suppress(OSError), (path / JOURNAL).open("rb") as file:
+        for position in _positions_from_end(file, _RECOVERED):
+            begin = max(0, position - _BEFORE)
+            file.seek(begin)
+            before = _records_in(file.read(position - begin).splitlines())
+            file.readline()
+            after = _records_in([file.readline()])
+            if before and after and isinstance(after[0], SessionRecord) and after[0].downtime is not None:
+                by_clock = seconds_away(before[-1], after[0], speed)
+                if by_clock is not None:
+                    found.append(Recovery(after[0].t, after[0].downtime, max(0.0, by_clock)))
+    return found
+
+
+def _records_in(lines: Iterable[bytes]) -> list[AnyRecord]:
+    found: list[AnyRecord] = []
+    for line in lines:
+        with suppress(LineError):
+            read = read_line(line.removesuffix(b"\n"))
+            if not isinstance(read, JournalHeader | InputLine):
+                found.append(read)
     return found
 
 

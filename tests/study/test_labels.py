@@ -7,6 +7,7 @@ import json
 import re
 import shutil
 from collections.abc import Callable
+from datetime import datetime, timedelta
 from pathlib import Path
 
 import pytest
@@ -15,17 +16,19 @@ from click.testing import CliRunner
 from rise_engine.checks.child_main import look_at_last_session
 from rise_engine.cli.program import main
 from rise_engine.kernel.inputs import SessionStarted
+from rise_engine.privacy.levels import LEVELS
 from rise_engine.results.analysis.reading import read_session
 from rise_engine.results.bundle.making import BundleOptions, make_bundle
 from rise_engine.results.export.format import ExportError
 from rise_engine.session.folder import INFO, read_info
 from rise_engine.session.journal_format import with_checksum
 from rise_engine.session.labels import RelabelledError, label_differences
+from rise_engine.study.labels import outage_differences
 from rise_engine.study.sessions import SESSIONS
 from rise_engine.study.state import OpenStudy, read_state
 from rise_engine.study.study_log import LOG_FILE, read_log
 from rise_engine.study.verdict import read_verdict
-from tests.results.analysis.samples import make_study, play_session, sessions_of, short
+from tests.results.analysis.samples import make_study, play_session, recovered_session, sessions_of, short
 
 
 @pytest.fixture
@@ -175,13 +178,44 @@ def test_the_study_counts_what_the_journal_says(study: Path) -> None:
 
 
 def test_the_journal_says_when_a_session_began(study: Path) -> None:
-    """So another date in session.toml neither moves a session nor keeps its data longer."""
+    """So another date in session.toml neither moves a session nor keeps its data longer. This is told."""
     folder = sessions_of(study)[1]
     before = [each.entry for each in read_state(study).sessions]
     edit(folder / INFO, r'^started = ".*"', 'started = "2031-01-01T10:00:00.000+00:00"')
     assert [each.entry for each in read_state(study).sessions] == before
-    assert read_info(folder).started == read_session(folder).facts.started == before[1].started
+    assert read_info(folder, compare=False).started == before[1].started
+    with pytest.raises(RelabelledError, match='says started = "2031-01-01T10'):
+        read_session(folder)
     assert "2031" not in run("sessions", study)[1]
+
+
+@pytest.mark.parametrize(("seconds", "differs"), [(1.5, False), (-1.5, False), (30, True), (-30, True)])
+def test_the_log_and_the_journal_say_the_same_of_when_a_session_began(
+    study: Path, seconds: float, differs: bool
+) -> None:
+    folder = sessions_of(study)[1]
+    began = datetime.fromisoformat(read_info(folder).started)
+    moved = (began + timedelta(seconds=seconds)).isoformat(timespec="milliseconds")
+    edit(study / LOG_FILE, rf'(?<="kind":"session")(.*{folder.name}",)"started":"[^"]*"', rf'\1"started":"{moved}"')
+    status, said = run("study", "check", study)
+    told = rf'other-label: study.jsonl, line \d+, says started = "{re.escape(moved)}", but the first record of journal'
+    assert (status, bool(re.search(told, said))) == (int(differs), differs)
+
+
+def test_a_session_has_one_time_without_engine_and_the_times_of_day_around_it_say_the_same(tmp_path: Path) -> None:
+    folder = recovered_session(tmp_path / "sessions", noted=27.5)
+    told = {level: read_session(folder, level=level).facts.downtime for level in LEVELS}
+    assert set(told.values()) == {95.0} and outage_differences(folder) == []
+    lines = (folder / "journal.jsonl").read_bytes().splitlines(keepends=True)
+    at = next(number for number, line in enumerate(lines) if b'"session_recovered"' in line)
+    for number, line in enumerate(lines[at + 1 :], at + 1):
+        later = re.sub(rb'"wall":"2024-11-23T09', b'"wall":"2024-11-23T10', line)
+        lines[number] = with_checksum(later[: later.rindex(b',"crc"')] + b"}")
+    (folder / "journal.jsonl").write_bytes(b"".join(lines))
+    differences = ["journal.jsonl says downtime = 95.000 at 27.500 s, but its times of day say 3695.000"]
+    assert outage_differences(folder) == differences
+    with pytest.raises(RelabelledError, match=r"but its times of day say 3695\.000"):
+        read_session(folder)
 
 
 def test_the_list_of_sessions_says_what_the_tables_say(study: Path, tmp_path: Path) -> None:

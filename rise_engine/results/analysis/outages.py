@@ -3,10 +3,10 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Iterator
-from datetime import datetime
 
 from rise_engine.kernel.records import ENGINE, AnyRecord, SessionRecord, StopRecord
 from rise_engine.results.analysis.model import Interruption, InterruptionKind, Outage, SessionData
+from rise_engine.session.labels import seconds_away as seconds_away_by_clock
 
 _KINDS: tuple[InterruptionKind, ...] = ("outage", "stop")
 """The worst first."""
@@ -31,9 +31,8 @@ class OutageCollector:
             self._add_stop(record)
         if before is None or not isinstance(record, SessionRecord) or record.status != "recovered":
             return None
-        # Use the wall clock if the level shows it: old journals counted from the last record instead.
-        passed = _seconds_between(before.wall, record.wall)
-        away = record.downtime if passed is None else passed - (record.t - before.t) / self._speed
+        # The wall clock is hidden at some levels, and the number is the same at all.
+        away = seconds_away_by_clock(before, record, self._speed) if record.downtime is None else record.downtime
         if away is None or away <= 0:
             return None
         self.outages.append(Outage(at=record.t, seconds=round(away, 6)))
@@ -99,10 +98,3 @@ def records_by_wall_clock(data: SessionData) -> Iterator[tuple[float, AnyRecord]
 def seconds_away(outages: Iterable[Outage], at: float) -> float:
     """Return the seconds without an engine until a session time."""
     return sum((each.seconds for each in outages if each.at <= at), 0.0)
-
-
-def _seconds_between(earlier: str, later: str) -> float | None:
-    try:
-        return (datetime.fromisoformat(later) - datetime.fromisoformat(earlier)).total_seconds()
-    except (ValueError, TypeError):  # a text is empty, or one of them has no zone
-        return None
