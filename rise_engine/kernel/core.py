@@ -191,6 +191,7 @@ class Core:
             task.ref,
             task.cause,
             task.via,
+            self.key_of(task.id),
         )
 
     def record_finished_task(
@@ -207,7 +208,15 @@ class Core:
         id = self.next_task
         self.next_task = id + 1
         cause, via = self._find_cause(source) if status == "REJECTED" else (None, ())
-        self.emit(TaskRecord, id, function, behavior, calling_type, source, status, reason, None, ref, cause, via)
+        key_at = self.key_of(id)
+        self.emit(
+            TaskRecord, id, function, behavior, calling_type, source, status, reason, None, ref, cause, via, key_at
+        )
+
+    def key_of(self, task: int) -> float | None:
+        """Return when the key was pressed that requests a task with the current input. None: it is not requested now,
+        or by no key."""
+        return self.key_at if task == self.origin else None
 
     def record_note(self, text: str, source: str = "engine") -> None:
         self.emit(NoteRecord, text, source)

@@ -155,6 +155,8 @@ class TaskRecord(Record, tag="task"):
     """The task that led to it (semantics.md 4.5). Null: somebody submitted it, or a timer or the robot's link did."""
     via: tuple[str, ...] = ()
     """The rules that led from that task to the rule in `source`, without the latter."""
+    key_at: float | None = None
+    """When the key that requested it was pressed, by the console's clock. Null: no key did; or a later record of it."""
 
 
 class ActionRecord(Record, tag="action"):
@@ -253,7 +255,7 @@ class NoteRecord(Record, tag="note"):
 
 
 class CueRecord(Record, tag="cue"):
-    """The participant's turn has ended. The time until the robot answers counts from here."""
+    """The participant's turn has ended. The time until the robot answers counts from `at`."""
 
     status: Literal["marked", "filled", "answered", "undone"]
     """filled: a filler has started; answered: the first other act has started, and the cue is over; undone: the cue was
@@ -265,7 +267,14 @@ class CueRecord(Record, tag="cue"):
     task: int | None = None
     """The act that started."""
     since: float | None = None
-    """Seconds from the mark until that act started."""
+    """Seconds from the cue until that act started."""
+    key_at: float | None = None
+    """marked: when its key was pressed, by the console's clock. Null: no key marked it."""
+
+    @property
+    def at(self) -> float:
+        """When it was marked: when its key was pressed or, without a key, when the engine took it."""
+        return self.t if self.key_at is None else self.key_at
 
 
 class MistakeRecord(Record, tag="mistake"):

@@ -233,6 +233,7 @@ class TaskHandlers:
                 "",
                 None,
                 task.ref,
+                key_at=core.key_of(id),
             )
         )
         core.events.append((topic, source, None))

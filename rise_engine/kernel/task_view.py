@@ -64,10 +64,11 @@ class TaskView(Struct, gc=False):
     """For a CRA: by actionID, in the order in which they started."""
     mark: Mark | Literal[""] = ""
     """A wizard's mark: wrong, late, early or double."""
-    cue_at: float | None = None
-    """This field and the four below are set once an act has ended: the time of the cue that it answers, of its key, of
-    the robot's confirmation of its first action and of its first audible action, and whether it was a filler."""
     key_at: float | None = None
+    """When its key was pressed; for an act of a rule, set once it has ended: when the key that caused it was."""
+    cue_at: float | None = None
+    """This field and the three below are set once an act has ended: the time of the cue that it answers, of the robot's
+    confirmation of its first action and of its first audible action, and whether it was a filler."""
     robot_at: float | None = None
     voice_at: float | None = None
     filler: bool = False
@@ -129,6 +130,7 @@ def add_task_record(tasks: dict[int, TaskView], record: TaskRecord) -> TaskView:
             record.cause,
             record.via,
             {} if record.function in ACT_FUNCTIONS else _NO_ACTIONS,
+            key_at=record.key_at,
         )
         tasks[record.id] = task
     else:

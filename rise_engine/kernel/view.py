@@ -363,7 +363,7 @@ class SessionView(Struct):
 
     def _apply_cue(self, record: CueRecord) -> None:
         if record.status == "marked":
-            self.cue = CueView(record.t, record.source)
+            self.cue = CueView(record.at, record.source)
         elif self.cue is not None and record.status == "answered":
             self.cue.answered, self.cue.task = record.t, record.task
         elif record.status == "undone":

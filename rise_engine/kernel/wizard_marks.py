@@ -106,8 +106,8 @@ class WizardMarks:
 
     def mark_cue(self, source: str, text: str) -> None:
         core = self._core
-        core.open_cue_at = core.t
-        core.emit(CueRecord, "marked", source, text)
+        core.open_cue_at = core.t if core.key_at is None else core.key_at
+        core.emit(CueRecord, "marked", source, text, key_at=core.key_at)
         self.cancel_filler()
         seconds = core.scenario.fillers.auto_after
         if seconds is not None and self.next_filler() is not None:

@@ -195,6 +195,21 @@ def test_a_cue_is_filled_and_answered(s: Session) -> None:
     assert view_of(s).cue == CueView(10.0, "wizard:w", filled=11.5, answered=13.0, task=4)
 
 
+def test_a_cue_counts_from_the_press_of_its_key(s: Session) -> None:
+    s.t = 10.0
+    press(s, "markCue", pressed=9.0)
+    press(s, "raiseEventTopic", "/x", pressed=9.5)
+    press(s, "assignValue", "visits = 1", pressed=12.0)
+    press(s, "nonsense", pressed=9.6)
+    s.act("Answer")
+    cues = [(cue.status, cue.at, cue.key_at, cue.since) for cue in of(s, CueRecord)]
+    assert cues == [("marked", 9.0, 9.0, None), ("answered", 10.0, None, 1.0)]
+    tasks = [(each.function, each.key_at) for each in of(s, TaskRecord)]
+    assert tasks[:4] == [("markCue", 9.0), ("raiseEventTopic", 9.5), ("assignValue", 10.0), ("nonsense", 9.6)]
+    assert {key_at for _, key_at in tasks[4:]} == {None}, "no key asked for it"
+    assert view_of(s).cue == CueView(9.0, "wizard:w", answered=10.0, task=5)
+
+
 def test_a_new_cue_begins_anew(s: Session) -> None:
     s.submit("markCue")
     s.act("Answer")

@@ -26,8 +26,10 @@ class Marks:
         """The participant's turn has ended."""
         session = self.session
         session.tasks.record(task, "SUCCEEDED")
-        self.cue_at = session.now
-        session.put("cue", status="marked", source=task.source, text=task.behavior, task=None, since=None)
+        pressed = session.pressed
+        self.cue_at = session.now if pressed is None else pressed
+        words = task.behavior
+        session.put("cue", status="marked", source=task.source, text=words, task=None, since=None, key_at=pressed)
         keep = session.scenario.cue_keep
         if keep is None or "cue" not in session.scenario.topics:
             session.rules.raise_engine_event("cue")
@@ -48,7 +50,7 @@ class Marks:
         session.tasks.record(task, "SUCCEEDED")
         self.cue_at = None
         self.nothing_by_itself()
-        session.put("cue", status="undone", source=task.source, text="", task=None, since=None)
+        session.put("cue", status="undone", source=task.source, text="", task=None, since=None, key_at=None)
         for kept in list(session.kept.all):
             if kept.topic == "cue":
                 session.kept.take_back(kept, "the cue was taken back")
@@ -65,7 +67,7 @@ class Marks:
             return
         since = round(self.session.now - self.cue_at, 6)
         status = "filled" if filler else "answered"
-        self.session.put("cue", status=status, source=task.source, text="", task=task.id, since=since)
+        self.session.put("cue", status=status, source=task.source, text="", task=task.id, since=since, key_at=None)
         task.bridged = filler
         if not filler:
             self.cue_at = None

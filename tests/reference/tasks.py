@@ -76,6 +76,7 @@ class Tasks:
             ref=task.ref,
             cause=task.cause,
             via=task.via,
+            key_at=self.session.pressed if task.id == self.session.origin else None,
         )
 
     def submit(self, asked: Submit) -> None:

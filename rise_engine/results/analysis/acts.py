@@ -99,7 +99,7 @@ class ActCollector:
 
     def _add_cue(self, record: CueRecord) -> None:
         if record.status == "marked":
-            self._cues.append(Cue(at=record.t, source=record.source, text=record.text))
+            self._cues.append(Cue(at=record.at, source=record.source, text=record.text))
             return
         if not self._cues:
             return  # the record of the cue itself cannot be read

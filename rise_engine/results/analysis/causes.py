@@ -71,8 +71,8 @@ class Origin(Struct, frozen=True):
     via: tuple[str, ...] = ()
     """The rules in between, in their order, each once."""
     key_at: float | None = None
-    """When the key was pressed. If a wizard's key caused it through rules and the record lacks this time: when the
-    engine accepted the wizard's request. None: no key caused it, or only the key of the cue."""
+    """When the key was pressed. If a wizard caused it through rules, without a key: when the engine accepted the
+    wizard's request. None: no key caused it, or only the key of the cue."""
 
 
 class CauseCollector:
@@ -165,7 +165,7 @@ class CauseCollector:
         return tuple(
             WizardKey(
                 task=id,
-                at=_first_known(task.key_at, self._tasks[caused.get(id, id)].key_at, task.submitted),
+                at=task.submitted if task.key_at is None else task.key_at,
                 source=task.source,
                 function=task.function,
                 asked=task.behavior,
@@ -199,7 +199,3 @@ class CauseCollector:
             if pressed is None and actor_of(root.source) == "wizard":
                 pressed = root.submitted
         return Origin(before.task, before.by, tuple(dict.fromkeys(rules)), pressed)
-
-
-def _first_known(*times: float | None) -> float:
-    return next(each for each in times if each is not None)

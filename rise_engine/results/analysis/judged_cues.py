@@ -177,7 +177,8 @@ def judge_session(data: SessionData, names: Mapping[str, str] | None = None) -> 
         session.remarks.append(f"{len(live)} wizards ran {data.facts.session}; what they did is counted as one's")
     session.undone = sum(window.undone for window in windows)
     judges = _judges(shadows, live, named, session, data.facts.session)
-    judged = {name: _shadow_decisions(shadow, scenario) for name, shadow in judges.items()}
+    cues = {window.seq: window.at for window in windows}
+    judged = {name: _shadow_decisions(shadow, scenario, cues) for name, shadow in judges.items()}
     for window in windows:
         if window.undone:
             continue
@@ -234,8 +235,8 @@ def _windows(data: SessionData, scenario: Scenario | None) -> list[_Window]:
     windows: list[_Window] = []
     for record in data.records:
         if isinstance(record, CueRecord) and record.status == "marked":
-            window = _Window(record.seq, record.t, len(windows) + 1)
-            if (before := asked.get(early.get(record.t, 0))) is not None and _decides(before, scenario):
+            window = _Window(record.seq, record.at, len(windows) + 1)
+            if (before := asked.get(early.get(record.at, 0))) is not None and _decides(before, scenario):
                 label = decision_label(scenario, before.function, before.behavior)
                 window.decision = Decision(label, why="before the cue")
             windows.append(window)
@@ -287,8 +288,11 @@ def _judges(
     return found
 
 
-def _shadow_decisions(shadow: Shadow, scenario: Scenario | None) -> dict[int, Decision]:
-    """Return the decisions by the `seq` of each cue that was answered or shown to its end."""
+def _shadow_decisions(shadow: Shadow, scenario: Scenario | None, cues: Mapping[int, float]) -> dict[int, Decision]:
+    """Return the decisions by the `seq` of each cue that was answered or shown to its end.
+
+    :param cues: when each cue was marked, by its `seq`.
+    """
     decisions: dict[int, Decision] = {}
     cue: ShadowCue | None = None
     paused = False
@@ -303,7 +307,7 @@ def _shadow_decisions(shadow: Shadow, scenario: Scenario | None) -> dict[int, De
                 paused = True
             case ShadowKey() if line.answers and cue is not None and line.cue == cue.cue:
                 why = "paused" if paused else "another speed" if shadow.header.speed != 1 else ""
-                latency = None if why else round(line.t - cue.t, 6)
+                latency = None if why else round(line.t - cues.get(cue.cue, cue.t), 6)
                 label = decision_label(scenario, line.function, line.behavior)
                 decisions.setdefault(cue.cue, Decision(label, latency, why))
             case ShadowEnd() if cue is not None:

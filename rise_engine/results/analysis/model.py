@@ -211,7 +211,7 @@ class WizardKey(Struct, frozen=True, kw_only=True):
 
     task: int
     at: float
-    """When the key was pressed if the record has it, else when the engine accepted the request."""
+    """When the key was pressed. Without a key: when the engine accepted the request."""
     source: str
     function: str
     asked: str = ""
@@ -230,6 +230,7 @@ class Cue(Struct, frozen=True, kw_only=True):
     """The end of a participant's turn, as somebody marked it."""
 
     at: float
+    """When the cue's key was pressed. Without a key: when the engine took it."""
     source: str
     text: str = ""
     filled_at: float | None = None

@@ -86,7 +86,7 @@ ACTS = TableSchema(
             "integer",
             minimum=1,
         ),
-        moment("cue_at", "that cue was marked."),
+        moment("cue_at", "that cue was marked (`at` in cues.csv)."),
         Column(
             "before_cue",
             "Whether it was requested before that cue; empty: it has no cue.",
@@ -178,7 +178,9 @@ CUES = TableSchema(
     "One row is one cue: somebody marked the end of the participant's turn.",
     (
         numbering("cue"),
-        moment("at", "it was marked.", required=True),
+        moment(
+            "at", "its key was pressed, by the console's clock; without a key, when the engine took it.", required=True
+        ),
         SOURCE,
         Column("text", "What the wizard said about it."),
         Column("state", "What became of the cue.", levels=CUE_STATES, required=True),
@@ -260,7 +262,10 @@ def _event_rows(data: SessionData) -> Iterator[Row]:
 
     events = merge(  # one at a time, because a long session has hundreds of thousands
         (_Event(each.start, "phase", each.rule, each.state, each.source, None, each.end) for each in data.phases),
-        (_Event(each.at, "cue", "cue", each.text, each.source, each.task) for each in data.cues),
+        (
+            _Event(each.at, "cue", "cue", each.text, each.source, each.task)
+            for each in sorted(data.cues, key=lambda cue: cue.at)
+        ),
         (event_of(each) for each in sorted(data.acts, key=began)),
         map(event_at, sorted(data.points, key=lambda point: point.at)),
         key=lambda event: event.onset,

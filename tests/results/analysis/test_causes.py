@@ -38,7 +38,7 @@ class Reading:
                 case "timing":
                     self.timings[row["task"]] = row
                 case "cue" if row["status"] == "marked":
-                    cues.append(row["t"])
+                    cues.append(row["t"] if row["key_at"] is None else row["key_at"])
                 case "cue" if row["status"] in ("answered", "filled") and cues:
                     if row["status"] == "answered":
                         self.cue_of[row["task"]] = cues[-1]
@@ -73,7 +73,9 @@ class Reading:
         chain = self.chain(task)
         if self.tasks[chain[0]]["function"] == "markCue":
             return None
-        pressed: list[float | None] = [self.timings[each]["key_at"] for each in chain if each in self.timings]
+        pressed: list[float | None] = [
+            self.timings[each]["key_at"] if each in self.timings else self.tasks[each]["key_at"] for each in chain
+        ]
         known = [each for each in pressed if each is not None]
         taken: float = self.tasks[chain[0]]["t"]
         if known:

@@ -39,9 +39,9 @@ def of(data: SessionData, number: int) -> PlayedAct:
 
 def test_the_parts_of_a_latency_add_up_to_it(data: SessionData) -> None:
     answer = of(data, 8)
-    assert (answer.act, answer.cue_at, answer.filler) == ("Answer", 10.0, False)
-    assert (answer.wizard_s, answer.way_s, answer.queue_s, answer.robot_s, answer.voice_s) == (2.48, 0.02, 0, 0.02, 1.0)
-    assert answer.response_s == 3.52  # to the voice: it looks first
+    assert (answer.act, answer.cue_at, answer.filler) == ("Answer", 9.97, False)
+    assert (answer.wizard_s, answer.way_s, answer.queue_s, answer.robot_s, answer.voice_s) == (2.51, 0.02, 0, 0.02, 1.0)
+    assert answer.response_s == 3.55  # to the voice: it looks first
     answered = [each for each in data.acts if each.cue_at is not None]
     assert len(answered) == 5
     for each in answered:
@@ -68,7 +68,7 @@ def test_a_session_began_when_its_clock_was_at_zero(tmp_path: Path) -> None:
 def test_every_cue_has_its_answer_or_none(data: SessionData) -> None:
     told = [(cue.at, cue.filled_at, cue.answered_at, cue.task, cue.undone_at) for cue in data.cues]
     assert told == [
-        (10.0, 11.02, 13.52, 8, None),
+        (9.97, 11.02, 13.52, 8, None),
         (24.0, None, 24.82, 10, None),
         (28.0, None, None, None, 28.9),
         (46.0, 46.82, 49.02, 21, None),
@@ -167,6 +167,20 @@ def test_actions_with_their_channels_and_words(data: SessionData) -> None:
     waits = of(data, 13).parts[1]
     assert (waits.type, waits.channels, waits.text, waits.accepted_at) == ("Wait", (), "500 ms", None)
     assert of(data, 16).parts == () and not of(data, 16).speaks
+
+
+def test_a_key_that_arrives_late_is_compared_by_its_press(tmp_path: Path) -> None:
+    """The engine stands still for a moment: cue and key arrive together, and were pressed 0.5 s apart."""
+    script = [
+        (1.0, task("startInteractionRule", "Visit", pressed=1.0)),
+        (9.85, task("markCue", pressed=8.139)),
+        (9.86, task("raiseEventTopic", "/tea", pressed=8.64)),
+    ]
+    data = read_session(play_session(tmp_path / "sessions", script, until=20))
+    asked = next(each for each in data.acts if each.act == "Ask")
+    assert (data.cues[0].at, asked.cue_at, asked.key_at, asked.before_cue) == (8.139, 8.139, 8.64, False)
+    assert (asked.wizard_s, asked.way_s) == (0.501, 1.22) and asked.response_s is not None and asked.response_s > 1.7
+    assert [(key.function, key.at) for key in data.keys[1:]] == [("markCue", 8.139), ("raiseEventTopic", 8.64)]
 
 
 def test_an_answer_that_waited_before_its_cue(tmp_path: Path) -> None:

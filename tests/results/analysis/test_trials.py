@@ -26,7 +26,6 @@ from rise_engine.kernel.records import (
     SessionRecord,
     StopRecord,
     TaskRecord,
-    TimingRecord,
 )
 from rise_engine.kernel.wizard_marks import UNMARKABLE
 from rise_engine.results.analysis.model import SessionData
@@ -53,7 +52,6 @@ class Text:
     def __init__(self, records: list[AnyRecord], settings: TrialSettings) -> None:
         self.records, self.settings = records, settings
         self.tasks = {record.id: record for record in reversed(records) if isinstance(record, TaskRecord)}
-        self.pressed = {each.task: each.key_at for each in records if isinstance(each, TimingRecord)}
         self.fillers = {each.task for each in records if isinstance(each, CueRecord) and each.status == "filled"}
 
     def rows(self) -> list[dict[str, Any]]:
@@ -149,7 +147,7 @@ class Text:
         marked: list[float] = []
         for record in self.records:
             if isinstance(record, CueRecord) and record.status == "marked":
-                marked.append(record.t)
+                marked.append(record.t if record.key_at is None else record.key_at)
             elif isinstance(record, CueRecord) and record.status == "undone":
                 marked.pop()
         return marked
@@ -168,10 +166,7 @@ class Text:
                 continue
             if record.cause is not None:  # another request brought it along
                 continue
-            first = min(
-                (n for n, each in self.tasks.items() if each.function in ACTS and self.root(n) == number), default=0
-            )
-            found.append(next((t for n in (number, first) if (t := self.pressed.get(n)) is not None), record.t))
+            found.append(record.t if record.key_at is None else record.key_at)
         return found
 
     def events(self) -> list[tuple[float, str]]:

@@ -112,8 +112,8 @@ def test_a_real_session(real: SessionData, tmp_path: Path) -> None:
     ] in events
     assert [11.02, "robot", "Hm", "wizard|filler", ""] in events
     assert [13.52, "robot", "robot speech", "", "That is a very good question, let us have a look at it."] in events
-    assert [10.0, "participant", "cue", "", "waits 3.52 s (asks something)"] in events
-    assert [each[0] for each in events if each[2] == "waits for an answer"][:2] == [10.0, 13.52]
+    assert [9.97, "participant", "cue", "", "waits 3.55 s (asks something)"] in events
+    assert [each[0] for each in events if each[2] == "waits for an answer"][:2] == [9.97, 13.52]
     assert [each[0] for each in events if each[2] == "cue taken back"] == [28.0]
     assert [54.0, "wizard", "note", "", "Zelda looks away"] in events
     assert len([each for each in events if each[2] == "Visit: Talk"]) == 6

@@ -180,9 +180,9 @@ def test_parts_of_latencies(tables: Path) -> None:
     acts = [each for each in rows(tables, "acts") if each["session"].startswith("2024-11-23_103000")]
     answer = next(each for each in acts if each["task"] == "8")
     parts = {name: answer[f"{name}_s"] for name in ("wizard", "way", "queue", "robot", "voice", "response")}
-    assert parts == {"wizard": "2.48", "way": "0.02", "queue": "0", "robot": "0.02", "voice": "1", "response": "3.52"}
+    assert parts == {"wizard": "2.51", "way": "0.02", "queue": "0", "robot": "0.02", "voice": "1", "response": "3.55"}
     filler = next(each for each in acts if each["act"] == "Hm")
-    assert (filler["filler"], filler["cue"], filler["wizard_s"], filler["response_s"]) == ("true", "1", "0.98", "")
+    assert (filler["filler"], filler["cue"], filler["wizard_s"], filler["response_s"]) == ("true", "1", "1.01", "")
     refused = next(each for each in acts if each["act"] == "Nodd")
     assert (refused["status"], refused["started_at"], refused["ended_at"], refused["queue_s"]) == (
         "REJECTED",

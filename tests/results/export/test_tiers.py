@@ -74,7 +74,7 @@ def test_a_real_session_as_a_coder_sees_it(tmp_path: Path) -> None:
     assert told["fillers"] == [(11020, 11514, "Hm"), (46820, 48800, "Think")]
     assert told["robot wait"][0] == (32014, 32514, "Wait: 500 ms")
     assert told["queue"] == [(30400, 32514, "Thanks")]
-    assert told["cue"][0] == (10000, 13520, "waits 3.52 s (asks something)")
+    assert told["cue"][0] == (9970, 13520, "waits 3.55 s (asks something)")
     assert told["cue"][2] == (28000, 28900, "taken back")
     assert told["cue"][-1] == (90000, 90100, "no answer")
     assert told["rule Visit"][0] == (1000, 2586, "Start → Welcome")

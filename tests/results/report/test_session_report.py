@@ -81,7 +81,7 @@ def waits(data: SessionData) -> list[float]:
     marked, found = 0.0, []
     for record in data.records:
         if isinstance(record, CueRecord) and record.status == "marked":
-            marked = record.t
+            marked = record.t if record.key_at is None else record.key_at
         if isinstance(record, CueRecord) and record.status == "answered" and record.task is not None:
             timing = timings[record.task]
             began = timing.voice_at if record.task in speaking else timing.robot_at
