@@ -185,7 +185,10 @@ class CauseCollector:
         return cause
 
     def _begin(self, task: TaskView) -> Origin:
-        return Origin(task.id, task.source, task.via, None if task.function == CUE else task.key_at)
+        by, via = task.source, task.via
+        if via and task.cause is None:  # the time was that of the first rule on the way
+            by, via = f"rule:{via[0]}", (*via[1:], task.source.removeprefix("rule:"))
+        return Origin(task.id, by, via, None if task.function == CUE else task.key_at)
 
     def _extend(self, before: Origin, task: TaskView) -> Origin:
         """Go one step on: to a consequence, or to a repetition, which has a cause but is not requested by a rule."""

@@ -59,10 +59,15 @@ class Reading:
         source: str = self.tasks[task]["source"]
         return source.startswith("wizard:") and source != "wizard:command-line"
 
+    def by(self, task: int) -> str:
+        first = self.tasks[self.chain(task)[0]]
+        return f"rule:{first['via'][0]}" if first["via"] else str(first["source"])
+
     def via(self, task: int) -> list[str]:
         rules: list[str] = []
         first, *others = self.chain(task)
-        rules += self.tasks[first]["via"]
+        if before := self.tasks[first]["via"]:
+            rules += [*before[1:], self.tasks[first]["source"].removeprefix("rule:")]
         for each in others:
             rules += self.tasks[each]["via"]
             kind, _, name = self.tasks[each]["source"].partition(":")
@@ -150,7 +155,7 @@ def compare(records: list[AnyRecord]) -> tuple[int, int]:
     assert {act.task for act in told} == set(text.acts)
     for act in told:
         expected = {
-            "by": text.tasks[text.chain(act.task)[0]]["source"],
+            "by": text.by(act.task),
             "via": text.via(act.task),
             "key_at": text.key_at(act.task),
             "mark": text.mark(act.task),
@@ -206,6 +211,7 @@ def timing(id: int, key_at: float | None) -> TimingRecord:
         ([task(9, 1.0)], "wizard:anna", (), None),
         ([task(9, 1.0), timing(9, 0.9)], "wizard:anna", (), 0.9),
         ([task(9, 1.0, source="rule:R")], "rule:R", (), None),
+        ([task(9, 1.0, source="rule:R", via=("P", "Q"))], "rule:P", ("Q", "R"), None),
         (
             [task(1, 1.0, "/x", function="raiseEventTopic"), task(9, 1.0, source="rule:R", cause=1, via=("Q",))],
             *("wizard:anna", ("Q", "R"), 1.0),
