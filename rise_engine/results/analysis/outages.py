@@ -87,6 +87,22 @@ def seconds_without_engine(outages: Iterable[Outage], start: float | None, end: 
     return round(sum(each.seconds for each in outages if start < each.at <= end), 6) or None
 
 
+def wall_seconds(lasted: float | None, away: float | None, speed: float) -> float | None:
+    """Return a duration by the wall clock. None: it is as in session time, or not known.
+
+    :param lasted: session seconds.
+    :param away: wall-clock seconds without an engine meanwhile.
+    :param speed: session seconds per second of the wall clock.
+
+    >>> wall_seconds(3.0, None, 1.0), wall_seconds(3.0, 5.0, 1.0), wall_seconds(3.0, 5.0, 4.0)
+    (None, 8.0, 5.75)
+    """
+    if lasted is None:
+        return None
+    found = round(lasted / speed + (away or 0.0), 6)
+    return None if found == lasted else found
+
+
 def records_by_wall_clock(data: SessionData) -> Iterator[tuple[float, AnyRecord]]:
     """Give the records with their wall-clock seconds since the session began (at speed 1)."""
     outages, away = OutageCollector(data.facts.speed), 0.0

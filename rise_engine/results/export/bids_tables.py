@@ -140,7 +140,7 @@ def session_columns(factors: Iterable[Column], *, dated: bool) -> Columns:
         **{column.name: column for column in factors},
         **_picked(
             SESSIONS,
-            "rise_run=run attempt purpose mode outcome robot driver injected_faults scenario_hash "
+            "rise_run=run attempt purpose mode outcome robot driver injected_faults scenario_hash speed "
             "session_duration=duration_s downtime=downtime_s",
         ),
     }

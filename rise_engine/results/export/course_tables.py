@@ -9,6 +9,7 @@ from msgspec import Struct
 
 from rise_engine.results.analysis.causes import actor_of
 from rise_engine.results.analysis.model import PlayedAct, Point, SessionData
+from rise_engine.results.analysis.outages import wall_seconds
 from rise_engine.results.export.session_tables import OF_SESSION, SOURCE
 from rise_engine.results.export.table_levels import (
     ACTION_STATUS,
@@ -42,8 +43,8 @@ def _act_rows(data: SessionData) -> Iterator[Row]:
 
 
 def _response_by_wall_clock(row: Row) -> float | None:
-    away = row.of.response_outage_s
-    return None if away is None or row.of.filler else round(row.of.response_s + away, 6)
+    act: PlayedAct = row.of
+    return None if act.filler else wall_seconds(act.response_s, act.response_outage_s, row.data.facts.speed)
 
 
 ACTS = TableSchema(
@@ -119,7 +120,7 @@ ACTS = TableSchema(
         seconds("response_outage_s", "Seconds without an engine between the cue and the answer; empty: none."),
         seconds(
             "response_wall_s",
-            "response_s by the wall clock, including response_outage_s; empty: as in session time.",
+            "response_s by the wall clock, as wall_s; empty: as in session time.",
             _response_by_wall_clock,
         ),
     ),

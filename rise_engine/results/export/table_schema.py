@@ -11,7 +11,7 @@ import msgspec
 from msgspec import Struct
 
 from rise_engine.results.analysis.model import SessionData
-from rise_engine.results.analysis.outages import interruption_between, seconds_without_engine
+from rise_engine.results.analysis.outages import interruption_between, seconds_without_engine, wall_seconds
 from rise_engine.results.export.table_levels import INTERRUPTIONS
 
 ColumnType: TypeAlias = Literal["string", "number", "integer", "boolean", "datetime", "object", "any"]
@@ -160,15 +160,15 @@ def outage_columns(what: str, start: str, end: str, away: Value | None = None) -
     """
     lasted, away = span(start, end), away or outage(start, end)
 
-    def by_wall_clock(row: Row) -> float | None:
-        seconds, missing = lasted(row), away(row)
-        return None if seconds is None or missing is None else round(seconds + missing, 6)
-
     return (
         seconds(
             "outage_s", f"Seconds without an engine during {what}; empty: none. Session time stands still then.", away
         ),
-        seconds("wall_s", f"{what} by the wall clock, including outage_s; empty: as in session time.", by_wall_clock),
+        seconds(
+            "wall_s",
+            f"{what} by the wall clock: divided by speed, and including outage_s; empty: as in session time.",
+            lambda row: wall_seconds(lasted(row), away(row), row.data.facts.speed),
+        ),
         interrupted("interrupted", what, interruption(start, end)),
     )
 

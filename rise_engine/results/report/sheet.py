@@ -100,7 +100,7 @@ def reporting_sheet(
         item("Wizard", "Their errors", _errors(figures), "wizard_errors"),
         item("Wizard", "Their training", _training(wizards, left_out), "wizard_training"),
         item("General", "Where", (), "place"),
-        item("General", "The environment and its control", _checks(study, figures), "environment"),
+        item("General", "The environment and its control", [*_checks(study, figures), *_speed(figures)], "environment"),
         item("General", "The scenario", _scenario(figures), "story"),
         item("General", "Whether it was made in several steps", _steps(figures, left_out), "iterations"),
         item("General", "What the wizard means for the conclusions", (), "limits"),
@@ -113,6 +113,14 @@ def begun_text(standing: StudyStanding, withdrawn: Withdrawn) -> str:
     begun = sum(bool(each.sessions) for each in people) + withdrawn.begun
     verb = "has" if withdrawn.begun == 1 else "have"
     return f"{begun} ({withdrawn.begun} of them {verb} withdrawn since)" if withdrawn.begun else str(begun)
+
+
+def speed_text(figures: StudyFigures) -> str:
+    """Say at which speeds complete sessions ran, if any did not run in real time."""
+    rows = figures.complete
+    counts = Counter(row.facts.speed for row in rows if row.facts.speed != 1.0)
+    of = pluralize(len(rows), "complete session")
+    return ", ".join(f"{speed:g} times real time in {count} of {of}" for speed, count in counts.items())
 
 
 def left_out_text(left_out: Mapping[str, int]) -> str:
@@ -325,6 +333,11 @@ def _hashes_text(hashes: Mapping[str, str]) -> str:
     """The first 16 digits of each; a scenario in several languages has one for each."""
     several = len(set(hashes.values())) > 1
     return ", ".join(f"{each[:16]} ({language})" if several else each[:16] for each, language in hashes.items())
+
+
+def _speed(figures: StudyFigures) -> list[str]:
+    told = speed_text(figures)
+    return [f"Speed of session time, in which all durations are: {told}."] if told else []
 
 
 def _steps(figures: StudyFigures, left_out: Mapping[str, int]) -> list[str]:

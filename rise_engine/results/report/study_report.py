@@ -38,6 +38,7 @@ from rise_engine.results.report.sheet import (
     left_out_text,
     question_of,
     reporting_sheet,
+    speed_text,
     still_to_say,
 )
 from rise_engine.results.report.study_facts import SessionRow, StudyFigures, WizardCourse
@@ -168,6 +169,7 @@ def _head(given: StudyReportInput) -> Iterable[tuple[str, str]]:
             "Robot driver",
             ", ".join(dict.fromkeys(row.facts.driver for row in given.figures.complete if row.facts.driver)),
         ),
+        ("Speed", speed_text(given.figures)),
         ("Seed", str(study.seed)),
         ("Versions", ", ".join(sorted(versions))),
         ("study.toml, SHA-256", study.hash[:16]),

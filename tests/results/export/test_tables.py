@@ -10,6 +10,7 @@ from pathlib import Path
 from typing import Any, get_args
 
 import pytest
+from msgspec.structs import replace
 
 from rise_engine.kernel.inputs import SessionStarted, Submit
 from rise_engine.kernel.records import (
@@ -26,7 +27,7 @@ from rise_engine.privacy.levels import ExportLevel
 from rise_engine.results.analysis.model import ActorKind, PointKind
 from rise_engine.results.analysis.reading import read_session, read_sessions
 from rise_engine.results.export import table_levels
-from rise_engine.results.export.course_tables import CODED
+from rise_engine.results.export.course_tables import ACTS, CODED, CUES, PHASES
 from rise_engine.results.export.format import ExportError
 from rise_engine.results.export.tables import FORMAT, TABLES
 from rise_engine.results.export.writing import export_context, export_sessions
@@ -99,6 +100,20 @@ def test_frictionless_accepts_sessions_of_no_study(tmp_path: Path) -> None:
     (recovery,) = [row for row in rows(out, "events") if row["kind"] == "recovery"]
     assert (recovery["name"], recovery["outage_s"], recovery["duration"]) == ("recovered", "95", "0")
     assert any(row["outage_s"] for row in rows(out, "acts"))  # what was under way is lost, after the outage
+
+
+def test_durations_by_the_wall_clock_know_the_speed(tmp_path: Path) -> None:
+    """4 session seconds in a second: 8 s of session time and 95 s without an engine are 97 s."""
+    data = read_session(recovered_session(tmp_path / "sessions"))
+    fast = replace(data, facts=replace(data.facts, speed=4.0))
+    for schema, lasts in ((PHASES, "duration_s"), (ACTS, "response_s"), (CUES, "response_s")):
+        columns = {column.name: column for column in schema.columns}
+        wall, away = ("response_wall_s", "response_outage_s") if schema is ACTS else ("wall_s", "outage_s")
+        told = [{name: columns[name].of(row) for name in (lasts, wall, away)} for row in schema.rows(fast)]
+        timed = [row for row in told if row[lasts]]
+        assert timed
+        for row in timed:
+            assert row[wall] == pytest.approx(row[lasts] / 4 + (row[away] or 0.0), abs=1e-6)
 
 
 def test_a_simulated_robot_is_said_to_be_one_in_any_mode(tmp_path: Path) -> None:

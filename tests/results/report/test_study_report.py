@@ -10,8 +10,10 @@ from pathlib import Path
 from types import SimpleNamespace
 
 import pytest
+from msgspec.structs import replace
 
 from rise_engine.results.analysis.model import SessionFacts
+from rise_engine.results.analysis.reading import read_sessions
 from rise_engine.results.export.format import load_format
 from rise_engine.results.export.writing import export_context, export_sessions
 from rise_engine.results.report.document import Facts
@@ -248,6 +250,18 @@ def test_withdrawn_people_are_counted_and_not_named(study):
 def test_hashes_of_a_scenario_in_several_languages_say_which_is_which():
     assert _hashes_text({"a" * 64: "en", "b" * 64: "de"}) == f"{'a' * 16} (en), {'b' * 16} (de)"
     assert _hashes_text({"a" * 64: "en"}) == "a" * 16
+
+
+def test_sessions_at_another_speed_say_so(study):
+    state = read_state(study)
+    figures = study_figures(read_sessions(sessions_of(study)))
+    fast = StudyFigures(tuple(replace(row, facts=replace(row.facts, speed=4.0)) for row in figures.rows))
+    told = f"4 times real time in {len(fast.complete)} of {len(fast.complete)} complete sessions"
+    given = StudyReportInput(state.study, state.standing, fast)
+    assert ("Speed", told) in study_report(given).facts
+    assert any(told in known for item in given.sheet for known in item.known)
+    real = study_report(StudyReportInput(state.study, state.standing, figures))
+    assert all(name != "Speed" for name, _ in real.facts)
 
 
 @pytest.mark.parametrize("planned", [0, 3])
