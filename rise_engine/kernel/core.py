@@ -13,7 +13,7 @@ from rise_engine.expression import Environment, lookup
 from rise_engine.kernel.commands import CancelTimer, Command, SetTimer
 from rise_engine.kernel.history import MemoryLog
 from rise_engine.kernel.inputs import Submit
-from rise_engine.kernel.records import AnyRecord, NoteRecord, OpenGoal, TaskRecord, TaskStatus
+from rise_engine.kernel.records import ENGINE, AnyRecord, NoteRecord, OpenGoal, TaskRecord, TaskStatus
 from rise_engine.kernel.rng import Rng
 from rise_engine.scenario.model import Scenario
 
@@ -218,8 +218,8 @@ class Core:
         or by no key."""
         return self.key_at if task == self.origin else None
 
-    def record_note(self, text: str, source: str = "engine") -> None:
-        self.emit(NoteRecord, text, source)
+    def record_note(self, text: str, source: str = ENGINE, stood: float | None = None) -> None:
+        self.emit(NoteRecord, text, source, stood)
 
     # --- events of the engine itself ---
 

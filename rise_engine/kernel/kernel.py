@@ -36,6 +36,7 @@ from rise_engine.kernel.inputs import (
     TimerElapsed,
 )
 from rise_engine.kernel.records import (
+    ENGINE,
     AnyRecord,
     ControlRecord,
     OpenGoal,
@@ -312,7 +313,7 @@ class Kernel:
             case EstopReport():
                 self._handlers.take_estop(input)
             case Note():
-                core.record_note(input.text, input.source)
+                core.record_note(input.text, input.source, input.stood if input.source == ENGINE else None)
             case ControlChanged():
                 core.emit(ControlRecord, input.status, input.by, input.holder)
             case SessionStarted():

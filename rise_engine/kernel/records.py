@@ -252,6 +252,8 @@ class ControlRecord(Record, tag="control"):
 class NoteRecord(Record, tag="note"):
     text: str
     source: str
+    stood: float | None = None
+    """The engine has just stood still, for so many seconds of the wall clock: what happened then is recorded late."""
 
 
 class CueRecord(Record, tag="cue"):

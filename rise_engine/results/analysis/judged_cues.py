@@ -65,7 +65,8 @@ class Decision(Struct, frozen=True):
     latency: float | None = None
     """Seconds from the cue to the key. None: nothing was done, or the time is meaningless (see `why`)."""
     why: str = ""
-    """Why a decision has no latency: `paused`, `another speed`, `before the cue`, `no engine`, `stopped`."""
+    """Why a decision has no latency: `paused`, `another speed`, `before the cue`, `no engine`, `standstill`,
+    `stopped`."""
 
 
 class JudgedCue(Struct, frozen=True, kw_only=True):
@@ -250,7 +251,7 @@ def _windows(data: SessionData, scenario: Scenario | None) -> list[_Window]:
                     label = decision_label(scenario, record.function, record.behavior)
                     latency = round(pressed - windows[-1].at, 6)
                     kind = interruption_between(data.interruptions, windows[-1].at, pressed)
-                    why = {"outage": "no engine", "stop": "stopped", None: ""}[kind]
+                    why = {"outage": "no engine", "standstill": "standstill", "stop": "stopped", None: ""}[kind]
                     windows[-1].decision = Decision(label, None if why else latency, why)
     return windows
 

@@ -31,8 +31,8 @@ ActorKind: TypeAlias = Literal["wizard", "rule", "program", "engine"]
 """The kind of requester. program: a node, a client, the command line."""
 
 
-InterruptionKind: TypeAlias = Literal["outage", "stop"]
-"""outage: the session had no engine; stop: everything was stopped."""
+InterruptionKind: TypeAlias = Literal["outage", "standstill", "stop"]
+"""outage: the session had no engine; standstill: the engine stood still; stop: everything was stopped."""
 
 
 class SessionFacts(SessionIdentity, frozen=True, kw_only=True):
@@ -294,6 +294,8 @@ class Interruption(Struct, frozen=True, kw_only=True):
     at: float
     until: float
     """Equal to `at` for an outage. Infinite for a stop that was not released."""
+    seconds: float = 0.0
+    """standstill: its length by the wall clock."""
 
 
 class Phase(Struct, frozen=True, kw_only=True):
@@ -374,7 +376,7 @@ class SessionData(Struct, frozen=True, kw_only=True):
     """All phases, also those without length."""
     outages: tuple[Outage, ...] = ()
     interruptions: tuple[Interruption, ...] = ()
-    """Outages and stops."""
+    """Outages, standstills and stops."""
     points: tuple[Point, ...] = ()
     """In the order of the record."""
     checks: tuple[CheckRecord, ...] = ()

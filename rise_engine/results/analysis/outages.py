@@ -1,26 +1,30 @@
-"""Interruptions: when a session had no engine, or everything was stopped, and which durations this affects."""
+"""Interruptions: when a session had no engine, its engine stood still, or everything was stopped, and which durations
+this affects."""
 
 from __future__ import annotations
 
 from collections.abc import Iterable, Iterator
 
-from rise_engine.kernel.records import ENGINE, AnyRecord, SessionRecord, StopRecord
+from rise_engine.kernel.records import ENGINE, AnyRecord, NoteRecord, SessionRecord, StopRecord
 from rise_engine.results.analysis.model import Interruption, InterruptionKind, Outage, SessionData
 from rise_engine.session.labels import seconds_away as seconds_away_by_clock
 
-_KINDS: tuple[InterruptionKind, ...] = ("outage", "stop")
+_KINDS: tuple[InterruptionKind, ...] = ("outage", "standstill", "stop")
 """The worst first."""
+PARTLY_WITH = {"standstill": "the engine at a standstill", "stop": "everything stopped"}
+"""What a duration says that was interrupted. That of an outage says its seconds."""
 
 
 class OutageCollector:
-    """A collector of outages and stops. Give it a session's records in their order."""
+    """A collector of interruptions. Give it a session's records in their order."""
 
     def __init__(self, speed: float = 1.0) -> None:
         """`speed`: session seconds per second of the wall clock."""
         self._speed = speed
         self.outages: list[Outage] = []
         self._before: AnyRecord | None = None
-        self._stops: list[Interruption] = []
+        self._others: list[Interruption] = []
+        """Standstills and stops."""
         self._stopped_at: float | None = None
         """When everything was stopped. None: it is not."""
 
@@ -29,6 +33,9 @@ class OutageCollector:
         before, self._before = self._before, record
         if isinstance(record, StopRecord):
             self._add_stop(record)
+        elif isinstance(record, NoteRecord) and record.stood is not None:
+            since = record.t - record.stood * self._speed
+            self._others.append(Interruption(kind="standstill", at=since, until=record.t, seconds=record.stood))
         if before is None or not isinstance(record, SessionRecord) or record.status != "recovered":
             return None
         # The wall clock is hidden at some levels, and the number is the same at all.
@@ -41,17 +48,17 @@ class OutageCollector:
     def _add_stop(self, record: StopRecord) -> None:
         if record.status == "released":
             if self._stopped_at is not None:
-                self._stops.append(Interruption(kind="stop", at=self._stopped_at, until=record.t))
+                self._others.append(Interruption(kind="stop", at=self._stopped_at, until=record.t))
             self._stopped_at = None
         elif self._stopped_at is None and record.source != ENGINE:  # its own stop ends the session
             self._stopped_at = record.t
 
     def interruptions(self) -> tuple[Interruption, ...]:
-        """Return all outages and stops."""
+        """Return all outages, standstills and stops."""
         found = [Interruption(kind="outage", at=each.at, until=each.at) for each in self.outages]
         if self._stopped_at is not None:
             found.append(Interruption(kind="stop", at=self._stopped_at, until=float("inf")))
-        return (*found, *self._stops)
+        return (*found, *self._others)
 
 
 def interruption_between(

@@ -11,7 +11,7 @@ from collections.abc import Iterator
 from rise_engine.kernel.records import ENGINE
 from rise_engine.kernel.speech import SAY
 from rise_engine.results.analysis.model import ActPart, Cue, Phase, PlayedAct, Point, SessionData
-from rise_engine.results.analysis.outages import interruption_between, seconds_without_engine
+from rise_engine.results.analysis.outages import PARTLY_WITH, interruption_between, seconds_without_engine
 from rise_engine.results.export.tiers import ROBOT_SPEECH, Doer, TierSpan
 from rise_engine.scenario.model import CUE_TOPICS
 
@@ -161,8 +161,8 @@ def _answer_of(cue: Cue, data: SessionData) -> tuple[float | None, str]:
     if cue.answered_at is not None:
         away = seconds_without_engine(data.outages, cue.at, cue.answered_at)
         without = f", and {away:.2f} s without an engine" if away else ""
-        if interruption_between(data.interruptions, cue.at, cue.answered_at) == "stop":
-            without = ", partly with everything stopped"
+        if (kind := interruption_between(data.interruptions, cue.at, cue.answered_at)) in PARTLY_WITH:
+            without = f", partly with {PARTLY_WITH[kind]}"
         return cue.answered_at, f"waits {cue.answered_at - cue.at:.2f} s{without}"
     return None, "answer not heard" if cue.state == "unheard" else "no answer"
 

@@ -13,6 +13,7 @@ from typing import Literal, TypeAlias
 from msgspec import Struct
 
 from rise_engine.results.analysis.model import ActorKind, InterruptionKind
+from rise_engine.results.analysis.outages import PARTLY_WITH
 from rise_engine.results.analysis.statistics import Share
 
 Voice: TypeAlias = Literal["plain", "note", "warning"]
@@ -185,8 +186,8 @@ def with_interruption(told: str, outage: float | None, kind: InterruptionKind | 
     >>> with_interruption("12.0 s", None), with_interruption("12.0 s", None, "stop")
     ('12.0 s', '12.0 s, partly with everything stopped')
     """
-    if kind == "stop":
-        return f"{told}, partly with everything stopped"
+    if kind in PARTLY_WITH:
+        return f"{told}, partly with {PARTLY_WITH[kind]}"
     return f"{told} and {length_text(outage)} without an engine" if outage else told
 
 

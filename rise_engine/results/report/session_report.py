@@ -147,6 +147,7 @@ def _timed_answers(figures: SessionFigures) -> str:
     which = [
         *(["were asked for after their cue"] if facts.before_cue else []),
         *(["had no outage of the engine in their wait"] if "outage" in facts.interrupted else []),
+        *(["had no standstill of the engine in their wait"] if "standstill" in facts.interrupted else []),
         *(["were not waited for while everything was stopped"] if "stop" in facts.interrupted else []),
     ]
     return f"the {len(facts.response.values)} that {' and '.join(which)}" if which else "them"
@@ -281,8 +282,8 @@ def _rules(data: SessionData, figures: SessionFigures) -> Iterable[Block]:
         before = state.rule
     yield ReportTable(
         caption="Phases: how often each rule was in a state, for how long in all, what part of the session that is, "
-        "and the median of one visit in seconds. All in session time; the median leaves out visits with an outage or "
-        "a stop",
+        "and the median of one visit in seconds. All in session time; the median leaves out visits with an "
+        "outage, a standstill or a stop",
         head=("rule", "state", "visits", "in all", "%", "median", "note"),
         rows=tuple(rows),
         numbers=frozenset({2, 3, 4, 5}),
@@ -312,6 +313,7 @@ def _mistakes(data: SessionData, figures: SessionFigures) -> Iterable[Block]:
             ("Stops", str(found.stops)),
             ("Robot lost or partly lost", str(found.robot_lost)),
             ("Outages of the engine", _outages(data)),
+            ("Standstills of the engine", _standstills(data)),
             ("Control changed hands", str(found.control_changes)),
             ("Repairs", _repairs(data)),
         )
@@ -344,6 +346,11 @@ def _mistakes(data: SessionData, figures: SessionFigures) -> Iterable[Block]:
 def _outages(data: SessionData) -> str:
     times = pluralize(len(data.outages), "outage")
     return f"{times}, {length_text(data.facts.downtime)} in all by the wall clock" if data.outages else "none"
+
+
+def _standstills(data: SessionData) -> str:
+    found = [each.seconds for each in data.interruptions if each.kind == "standstill"]
+    return f"{pluralize(len(found), 'standstill')}, {length_text(sum(found))} in all" if found else "none"
 
 
 def _told(point: Point) -> str:

@@ -31,6 +31,7 @@ UNDECLARED = (
 )
 _LEFT_OUT: dict[NoNumber, str] = {
     "outage": "The engine was away in {names}; no time across an outage is measured.",
+    "standstill": "The engine stood still in {names}; no time across a standstill is measured.",
     "stop": "Everything was stopped in {names}; no time across a stop is measured.",
     "back": "A wizard stepped back in {names}, before there was a {measure}.",
     "silent": "The robot said nothing in {names}.",
@@ -297,6 +298,7 @@ def left_out_answers(facts: LatencyFacts) -> str:
     counts = (
         (facts.before_cue, "requested before the cue"),
         (facts.interrupted.get("outage", 0), "across an outage of the engine"),
+        (facts.interrupted.get("standstill", 0), "across a standstill of the engine"),
         (facts.interrupted.get("stop", 0), "while everything was stopped"),
     )
     told = [f"{pluralize(count, 'answer')} {why}" for count, why in counts if count]

@@ -200,9 +200,8 @@ class SessionHub:
         now = monotonic()
         if self._alive_at is not None and (stood := now - self._alive_at) > STANDSTILL_SECONDS:
             self._alive_at, self._old_until = now, now + OLD_SECONDS
-            self.engine.post(
-                Note(text=f"the engine stood still for {stood:.0f} s: what happened then is recorded late")
-            )
+            text = f"the engine stood still for {stood:.0f} s: what happened then is recorded late"
+            self.engine.post(Note(text=text, stood=round(stood, 3)))
         return now < self._old_until
 
     def submit(self, client: AttachedClient, message: ClientInput, answer: ReplyCallback) -> None:

@@ -11,7 +11,7 @@ from pathlib import Path
 
 import pytest
 
-from rise_engine.kernel.inputs import SessionStarted
+from rise_engine.kernel.inputs import Note, SessionStarted
 from rise_engine.results.analysis.judged_cues import judge_session
 from rise_engine.results.analysis.model import SessionData
 from rise_engine.results.analysis.reading import read_session
@@ -23,7 +23,7 @@ from rise_engine.results.report.session_report import session_report
 from rise_engine.results.report.study_facts import session_row
 from tests.sources import ROOT
 
-from .samples import Script, act, play_session, recovered_session, task
+from .samples import WIZARD, Script, act, play_session, recovered_session, task
 
 LABLINKING = ROOT / "scenarios" / "lablinking"
 HOW_TO = ROOT / "docs" / "how-to" / "export-and-replay.md"
@@ -159,6 +159,28 @@ def test_an_answer_across_a_stop_is_in_no_median_and_no_picture(tmp_path: Path) 
     with (tmp_path / "out" / "sessions.csv").open(encoding="utf-8") as file:
         (session,) = csv.DictReader(file)
     assert (session["responses"], session["responses_over_2s"]) == ("1", "0")
+
+
+def test_an_answer_across_a_standstill_is_in_no_median(tmp_path: Path) -> None:
+    """A cue at 20 s; from 21 s to 27 s the engine stands still, and the key of 24 s comes late."""
+    script = [
+        act("Greet", 1.0),
+        (8.0, task("markCue", pressed=8.0)),
+        act("Thanks", 8.5),
+        (20.0, task("markCue", pressed=20.0)),
+        (27.0, Note(text="it stood still", stood=6.0)),
+        (27.1, Note(text="so did I", source=WIZARD, stood=7.0)),
+        act("Greet", 27.0, reaction=3.0),
+    ]
+    data = read_session(play_session(tmp_path / "sessions", script=script, until=40.0))
+    thanks, late = data.acts[1:]
+    assert (late.answer_s, late.response_interrupted, late.wizard_s) == (None, "standstill", 4.0)
+    assert [(each.kind, each.at, each.until) for each in data.interruptions] == [("standstill", 21.0, 27.0)]
+    latency = session_row(data).figures.latency
+    assert (latency.response.values, latency.interrupted) == ((thanks.response_s,), {"standstill": 1})
+    report = " ".join(" ".join(text_lines(session_report(data))).split())
+    assert "1 answer across a standstill of the engine" in report
+    assert "Standstills of the engine 1 standstill, 6 s in all" in report
 
 
 @pytest.mark.parametrize(

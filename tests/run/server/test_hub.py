@@ -198,8 +198,8 @@ def test_after_a_standstill_of_the_engine_nothing_starts_that_was_asked_before(m
     assert "ask again" in played.does("wa frees"), "one of several messages that waited"
     now[0] += 0.2
     assert "the robot has not answered the stop yet" in played.does("wa frees"), "the kernel was asked"
-    told = [record.text for record in played.records if isinstance(record, NoteRecord)]
-    assert told == ["the engine stood still for 12 s: what happened then is recorded late", "x"]
+    told = [(record.text, record.stood) for record in played.records if isinstance(record, NoteRecord)]
+    assert told == [("the engine stood still for 12 s: what happened then is recorded late", 12.0), ("x", None)]
 
 
 def test_a_step_of_the_computers_clock_is_noted(monkeypatch: pytest.MonkeyPatch) -> None:
