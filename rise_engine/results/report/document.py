@@ -120,13 +120,13 @@ def length_text(seconds: float) -> str:
 
 
 def clock_text(seconds: float) -> str:
-    """Write a moment of the session: `4:07`, `1:04:07`.
+    """Write a moment of the session, or a length, which is rounded as by `length_text`: `4:07`, `1:04:07`.
 
-    >>> clock_text(247.4)
-    '4:07'
+    >>> clock_text(247.4), clock_text(69.997)
+    ('4:07', '1:10')
     """
     sign, whole = ("\u2212", -seconds) if seconds < 0 else ("", seconds)
-    minutes, rest = divmod(int(whole), 60)
+    minutes, rest = divmod(round(whole), 60)
     hours, minutes = divmod(minutes, 60)
     return f"{sign}{hours}:{minutes:02d}:{rest:02d}" if hours else f"{sign}{minutes}:{rest:02d}"
 

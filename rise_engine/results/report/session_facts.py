@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections import Counter
 from collections.abc import Iterable, Sequence
+from itertools import pairwise
 
 from msgspec import Struct
 
@@ -81,8 +82,10 @@ class MistakeFacts(Struct, frozen=True):
     rules_faulted: int
     stops: int
     robot_lost: int
-    """How often the robot was lost or answered only in part."""
+    robot_degraded: int
+    """How often a connected robot went on to answer only in part."""
     control_changes: int
+    """How often control passed from one person to another."""
 
 
 class SessionFigures(Struct, frozen=True):
@@ -181,7 +184,8 @@ def _mistakes(data: SessionData, begun: list[PlayedAct]) -> MistakeFacts:
     marks = Counter(point.name for point in data.points if point.kind == "mistake")
     actions = Counter(part.status for act in data.acts for part in act.parts)
     told = [record for record in data.records if isinstance(record, _OF_MISTAKES)]  # one pass that keeps few records
-    control = [record for record in told if isinstance(record, ControlRecord) and record.status != "asked"]
+    holders = [each.holder.partition("#")[0] for each in told if isinstance(each, ControlRecord) and each.holder]
+    links = ["connected", *(record.status for record in told if isinstance(record, RobotRecord))]
     return MistakeFacts(
         marks={mark: marks[mark] for mark in MARKS if marks[mark]},
         marked=Share(sum(key.mark is not None for key in data.keys), len(data.keys)),
@@ -196,6 +200,7 @@ def _mistakes(data: SessionData, begun: list[PlayedAct]) -> MistakeFacts:
             isinstance(record, StopRecord) and record.status == "requested" and record.source != ENGINE
             for record in told
         ),
-        robot_lost=sum(isinstance(record, RobotRecord) and record.status != "connected" for record in told),
-        control_changes=max(0, len(control) - 1),
+        robot_lost=sum(now == "lost" != before for before, now in pairwise(links)),
+        robot_degraded=sum((before, now) == ("connected", "degraded") for before, now in pairwise(links)),
+        control_changes=sum(now != before for before, now in pairwise(holders)),
     )

@@ -468,6 +468,7 @@ def _went_wrong(row: SessionRow) -> str:
         f"{pluralize(found.aborted, 'act')} failed" if found.aborted else "",
         f"{pluralize(found.rules_faulted, 'rule')} faulted" if found.rules_faulted else "",
         f"robot lost {pluralize(found.robot_lost, 'time')}" if found.robot_lost else "",
+        f"robot partly lost {pluralize(found.robot_degraded, 'time')}" if found.robot_degraded else "",
         f"recovered {pluralize(facts.recoveries, 'time')}, {seconds_text(facts.downtime)} without engine"
         if facts.recoveries
         else "",

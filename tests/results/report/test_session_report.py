@@ -10,7 +10,7 @@ from pathlib import Path
 import pytest
 from msgspec.structs import replace
 
-from rise_engine.kernel.inputs import Note
+from rise_engine.kernel.inputs import ControlChanged, Note, RobotChanged
 from rise_engine.kernel.records import (
     ActionRecord,
     CheckRecord,
@@ -24,9 +24,11 @@ from rise_engine.kernel.records import (
 )
 from rise_engine.results.analysis.model import SessionData, SessionFacts
 from rise_engine.results.analysis.reading import read_session
+from rise_engine.results.report.document import clock_text, length_text
 from rise_engine.results.report.making import make_session_report, replay_words
 from rise_engine.results.report.page import page_text
 from rise_engine.results.report.plain_text import cells_wide, text_lines
+from rise_engine.results.report.session_facts import session_figures
 from rise_engine.results.report.session_report import session_report
 from rise_engine.session.folder import JOURNAL
 from rise_engine.session.media import FoundMark, MediaFile
@@ -358,3 +360,34 @@ def test_a_hostile_session(data):
     )
     assert_harmless(page_text(session_report(attacked, nasty)))
     assert all(cells_wide(line) <= 80 for line in text_lines(session_report(attacked, nasty)))
+
+
+def test_a_degraded_robot_is_not_lost_and_a_wizard_who_comes_back_is_no_other(tmp_path):
+    """Control counts when it passes to another person, not when the engine of the same one dies."""
+
+    def control(at, status, holder):
+        return at, ControlChanged(status=status, by="wizard:anna", holder=holder)
+
+    script = [
+        control(0.5, "taken", "wizard:anna"),
+        control(1.0, "released", None),
+        control(1.5, "taken", "wizard:anna#2"),
+        control(2.0, "given", "wizard:ben"),
+        (3.0, RobotChanged(status="degraded", detail="its face may still move")),
+        (4.0, RobotChanged(status="degraded", detail="its arms too")),
+        (5.0, RobotChanged(status="lost")),
+        (6.0, RobotChanged(status="degraded")),
+        (7.0, RobotChanged(status="connected")),
+    ]
+    data = read_session(play_session(tmp_path / "sessions", script, until=69.997))
+    found = session_figures(data).mistakes
+    assert (found.robot_lost, found.robot_degraded, found.control_changes) == (1, 1, 1)
+    told = " ".join(" ".join(text_lines(session_report(data))).split())
+    assert "Robot lost 1" in told and "Robot partly lost 1" in told and "Control changed hands 1" in told
+
+
+def test_a_length_is_rounded_in_one_way():
+    for seconds in (0.4, 38.992, 59.5, 69.997, 3599.6):
+        minutes, rest = divmod(round(seconds), 60)
+        assert clock_text(seconds).endswith(f"{rest:02d}"), "as in the words for people"
+        assert length_text(seconds).replace("\u00a0", " ").startswith((f"{minutes} min", f"{rest} s", "1 h"))
