@@ -9,6 +9,7 @@ from __future__ import annotations
 import re
 from collections.abc import Callable, Iterable, Mapping
 from pathlib import Path
+from typing import Literal, TypeAlias
 
 from msgspec import Struct
 
@@ -32,14 +33,17 @@ _QUALTRICS = '{"ImportId"'
 """The start of every cell in the third line of a Qualtrics file, whose second line has the questions."""
 
 
+ValueType: TypeAlias = Literal["integer", "number", "string"]
+
+
 class Item(Struct, frozen=True):
     """One column of a questionnaire that exports have."""
 
     name: str
     about: str
     levels: Mapping[str, str]
-    type: str
-    """`integer`, `number` or `string`, from the values in the file."""
+    type: ValueType
+    """From the values in the file."""
 
 
 class Answers(Struct, frozen=True):
@@ -309,8 +313,23 @@ class _AnswersReader:
 
     def item(self, name: str, answers: Iterable[Answers]) -> Item:
         described = self.settings.columns.get(name, ItemDescription())
-        values = [each.values[name] for each in answers if each.values[name]]
-        kind = "string"
-        if values and all(_NUMBER.match(each) for each in values):
-            kind = "number" if any(not each.lstrip("+-").isdigit() for each in values) else "integer"
+        kind = type_of_values(each.values[name] for each in answers) or "string"
         return Item(name, described.about or self.questions.get(name, ""), described.levels, kind)
+
+
+def type_of_values(values: Iterable[str], before: ValueType | None = None) -> ValueType | None:
+    """Return the type that fits all values of a column. Empty ones count for nothing. None: all are empty.
+
+    :param values: as in a table.
+    :param before: the type of further values.
+
+    >>> type_of_values(["1", "", "-2"]), type_of_values(["2.5"], "integer"), type_of_values(["2", "two"])
+    ('integer', 'number', 'string')
+    """
+    found = before
+    for each in filter(None, values):
+        if found == "string" or not _NUMBER.match(each):
+            return "string"
+        if found != "number":
+            found = "integer" if each.lstrip("+-").isdigit() else "number"
+    return found

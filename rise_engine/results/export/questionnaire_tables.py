@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import csv
 import io
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Iterable, Sequence
 
 from msgspec import Struct
 from msgspec.structs import replace
@@ -13,14 +13,13 @@ from rise_engine.base.text import name_some
 from rise_engine.privacy.levels import ExportLevel, LevelFilter
 from rise_engine.results.analysis.model import SessionFacts
 from rise_engine.results.export.format import ExportError
-from rise_engine.results.export.table_schema import Column, ColumnType
+from rise_engine.results.export.table_schema import Column
 from rise_engine.study.model import QuestionnaireSettings, Study
 from rise_engine.study.participants import load_participants
 from rise_engine.study.questionnaires import Answers, Questionnaire, load_questionnaire
 
 _NOT_HERE = "unknown-participant"
 """The diagnostic for a row of an unknown participant, which is left out without any other effect."""
-_TYPES: Mapping[str, ColumnType] = {"integer": "integer", "number": "number"}
 
 
 class ToldAnswers(Struct, frozen=True):
@@ -113,7 +112,7 @@ def _told(read: Questionnaire, level: ExportLevel, known: Sequence[SessionFacts]
             item.name,
             item.about or f"The answer to {item.name}, from {settings.file}; empty: none.",
             lambda answers, name=item.name: answers.values[name],  # type: ignore[misc]
-            _TYPES.get(item.type, "string"),
+            item.type,
             levels=item.levels,
         )
         for item in read.items

@@ -15,6 +15,7 @@ from rise_engine.results.analysis.outages import interruption_between, seconds_w
 from rise_engine.results.export.table_levels import INTERRUPTIONS
 
 ColumnType: TypeAlias = Literal["string", "number", "integer", "boolean", "datetime", "object", "any"]
+"""any: that of its values, `rise_engine.study.questionnaires.type_of_values`."""
 
 
 class Row(Struct, frozen=True):

@@ -37,6 +37,7 @@ from rise_engine.results.export.table_schema import (
 )
 from rise_engine.results.export.trial_tables import TRIALS, WideTable, declared_column
 from rise_engine.study.publishing import package_facts
+from rise_engine.study.questionnaires import ValueType, type_of_values
 
 SPSS_FILE, R_FILE = "read_tables.sps", "read_tables.R"
 _LONGEST_NAME, _LONGEST_LABEL, _LONGEST_VALUE_LABEL, _LONGEST_TEXT = 64, 230, 110, 32_767
@@ -205,6 +206,10 @@ class _OpenTable:
         self.columns = [*facts, *schema.columns]
         self._safe = spreadsheet_safe
         self._widths = [0] * len(self.columns)
+        self._types: dict[int, ValueType | None] = {
+            at: None for at, column in enumerate(self.columns) if column.type == "any"
+        }
+        """For each column whose type is that of its values, the type so far."""
         self._has_line_ends = False
         self.path = folder / schema.file
         descriptor = os.open(self.path, os.O_WRONLY | os.O_CREAT | os.O_EXCL | os.O_CLOEXEC, 0o600)
@@ -222,6 +227,8 @@ class _OpenTable:
         for at, each in enumerate(cells):
             if len(each) * 4 > self._widths[at]:
                 self._widths[at] = max(self._widths[at], len(each.encode("utf-8", "backslashreplace")))
+        for at, before in self._types.items():
+            self._types[at] = type_of_values((cells[at],), before)
         self._has_line_ends = self._has_line_ends or any("\n" in each or "\r" in each for each in cells)
         self._rows.writerow(cells)
 
@@ -229,12 +236,18 @@ class _OpenTable:
         """Describe it for datapackage.json. The table must be closed."""
         with self.path.open("rb") as file:
             digest = hashlib.file_digest(file, "sha256").hexdigest()
-        return resource(self.schema, self.columns, self.path.stat().st_size, digest)
+        return resource(self.schema, self._typed_columns(), self.path.stat().st_size, digest)
 
     def for_codebook(self) -> DescribedTable:
         """Describe it for programs that read it."""
-        schema, columns, widths = self.schema, tuple(self.columns), tuple(self._widths)
+        schema, columns, widths = self.schema, tuple(self._typed_columns()), tuple(self._widths)
         return DescribedTable(schema.name, schema.file, schema.about, columns, widths, self._has_line_ends)
+
+    def _typed_columns(self) -> list[Column]:
+        return [
+            replace(column, type=self._types[at] or "string") if at in self._types else column
+            for at, column in enumerate(self.columns)
+        ]
 
 
 def _write(path: Path, sessions: Iterable[SessionData], context: ExportContext) -> None:

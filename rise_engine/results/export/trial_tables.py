@@ -199,7 +199,7 @@ class WideTable:
                 told = (person.strata.get(name) or person.columns.get(name, "")) if person is not None else ""
                 return told if is_full else cut_age(name, told)
 
-            yield Column(name, f"{name}, from participants.csv.", value)
+            yield Column(name, f"{name}, from participants.csv.", value, "any")
 
     def _between_column(self, name: str) -> Column:
         described = factor_column(name, self._study)

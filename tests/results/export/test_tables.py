@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import csv
 import json
+import re
 import shutil
 import statistics
 from pathlib import Path
@@ -29,7 +30,7 @@ from rise_engine.results.analysis.reading import read_session, read_sessions
 from rise_engine.results.export import table_levels
 from rise_engine.results.export.course_tables import ACTS, CODED, CUES, PHASES
 from rise_engine.results.export.format import ExportError
-from rise_engine.results.export.tables import FORMAT, TABLES
+from rise_engine.results.export.tables import FORMAT, PACKAGE, R_FILE, SPSS_FILE, TABLES
 from rise_engine.results.export.writing import export_context, export_sessions
 from rise_engine.session.folder import INFO
 from rise_engine.session.media import MEDIA_FILE, AlignedBy
@@ -362,6 +363,15 @@ def test_factors_that_the_export_does_not_know_are_refused(study: Path, tmp_path
 # --- trials -----------------------------------------------------------------------------------------------------------
 
 
+def test_a_declared_column_has_the_type_of_its_values(tables: Path) -> None:
+    package = json.loads((tables / PACKAGE).read_text("utf-8"))
+    (trials,) = [each for each in package["resources"] if each["name"] == "trials"]
+    types = {each["name"]: each["type"] for each in trials["schema"]["fields"]}
+    assert (types["visits"], types["person_name"]) == ("integer", "string")
+    assert '"visits" = "numeric"' in (tables / R_FILE).read_text("utf-8")
+    assert re.search(r"visits F16\.0\s+person_name A", (tables / SPSS_FILE).read_text("utf-8"))
+
+
 def test_wide_has_a_row_for_each_participant(study: Path, tables: Path, tmp_path: Path) -> None:
     sessions = sessions_of(study)
     context = export_context(sessions, "full")
@@ -375,7 +385,7 @@ def test_wide_has_a_row_for_each_participant(study: Path, tables: Path, tmp_path
         theirs = [each for each in theirs if (each["purpose"], each["outcome"]) == ("counted", "complete")]
         for level in ("quiet", "loud"):
             of_level = [
-                each["participant_s"] if each["stops"] == "0" else ""  # no time of a trial with a stop
+                "" if each["participant_interrupted"] else each["participant_s"]
                 for each in theirs
                 if each["factor_noise"] == level
             ]
