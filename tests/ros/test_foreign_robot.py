@@ -221,6 +221,23 @@ def test_a_base_does_not_go_on_by_itself_after_a_standstill_of_the_session(monke
     ]
 
 
+def test_a_base_that_died_does_not_turn_by_itself_when_it_is_back_although_a_bag_listens_too() -> None:
+    robot = Zora()
+    bag = MemoryTransport(robot.wire, robot.loop, "/bag")
+    bag.subscribe("/cmd_vel", "geometry_msgs/msg/TwistStamped", lambda message: None)
+    robot.run(1)
+    robot.start("turn", "Turn", speed=0.5, duration=60_000)
+    robot.run(1)
+    robot.far[0].close()
+    robot.run(1)
+    before = len(robot.wire.messages("/cmd_vel"))
+    robot.serve()
+    robot.run(2)
+    assert {each["twist"]["angular"]["z"] for each in robot.wire.messages("/cmd_vel")[before:]} <= {0.0}
+    assert robot.endings() == [("turn", "lost", "server-gone: what listened to /cmd_vel went away during the action")]
+    assert robot.log("Turn").count("begun") == 1
+
+
 def test_a_base_that_is_back_after_a_stop_gets_a_reset_of_that_time() -> None:
     """A controller ignores a velocity with an old stamp."""
     robot = Zora()

@@ -311,6 +311,10 @@ class TopicEndpoint(_ComparedEndpoint):
     def poll(self, count: int | None = None) -> bool:
         return self.presence.update(self.publisher.count_subscribers() if count is None else count)
 
+    def listeners(self) -> frozenset[bytes]:
+        """The programs that listen now (`RemoteEndpoint.program`), as far as they can be distinguished."""
+        return frozenset(each.program for each in self._transport.subscriber_endpoints(self.name)) - {b""}
+
     def publish(self, message: Message) -> None:
         """Publish a message that needs no answer and may be lost."""
         try:

@@ -62,6 +62,8 @@ class TopicGoal:
         self._is_harmless = mapping.harmless
         self._rate = mapping.rate
         self._sent_at = -inf
+        self._listeners: frozenset[bytes] = frozenset()
+        """The programs that listened when it began, if the message is repeated."""
         self._repeat: Timer | None = None
         self._expected = goal.expected
         self._deadline = host.clock.now() + mapping.deadlines.server
@@ -125,6 +127,8 @@ class TopicGoal:
                 self._publish()
             elif now >= self._deadline:
                 self._end("failed", held or f"server-missing: {endings.describe_missing(self.endpoint)}")
+        elif self.phase == "running" and self._listeners - self.endpoint.listeners():
+            self.on_server_gone()
         elif self.phase == "running" and now >= self._deadline:
             self._end("succeeded", "")
         elif self._is_reset_due and self.endpoint.presence.count:
@@ -152,6 +156,8 @@ class TopicGoal:
         self.phase = "running"
         self.may_be_running = self._is_stoppable
         self._deadline = self._host.clock.now() + self._expected
+        if self._rate:  # a base that comes back must not go on by itself, also while a bag or another tool listens
+            self._listeners = self.endpoint.listeners()
         self._host.report_accepted(self.action)
         self._host.on_goal_changed(self)
 
