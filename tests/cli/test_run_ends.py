@@ -42,7 +42,7 @@ def options(first: tuple[Submit, ...], speed: float | None, **more: Any) -> RunO
 # --- signals and pipes ---
 
 
-@pytest.mark.parametrize("which", [signal.SIGINT, signal.SIGTERM])
+@pytest.mark.parametrize("which", [signal.SIGINT, signal.SIGTERM, signal.SIGHUP])
 def test_an_interrupt_stops_the_robot_first(study: Path, which: signal.Signals) -> None:
     with Live("run", study, "--act", "Greet", "--json") as live:
         live.until("action", status="accepted")
@@ -94,6 +94,18 @@ def test_a_second_interrupt_ends_at_once(study: Path) -> None:
         live.signal()
         assert live.rest() == 130
         assert live.records[-1]["kind"] == "stop"
+
+
+def test_a_real_robot_is_left_as_it_is_only_by_a_third_interrupt(study: Path) -> None:
+    robot = ("--mode", "real", "--robot", "generic", "--fault", "Speech=hang")
+    with Live("run", study, "--act", "Greet", "--json", *robot) as live:
+        live.until("action", status="accepted")
+        live.signal()
+        live.until("stop", status="latched")
+        live.signal()
+        live.signal(signal.SIGTERM)  # two of one kind at once are one
+        assert live.rest() == 6
+        assert "once more leaves it as it is, and it may still be moving" in live.errors()
 
 
 def test_a_reader_that_goes_away_ends_the_session_quietly(study: Path) -> None:

@@ -257,13 +257,19 @@ def _tolerate_engine_failure(engine: Engine) -> Iterator[None]:
 
 @contextmanager
 def _signals_to(handler: Callable[[int, FrameType | None], None]) -> Iterator[None]:
-    """Send SIGINT and SIGTERM to `handler` inside the block."""
-    before = [(each, signal.signal(each, handler)) for each in (signal.SIGINT, signal.SIGTERM)]
+    """Send the signals that end a session to `handler` inside the block."""
+    before = [(each, signal.signal(each, handler)) for each in _ending_signals()]
     try:
         yield
     finally:
         for each, handler_before in before:
             signal.signal(each, handler_before)
+
+
+def _ending_signals() -> list[signal.Signals]:
+    """SIGINT, SIGTERM, and SIGHUP for a lost terminal, unless the program was started so that it survives that."""
+    survives = signal.getsignal(signal.SIGHUP) == signal.SIG_IGN
+    return [signal.SIGINT, signal.SIGTERM, *([] if survives else [signal.SIGHUP])]
 
 
 # --- real time ------------------------------------------------------------------------------------------------------
@@ -297,12 +303,16 @@ async def _run_connected(options: RunOptions, bridge: Bridge[SessionHub] | None)
     interrupts: list[int] = []
 
     def on_signal(number: int, frame: FrameType | None) -> None:
-        if interrupts:
-            sys.exit(exit_status.INTERRUPTED)
+        is_real = options.scenario.mode == "real"
+        if len(interrupts) > is_real:
+            sys.exit(exit_status.STILL_RUNNING if is_real else exit_status.INTERRUPTED)
         interrupts.append(number)
-        loop.call_soon_threadsafe(session.interrupt)
+        if len(interrupts) > 1:
+            print_notes("the robot is being stopped; once more leaves it as it is, and it may still be moving")
+        else:
+            loop.call_soon_threadsafe(session.interrupt)
 
-    for each in (signal.SIGINT, signal.SIGTERM):
+    for each in _ending_signals():
         # Python runs `on_signal` only when the loop does something. This handler makes each signal wake the loop, even
         # one that comes just before it begins to wait.
         loop.add_signal_handler(each, lambda: None)
