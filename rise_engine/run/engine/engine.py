@@ -53,6 +53,9 @@ _LOG = logging.getLogger(__name__)
 LAG_SHOWN_FROM = 0.5
 """Seconds of the disk's lag above which clients get to know it."""
 
+MOST_LATE_SECONDS = 5.0
+"""An action whose record took longer does not begin: nobody expects it any more."""
+
 END_SECONDS = 6.0
 """Seconds of session time that the robot gets to end everything before the session ends without it."""
 
@@ -75,6 +78,8 @@ class _UnrecordedStep(Struct):
     starts: list[StartAction]
     on_reply: ReplyCallback
     reply: Reply
+    t: float
+    """The session time of the step."""
 
 
 class Engine:
@@ -428,7 +433,7 @@ class Engine:
                 position = self._journal.append(join_step(line, map(encode_record, records)))
                 starts = [command for command in commands if isinstance(command, StartAction)]
                 # Before the safe commands: a cancel may concern an action that has not gone out yet.
-                self._unrecorded_steps.append(_UnrecordedStep(position, records, starts, answer, reply))
+                self._unrecorded_steps.append(_UnrecordedStep(position, records, starts, answer, reply, self._t))
                 for command in commands:
                     if not isinstance(command, StartAction):
                         self._carry_out_before_recording(command)
@@ -452,8 +457,13 @@ class Engine:
                 while outgoing and outgoing[0].position <= durable:
                     step = outgoing.popleft()
                     self._publish(step.records)
+                    waited = (self.clock.now() - step.t) / self.clock.speed
                     for start in step.starts:
-                        self._commands.run(start)
+                        if waited > MOST_LATE_SECONDS:
+                            why = f"the disk took {waited:.0f} s to record it, so it was not begun"
+                            self._post_not_begun(start, why)
+                        else:
+                            self._commands.run(start)
                     step.on_reply(step.reply)
             finally:
                 self._stepping = False
@@ -474,7 +484,8 @@ class Engine:
             self._unrecorded_stop = None
             self.post(Note(text=f"recording was interrupted and goes on now: {self.journal_status.sentence}"))
         lag = round(journal.lag, 1) if journal.lag > LAG_SHOWN_FROM else 0.0
-        now = JournalStatus(self._seq, lag, error, self._unrecorded_stop if error else None)
+        stop = self._unrecorded_stop if error else self._stop_not_recorded_yet() if lag > 1 else None
+        now = JournalStatus(self._seq, lag, error, stop)
         before, self.journal_status = self.journal_status, now
         if replace(before, durable=now.durable) != now and self.on_journal_status is not None:
             self.on_journal_status(now)
@@ -514,8 +525,8 @@ class Engine:
                         return
         self._commands.run(command)
 
-    def _post_not_begun(self, start: StartAction) -> None:
-        self.post(ActionReport(action=start.action, status="canceled", reason=NOT_BEGUN))
+    def _post_not_begun(self, start: StartAction, why: str = NOT_BEGUN) -> None:
+        self.post(ActionReport(action=start.action, status="canceled", reason=why))
 
     # --- the end ------------------------------------------------------------------------------------------------
 

@@ -59,12 +59,12 @@ class JournalStatus(Struct, frozen=True, tag_field="kind", tag="journaling"):
     trouble: str = ""
     """Why nothing can be recorded, for a person. While this is set, the session is paused."""
     stop: UnrecordedStop | None = None
-    """The last stop since then; None: there was none."""
+    """The last stop, if its record is not on the disk; None: there is none."""
 
     @property
     def sentence(self) -> str:
         """The trouble and the stop, for a person; empty: everything is recorded."""
-        return f"{self.trouble}; {self.stop.sentence}" if self.stop is not None else self.trouble
+        return "; ".join(filter(None, (self.trouble, self.stop.sentence if self.stop is not None else "")))
 
 
 class Heartbeat(Struct, frozen=True, tag_field="kind", tag="pulse"):

@@ -116,6 +116,40 @@ async def test_what_went_out_is_on_the_disk(tmp_path: Path) -> None:
         assert [line.n for line in on_disk if isinstance(line, InputLine)] == [1, 2, 3]
 
 
+async def test_while_the_disk_hangs_a_stop_is_told(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    disk = StallingDisk()
+    async with session(tmp_path, disk) as it:
+        disk.go.clear()
+        it.ask(start("Greet"))
+        assert await asyncio.to_thread(disk.waits.wait, 10)
+        it.ask(STOP)
+        it.robot.report(StopReport(confirmed=("pepper/speech",), unstoppable=("pepper/face",)))
+        monkeypatch.setattr(type(it.journal), "lag", property(lambda journal: 8.0))
+        it.engine.flush_durable()
+        now = it.journalings[-1]
+        assert (now.behind, now.trouble) == (8.0, "")
+        assert now.sentence == (
+            "stop was sent to the robot by wizard:anna; CANNOT BE STOPPED: pepper/face; confirmed by pepper/speech"
+        )
+        monkeypatch.undo()
+        disk.go.set()
+        await it.until(lambda: [record for record in it.of(StopRecord) if record.status == "latched"])
+        assert not [call for call in it.robot.calls if call.startswith("start")]
+        await it.until(lambda: it.engine.journal_status.stop is None)
+
+
+async def test_an_action_whose_record_took_too_long_does_not_begin(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    async with session(tmp_path, Disk()) as it:
+        monkeypatch.setattr("rise_engine.run.engine.engine.MOST_LATE_SECONDS", -1.0)
+        it.ask(start("Greet"))
+        await it.until(lambda: [record for record in it.of(TaskRecord) if record.status == "ABORTED"])
+        assert it.robot.calls == []
+        reasons = {record.reason for record in it.of(ActionRecord) if record.status == "canceled"}
+        assert reasons == {"the disk took 0 s to record it, so it was not begun"}
+
+
 @pytest.mark.parametrize("then", ["let go", "stop"])
 async def test_an_engine_can_keep_actions_back_until_somebody_is_there(tmp_path: Path, then: str) -> None:
     async with session(tmp_path, Disk()) as it:
