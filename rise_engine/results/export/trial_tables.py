@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from statistics import fmean
 from typing import Any, TypeAlias
 
@@ -117,11 +117,13 @@ class _WideRow(Struct):
 
     sessions: int = 0
     between: dict[str, Any] = field(default_factory=dict)
-    measures: dict[str, list[float | None]] = field(default_factory=dict)
-    """For each condition, the measure of each trial."""
+    trials: dict[str, dict[str, list[float | None]]] = field(default_factory=dict)
+    """For each condition and each measure, its value in each trial."""
 
 
-_WideRowRow: TypeAlias = tuple[str, _WideRow]
+_Person: TypeAlias = tuple[str, str]
+"""Their study and pseudonym: studies have the same pseudonyms."""
+_WideRowRow: TypeAlias = tuple[_Person, _WideRow]
 
 
 class WideTable:
@@ -130,8 +132,7 @@ class WideTable:
     def __init__(self, context: ExportContext) -> None:
         self._context = context
         self._study = context.study
-        self._people: dict[str, _WideRow] = {}
-        self._measures: dict[str, None] = {}
+        self._people: dict[_Person, _WideRow] = {}
 
     def add(self, data: SessionData) -> None:
         """Add a session if it counts and was not aborted."""
@@ -143,41 +144,46 @@ class WideTable:
         between = self._between()
         within = [str(level) for name, level in facts.factors.items() if name not in between]
         condition = "+".join(within) if facts.factors else facts.condition
-        person = self._people.setdefault(facts.participant, _WideRow())
+        person = self._people.setdefault((facts.study, facts.participant), _WideRow())
         person.sessions += 1
         person.between |= {name: level for name, level in facts.factors.items() if name in between}
-        values = person.measures.setdefault(condition or WHOLE, [])
+        by_measure = person.trials.setdefault(condition or WHOLE, {})
         if data.scenario is not None and data.scenario.trials is not None:
             measure = data.scenario.trials.measure
-            self._measures[measure] = None
-            values += [trial.number(measure) for trial in trials_of(data)]
+            by_measure.setdefault(measure, []).extend(trial.number(measure) for trial in trials_of(data))
 
     def _between(self) -> set[str]:
         factors = self._study.factors if self._study is not None else ()
         return {each.name for each in factors if each.kind == "between"}
-
-    @property
-    def measure(self) -> str:
-        """The name of the measure. `measure` if the scenarios have several."""
-        return next(iter(self._measures)) if len(self._measures) == 1 else "measure"
 
     def schema(self, answered: Iterable[ToldAnswers] = ()) -> TableSchema:
         """Return its columns. Each takes its value from a participant's name and trials.
 
         :param answered: the questionnaires of the export.
         """
-        conditions = sorted({name for person in self._people.values() for name in person.measures})
+        everybody = self._people.values()
+        conditions = sorted({name for person in everybody for name in person.trials})
+        named = Column(
+            "participant", "The participant's pseudonym; empty: no participant was named.", lambda row: row[0][1]
+        )
+        several = len({study for study, _ in self._people}) > 1
+        study = Column("study", "The study's id; empty: none.", lambda row: row[0][0])
         columns = [
-            Column("participant", "The participant's pseudonym; empty: no participant was named.", lambda row: row[0]),
+            *([study] if several else []),
+            named,
             *self._columns_of_people(),
             *(self._between_column(name) for name in sorted(self._between())),
             count("sessions", "Sessions that are complete, or belong to no study.", lambda row: row[1].sessions),
         ]
         for condition in conditions:
-            columns += self._columns_of(condition)
+            columns.append(_count_of_trials(condition))
+            for measure in dict.fromkeys(name for person in everybody for name in person.trials.get(condition, ())):
+                columns += self._columns_of(condition, measure)
         for answers in answered:
             columns += _columns_of_answers(answers)
-        key = ("participant",) if all(self._people) else ()  # several people without a name cannot be told apart
+        key = (*(["study"] if several else []), "participant")
+        if not all(study and name if several else name for study, name in self._people):
+            key = ()  # several people without a name cannot be told apart
         about = "One row is one participant: their trials in sessions that are complete, or belong to no study."
         return TableSchema("wide", about, tuple(columns), key, lambda data: iter(()))
 
@@ -195,7 +201,7 @@ class WideTable:
         for name in dict.fromkeys([*self._study.strata, *self._study.columns]):
 
             def value(row: _WideRowRow, name: str = name) -> str:
-                person = known.get(row[0])
+                person = known.get(row[0][1])
                 told = (person.strata.get(name) or person.columns.get(name, "")) if person is not None else ""
                 return told if is_full else cut_age(name, told)
 
@@ -205,31 +211,28 @@ class WideTable:
         described = factor_column(name, self._study)
         return Column(described.name, described.about, lambda row: row[1].between.get(name), levels=described.levels)
 
-    def _columns_of(self, condition: str) -> Iterator[Column]:
+    def _columns_of(self, condition: str, measure: str) -> Iterator[Column]:
         def all_of(row: _WideRowRow) -> Sequence[float | None]:
-            values: Sequence[float | None] = row[1].measures.get(condition, ())
+            values: Sequence[float | None] = row[1].trials.get(condition, {}).get(measure, ())
             return values
 
         def known(row: _WideRowRow) -> list[float]:
             return [each for each in all_of(row) if each is not None]
 
-        measure, where = self.measure, f"in the condition {condition}"
+        def measured(row: _WideRowRow) -> int | None:
+            return len(known(row)) if measure in row[1].trials.get(condition, {}) else None
+
+        where, block = f"in the condition {condition}", f"{measure}.{condition}"
         unit = "s" if measure.endswith("_s") else ""
-        no_session = "; empty: no such session."
-        for name, about, values in (
-            ("trials", f"Trials {where}{no_session}", all_of),
-            ("measured", f"Trials {where} whose {measure} is a number{no_session}", known),
-        ):
-
-            def number(row: _WideRowRow, values: Callable[[_WideRowRow], Sequence[Any]] = values) -> int | None:
-                return len(values(row)) if condition in row[1].measures else None
-
-            yield Column(f"{name}.{condition}", about, number, "integer", minimum=0)
+        about = f"Trials {where} whose {measure} is a number; empty: no session that measures it."
+        yield Column(f"{block}.measured", about, measured, "integer", minimum=0)
         about = f"of {measure} over the trials {where} that have one; empty: there are none."
-        median_name, mean_name = f"{measure}.{condition}.median", f"{measure}.{condition}.mean"
-        yield Column(median_name, f"Median {about}", lambda row: median(known(row)), "number", unit)
-        yield Column(mean_name, f"Mean {about}", lambda row: fmean(known(row)) if known(row) else None, "number", unit)
-        most = max((len(person.measures.get(condition, ())) for person in self._people.values()), default=0)
+        yield Column(f"{block}.median", f"Median {about}", lambda row: median(known(row)), "number", unit)
+        yield Column(
+            f"{block}.mean", f"Mean {about}", lambda row: fmean(known(row)) if known(row) else None, "number", unit
+        )
+        people = self._people.values()
+        most = max((len(person.trials.get(condition, {}).get(measure, ())) for person in people), default=0)
         for at in range(most):
 
             def one(row: _WideRowRow, at: int = at) -> float | None:
@@ -237,7 +240,16 @@ class WideTable:
                 return found[at] if at < len(found) else None
 
             told = f"{measure} of trial {at + 1} {where}, in their order over the participant's sessions."
-            yield Column(f"{measure}.{condition}.t{at + 1:02}", told, one, "number", unit)
+            yield Column(f"{block}.t{at + 1:02}", told, one, "number", unit)
+
+
+def _count_of_trials(condition: str) -> Column:
+    def number(row: _WideRowRow) -> int | None:
+        theirs = row[1].trials.get(condition)
+        return sum(map(len, theirs.values())) if theirs is not None else None
+
+    about = f"Trials in the condition {condition}; empty: no such session."
+    return Column(f"trials.{condition}", about, number, "integer", minimum=0)
 
 
 def _columns_of_answers(answers: ToldAnswers) -> Iterator[Column]:
@@ -248,7 +260,7 @@ def _columns_of_answers(answers: ToldAnswers) -> Iterator[Column]:
         for column in answers.columns:
 
             def value(row: _WideRowRow, column: Column = column, run: int | None = run) -> Any:
-                found = rows.get((row[0], run))
+                found = rows.get((row[0][1], run))
                 return column.of(found) if found is not None else None
 
             name, about = f"{answers.name}.{column.name}{of_run}", f"{column.about.rstrip('.')}.{after}"

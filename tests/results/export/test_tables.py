@@ -31,6 +31,7 @@ from rise_engine.results.export import table_levels
 from rise_engine.results.export.course_tables import ACTS, CODED, CUES, PHASES
 from rise_engine.results.export.format import ExportError
 from rise_engine.results.export.tables import FORMAT, PACKAGE, R_FILE, SPSS_FILE, TABLES
+from rise_engine.results.export.trial_tables import WideTable
 from rise_engine.results.export.writing import export_context, export_sessions
 from rise_engine.session.folder import INFO
 from rise_engine.session.media import MEDIA_FILE, AlignedBy
@@ -392,7 +393,8 @@ def test_wide_has_a_row_for_each_participant(study: Path, tables: Path, tmp_path
             told = [value for name, value in row.items() if name.startswith(f"participant_s.{level}.t")]
             assert told[: len(of_level)] == of_level and not any(told[len(of_level) :])
             known = [float(value) for value in of_level if value]
-            assert row[f"trials.{level}"] == str(len(of_level)) and row[f"measured.{level}"] == str(len(known))
+            assert row[f"trials.{level}"] == str(len(of_level))
+            assert row[f"participant_s.{level}.measured"] == str(len(known))
             if known:
                 assert float(row[f"participant_s.{level}.median"]) == pytest.approx(statistics.median(known), abs=2e-6)
                 assert float(row[f"participant_s.{level}.mean"]) == pytest.approx(statistics.fmean(known), abs=2e-6)
@@ -408,6 +410,40 @@ def test_wide_has_no_number_of_trials_where_there_was_no_session(study: Path, tm
     context.wide = True
     export_sessions(FORMAT, tmp_path / "wide", sessions, context)
     first, second, _ = rows(tmp_path / "wide", "wide")
-    assert first["trials.quiet"] != "" and (first["trials.loud"], first["measured.loud"]) == ("", "")
+    assert first["trials.quiet"] != "" and (first["trials.loud"], first["participant_s.loud.measured"]) == ("", "")
     assert second["trials.loud"] != ""
     assert findings(tmp_path / "wide") == []
+
+
+def test_wide_has_a_block_of_columns_for_each_measure(study: Path) -> None:
+    """The measure of [trials] was changed after the first participant: seconds and counts are not in one column."""
+    sessions = [data for data in read_sessions(sessions_of(study)) if data.facts.outcome == "complete"]
+    wide = WideTable(export_context(sessions_of(study), "full"))
+    for data in sessions:
+        assert data.scenario is not None and data.scenario.trials is not None
+        if data.facts.participant != "P01":
+            trials = replace(data.scenario.trials, measure="visits")
+            data = replace(data, scenario=replace(data.scenario, trials=trials))
+        wide.add(data)
+    columns = {column.name: column for column in wide.schema().columns}
+    told = [{name: column.of(row) for name, column in columns.items()} for row in wide.rows()]
+    first, second = told[:2]
+    assert first["participant_s.quiet.measured"] is not None and first["visits.quiet.measured"] is None
+    assert second["participant_s.quiet.measured"] is None and second["visits.quiet.median"] == 1
+    assert second["trials.quiet"] == second["visits.quiet.measured"] > 0
+    assert (columns["participant_s.quiet.median"].unit, columns["visits.quiet.median"].unit) == ("s", "")
+
+
+def test_wide_of_several_studies_keeps_their_people_apart(study: Path, tmp_path: Path) -> None:
+    other = make_study(tmp_path / "other")
+    plan = sessions_of(study)
+    context = export_context(plan, "full")
+    wide = WideTable(context)
+    for data in read_sessions(plan):
+        wide.add(data)
+        wide.add(replace(data, facts=replace(data.facts, study="other")))
+    schema = wide.schema()
+    assert schema.key == ("study", "participant") and [each.name for each in schema.columns[:2]] == [*schema.key]
+    people = [tuple(column.of(row) for column in schema.columns[:2]) for row in wide.rows()]
+    assert len(people) == len(set(people)) == 6
+    assert export_context([*plan, *sessions_of(other)], "full").study is None
