@@ -126,6 +126,7 @@ class ActCollector:
             status=cast(TaskStatus, task.status),
             reason=task.reason,
             filler=task.id in self._bridges or task.filler,
+            cue=None if cue is None else cue + 1,
             cue_at=None if cue is None else self._cues[cue].at,
             key_at=origin.key_at,
             accepted_at=task.submitted,

@@ -230,14 +230,13 @@ def _live_names(data: SessionData) -> list[str]:
 
 def _windows(data: SessionData, scenario: Scenario | None) -> list[_Window]:
     keys = {key.task: key.at for key in data.keys}
-    pressed_at: dict[tuple[str, float | None], int] = {(key.source, key.at): key.task for key in data.keys}
-    early = {act.cue_at: pressed_at.get((act.by, act.key_at), 0) for act in data.acts if act.before_cue}
+    early = {act.cue: act.origin for act in data.acts if act.before_cue}
     asked: dict[int, TaskRecord] = {}
     windows: list[_Window] = []
     for record in data.records:
         if isinstance(record, CueRecord) and record.status == "marked":
             window = _Window(record.seq, record.at, len(windows) + 1)
-            if (before := asked.get(early.get(record.at, 0))) is not None and _decides(before, scenario):
+            if (before := asked.get(early.get(window.number) or 0)) is not None and _decides(before, scenario):
                 label = decision_label(scenario, before.function, before.behavior)
                 window.decision = Decision(label, why="before the cue")
             windows.append(window)

@@ -125,6 +125,8 @@ class PlayedAct(Struct, frozen=True, kw_only=True):
     reason: str = ""
     filler: bool
     """Whether it bridged the time after a cue and did not answer it."""
+    cue: int | None = None
+    """The number of the cue that it answers or bridges, from 1."""
     cue_at: float | None
     """The end of the participant's turn that it answers or bridges."""
     key_at: float | None

@@ -36,12 +36,6 @@ from rise_engine.results.export.table_schema import (
 )
 
 
-def _act_rows(data: SessionData) -> Iterator[Row]:
-    numbers = {cue.at: number for number, cue in enumerate(data.cues, 1)}
-    for number, act in enumerate(data.acts, 1):
-        yield Row(data, number, act, None if act.cue_at is None else numbers.get(act.cue_at))
-
-
 def _response_by_wall_clock(row: Row) -> float | None:
     act: PlayedAct = row.of
     return None if act.filler else wall_seconds(act.response_s, act.response_outage_s, row.data.facts.speed)
@@ -83,8 +77,7 @@ ACTS = TableSchema(
         Column(
             "cue",
             "The number in cues.csv of the cue that it answers or bridges; empty: none.",
-            lambda row: row.beside,
-            "integer",
+            type="integer",
             minimum=1,
         ),
         moment("cue_at", "that cue was marked (`at` in cues.csv)."),
@@ -125,7 +118,7 @@ ACTS = TableSchema(
         ),
     ),
     ("session", "task"),
-    _act_rows,
+    rows_of("acts"),
     OF_SESSION,
 )
 

@@ -53,7 +53,8 @@ def test_times_of_acts_and_cues(script: list[tuple[float, Submit]], ends: bool) 
             assert act.response_s >= 0
         if act.cue_at is not None:
             assert act.started_at is not None and act.started_at >= act.cue_at
-    answered = [act.cue_at for act in data.acts if act.cue_at is not None and not act.filler]
+    answered = [act.cue for act in data.acts if act.cue is not None and not act.filler]
+    assert all(act.cue_at == data.cues[act.cue - 1].at for act in data.acts if act.cue is not None)
     assert len(answered) == len(set(answered)) <= len(data.cues)
     for cue in data.cues:
         times = [each for each in (cue.filled_at, cue.answered_at, cue.undone_at) if each is not None]
