@@ -129,6 +129,7 @@ class ActCollector:
             cue=None if cue is None else cue + 1,
             cue_at=None if cue is None else self._cues[cue].at,
             key_at=origin.key_at,
+            taken_at=origin.taken_at,
             accepted_at=task.submitted,
             started_at=task.started,
             robot_at=robot_at if task.robot_at is None else task.robot_at,

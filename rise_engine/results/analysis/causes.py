@@ -71,8 +71,10 @@ class Origin(Struct, frozen=True):
     via: tuple[str, ...] = ()
     """The rules in between, in their order, each once."""
     key_at: float | None = None
-    """When the key was pressed. If a wizard caused it through rules, without a key: when the engine accepted the
-    wizard's request. None: no key caused it, or only the key of the cue."""
+    """When the key was pressed. If a wizard caused it through rules, without a key: `taken_at`. None: no key caused it,
+    or only the key of the cue."""
+    taken_at: float | None = None
+    """When the engine took the request of that key. None: as `key_at`."""
 
 
 class CauseCollector:
@@ -188,17 +190,17 @@ class CauseCollector:
         by, via = task.source, task.via
         if via and task.cause is None:  # the time was that of the first rule on the way
             by, via = f"rule:{via[0]}", (*via[1:], task.source.removeprefix("rule:"))
-        return Origin(task.id, by, via, None if task.function == CUE else task.key_at)
+        pressed = None if task.function == CUE else task.key_at
+        return Origin(task.id, by, via, pressed, None if pressed is None else task.submitted)
 
     def _extend(self, before: Origin, task: TaskView) -> Origin:
         """Go one step on: to a consequence, or to a repetition, which has a cause but is not requested by a rule."""
         rules = [*before.via, *task.via]
         if actor_of(task.source) == "rule":
             rules.append(task.source.removeprefix("rule:"))
-        root = self._tasks[before.task]
-        pressed = None
-        if root.function != CUE:
-            pressed = task.key_at if task.key_at is not None else before.key_at
-            if pressed is None and actor_of(root.source) == "wizard":
-                pressed = root.submitted
-        return Origin(before.task, before.by, tuple(dict.fromkeys(rules)), pressed)
+        root, pressed, taken = self._tasks[before.task], before.key_at, before.taken_at
+        if actor_of(task.source) != "rule" and task.key_at is not None:
+            pressed, taken = task.key_at, task.submitted  # the key of a repetition
+        elif pressed is None and root.function != CUE and actor_of(root.source) == "wizard":
+            pressed = taken = root.submitted
+        return Origin(before.task, before.by, tuple(dict.fromkeys(rules)), pressed, taken)

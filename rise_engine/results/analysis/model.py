@@ -131,6 +131,8 @@ class PlayedAct(Struct, frozen=True, kw_only=True):
     """The end of the participant's turn that it answers or bridges."""
     key_at: float | None
     """When the key that caused it was pressed."""
+    taken_at: float | None = None
+    """When the engine took that key's own request, which may have been that of a rule or an event."""
     accepted_at: float
     """When the engine accepted it."""
     started_at: float | None
@@ -158,7 +160,7 @@ class PlayedAct(Struct, frozen=True, kw_only=True):
     @property
     def before_cue(self) -> bool:
         """Whether it was requested before the cue and had its turn after it. It is no reaction to the cue, so
-        `wizard_s` and `way_s` are None, and `queue_s` begins at the cue."""
+        `wizard_s`, `way_s` and `rules_s` are None, and `queue_s` begins at the cue."""
         asked = self.key_at if self.key_at is not None else self.accepted_at
         return self.cue_at is not None and asked < self.cue_at
 
@@ -175,12 +177,15 @@ class PlayedAct(Struct, frozen=True, kw_only=True):
 
     @property
     def way_s(self) -> float | None:
-        """Seconds from the key (or the cue, if no key was pressed) to the engine."""
-        return (
-            None
-            if self.before_cue
-            else seconds_between(self.key_at if self.key_at is not None else self.cue_at, self.accepted_at)
-        )
+        """Seconds from the key to the engine: until it took the key's own request."""
+        return None if self.before_cue else seconds_between(self.key_at, self.taken_at)
+
+    @property
+    def rules_s(self) -> float | None:
+        """Seconds from there (or from the cue, if no key was pressed) until the act was requested: what rules did and
+        waited for before. 0 if the key requests the act."""
+        since = self.cue_at if self.key_at is None else self.taken_at
+        return None if self.before_cue else seconds_between(since, self.accepted_at)
 
     @property
     def queue_s(self) -> float | None:

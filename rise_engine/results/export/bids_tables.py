@@ -111,7 +111,7 @@ def _picked(table: TableSchema, names: str) -> dict[str, Column]:
 ACT_COLUMNS: Columns = _picked(
     ACTS,
     "task_id=task act actor=by actor_kind=actor via status filler before_cue cue_at key_at accepted_at started_at "
-    "robot_at voice_at ended_at wizard_s way_s queue_s robot_s voice_s response_time=response_s "
+    "robot_at voice_at ended_at wizard_s way_s rules_s queue_s robot_s voice_s response_time=response_s "
     "response_outage=response_outage_s response_interrupted mark condition",
 )
 """The columns of `_beh.tsv`: a row for each act, in the order of the requests."""

@@ -97,14 +97,19 @@ ACTS = TableSchema(
             "wizard_s",
             "From the cue to the key: the wizard's share. Empty: no cue, no key, or requested before the cue.",
         ),
-        seconds("way_s", "From the key (without a key: from the cue) to the engine. Empty if before_cue."),
+        seconds("way_s", "From the key to the engine, which takes its request. Empty: no key, or before_cue."),
+        seconds(
+            "rules_s",
+            "From there (without a key: from the cue) until the act is requested: what rules do and wait for before, "
+            "or the keeping of an event. 0: the key requests it. Empty: before_cue, or neither key nor cue.",
+        ),
         seconds("queue_s", "Time in the queue; if before_cue, from the cue on."),
         seconds("robot_s", "From its turn until the robot's confirmation."),
         seconds("voice_s", "From the first confirmed action to the first one that uses the voice."),
         seconds(
             "response_s",
             "From the cue to the answer: to voice_at if it speaks, otherwise to robot_at. It is the sum of wizard_s, "
-            "way_s, queue_s, robot_s and, if it speaks, voice_s. Empty: it is a filler, or no answer.",
+            "way_s, rules_s, queue_s, robot_s and, if it speaks, voice_s. Empty: it is a filler, or no answer.",
             lambda row: None if row.of.filler else row.of.response_s,
         ),
         seconds("duration_s", "From started_at to ended_at.", span("started_at", "ended_at")),

@@ -144,8 +144,8 @@ class LatencyFacts(Struct, frozen=True):
     """The latencies of acts that answered a cue, and separately those of fillers."""
 
     parts: tuple[LatencyPart, ...]
-    """wizard, way (no key: if no key caused the act), queue, robot, voice. Only of answers; an act's parts add up to
-    its response."""
+    """wizard, way, rules (no key: if no key caused the act), queue, robot, voice. Only of answers; an act's parts add
+    up to its response."""
     response: LatencyPart
     to_filler: LatencyPart
     """Seconds from the cue to the first filler."""
@@ -174,9 +174,10 @@ def latencies(acts: Iterable[PlayedAct], cues: Iterable[Cue] = ()) -> LatencyFac
     waits = [(cue, cue.answer_s) for cue in marked]
     parts = (
         _part("wizard", "cue to key", [act.wizard_s for act in found]),
-        _part("way", "key to engine", [act.way_s for act in found if act.key_at is not None]),
-        _part("no key", "cue to engine", [act.way_s for act in found if act.key_at is None]),
-        _part("queue", "engine to turn", [act.queue_s for act in found]),
+        _part("way", "key to engine", [act.way_s for act in found]),
+        _part("rules", "engine to request", [act.rules_s for act in found if act.key_at is not None]),
+        _part("no key", "cue to request", [act.rules_s for act in found if act.key_at is None]),
+        _part("queue", "request to turn", [act.queue_s for act in found]),
         _part("robot", "turn to confirmation", [act.robot_s for act in found]),
         _part("voice", "confirmation to voice", [act.voice_s for act in found if act.speaks]),
     )

@@ -259,8 +259,9 @@ def _blocks(facts: LatencyFacts, by_source: Sequence[LatencyPart]) -> Iterable[B
         yield latency_figure(facts)
         yield ReportTable(
             caption="From a cue to the robot's answer, in seconds. The parts of each act add up to its response: the "
-            "wizard presses a key, the key reaches the engine (of an act without a key, all until the engine has "
-            "it), the act waits for its turn, the robot confirms its first action, and, where it speaks, its speech",
+            "wizard presses a key, the key reaches the engine, rules request the act (at once, or after what they do "
+            "and wait for; without a key, from the cue on), the act waits for its turn, the robot confirms its first "
+            "action, and, where it speaks, its speech",
             head=_HEAD,
             rows=tuple(_row(part) for part in (*facts.parts, facts.response) if part.values),
             numbers=_NUMBERS,

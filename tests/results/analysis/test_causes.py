@@ -78,14 +78,15 @@ class Reading:
         chain = self.chain(task)
         if self.tasks[chain[0]]["function"] == "markCue":
             return None
-        pressed: list[float | None] = [
-            self.timings[each]["key_at"] if each in self.timings else self.tasks[each]["key_at"] for each in chain
-        ]
-        known = [each for each in pressed if each is not None]
-        taken: float = self.tasks[chain[0]]["t"]
-        if known:
-            return known[-1]
-        return taken if len(chain) > 1 and self.is_wizards(chain[0]) else None
+        with_key = self.with_key(chain)
+        if with_key is not None:
+            return float(self.tasks[with_key]["key_at"])
+        return self.tasks[chain[0]]["t"] if len(chain) > 1 and self.is_wizards(chain[0]) else None
+
+    def with_key(self, chain: list[int]) -> int | None:
+        """The request that came by a key: the first, or a repetition after it."""
+        by_hand = [each for each in chain if not self.tasks[each]["source"].startswith("rule:")]
+        return next((each for each in reversed(by_hand) if self.tasks[each]["key_at"] is not None), None)
 
     def keys(self) -> list[int]:
         return [
@@ -116,10 +117,13 @@ class Reading:
         accepted = timing["accepted_at"] if timing is not None else task["t"]
         started = self.started.get(act)
         early = cue is not None and (accepted if key is None else key) < cue
-        told: dict[str, float | None] = {"wizard_s": None, "way_s": None, "queue_s": None}
+        told: dict[str, float | None] = {"wizard_s": None, "way_s": None, "rules_s": None, "queue_s": None}
         if not early:
             told["wizard_s"] = minus(key, cue)
-            told["way_s"] = minus(accepted, cue if key is None else key)
+            chain = self.chain(act)
+            taken = self.tasks[self.with_key(chain) or chain[0]]["t"]
+            told["way_s"] = minus(taken, key) if key is not None else None
+            told["rules_s"] = minus(accepted, cue if key is None else taken)
         told["queue_s"] = minus(started, cue if early else accepted)
         if timing is not None:
             told["robot_s"] = minus(timing["robot_at"], started)
@@ -140,6 +144,7 @@ def tell(act: PlayedAct) -> Row:
         "filler": act.filler,
         "wizard_s": act.wizard_s,
         "way_s": act.way_s,
+        "rules_s": act.rules_s,
         "queue_s": act.queue_s,
         "before_cue": act.before_cue,
     }
@@ -218,7 +223,7 @@ def timing(id: int, key_at: float | None) -> TimingRecord:
         ),
         (
             [
-                task(1, 1.0, "/x", function="raiseEventTopic"),
+                task(1, 1.0, "/x", function="raiseEventTopic", key_at=0.95),
                 task(2, 1.0, source="rule:R", cause=1),
                 timing(2, 0.95),
                 task(9, 4.0, source="rule:R", cause=2),

@@ -45,10 +45,10 @@ def test_times_of_acts_and_cues(script: list[tuple[float, Submit]], ends: bool) 
         folder = play_session(Path(name) / "sessions", script, until=script[-1][0] + 2.0, ends=ends)
         data = read_session(folder)
     for act in data.acts:
-        parts = [act.wizard_s, act.way_s, act.queue_s, act.robot_s, act.voice_s]
+        parts = [act.wizard_s, act.way_s, act.rules_s, act.queue_s, act.robot_s, act.voice_s]
         assert all(each is None or each >= 0 for each in parts), act
         if act.response_s is not None:
-            heard = parts if act.speaks else parts[:4]
+            heard = parts if act.speaks else parts[:5]
             assert act.response_s == pytest.approx(sum(each or 0.0 for each in heard), abs=1e-5), act
             assert act.response_s >= 0
         if act.cue_at is not None:

@@ -25,7 +25,18 @@ from rise_engine.session.media import MEDIA_FILE
 from rise_engine.session.replay import compare_replay
 from rise_engine.study.study_log import LockedLog
 
-from .samples import WIZARD, act, make_study, play_session, recovered_session, sessions_of, short, task, torn_session
+from .samples import (
+    WIZARD,
+    act,
+    make_study,
+    play_session,
+    recovered_session,
+    sessions_of,
+    short,
+    task,
+    torn_session,
+    write_scenario,
+)
 
 
 @pytest.fixture(scope="module")
@@ -40,12 +51,20 @@ def of(data: SessionData, number: int) -> PlayedAct:
 def test_the_parts_of_a_latency_add_up_to_it(data: SessionData) -> None:
     answer = of(data, 8)
     assert (answer.act, answer.cue_at, answer.filler) == ("Answer", 9.97, False)
-    assert (answer.wizard_s, answer.way_s, answer.queue_s, answer.robot_s, answer.voice_s) == (2.51, 0.02, 0, 0.02, 1.0)
+    assert (answer.wizard_s, answer.way_s, answer.rules_s, answer.queue_s) == (2.51, 0.02, 0, 0)
+    assert (answer.robot_s, answer.voice_s) == (0.02, 1.0)
     assert answer.response_s == 3.55  # to the voice: it looks first
     answered = [each for each in data.acts if each.cue_at is not None]
     assert len(answered) == 5
     for each in answered:
-        parts = (each.wizard_s, each.way_s, each.queue_s, each.robot_s, each.voice_s if each.speaks else 0.0)
+        parts = (
+            each.wizard_s,
+            each.way_s,
+            each.rules_s,
+            each.queue_s,
+            each.robot_s,
+            each.voice_s if each.speaks else 0.0,
+        )
         assert each.response_s == pytest.approx(sum(part or 0.0 for part in parts), abs=1e-6)
 
 
@@ -183,13 +202,33 @@ def test_a_key_that_arrives_late_is_compared_by_its_press(tmp_path: Path) -> Non
     assert [(key.function, key.at) for key in data.keys[1:]] == [("markCue", 8.139), ("raiseEventTopic", 8.64)]
 
 
+LEAD = (
+    '<InteractionRule name="Lead" initial="A"><State id="A">'
+    '<onEntry><function startCommunicationRobotAct="Nod"/></onEntry>'
+    '<transition eventTopic="/Nod_end" target="B"/></State>'
+    '<State id="B"><onEntry><function startCommunicationRobotAct="Ask"/></onEntry></State></InteractionRule>'
+)
+
+
+def test_the_way_of_a_key_ends_where_the_engine_takes_it(tmp_path: Path) -> None:
+    """What rules do until the act is requested is no way: whoever looks for a slow network would find one."""
+    scenario = write_scenario(tmp_path / "lead")
+    (scenario / "rules" / "lead.xml").write_text(LEAD, "utf-8")
+    script = [(2.0, task("markCue", pressed=2.0)), (3.01, task("startInteractionRule", "Lead", pressed=3.0))]
+    data = read_session(play_session(tmp_path / "sessions", script, scenario=scenario, until=20))
+    nod, ask = data.acts
+    assert (nod.key_at, nod.way_s, nod.rules_s) == (3.0, 0.01, 0.0) == (ask.key_at, ask.way_s, 0.0)
+    assert ask.taken_at == 3.01 and nod.ended_at is not None
+    assert ask.rules_s == pytest.approx(nod.ended_at - 3.01, abs=0.01) and ask.rules_s > 1
+
+
 def test_an_answer_that_waited_before_its_cue(tmp_path: Path) -> None:
     script = [act("Ask", 1.0), act("Thanks", 1.5), (2.0, task("markCue"))]
     found = read_session(play_session(tmp_path / "sessions", script, until=20)).acts[1]
     assert (found.act, found.cue_at, found.key_at, found.before_cue) == ("Thanks", 2.0, 1.48, True)
-    assert (found.wizard_s, found.way_s) == (None, None)
+    assert (found.wizard_s, found.way_s, found.rules_s) == (None, None, None)
     assert found.started_at is not None and found.started_at > 2.0
-    parts = (found.wizard_s, found.way_s, found.queue_s, found.robot_s, found.voice_s)
+    parts = (found.wizard_s, found.way_s, found.rules_s, found.queue_s, found.robot_s, found.voice_s)
     assert found.response_s == pytest.approx(sum(part or 0.0 for part in parts), abs=1e-6)
 
 

@@ -87,6 +87,7 @@ def session(folder: Path, participant: str, run: int, level: ExportLevel = "shar
         filler=False,
         cue_at=1.0,
         key_at=1.4,
+        taken_at=1.41,
         accepted_at=1.41,
         started_at=1.42,
         robot_at=1.5,
@@ -249,7 +250,7 @@ def test_acts_have_the_parts_of_their_latency(dataset: Path) -> None:
     rows = table(dataset / EVENTS.replace("_events", "_beh"))
     assert [row["task_id"] for row in rows] == ["1", "2", "3", "4"]
     answer = rows[0]
-    parts = [float(answer[f"{name}_s"]) for name in ("wizard", "way", "queue", "robot", "voice")]
+    parts = [float(answer[f"{name}_s"]) for name in ("wizard", "way", "rules", "queue", "robot", "voice")]
     assert sum(parts) == pytest.approx(float(answer["response_time"]))
     assert (answer["mark"], answer["filler"], rows[1]["filler"]) == ("late", "false", "true")
     assert rows[1]["response_time"] == "n/a"

@@ -113,9 +113,9 @@ def test_parts_are_those_of_the_timings(data, page):
     way = [each.accepted_at - each.key_at for each in timings if each.key_at is not None]
     assert table["way (key to engine)"]["median"] == median(way)
     no_key = [each.accepted_at - each.cue_at for each in timings if each.key_at is None and each.cue_at is not None]
-    assert table["no key (cue to engine)"]["median"] == median(no_key)
+    assert table["no key (cue to request)"]["median"] == median(no_key)
     queue = [each.started_at - each.accepted_at for each in timings if each.started_at is not None]
-    assert table["queue (engine to turn)"]["median"] == median(queue)
+    assert table["queue (request to turn)"]["median"] == median(queue)
     robot = [each.robot_at - each.started_at for each in timings if each.robot_at and each.started_at is not None]
     assert table["robot (turn to confirmation)"]["median"] == median(robot)
 
@@ -124,7 +124,7 @@ def test_parts_of_every_answer_add_up_to_its_response(data):
     for each in data.acts:
         if each.response_s is not None and not each.filler:
             voice = each.voice_s if each.speaks else 0.0
-            parts = [each.wizard_s or 0.0, each.way_s, each.queue_s, each.robot_s, voice]
+            parts = [each.wizard_s or 0.0, each.way_s, each.rules_s, each.queue_s, each.robot_s, voice]
             assert sum(part or 0.0 for part in parts) == pytest.approx(each.response_s, abs=1e-5)
 
 
