@@ -192,11 +192,10 @@ class JournalContents(Struct):
             file.seek(self.size)
             self.torn = file.read(end - self.size)
         if self.size == 0:
-            reason = (
-                "its first line is not the header of a journal"
-                if b"\n" in self.torn
-                else "not even its first line is whole"
-            )
+            first, whole, _ = self.torn.partition(b"\n")
+            reason = "its first line is not the header of a journal" if whole else "not even its first line is whole"
+            if first.endswith(b"\r"):
+                reason = "its lines end with CR LF, so another program has changed it"
             raise SessionError(f"{self.path} holds nothing that can be read: {reason}")
         last = self.last_record
         self.ended = self.ended or (isinstance(last, SessionRecord) and last.status == "ended")

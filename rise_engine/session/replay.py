@@ -76,6 +76,8 @@ class ReplayComparison(Struct, frozen=True):
     """Records that the replay gives and the journal lacks, without those torn off its end."""
     notes: list[str] = []
     """Further remarks: an unfinished session, a torn end, another scenario."""
+    other_scenario: str = ""
+    """A sentence on the scenario that was used. Empty: it was the session's own copy."""
 
     @property
     def identical(self) -> bool:
@@ -107,6 +109,7 @@ def compare_replay(folder: Path, scenario: Path | None = None) -> ReplayComparis
     model = (
         load_session_scenario(folder, info, notes) if scenario is None else _load_other_scenario(scenario, info, notes)
     )
+    other_scenario = "; ".join(notes)
     replay = Replay(Kernel(model, info.seed), folder / JOURNAL)
     for _ in replay.steps():
         pass
@@ -127,6 +130,7 @@ def compare_replay(folder: Path, scenario: Path | None = None) -> ReplayComparis
         damaged=contents.damaged,
         missing=replay.missing,
         notes=notes,
+        other_scenario=other_scenario,
     )
 
 

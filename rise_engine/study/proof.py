@@ -88,6 +88,7 @@ def prove_sessions(
         except SessionError as error:
             yield ProvedSession(name, None, tuple(problems) or (str(error),), note)
         else:
+            problems += filter(None, [comparison.other_scenario])
             yield ProvedSession(name, comparison, tuple(problems), note)
 
 

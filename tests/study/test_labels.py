@@ -402,9 +402,8 @@ def test_a_session_whose_journal_is_lost_is_told_and_its_run_is_not_asked_for_ag
     assert status == 1 and f"sessions/{folder.name}:1:1: error lost-session: it has no readable journal" in said
     status, lines = check_sessions(study)
     assert status == 1 and any(line.startswith(f"{folder.name}: not proved: it has no readable") for line in lines)
-    assert (
-        f"{folder.name} is not in the export: it has no readable journal" in _export(study, folder, tmp_path / "x")[1]
-    )
+    status, said = _export(study, folder, tmp_path / "x")
+    assert status == 1 and f"warning: {folder.name} is not in the export: it has no readable journal" in said
     assert f"{folder.name} has no readable journal" in run("report", study)[1]
     said = run("study", "bundle", study, "-o", tmp_path / "bundle", "--level", "full")[1]
     assert f"{folder.name} is not in the export: it has no readable journal" in said
@@ -431,6 +430,51 @@ def test_an_engine_that_was_killed_at_once_leaves_no_session(study: Path) -> Non
     log.write_text("".join([*lines, f'{begins}"purpose":"counted","folder":"{folder.name}"}}\n']), "utf-8")
     assert folder.name not in [each.name for each in read_state(study).sessions]
     assert "lost-session" not in run("study", "check", study)[1]
+
+
+@pytest.mark.parametrize(
+    "text", [None, b"", b"\xef\xbb\xbfformat = 1\n", b'wizard = "\xfcnna"\n', b"slot = 1\nslot = 2\n"]
+)
+def test_a_session_whose_session_toml_cannot_be_read_is_told(study: Path, tmp_path: Path, text: bytes | None) -> None:
+    folder = sessions_of(study)[1]
+    if text is None:
+        shutil.rmtree(folder)
+        folder.mkdir()
+    else:
+        (folder / INFO).write_bytes(text)
+    status, said = run("study", "check", study)
+    assert status == 1 and f"sessions/{folder.name}:1:1: error lost-session: it cannot be read: " in said
+    status, said = _export(study, folder, tmp_path / "tables")
+    assert status == 1 and f"warning: {folder.name} is not in the export: it cannot be read: " in said
+    status, lines = check_sessions(study)
+    assert status == 1 and any(line.startswith(f"{folder.name}: not proved: it cannot be read: ") for line in lines)
+
+
+def test_a_journal_that_another_program_saved_with_other_line_ends_is_told_so(study: Path) -> None:
+    folder = sessions_of(study)[1]
+    journal = folder / "journal.jsonl"
+    journal.write_bytes(journal.read_bytes().replace(b"\n", b"\r\n"))
+    status, lines = check_sessions(study)
+    assert status == 1 and any("its lines end with CR LF" in line for line in lines if folder.name in line)
+
+
+def _no_scenario(folder: Path) -> None:
+    shutil.rmtree(folder / "scenario")
+
+
+def _other_scenario(folder: Path) -> None:
+    edit(folder / "scenario" / "acts" / "all.xml", "Hello", "Hullo")
+
+
+@pytest.mark.parametrize("lose", [_no_scenario, _other_scenario])
+def test_a_session_whose_copy_of_the_scenario_is_lost_is_not_proved(study: Path, lose: Callable[[Path], None]) -> None:
+    folder = sessions_of(study)[1]
+    edit(folder / INFO, "^scenario_folder = .*", f'scenario_folder = "{study / "scenario"}"')
+    lose(folder)
+    status, lines = check_sessions(study)
+    assert status == 1 and any(line.startswith("7 of 8 sessions proved") for line in lines)
+    told = f"{folder.name}: the session's copy of the scenario is missing or was changed; "
+    assert any(line.startswith(told) for line in lines)
 
 
 def test_a_session_that_was_moved_away_is_no_error(study: Path) -> None:

@@ -42,7 +42,8 @@ def bundle(
     selection = select_sessions([str(study)], all=all_sessions)
     options = BundleOptions(level, private, license.strip())
     with ended_by_signals():
-        report = make_bundle(read_state(study.absolute()), selection.folders, Path(output), options, selection.remarks)
+        left_out = [*selection.remarks, *selection.unread]
+        report = make_bundle(read_state(study.absolute()), selection.folders, Path(output), options, left_out)
     print_lines(
         f"{output}: a bundle of {pluralize(report.sessions, 'session')}, level {options.level}",
         "",

@@ -26,7 +26,7 @@ from rise_engine.results.export.writing import export_context, export_sessions, 
 from rise_engine.session.folder import find_session
 from rise_engine.study.copies import copied_sessions
 from rise_engine.study.model import StudyStanding
-from rise_engine.study.sessions import StudySession
+from rise_engine.study.sessions import MOVED_AWAY, StudySession
 from rise_engine.study.state import read_state
 from rise_engine.study.study_log import read_log_and_damage
 from rise_engine.study.study_toml import STUDY_FILE, is_study
@@ -66,6 +66,8 @@ class Selection(Struct):
     """Whether a study, or more than one session, was named."""
     remarks: list[str] = field(default_factory=list)
     """What is left out, in sentences."""
+    unread: list[str] = field(default_factory=list)
+    """What is left out because it cannot be read, in sentences."""
     notes: list[str] = field(default_factory=list)
     """What to know of selected sessions, in sentences."""
     problems: list[str] = field(default_factory=list)
@@ -170,7 +172,7 @@ def select_sessions(named: Sequence[str], *, all: bool = False) -> Selection:
     unique = {folder.resolve(): folder for folder in reversed(selection.folders)}
     selection.folders = list(reversed(unique.values()))
     if not selection.folders:
-        raise ExportError("there is no session to export", *selection.remarks)
+        raise ExportError("there is no session to export", *selection.remarks, *selection.unread)
     return selection
 
 
@@ -202,7 +204,8 @@ def _select_study(selection: Selection, path: Path, *, all: bool, alone: bool) -
     for session in state.sessions:
         why = _why_left_out(session)
         if session.info is None:
-            selection.remarks.append(f"{session.name} is not in the export: it {session.missing}")
+            told = selection.remarks if session.missing == MOVED_AWAY else selection.unread
+            told.append(f"{session.name} is not in the export: it {session.missing}")
         elif session.entry.participant in state.places.withdrawn:
             selection.remarks.append(f"{session.name} is not in the export: its participant has withdrawn")
         elif why and not all:
@@ -211,10 +214,10 @@ def _select_study(selection: Selection, path: Path, *, all: bool, alone: bool) -
             selection.folders.append(session.path)
             selection.notes += [f"{session.name} {session.without_end}"] if session.without_end else []
     if left_out:
-        told = ", ".join(f"{count} {why}" for why, count in left_out.items())
+        counts = ", ".join(f"{count} {why}" for why, count in left_out.items())
         sessions = pluralize(left_out.total(), "session")
         verb = "is" if left_out.total() == 1 else "are"
-        selection.remarks.append(f"{sessions} of {path} {verb} not in the export ({told}): --all takes them in")
+        selection.remarks.append(f"{sessions} of {path} {verb} not in the export ({counts}): --all takes them in")
 
 
 def _why_left_out(session: StudySession) -> str:
@@ -238,7 +241,7 @@ def _export(selection: Selection, format: ExportFormat, request: ExportRequest) 
     out = Path(request.out)
     report = export_sessions(format, out, folders, context, private=request.private, several=selection.several)
     print_notes(*(f"note: {sentence}" for sentence in (*selection.remarks, *selection.notes, *report.warnings)))
-    status = _tell_problems(report.problems, selection.problems)
+    status = _tell_problems([*selection.unread, *report.problems], selection.problems)
     print_notes(f"{pluralize(report.sessions, 'session')} exported to {out}")
     return status
 
