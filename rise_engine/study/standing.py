@@ -136,7 +136,7 @@ def study_standing(
     due += due_after_checks(study, entries, log)
     return StudyStanding(
         participants=standings,
-        cells=_cells(study, plan, places, standings),
+        cells=_cells(study, plan, places, standings, _levels_run(study, sessions)),
         complete=sum(each.state == "complete" for each in standings),
         wanted=study.n,
         next="" if problems else _next_of(standings),
@@ -242,9 +242,27 @@ def _next_of(standings: Sequence[ParticipantStanding]) -> str:
     return ready[0].participant if ready else ""
 
 
+def _levels_run(study: Study, sessions: Sequence[StudySession]) -> dict[str, dict[str, str]]:
+    """Return the between levels of each participant's counted sessions, as the last journal has them."""
+    between = [factor.name for factor in study.factors if factor.kind == "between"]
+    found: dict[str, dict[str, str]] = {}
+    for each in sessions:
+        if each.info is not None and each.entry.purpose == "counted" and each.info.factors.keys() >= {*between}:
+            found[each.entry.participant] = {name: str(each.info.factors[name]) for name in between}
+    return found
+
+
 def _cells(
-    study: Study, plan: Sequence[Slot], places: Places, standings: Sequence[ParticipantStanding]
+    study: Study,
+    plan: Sequence[Slot],
+    places: Places,
+    standings: Sequence[ParticipantStanding],
+    levels_run: Mapping[str, Mapping[str, str]],
 ) -> tuple[CellStanding, ...]:
+    """Count the participants in each cell: those with sessions by what they ran, the others by the plan.
+
+    :param levels_run: the between levels of each participant with sessions.
+    """
     by_slot = {each.slot: each for each in standings if each.slot is not None}
     between = [factor.name for factor in study.factors if factor.kind == "between"]
     counts: dict[tuple[tuple[tuple[str, str], ...], str], list[int]] = {}
@@ -253,14 +271,12 @@ def _cells(
         stratum = tuple(row.strata.items())
         rows[stratum] += 1
         levels = row.levels or places.levels.get(row.slot, {})
-        drawn = not between or bool(levels)
-        if not drawn and row.slot not in by_slot:
-            continue  # the cell is not known yet
-        count = counts.setdefault((stratum, level_text(study, levels)), [0, 0, 0])
-        holder = by_slot.get(row.slot)
-        if holder is not None:
-            count[holder.state != "complete"] += 1
-        count[2] += not row.strata and rows[stratum] <= study.n and (not between or bool(row.levels))
+        if not between or levels:  # else the cell is not known yet
+            count = counts.setdefault((stratum, level_text(study, levels)), [0, 0, 0])
+            count[2] += not row.strata and rows[stratum] <= study.n and (not between or bool(row.levels))
+        if (holder := by_slot.get(row.slot)) is not None:
+            ran = levels_run.get(holder.participant, levels)
+            counts.setdefault((stratum, level_text(study, ran)), [0, 0, 0])[holder.state != "complete"] += 1
     return tuple(
         CellStanding(dict(strata), condition, complete, open, planned)
         for (strata, condition), (complete, open, planned) in counts.items()

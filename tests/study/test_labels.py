@@ -602,6 +602,19 @@ def test_two_sessions_of_one_run_and_attempt_are_told(study: Path, tmp_path: Pat
     }
 
 
+def test_the_cells_are_those_of_the_sessions_also_when_somebody_has_changed_the_plan(study: Path) -> None:
+    before = [(each.condition, each.complete, each.open) for each in read_state(study).standing.cells]
+    for cell, other in (("yes", "no"), ("no", "yes")):
+        plan = study / "plan.csv"
+        row = next(line for line in plan.read_text("utf-8").splitlines() if line.startswith("1,"))
+        if f",{cell}," in row:
+            plan.write_text(plan.read_text("utf-8").replace(row, row.replace(f",{cell},", f",{other},")), "utf-8")
+            break
+    cells = read_state(study).standing.cells
+    assert sorted((each.condition, each.complete, each.open) for each in cells) == sorted(before)
+    assert run("study", "check", study)[0] == 1
+
+
 # --- reassigned -------------------------------------------------------------------------------------------------------
 
 

@@ -7,6 +7,7 @@ from typing import Any
 
 import pytest
 
+from rise_engine.session.folder import SessionInfo
 from rise_engine.study.model import Factor, Level, Participant, SessionEntry, Slot, Study, StudyStanding
 from rise_engine.study.sessions import StudySession
 from rise_engine.study.standing import study_standing
@@ -60,7 +61,8 @@ def session(participant: str, run: int = 1, outcome: str | None = "complete", **
     }
     fields["folder"] = f"{fields['started']}_{participant}_{run}_{fields['attempt']}"
     made = SessionEntry(participant=participant, run=run, outcome=outcome, **fields)  # type: ignore[arg-type]
-    return StudySession(made, Path("/study/sessions"), object())  # type: ignore[arg-type]
+    info = SessionInfo("Sample", "real", "generic", 1, "0" * 64, "/study/scenario", str(fields["started"]))
+    return StudySession(made, Path("/study/sessions"), info)
 
 
 def stand(log: list[LogEntry], sessions: list[StudySession], people: list[Participant] | None = None) -> StudyStanding:
