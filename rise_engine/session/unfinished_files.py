@@ -87,11 +87,18 @@ def erase_unfinished(path: Path, erase: Callable[[Path], object] | None = None) 
     :param erase: erases a folder; None: it is deleted.
     :return: the folders that were left because a program is writing in them.
     """
+    return _erase_unlocked(find_leftovers(path), erase)
+
+
+def find_leftovers(path: Path) -> list[Path]:
+    """Return the private folders of programs that were writing to `path`, sorted. Some may still be writing.
+
+    :param path: the final place.
+    """
     try:
-        beside = [Path(each.path) for each in os.scandir(path.parent) if each.name.startswith(_prefix(path))]
+        return sorted(Path(each.path) for each in os.scandir(path.parent) if each.name.startswith(_prefix(path)))
     except OSError:  # the next attempt to make something here reports the error
         return []
-    return _erase_unlocked(beside, erase)
 
 
 def erase_all_unfinished(root: Path, erase: Callable[[Path], object] | None = None) -> list[Path]:

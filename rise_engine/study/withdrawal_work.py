@@ -15,7 +15,7 @@ from rise_engine.base.errors import SessionError, StudyError
 from rise_engine.base.files import Disk, error_message, tree_hash
 from rise_engine.scenario.files.file_names import SCENARIO_FILE
 from rise_engine.session.folder import INFO, JOURNAL, read_info
-from rise_engine.session.unfinished_files import erase_all_unfinished, erase_folder, has_other_names
+from rise_engine.session.unfinished_files import erase_all_unfinished, erase_folder, find_leftovers, has_other_names
 from rise_engine.study.plan_file import PLAN_FILE
 from rise_engine.study.sessions import SESSIONS
 from rise_engine.study.study_log import LOG_FILE, SET_ASIDE_FILE
@@ -58,7 +58,11 @@ def why_not_export(study: Path, export: str) -> str:
     path, root = study / export, Path(os.path.realpath(study))
     real = _real_place(path)
     if root not in real.parents:
-        return f"{path} was exported with their data, and is outside the study's folder: erase it yourself"
+        there = [str(path)] * os.path.lexists(real) + [str(each) for each in find_leftovers(real)]
+        if not there:
+            return f"{path} was exported with their data, and is not there any more: erase it where it is now"
+        was = f"was exported with their data{f' to {path}' if str(path) not in there else ''}"
+        return f"{' and '.join(there)} {was}, and is outside the study's folder: erase it yourself"
     first = real.relative_to(root).parts[0]
     own = first in _STUDYS_OWN or first.startswith(".") or str(real.relative_to(root)) in questionnaire_files(study)
     if own or path.is_symlink() or _is_of_scenario(real, root):

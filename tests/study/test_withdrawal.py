@@ -303,6 +303,24 @@ def test_a_withdrawal_says_that_another_one_was_interrupted(interrupted: Folder)
     assert "interrupted" not in run("study", "check", interrupted.study).output
 
 
+@pytest.mark.parametrize("done", [False, True])
+def test_what_a_killed_export_left_outside_the_study_is_named(made: Folder, tmp_path: Path, done: bool) -> None:
+    out, gone = tmp_path / "out.zip", tmp_path / "gone.csv"
+    left = tmp_path / ".out.zip.unfinished-a1b2c3d4"
+    left.mkdir()
+    (left / "rows.csv").write_text("P01")
+    out.write_text("P01") if done else None
+    with LockedLog(made.study) as log:
+        for path in (out, gone):
+            log.append("exported", path=str(path), participants=["P01"], sessions=[], level="full")
+    unreached = withdraw(made.study, "P01").unreached
+    where = (
+        f"{out} and {left} was exported with their data" if done else f"{left} was exported with their data to {out}"
+    )
+    assert f"{where}, and is outside the study's folder: erase it yourself" in unreached
+    assert f"{gone} was exported with their data, and is not there any more: erase it where it is now" in unreached
+
+
 # --- the command ---
 
 
