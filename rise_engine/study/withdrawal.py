@@ -57,6 +57,8 @@ from rise_engine.study.withdrawn import PREFIX, hash_pseudonym, is_withdrawn, ne
 
 _NAMING = frozenset({"participant", "was", "instead_of"})
 """Fields of log entries with a participant."""
+_DAY = len("2026-11-29")
+"""The length of a day in an ISO 8601 moment."""
 
 
 def plan_withdrawal(study: Path, participant: str) -> WithdrawalPlan:
@@ -160,7 +162,7 @@ def _move_out(folder: Path, target: Path) -> None:
 def _rewrite_log(log: LockedLog, entries: list[LogEntry], participant: str, own: set[str]) -> None:
     """Rewrite the log without the participant and with the entry of the withdrawal, in one step.
 
-    Their entries are removed, except those that their slot was taken, which get the hash.
+    Their entries are removed, except those that their slot was taken, which get the hash, and of the moment the day.
     """
     salt = new_salt()
     digest = hash_pseudonym(participant, salt)
@@ -176,7 +178,9 @@ def _rewrite_log(log: LockedLog, entries: list[LogEntry], participant: str, own:
         if not _concerns(entry, participant, own):
             kept.append(entry)
         elif entry.kind == "taken" or not _is_about(entry, participant, own):
-            kept.append(replace(entry, fields=_without_name(entry, participant, PREFIX + digest)))
+            named = participant in (entry.get(field) for field in _NAMING)
+            at = entry.at[:_DAY] if named else entry.at  # a calendar would tell whose moment it is
+            kept.append(replace(entry, at=at, fields=_without_name(entry, participant, PREFIX + digest)))
     withdrawn = {"slot": slots[-1] if slots else None, "salt": salt, "hash": digest}
     log.rewrite([*kept, LogEntry("withdrawn", log.now_text(), withdrawn, 0)])
     _clear_set_aside(log.path.with_name(SET_ASIDE_FILE), participant, own)

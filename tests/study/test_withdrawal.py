@@ -140,6 +140,18 @@ def test_nothing_is_left_but_a_salted_hash(made: Folder) -> None:
     assert (made.study / LOG_FILE).stat().st_mode & 0o777 == 0o600
 
 
+def test_the_moment_at_which_they_came_is_not_kept(made: Folder) -> None:
+    """Of the line that their slot was taken, the day stays; the lines of others have their moments."""
+    moments = {each.at for each in read_log(made.study) if each.get("participant") == "P01"}
+    others = [each.at for each in read_log(made.study) if each.kind == "taken" and each.get("participant") != "P01"]
+    withdraw(made.study, "P01")
+    log = read_log(made.study)
+    (taken,) = (each for each in log if each.kind == "taken" and str(each.get("participant")).startswith("withdrawn:"))
+    assert taken.at in {moment[:10] for moment in moments} and len(taken.at) == 10
+    assert others == [each.at for each in log if each.kind == "taken" and each is not taken]
+    assert read_state(made.study).standing.participants
+
+
 def test_the_others_are_as_they_were(made: Folder) -> None:
     before = [each for each in read_log(made.study) if each.get("participant") in ("P02", "P03")]
     withdraw(made.study, "P01")
