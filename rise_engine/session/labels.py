@@ -22,7 +22,7 @@ from rise_engine.session.journal_format import JOURNAL, LineError, read_line
 
 _LABELS = (
     *IDENTITY,
-    *("mode", "robot", "seed", "scenario", "scenario_hash", "injected_faults", "speed"),
+    *("mode", "robot", "seed", "scenario", "scenario_hash", "injected_faults", "speed", "language"),
 )
 """The labels among the fields of a session's record."""
 _CALLED = {"scenario": "title", "injected_faults": "faults"}
@@ -125,8 +125,13 @@ def label_differences(labels: Mapping[str, Any] | None, told: Mapping[str, Any],
     return [
         f"{file} says {name} = {_as_text(told[name])}, but {JOURNAL} says {name} = {_as_text(recorded)}"
         for name, recorded in labels_for(labels, told).items()
-        if (recorded or None) != (_plain(told[name]) or None)
+        if (recorded or None) != (_plain(told[name]) or None) and not _is_same_language(name, recorded, told[name])
     ]
+
+
+def _is_same_language(name: str, recorded: Any, told: Any) -> bool:
+    """Whether both are one language: people may write its tag in capitals."""
+    return name == "language" and str(recorded).lower() == str(told).lower()
 
 
 def labels_for(labels: Mapping[str, Any] | None, told: Mapping[str, Any]) -> dict[str, Any]:
@@ -135,8 +140,12 @@ def labels_for(labels: Mapping[str, Any] | None, told: Mapping[str, Any]) -> dic
     :param labels: from `read_labels`.
     :param told: the other file's values.
     """
-    by_name = {_CALLED.get(label, label): label for label in _LABELS if labels is not None and label in labels}
-    return {name: labels[label] for name, label in by_name.items() if labels is not None and name in told}
+    if labels is None:
+        return {}
+    by_name = {_CALLED.get(label, label): label for label in _LABELS if label in labels}
+    if not (labels.get("language") and told.get("language")):  # session.toml has none where nobody asked for one
+        by_name.pop("language", None)
+    return {name: labels[label] for name, label in by_name.items() if name in told}
 
 
 def refuse_differences(folder: Path, differences: Iterable[str]) -> None:

@@ -92,6 +92,15 @@ def test_a_session_toml_that_says_something_else(study: Path, pattern: str, new:
     assert f"{SESSIONS}/{folder.name}:1:1: error other-label: {INFO} says {label} = " in said
 
 
+def test_a_session_toml_that_asks_for_another_language(study: Path) -> None:
+    folder = sessions_of(study)[1]
+    edit(folder / INFO, r'^language = ".*"', 'language = "de"')
+    with pytest.raises(RelabelledError, match=r'says language = "de", but journal\.jsonl says language = "en"'):
+        read_session(folder)
+    edit(folder / INFO, r'^language = ".*"', 'language = "EN"')
+    assert read_info(folder).language == "EN"
+
+
 @pytest.mark.parametrize(("pattern", "new", "label"), IN_LOG, ids=[label for _, _, label in IN_LOG])
 def test_a_log_that_says_something_else(study: Path, pattern: str, new: str, label: str) -> None:
     folder = sessions_of(study)[1]
