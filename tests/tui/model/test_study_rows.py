@@ -72,7 +72,5 @@ def test_two_cells_of_the_plan_never_look_alike(width: int) -> None:
 
 
 def test_a_reassigned_session_says_where_it_comes_from() -> None:
-    moved = replace(entry("P09"), reassigned="run as P08, and reassigned to P09: the wrong name was chosen")
-    assert session_line(moved, NO_CONDITIONS).endswith(
-        " · run as P08, and reassigned to P09: the wrong name was chosen"
-    )
+    moved = replace(entry("P09"), run_as="P08", reassigned="the wrong name was chosen")
+    assert session_line(moved, NO_CONDITIONS).endswith(" · run as P08, and reassigned: the wrong name was chosen")
