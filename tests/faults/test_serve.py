@@ -6,6 +6,7 @@ import asyncio
 import json
 import os
 import re
+import resource
 import shutil
 import signal
 import socket
@@ -19,9 +20,10 @@ from typing import Any
 
 import pytest
 
-from rise_engine.base.files import is_locked
+from rise_engine.base.files import is_locked, wait_until
 from rise_engine.kernel.inputs import Submit
 from rise_engine.run.client.socket import SocketClient
+from rise_engine.run.protocol.client import EngineGone
 from rise_engine.run.protocol.registry import lock_path, session_name, socket_path
 from rise_engine.run.protocol.session_options import SessionOptions
 from rise_engine.run.server.spawn import EngineRefused, EngineStarted, start_engine
@@ -107,6 +109,32 @@ async def test_a_standstill_of_the_engine_is_in_the_record_and_starts_nothing(ro
     assert it.end() == 0
     notes = [line for line in (it.record / JOURNAL).read_bytes().splitlines() if b'"kind":"note"' in line]
     assert notes and re.search(rb"the engine stood still for ([67]|\d\d) s", notes[-1])
+
+
+@pytest.mark.skipif(not hasattr(resource, "prlimit"), reason="nothing makes a disk full for another process here")
+async def test_a_stop_that_the_disk_refused_outlives_the_engine(root: Path) -> None:
+    study = folder(root / "study")
+    it = Serving(study, "--act", "Greet", "--speed", "0.1")
+    wait_for_record(it.record, b'"status":"accepted"')
+    client = SocketClient(session_name(study), "anna")
+    await client.attach()
+    wait_for_record(it.record, b'"holder":"wizard:anna"')
+    size = (it.record / JOURNAL).stat().st_size
+    resource.prlimit(it.process.pid, resource.RLIMIT_FSIZE, (size, size))
+    asked = asyncio.create_task(client.send(Submit(function="stopAll")))
+    kept = socket_path(session_name(study)).with_suffix(".stop")
+    assert await asyncio.to_thread(wait_until, kept.exists, PATIENCE)
+    it.process.kill()
+    it.wait()
+    with pytest.raises(EngineGone):
+        await asked
+    again = Serving(study, "--recover")
+    wait_for_record(again.record, b'"status":"latched"')
+    assert statuses(again.record, "stop") == ["requested", "latched"]
+    assert wait_until(lambda: not kept.exists(), PATIENCE)
+    told = '"function":"stopAll","behavior":"","calling_type":"None","source":"wizard:anna","status":"SUCCEEDED"'
+    assert told in (again.record / JOURNAL).read_text("utf-8")
+    assert again.end() == 0
 
 
 def wait_for_record(record: Path, what: bytes) -> None:

@@ -13,16 +13,24 @@ import signal
 import socket
 from contextlib import suppress
 from functools import partial
+from pathlib import Path
 
 from rise_engine.base import exit_status
 from rise_engine.base.json_codec import encode
 from rise_engine.kernel.inputs import Note, Submit
-from rise_engine.kernel.records import AnyRecord, ControlRecord, RecordingStatus, describe_open_goals
+from rise_engine.kernel.records import (
+    AnyRecord,
+    ControlRecord,
+    RecordingStatus,
+    StopRecord,
+    describe_open_goals,
+)
 from rise_engine.ports.bridge import Bridge
 from rise_engine.ports.robot import Robot
 from rise_engine.run.engine.clock import RealClock
 from rise_engine.run.engine.drivers import simulated_robot_warning
 from rise_engine.run.engine.engine import END_SECONDS, Engine, versions
+from rise_engine.run.protocol.client import JournalStatus, Update
 from rise_engine.run.protocol.session_options import SessionOptions
 from rise_engine.run.protocol.session_start import start_remarks
 from rise_engine.run.server.companions import Companions
@@ -95,6 +103,7 @@ class _SessionProcess:
         hub.take_over = ScenarioTakeover(engine, prepared.folder, prepared.options.paths, server.scenario_changed).begin
         if bridge is not None:
             bridge.join(hub)
+        hub.subscribe(self._keep_unrecorded_stop)
         ended = asyncio.Event()
         engine.on_ended(ended.set)
         self._handle_signals()
@@ -174,6 +183,8 @@ class _SessionProcess:
                 engine.hold_actions()
                 engine.subscribe(self._look_for_wizard)
             engine.resume()
+            if (stopper := self._read_unrecorded_stop()) is not None:
+                engine.post(Submit(function="stopAll", source=stopper))
             if waits:
                 engine.post(Note(text="nothing begins on the robot until a wizard takes control"))
             if self.prepared.study is not None:
@@ -193,6 +204,26 @@ class _SessionProcess:
         for submit in self.prepared.options.first_tasks:
             engine.post(submit)
         self._schedule(engine)
+
+    @property
+    def _stop_file(self) -> Path:
+        """Beside the socket, in memory: it keeps a stop that the disk of the session refuses, for the next engine."""
+        return self.prepared.name_lock.socket.with_suffix(".stop")
+
+    def _keep_unrecorded_stop(self, update: Update) -> None:
+        with suppress(OSError):  # nothing else can be done
+            if isinstance(update, JournalStatus) and update.stop is not None:
+                self._stop_file.write_text(f"{self.prepared.folder.name}\n{update.stop.source}", "utf-8")
+            elif isinstance(update, StopRecord):
+                self._stop_file.unlink(missing_ok=True)
+
+    def _read_unrecorded_stop(self) -> str | None:
+        """Return who stopped this session before its engine died, if the disk has not taken that."""
+        try:
+            session, _, source = self._stop_file.read_text("utf-8").partition("\n")
+        except (OSError, UnicodeDecodeError):
+            return None
+        return source if session == self.prepared.folder.name else None
 
     def _look_for_wizard(self, record: AnyRecord) -> None:
         """Let the robot begin again when a wizard takes control of the recovered session. Until then, nobody may be
