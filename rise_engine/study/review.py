@@ -15,6 +15,7 @@ from rise_engine.study.balance import block_problems
 from rise_engine.study.copies import SESSIONS, copied_sessions, repeated_sessions, session_folders
 from rise_engine.study.design import runs
 from rise_engine.study.labels import outage_differences, reassignments, session_differences
+from rise_engine.study.log_review import review_entries
 from rise_engine.study.model import Participant, Slot, Study
 from rise_engine.study.participants import PARTICIPANTS_FILE, ParticipantsLoad, load_participants
 from rise_engine.study.plan import make_plan
@@ -22,7 +23,7 @@ from rise_engine.study.plan_file import NEW_PLAN_FILE, PLAN_FILE, PlanLoad, plan
 from rise_engine.study.planning import held_slots, last_planned, plan_problem, scenario_hashes
 from rise_engine.study.questionnaires import find_missing, load_questionnaire
 from rise_engine.study.session_kinds import check_languages
-from rise_engine.study.sessions import MOVED_AWAY, read_sessions
+from rise_engine.study.sessions import MOVED_AWAY, StudySession, read_sessions
 from rise_engine.study.study_log import LOG_FILE, LogEntry, StudyLogError, read_log
 from rise_engine.study.study_toml import STUDY_FILE, StudyLoad, load_study
 from rise_engine.study.traces import WORK_FOLDER, interrupted_withdrawals
@@ -158,12 +159,13 @@ def _review_log(
         _check_holders(entries, people.participants, plan.slots, diagnostics)
     for name, sentence in copied_sessions(folder, entries).items():
         diagnostics.error("copied-session", SourceLocation(f"{SESSIONS}/{name}"), sentence)
-    _check_sessions(study, entries, diagnostics)
+    sessions = _check_sessions(study, entries, diagnostics)
+    review_entries(study, entries, sessions, people.participants, diagnostics)
     return entries, diagnostics.sorted()
 
 
-def _check_sessions(study: Study, entries: list[LogEntry], diagnostics: Diagnostics) -> None:
-    """Check that the sessions of the log are there, can be read, and are what other files say."""
+def _check_sessions(study: Study, entries: list[LogEntry], diagnostics: Diagnostics) -> dict[str, StudySession]:
+    """Check that the sessions of the log are there, can be read, and are what other files say. Returns them by name."""
     folder = Path(study.folder)
     known = {each.name: each for each in read_sessions(folder, study.id, entries)}
     for session in known.values():
@@ -182,6 +184,7 @@ def _check_sessions(study: Study, entries: list[LogEntry], diagnostics: Diagnost
         told = other.differences if other is not None and is_read else session_differences(path, entries)
         for sentence in (*told, *outage_differences(path)):
             diagnostics.error("other-label", SourceLocation(f"{SESSIONS}/{path.name}"), sentence)
+    return known
 
 
 def _check_plan(study: Study, planned: LogEntry | None, plan: PlanLoad, diagnostics: Diagnostics) -> None:

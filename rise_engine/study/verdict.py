@@ -59,6 +59,19 @@ def read_checks(path: Path, ids: Collection[str]) -> dict[str, CheckReport]:
     return found
 
 
+def check_results(path: Path) -> dict[str, frozenset[str]]:
+    """Return all results of each check that was reported in a session, by id.
+
+    :param path: the session's folder.
+    """
+    found: dict[str, set[str]] = {}
+    with suppress(OSError), (path / JOURNAL).open("rb") as file:
+        for input in _inputs_from_end(file, _CHECK):
+            if isinstance(input, CheckReport):
+                found.setdefault(input.id, set()).add(input.result)
+    return {id: frozenset(results) for id, results in found.items()}
+
+
 class Recovery(NamedTuple):
     """The recovery of a session by another engine."""
 
