@@ -122,7 +122,7 @@ def waits(folder: Path) -> Iterator[float]:
             case "session", "recovered":
                 asked, ended = -1, None
             case "cue", "marked" if ended is not None:
-                yield each.get("key_at", each["t"]) - ended
+                yield (each["t"] if each["key_at"] is None else each["key_at"]) - ended
                 ended = None
 
 
