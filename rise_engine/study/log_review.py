@@ -62,22 +62,24 @@ def _check_kinds(entries: Sequence[LogEntry], diagnostics: Diagnostics) -> None:
 
 
 def _check_taken(entries: Sequence[LogEntry], diagnostics: Diagnostics) -> None:
-    """Check that the participant of each counted session had taken the session's slot, if anybody had."""
+    """Check that the participant of each counted session had taken the session's slot, if they took any or somebody
+    else took it."""
     moved = {(each.get("slot"), each.get("participant")) for each in entries if each.get("instead_of")}
     takers: dict[object, dict[str, LogEntry]] = {}
+    took: dict[str, LogEntry] = {}
     for each in entries:
         slot, name = each.get("slot"), str(each.get("participant"))
         if each.kind == "taken":
-            takers.setdefault(slot, {})[name] = each
-        elif each.kind == "session" and each.get("purpose") == "counted" and slot in takers:
-            names = takers[slot]
+            takers.setdefault(slot, {})[name] = took[name] = each
+        elif each.kind == "session" and each.get("purpose") == "counted" and slot and (slot in takers or name in took):
+            names = takers.get(slot, {})
             if name in names or (slot, name) in moved or any(other.startswith(PREFIX) for other in names):
                 continue
-            other, taken = list(names.items())[-1]
             moved.add((slot, name))  # told once
+            other, taken = list(names.items())[-1] if names else (name, took[name])
             message = (
-                f"it says that {other} took slot {slot}, but {each.get('folder')}, the session of {name}, began in "
-                f"this slot (line {each.line}), which {name} had not taken"
+                f"it says that {other} took slot {taken.get('slot')}, but {each.get('folder')}, the session of {name}, "
+                f"began in slot {slot} (line {each.line}), which {name} had not taken"
             )
             diagnostics.error("other-holder", SourceLocation(LOG_FILE, taken.line), message)
 
