@@ -106,6 +106,11 @@ class StudyFigures(Struct, frozen=True):
         return tuple(row for row in self.rows if row.is_complete)
 
     @property
+    def counted_modes(self) -> tuple[str, ...]:
+        """The modes of the sessions that count, from their journals."""
+        return tuple(dict.fromkeys(row.facts.mode for row in self.rows if row.facts.purpose == "counted"))
+
+    @property
     def rehearsals(self) -> tuple[SessionRow, ...]:
         return tuple(row for row in self.rows if row.facts.purpose != "counted")
 

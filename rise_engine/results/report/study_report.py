@@ -137,7 +137,7 @@ def _summary(given: StudyReportInput) -> str:
 
 
 def _banner(given: StudyReportInput) -> str:
-    if given.study.mode == "debug":
+    if given.study.mode == "debug" and not given.figures.counted_modes:
         return "DEBUG: study.toml says that the robot is simulated. No session counts."
     simulated = sum(row.facts.is_simulated for row in given.figures.complete)
     if not simulated:
@@ -164,7 +164,7 @@ def _head(given: StudyReportInput) -> Iterable[tuple[str, str]]:
         ("Assignment", _assignment(study)),
         ("Strata", ", ".join(study.assignment.strata)),
         ("Conditions hidden", "yes" if study.assignment.hidden else "no"),
-        ("Mode", study.mode),
+        ("Mode", ", ".join(given.figures.counted_modes) or study.mode),
         (
             "Robot driver",
             ", ".join(dict.fromkeys(row.facts.driver for row in given.figures.complete if row.facts.driver)),
@@ -183,7 +183,10 @@ def _head(given: StudyReportInput) -> Iterable[tuple[str, str]]:
 
 def _plan(given: StudyReportInput) -> Iterable[Block]:
     yield from problem_paragraphs(given.problems, given.level)
-    standing = given.standing
+    standing, study, modes = given.standing, given.study, given.figures.counted_modes
+    if modes and set(modes) != {study.mode}:
+        told = f"Sessions that count ran in mode {' and '.join(modes)}. study.toml now says {study.mode}."
+        yield Paragraph(told, "warning")
     yield Facts(tuple(_flow(standing, given.withdrawn)))
     if given.left_out:
         yield Paragraph(f"Not in this bundle: {left_out_text(given.left_out)}.", "note")

@@ -16,7 +16,7 @@ from rise_engine.results.analysis.model import SessionFacts
 from rise_engine.results.analysis.reading import read_sessions
 from rise_engine.results.export.format import load_format
 from rise_engine.results.export.writing import export_context, export_sessions
-from rise_engine.results.report.document import Facts
+from rise_engine.results.report.document import Facts, Paragraph
 from rise_engine.results.report.making import MadeReport, make_study_report
 from rise_engine.results.report.page import page_text
 from rise_engine.results.report.plain_text import cells_wide, text_lines
@@ -262,6 +262,21 @@ def test_sessions_at_another_speed_say_so(study):
     assert any(told in known for item in given.sheet for known in item.known)
     real = study_report(StudyReportInput(state.study, state.standing, figures))
     assert all(name != "Speed" for name, _ in real.facts)
+
+
+def test_mode_and_banner_are_those_of_the_sessions_and_not_of_study_toml(study):
+    state = read_state(study)
+    assert state.study.mode == "real"
+    figures = study_figures(read_sessions(sessions_of(study)))
+    edited = study_report(StudyReportInput(replace(state.study, mode="debug"), state.standing, figures))
+    assert edited.banner.startswith("SIMULATED: the robot was simulated in 6 complete sessions.")
+    assert ("Mode", "real") in edited.facts
+    said = "Sessions that count ran in mode real. study.toml now says debug."
+    assert Paragraph(said, "warning") in [block for section in edited.sections for block in section.blocks]
+    unchanged = study_report(StudyReportInput(state.study, state.standing, figures))
+    assert unchanged.banner == edited.banner and "study.toml now says" not in str(unchanged)
+    none = study_report(StudyReportInput(replace(state.study, mode="debug"), state.standing, StudyFigures(())))
+    assert none.banner.startswith("DEBUG: study.toml says") and ("Mode", "debug") in none.facts
 
 
 @pytest.mark.parametrize("planned", [0, 3])
