@@ -252,6 +252,8 @@ class SessionEntry(Struct, frozen=True):
     status: Literal["running", "unfinished", "ended"]
     """unfinished: its engine has gone, and nobody has continued it or given it up."""
     outcome: OutcomeStatus | None = None
+    earlier_outcomes: tuple[OutcomeStatus, ...] = ()
+    """How it was judged before, in this order, where a later judgement changed it."""
     reason: str = ""
     seconds: float = 0.0
     """Session time of its last record."""

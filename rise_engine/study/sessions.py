@@ -87,10 +87,12 @@ def read_sessions(folder: Path, study_id: str, log: Sequence[LogEntry]) -> list[
     :param study_id: folders of other studies are left out, unless the log names them.
     :param log: the study's log; its outcomes count.
     """
-    outcomes = {_text(each, "session"): each for each in log if each.kind == "outcome"}
+    outcomes: dict[str, list[LogEntry]] = {}
     moved = reassignments(log)
     about: dict[str, list[LogEntry]] = {}
     for each in log:
+        if each.kind == "outcome":
+            outcomes.setdefault(_text(each, "session"), []).append(each)
         about.setdefault(_text(each, "folder") or _text(each, "session"), []).append(each)
     logged = {_text(each, "folder") for each in log if each.kind == "session"}
     found: dict[str, StudySession] = {}
@@ -109,7 +111,7 @@ def read_sessions(folder: Path, study_id: str, log: Sequence[LogEntry]) -> list[
         if info.study != study_id and path.name not in logged:
             passed_over.add(path.name)
         elif is_running or has_begun(path):
-            session = _from_folder(path, info, outcomes.get(path.name), running=is_running)
+            session = _from_folder(path, info, outcomes.get(path.name, ()), running=is_running)
             session = replace(session, differences=tuple(session_differences(path, told)))
             found[path.name] = _reassign(session, moved.get(path.name))
         elif _nothing_happened(path, told):
@@ -121,7 +123,7 @@ def read_sessions(folder: Path, study_id: str, log: Sequence[LogEntry]) -> list[
     for each in log:
         name = _text(each, "folder")
         if each.kind == "session" and name not in found and name not in passed_over:
-            session = _from_log(folder, each, outcomes.get(name), unreadable.get(name, MOVED_AWAY))
+            session = _from_log(folder, each, outcomes.get(name, ()), unreadable.get(name, MOVED_AWAY))
             found[name] = _reassign(session, moved.get(name))
     begun = [_text(each, "folder") for each in log if each.kind == "session"]
     places = {name: place for place, name in enumerate(begun)}  # the only order where dates are removed
@@ -157,10 +159,10 @@ def _nothing_happened(path: Path, told: Iterable[LogEntry]) -> bool:
     return kinds <= {"session"} and (not kinds or (path / JOURNAL).is_file()) and read_clock(path) < 1
 
 
-def _from_folder(path: Path, info: SessionInfo, outcome: LogEntry | None, *, running: bool) -> StudySession:
+def _from_folder(path: Path, info: SessionInfo, outcomes: Sequence[LogEntry], *, running: bool) -> StudySession:
     entry = _entry_of(path, info, "ended" if has_ended(path) else "running" if running else "unfinished")
     left_open = entry.status == "unfinished"
-    return StudySession(_with_outcome(entry, outcome), path, info, abandoned=is_abandoned(path), left_open=left_open)
+    return StudySession(_with_outcome(entry, outcomes), path, info, abandoned=is_abandoned(path), left_open=left_open)
 
 
 def _entry_of(path: Path, info: SessionInfo, status: Literal["running", "unfinished", "ended"]) -> SessionEntry:
@@ -177,7 +179,7 @@ def _entry_of(path: Path, info: SessionInfo, status: Literal["running", "unfinis
     )
 
 
-def _from_log(folder: Path, session: LogEntry, outcome: LogEntry | None, missing: str) -> StudySession:
+def _from_log(folder: Path, session: LogEntry, outcomes: Sequence[LogEntry], missing: str) -> StudySession:
     """Describe a session whose folder was moved away or cannot be read."""
     slot = session.get("slot")
     entry = SessionEntry(
@@ -191,16 +193,26 @@ def _from_log(folder: Path, session: LogEntry, outcome: LogEntry | None, missing
         condition=_text(session, "condition"),
         slot=slot if isinstance(slot, int) else None,
     )
-    return StudySession(_with_outcome(entry, outcome), folder / SESSIONS / entry.folder, None, missing)
+    return StudySession(_with_outcome(entry, outcomes), folder / SESSIONS / entry.folder, None, missing)
 
 
-def _with_outcome(entry: SessionEntry, outcome: LogEntry | None) -> SessionEntry:
-    """Return the entry with its outcome from the log. A judged session is over, even if its engine never ended it."""
-    if outcome is None or entry.status == "running":
+def _with_outcome(entry: SessionEntry, outcomes: Sequence[LogEntry]) -> SessionEntry:
+    """Return the entry with its outcome from the log. A judged session is over, even if its engine never ended it.
+
+    :param outcomes: the log's outcomes of this session in their order; the last one counts.
+    """
+    if not outcomes or entry.status == "running":
         return entry
-    seconds = float(outcome.get("seconds") or 0.0)
-    status, reason = outcome.get("status"), _text(outcome, "reason")
-    return replace(entry, status="ended", outcome=status, reason=reason, seconds=seconds)
+    last = outcomes[-1]
+    *earlier, status = (each.get("status") for each in outcomes)
+    return replace(
+        entry,
+        status="ended",
+        outcome=status,
+        earlier_outcomes=tuple(earlier),
+        reason=_text(last, "reason"),
+        seconds=float(last.get("seconds") or 0.0),
+    )
 
 
 def missing_entries(

@@ -192,7 +192,7 @@ def _plan(given: StudyReportInput) -> Iterable[Block]:
         yield Paragraph(f"Not in this bundle: {left_out_text(given.left_out)}.", "note")
     if out := tuple(_out(standing, given.level)):
         yield ReportTable(
-            caption="Excluded participants, aborted and reassigned sessions, with the reasons",
+            caption="Excluded participants, and sessions that were aborted, judged again or reassigned, with reasons",
             head=("participant", "what", "reason"),
             rows=out,
         )
@@ -222,7 +222,7 @@ def _flow(standing: StudyStanding, withdrawn: Withdrawn) -> Iterable[tuple[str, 
 
 
 def _out(standing: StudyStanding, level: ExportLevel) -> Iterable[tuple[str, str, str]]:
-    """List excluded participants, all aborted sessions, even if they were repeated, and reassigned ones."""
+    """List excluded participants, all aborted sessions, even if they were repeated, and changed or reassigned ones."""
     for each in standing.participants:
         if each.state == "withdrawn":
             continue  # restored from a backup
@@ -230,8 +230,9 @@ def _out(standing: StudyStanding, level: ExportLevel) -> Iterable[tuple[str, str
             yield each.participant, "excluded", _reason(each.why, level)
         for session in each.sessions:
             which = f"run {session.run}, attempt {session.attempt}"
-            if session.outcome == "aborted":
-                yield each.participant, f"{which} aborted", _reason(session.reason, level)
+            if session.outcome == "aborted" or session.earlier_outcomes:
+                was = f" (was {', then '.join(session.earlier_outcomes)})" if session.earlier_outcomes else ""
+                yield each.participant, f"{which} {session.outcome}{was}", _reason(session.reason, level)
             if session.run_as:
                 yield each.participant, f"{which} run as {session.run_as}", _reason(session.reassigned, level)
 

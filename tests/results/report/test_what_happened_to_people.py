@@ -8,13 +8,16 @@ from pathlib import Path
 import pytest
 
 from rise_engine.kernel.inputs import CheckReport, OutcomeReport
+from rise_engine.privacy.levels import ExportLevel
 from rise_engine.results.analysis.reading import read_sessions
 from rise_engine.results.export.format import load_format
 from rise_engine.results.export.writing import export_context
+from rise_engine.results.report.document import ReportTable
 from rise_engine.results.report.making import make_study_report
 from rise_engine.results.report.plain_text import text_lines
 from rise_engine.study.begin import BeginRequest, plan_session
-from rise_engine.study.state import OpenStudy, read_state
+from rise_engine.study.judge import judge_session
+from rise_engine.study.state import OpenStudy, StudyStatus, read_state
 from rise_engine.study.withdrawal import withdraw
 from tests.results.analysis.samples import WIZARD, make_study, play_session, recovered_session, sessions_of, short
 
@@ -89,3 +92,50 @@ def test_what_went_wrong_is_in_report_and_tables(study: Path, tmp_path: Path) ->
     assert sum(int(row["recoveries"]) for row in rows) == 1
     assert {row["attempt"] for row in rows} == {"1", "2"}
     assert all(sum(int(row[name]) for row in rows) for name in ("failed_acts", "stops", "faults", "acts_repeated"))
+
+
+def test_a_judgement_that_was_changed_is_told_with_the_earlier_one(tmp_path: Path) -> None:
+    study = make_study(tmp_path / "study")
+    with OpenStudy(study) as open:
+        plan = plan_session(open.state, BeginRequest("P04"))
+        first = plan.first_input(open.state.study)
+    script = short(outcome="aborted", reason="Zelda left")
+    play_session(study / "sessions", script, scenario=Path(plan.run.scenario), started=first, seed=plan.seed, until=20)
+    for participant, status, reason in (
+        ("P01", "aborted", "wrong instructions"),
+        ("P02", "aborted", "too loud"),
+        ("P02", "complete", "still clear"),
+        ("P03", "excluded", "knew the robot"),
+        ("P04", "complete", "came back after all"),
+    ):
+        with OpenStudy(study) as open:
+            judge_session(open, participant, status, reason, session=read_last(open.state, participant))
+    full = judged_table(study, "full")
+    assert [row[:2] for row in full] == [
+        ("P01", "run 2, attempt 1 aborted (was complete)"),
+        ("P02", "run 1, attempt 1 aborted"),
+        ("P02", "run 2, attempt 1 complete (was complete, then aborted)"),
+        ("P03", "excluded"),
+        ("P03", "run 2, attempt 1 excluded (was complete)"),
+        ("P04", "run 1, attempt 1 complete (was aborted)"),
+    ]
+    assert [row[2] for row in full if "was" in row[1]] == [
+        "wrong instructions",
+        "still clear",
+        "knew the robot",
+        "came back after all",
+    ]
+    shared = judged_table(study, "shared")
+    assert [row[:2] for row in shared] == [row[:2] for row in full]
+    assert all("[free text, " in row[2] for row in shared)
+
+
+def read_last(state: StudyStatus, participant: str) -> str:
+    """The folder of a participant's last session that counts."""
+    return next(each.sessions[-1].folder for each in state.standing.participants if each.participant == participant)
+
+
+def judged_table(study: Path, level: ExportLevel) -> tuple[tuple[str, ...], ...]:
+    blocks = [block for part in make_study_report(study, level).document.sections for block in part.blocks]
+    caption = "Excluded participants, and sessions that were aborted, judged again or reassigned, with reasons"
+    return next(each.rows for each in blocks if isinstance(each, ReportTable) and each.caption == caption)
