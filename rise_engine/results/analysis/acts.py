@@ -12,7 +12,7 @@ from typing import Any, cast
 
 from msgspec.structs import replace
 
-from rise_engine.kernel.records import FINAL, AnyRecord, CueRecord, Mark, TaskRecord, TaskStatus
+from rise_engine.kernel.records import FINAL, AnyRecord, CueRecord, FailureRecord, Mark, TaskRecord, TaskStatus
 from rise_engine.kernel.speech import SAY, SPEECH
 from rise_engine.kernel.task_view import ActionView, TaskView, add_record
 from rise_engine.results.analysis.causes import CauseCollector, actor_of
@@ -46,8 +46,10 @@ class ActCollector:
         self._tasks: dict[int, TaskView] = {}
         self._cues: list[Cue] = []
         self._answers: dict[int, int] = {}
-        """For each task, the index of the cue that it answered."""
+        """For each task that began to answer a cue, the index of the cue."""
         self._bridges: dict[int, int] = {}
+        self._repetitions: dict[int, int] = {}
+        """For each failed act that was repeated, the task of its repetition."""
         self._causes = CauseCollector(self._tasks)
 
     def add(self, record: AnyRecord) -> None:
@@ -55,6 +57,9 @@ class ActCollector:
         self._causes.add(record)
         if isinstance(record, CueRecord):
             self._add_cue(record)
+        elif isinstance(record, FailureRecord):
+            if record.status == "repeated" and record.by is not None and record.by > record.task:
+                self._repetitions[record.task] = record.by
         elif isinstance(record, TaskRecord):
             _share_words(self._tasks[record.id])
 
@@ -62,7 +67,8 @@ class ActCollector:
         """Return every act, in the order in which the engine accepted them."""
         acts = [task for task in self._tasks.values() if task.is_act]
         marks = self._causes.marks([act.id for act in acts])
-        played = [self._played(act, marks.get(act.id)) for act in acts]
+        cues = {**self._bridges, **self._heard_answers()}
+        played = [self._played(act, cues.get(act.id), marks.get(act.id)) for act in acts]
         if interruptions:
             played = [
                 replace(
@@ -90,7 +96,7 @@ class ActCollector:
             act = by_task.get(task)
             if act is not None and act.robot_at is not None and cues[index].filled_at is None:
                 cues[index] = replace(cues[index], filled_at=act.robot_at)
-        for task, index in self._answers.items():
+        for task, index in self._heard_answers().items():
             act = by_task.get(task)
             if act is not None:
                 cues[index] = replace(cues[index], answered_at=act.answered_at, answer_s=act.answer_s)
@@ -109,8 +115,24 @@ class ActCollector:
         elif record.task is not None:
             (self._answers if record.status == "answered" else self._bridges).setdefault(record.task, index)
 
-    def _played(self, task: TaskView, mark: Mark | None) -> PlayedAct:
-        cue = self._answers.get(task.id, self._bridges.get(task.id))
+    def _heard_answers(self) -> dict[int, int]:
+        """Return the index of its cue for each task that answered one, with `_heard_attempt` instead of the first."""
+        return {self._heard_attempt(task): index for task, index in self._answers.items()}
+
+    def _heard_attempt(self, first: int) -> int:
+        """Return the first attempt at an act that the robot confirmed as an answer, or the first one of all.
+
+        A repetition that began to answer a later cue is none of an earlier one.
+        """
+        attempts = [first]
+        while (again := self._repetitions.get(attempts[-1])) in self._tasks and again not in self._answers:
+            attempts.append(again)
+        if attempts == [first]:
+            return first
+        heard = (task for task in attempts if self._played(self._tasks[task]).answered_at is not None)
+        return next(heard, first)
+
+    def _played(self, task: TaskView, cue: int | None = None, mark: Mark | None = None) -> PlayedAct:
         origin = self._causes.origin_of(task.id)
         name = SAY if task.function == "say" else task.behavior
         parts = parts_of(task, self._specs)

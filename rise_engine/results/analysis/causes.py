@@ -199,8 +199,6 @@ class CauseCollector:
         if actor_of(task.source) == "rule":
             rules.append(task.source.removeprefix("rule:"))
         root, pressed, taken = self._tasks[before.task], before.key_at, before.taken_at
-        if actor_of(task.source) != "rule" and task.key_at is not None:
-            pressed, taken = task.key_at, task.submitted  # the key of a repetition
-        elif pressed is None and root.function != CUE and actor_of(root.source) == "wizard":
+        if pressed is None and root.function != CUE and actor_of(root.source) == "wizard":
             pressed = taken = root.submitted
         return Origin(before.task, before.by, tuple(dict.fromkeys(rules)), pressed, taken)

@@ -183,7 +183,7 @@ class PlayedAct(Struct, frozen=True, kw_only=True):
     @property
     def rules_s(self) -> float | None:
         """Seconds from there (or from the cue, if no key was pressed) until the act was requested: what rules did and
-        waited for before. 0 if the key requests the act."""
+        waited for before, and attempts that failed. 0 if the key requests the act."""
         since = self.cue_at if self.key_at is None else self.taken_at
         return None if self.before_cue else seconds_between(since, self.accepted_at)
 

@@ -101,7 +101,8 @@ ACTS = TableSchema(
         seconds(
             "rules_s",
             "From there (without a key: from the cue) until the act is requested: what rules do and wait for before, "
-            "or the keeping of an event. 0: the key requests it. Empty: before_cue, or neither key nor cue.",
+            "the keeping of an event, or attempts that failed. 0: the key requests it. Empty: before_cue, or neither "
+            "key nor cue.",
         ),
         seconds("queue_s", "Time in the queue; if before_cue, from the cue on."),
         seconds("robot_s", "From its turn until the robot's confirmation."),

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections import defaultdict
 from typing import Any
 
 import msgspec
@@ -11,10 +12,12 @@ from rise_engine.kernel.records import AnyRecord, TaskRecord, TimingRecord
 from rise_engine.results.analysis.acts import ActCollector
 from rise_engine.results.analysis.causes import actor_of
 from rise_engine.results.analysis.model import PlayedAct
+from rise_engine.scenario.reading.action_declarations import core_actions
 from tests.chance import seeds
 from tests.reference.comparison import Play
 
 Row = dict[str, Any]
+ENGINE_ACTIONS = {name for name, spec in core_actions().items() if spec.engine}
 SAYS_ONLY = ("markMistake", "goOn", "repeatAct", "stopRuleOfAct")
 
 
@@ -28,6 +31,9 @@ class Reading:
         self.fillers: set[int] = set()
         self.marks: dict[int, str] = {}
         self.started: dict[int, float] = {}
+        self.repeated: dict[int, int] = {}
+        self.actions: dict[int, set[str]] = defaultdict(set)
+        self.confirmed: dict[int, set[str]] = defaultdict(set)
         cues: list[float] = []
         for row in rows:
             match row["kind"]:
@@ -47,8 +53,26 @@ class Reading:
                         self.cue_of.setdefault(row["task"], cues[-1])
                 case "mistake":
                     self.marks[row["task"]] = row["mark"]
+                case "failure" if row["status"] == "repeated":
+                    self.repeated[row["task"]] = row["by"]
+                case "action":
+                    which = self.confirmed if row["status"] in ("accepted", "succeeded") else self.actions
+                    which[row["task"]].add(row["sent_as"] or row["type"])
         self.marks = {task: mark for task, mark in self.marks.items() if mark != "none"}
         self.acts = [id for id, row in self.tasks.items() if row["function"] in ("startCommunicationRobotAct", "say")]
+        for task in [each for each in self.cue_of if each not in self.fillers]:
+            answer = next((each for each in self.attempts(task) if self.is_heard(each)), task)
+            self.cue_of[answer] = self.cue_of.pop(task)
+
+    def attempts(self, task: int) -> list[int]:
+        """A task and its repetitions, up to one that began to answer another cue."""
+        again = self.repeated.get(task)
+        return [task] if again is None or again in self.cue_of else [task, *self.attempts(again)]
+
+    def is_heard(self, task: int) -> bool:
+        """Whether the robot confirmed its voice or, if it does not speak, anything of it."""
+        confirmed = self.confirmed[task] - ENGINE_ACTIONS
+        return "Speech" in confirmed if "Speech" in self.actions[task] | confirmed else bool(confirmed)
 
     def chain(self, task: int) -> list[int]:
         """From what began it to the act."""
@@ -78,15 +102,9 @@ class Reading:
         chain = self.chain(task)
         if self.tasks[chain[0]]["function"] == "markCue":
             return None
-        with_key = self.with_key(chain)
-        if with_key is not None:
-            return float(self.tasks[with_key]["key_at"])
+        if self.tasks[chain[0]]["key_at"] is not None:
+            return float(self.tasks[chain[0]]["key_at"])
         return self.tasks[chain[0]]["t"] if len(chain) > 1 and self.is_wizards(chain[0]) else None
-
-    def with_key(self, chain: list[int]) -> int | None:
-        """The request that came by a key: the first, or a repetition after it."""
-        by_hand = [each for each in chain if not self.tasks[each]["source"].startswith("rule:")]
-        return next((each for each in reversed(by_hand) if self.tasks[each]["key_at"] is not None), None)
 
     def keys(self) -> list[int]:
         return [
@@ -121,7 +139,7 @@ class Reading:
         if not early:
             told["wizard_s"] = minus(key, cue)
             chain = self.chain(act)
-            taken = self.tasks[self.with_key(chain) or chain[0]]["t"]
+            taken = self.tasks[chain[0]]["t"]
             told["way_s"] = minus(taken, key) if key is not None else None
             told["rules_s"] = minus(accepted, cue if key is None else taken)
         told["queue_s"] = minus(started, cue if early else accepted)

@@ -23,7 +23,8 @@ from rise_engine.results.report.session_report import session_report
 from rise_engine.results.report.study_facts import session_row
 from tests.sources import ROOT
 
-from .samples import WIZARD, Script, act, play_session, recovered_session, task
+from .samples import WIZARD, Script, act, play_session, recovered_session, task, write_scenario
+from .test_causes import compare
 
 LABLINKING = ROOT / "scenarios" / "lablinking"
 HOW_TO = ROOT / "docs" / "how-to" / "export-and-replay.md"
@@ -224,3 +225,51 @@ def test_the_script_of_the_how_to_says_the_same(
     exec("\n".join(blocks), names)  # as somebody pastes it
     assert sorted(names["waited"].dropna()) == pytest.approx(sorted(told), abs=1e-6)
     assert (names["ended"] - names["began"]).min() >= 0
+
+
+@pytest.mark.parametrize(
+    ("on_failure", "more", "answered"),
+    [("repeat:1", [], 11.0), ("ask", [(12.0, task("repeatAct", "Thanks", pressed=11.9))], 12.0)],
+)
+def test_the_repetition_of_an_answer_answers_the_same_cue(
+    tmp_path: Path, on_failure: str, more: Script, answered: float
+) -> None:
+    """The robot refuses the answer and says it later: the participant has waited until then."""
+    scenario = write_scenario(tmp_path / "tea")
+    with (scenario / "scenario.toml").open("a", encoding="utf-8") as file:
+        file.write(f'[act.Thanks]\non_failure = "{on_failure}"\n')
+    script = [(8.0, task("markCue", pressed=8.0)), act("Thanks", 9.0), *more]
+    folder = play_session(tmp_path / "sessions", script, scenario=scenario, until=30.0, faults=("Speech=reject@1",))
+    data = read_session(folder)
+    failed, heard = data.acts
+    (cue,) = data.cues
+    assert (failed.status, failed.cue, failed.response_s) == ("ABORTED", None, None)
+    assert (cue.state, cue.task, cue.answered_at, heard.cue) == ("answered", heard.task, heard.voice_at, 1)
+    assert heard.response_s == heard.answer_s == cue.answer_s == pytest.approx(answered - 8.0, abs=0.1)
+    assert (heard.wizard_s, heard.way_s, heard.rules_s) == (0.98, 0.02, pytest.approx(answered - 9.0, abs=0.05))
+    parts = (heard.wizard_s, heard.way_s, heard.rules_s, heard.queue_s, heard.robot_s, heard.voice_s)
+    assert heard.response_s == pytest.approx(sum(part or 0.0 for part in parts), abs=1e-6)
+    compare(list(data.records))
+
+    (judged,) = judge_session(data).cues
+    assert judged.decisions["anna"].latency == heard.wizard_s
+    report = " ".join(" ".join(text_lines(session_report(data))).split())
+    assert f"1 of 1 cue was answered, half of them within {heard.response_s:.2f} s" in report
+    assert [each.text for each in spans_of(data) if each.tier == "cue"] == [f"waits {heard.response_s:.2f} s"]
+    load_format("tables").write(tmp_path / "out", [data], export_context([folder], "full"))
+    with (tmp_path / "out" / "acts.csv").open(encoding="utf-8") as file:
+        assert [(row["cue"], row["response_s"]) for row in csv.DictReader(file)] == [
+            ("", ""),
+            ("1", str(heard.response_s)),
+        ]
+
+
+def test_a_repetition_that_answers_a_later_cue_is_none_of_the_first(tmp_path: Path) -> None:
+    scenario = write_scenario(tmp_path / "tea")
+    with (scenario / "scenario.toml").open("a", encoding="utf-8") as file:
+        file.write('[act.Thanks]\non_failure = "repeat:1"\n')
+    script = [(8.0, task("markCue")), act("Thanks", 9.0), (10.0, task("markCue"))]
+    folder = play_session(tmp_path / "sessions", script, scenario=scenario, until=30.0, faults=("Speech=reject@1",))
+    data = read_session(folder)
+    assert [(cue.state, cue.task) for cue in data.cues] == [("unheard", 2), ("answered", data.acts[1].task)]
+    compare(list(data.records))
