@@ -13,15 +13,22 @@ from rise_engine.expression import EvaluationError, Expression
 from rise_engine.kernel.behaviors import describe_behavior
 from rise_engine.kernel.records import AnyRecord, FailureRecord, MemoryRecord, RuleRecord, TaskRecord
 from rise_engine.kernel.rules import WITHOUT_ENTRY
-from rise_engine.results.analysis.model import InterruptionKind, PlayedAct, SessionData, WizardKey, seconds_between
+from rise_engine.results.analysis.model import (
+    ActPart,
+    InterruptionKind,
+    PlayedAct,
+    SessionData,
+    WizardKey,
+    seconds_between,
+)
 from rise_engine.results.analysis.outages import interruption_between, worst
 from rise_engine.results.analysis.phases import STEPPED_BACK, was_stopped_by_wizard
 from rise_engine.scenario.model import Json
 from rise_engine.scenario.trial_settings import TrialSettings
 
-NoNumber: TypeAlias = InterruptionKind | Literal["back", "silent", "end", "cue", "key", "unset", "value"]
-"""Why a trial has no number. back: a wizard stepped back before there was one; silent: the robot said nothing; end:
-nobody knows when it fell silent; cue, key: there was none; unset: no value; value: it is no number."""
+NoNumber: TypeAlias = InterruptionKind | Literal["back", "silent", "cut", "end", "cue", "key", "unset", "value"]
+"""Why a trial has no number. back: a wizard stepped back before there was one; silent: the robot said nothing; cut:
+not to its end; end: nobody knows when it fell silent; cue, key: there was none; unset: no value; value: no number."""
 TrialEnd: TypeAlias = Literal["trial", "rule", "key", "record"]
 _NO_REACTIONS = frozenset(
     {
@@ -66,6 +73,8 @@ class PlayedTrial(Struct, frozen=True, kw_only=True):
     """The act that spoke first."""
     asked_at: float | None = None
     asked_end: float | None = None
+    asked_cut: bool = False
+    """Whether that act's speech was stopped or failed before its end."""
     cue_at: float | None = None
     key_at: float | None = None
     wizard_key: str = ""
@@ -128,7 +137,7 @@ class PlayedTrial(Struct, frozen=True, kw_only=True):
         if self.interrupted is not None:
             return self.interrupted
         if missing == "asked_end":
-            return "silent" if self.asked_at is None else "end"
+            return "silent" if self.asked_at is None else "cut" if self.asked_cut else "end"
         return "back" if self.stepped_back else _MISSING[missing]
 
 
@@ -320,6 +329,7 @@ class _Lists:
             task=asking.task if asking is not None else None,
             asked_at=asked_at,
             asked_end=asked_end,
+            asked_cut=asking is not None and _is_cut(asking),
             cue_at=cue_at,
             key_at=key.at if key is not None else None,
             wizard_key=self._names.get(asked, ""),
@@ -357,9 +367,19 @@ def _asked(function: str, behavior: str) -> str:
 
 
 def _end_of_speech(act: PlayedAct) -> float | None:
-    """Return when the act's last action that uses the voice ended. None: it had not, or nobody knows when."""
-    ends = [part.known_end for part in act.parts if "speech" in part.channels and part.accepted_at is not None]
-    return None if None in ends or not ends else max(each for each in ends if each is not None)
+    """Return when the act's last action that uses the voice ended. None: not all were spoken to their end, or nobody
+    knows when."""
+    spoken = _spoken(act)
+    ends = [part.ended_at for part in spoken if part.status == "succeeded" and part.ended_at is not None]
+    return max(ends) if ends and len(ends) == len(spoken) else None
+
+
+def _is_cut(act: PlayedAct) -> bool:
+    return any(part.status in ("canceled", "failed", "skipped") for part in _spoken(act))
+
+
+def _spoken(act: PlayedAct) -> list[ActPart]:
+    return [part for part in act.parts if "speech" in part.channels]
 
 
 def _sorted(pairs: Iterable[tuple[float | None, _Each]]) -> list[tuple[float, _Each]]:

@@ -35,6 +35,7 @@ _LEFT_OUT: dict[NoNumber, str] = {
     "stop": "Everything was stopped in {names}; no time across a stop is measured.",
     "back": "A wizard stepped back in {names}, before there was a {measure}.",
     "silent": "The robot said nothing in {names}.",
+    "cut": "The robot did not speak to the end in {names}.",
     "end": "Nobody knows when the robot fell silent in {names}.",
     "cue": "There was no cue in {names}.",
     "key": "The wizard pressed no key in {names}.",

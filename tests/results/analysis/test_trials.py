@@ -14,7 +14,6 @@ from msgspec.structs import replace
 from rise_engine.expression import Expression
 from rise_engine.kernel.inputs import Submit
 from rise_engine.kernel.records import (
-    ENDINGS,
     ActionRecord,
     AnyRecord,
     CueRecord,
@@ -139,9 +138,8 @@ class Text:
 
     def speech_end(self, act: int) -> float | None:
         spoken = [each for each in self.actions(act) if each.type == "Speech"]
-        begun = {each.action for each in spoken if each.status == "accepted"}
-        ends = {each.action: each.t for each in spoken if each.status in ENDINGS - {"lost", "timed-out"}}
-        return max(ends[each] for each in begun) if begun <= ends.keys() else None
+        ends = {each.action: each.t for each in spoken if each.status == "succeeded"}
+        return max(ends.values()) if {each.action for each in spoken} == ends.keys() else None
 
     def cues(self) -> list[float]:
         marked: list[float] = []
@@ -323,6 +321,7 @@ def test_what_is_measured(tmp_path: Path) -> None:
         ({"key_at": None}, {"wizard_s": "key", "key_s": "key"}),
         ({"key_at": None, "stepped_back": True}, {"wizard_s": "back", "key_s": "back"}),
         ({"asked_end": None}, {"participant_s": "end", "key_s": "end"}),
+        ({"asked_end": None, "asked_cut": True}, {"participant_s": "cut", "key_s": "cut"}),
         ({"asked_end": None, "interrupted": "outage"}, {"participant_s": "outage", "key_s": "outage"}),
         ({"asked_at": None, "asked_end": None}, {"participant_s": "silent", "key_s": "silent"}),
         ({"values": {"score": None}}, {"score": "unset"}),
@@ -339,6 +338,20 @@ def test_nothing_is_measured_from_speech_whose_end_nobody_knows(tmp_path: Path) 
     tea = next(each for each in trials_of(read(folder)) if each.start == 10.0)
     assert (tea.robot_said, tea.asked_at, tea.cue_at) == ("Would you like some tea?", 10.02, 20.0)
     assert (tea.asked_end, tea.participant_s, tea.key_s) == (None, None, None)
+    compared(folder, BY_STATE)
+
+
+def test_nothing_is_measured_from_a_question_that_was_cut_off(tmp_path: Path) -> None:
+    script = [
+        (1.0, task("startInteractionRule", "Visit")),
+        (10.0, task("raiseEventTopic", "/tea", pressed=9.9)),
+        (10.9, task("stopCommunicationRobotAct", "Ask")),
+        (12.0, task("markCue", pressed=12.0)),
+    ]
+    folder = play_session(tmp_path / "sessions", script, until=20.0)
+    tea = trials_of(read(folder))[-1]
+    assert (tea.robot_said, tea.asked_at, tea.asked_end, tea.cue_at) == ("Would you like some tea?", 10.02, None, 12.0)
+    assert (tea.participant_s, tea.why_no_number("participant_s")) == (None, "cut")
     compared(folder, BY_STATE)
 
 

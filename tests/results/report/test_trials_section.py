@@ -61,13 +61,13 @@ def test_a_value_that_is_no_number_is_named_where_it_is_left_out() -> None:
 
 
 def test_every_trial_that_was_not_measured_is_named_with_a_reason() -> None:
-    whys = ("outage", "stop", "back", "silent", "end", "cue", "key", "unset", "value")
+    whys = ("outage", "stop", "back", "silent", "cut", "end", "cue", "key", "unset", "value")
     left_out = tuple((number, why) for number, why in enumerate(whys, 1))
     rows = trial_rows([("yes", [replace(FAST, trials=(*(None for _ in whys), 1.0), left_out=left_out)])])
     assert rows[0].trials == len(rows[0].values) + len(rows[0].left_out)
     table = trials_section(rows, declared=True).blocks[1]
     assert isinstance(table, ReportTable)
-    for number, said in ((3, "stepped back in P01, trial 3"), (5, "fell silent in P01, trial 5"), (6, "no cue in P01")):
+    for number, said in ((3, "back in P01, trial 3"), (5, "to the end in P01"), (6, "silent in P01"), (7, "no cue in")):
         assert said in table.note and table.note.count(f"trial {number}") == 1
 
 
