@@ -21,6 +21,7 @@ from rise_engine.base.text import pluralize
 from rise_engine.kernel.records import ENGINE, AnyRecord
 from rise_engine.kernel.speech import SAY
 from rise_engine.privacy.private_values import NAMES_FIELDS, PrivateValues
+from rise_engine.scenario.speech.spoken import LANGUAGE
 from rise_engine.session.coded import CodedFile, read_coded, read_spans
 from rise_engine.session.coded_formats import CodedClock, CodedSpan
 
@@ -187,7 +188,7 @@ def _without_free_speech(values: dict[str, Any]) -> dict[str, Any]:
             return {**values, "behavior": counted, "reason": "rejected"}
         case "action" if values["act"] == SAY:
             parameters = {
-                name: count_words("free speech", each) if isinstance(each, str) else each
+                name: count_words("free speech", each) if isinstance(each, str) and name != LANGUAGE else each
                 for name, each in values["parameters"].items()
             }
             return {**values, "parameters": parameters}

@@ -20,7 +20,7 @@ from rise_engine.base.errors import SessionError
 from rise_engine.cli import main
 from rise_engine.kernel.inputs import CheckReport, Note, OutcomeReport, RecordingReport, SessionEnded, Submit
 from rise_engine.kernel.records import AnyRecord, MemoryRecord, NoteRecord, TaskRecord
-from rise_engine.privacy.levels import ExportLevel, without_dates_and_places
+from rise_engine.privacy.levels import ExportLevel, _without_free_speech, without_dates_and_places
 from rise_engine.privacy.private_values import NAMES_FIELDS, PrivateValues
 from rise_engine.results.export.records import SessionExport
 from rise_engine.scenario.loader import load
@@ -128,6 +128,12 @@ def test_free_speech_is_not_public(made: Made) -> None:
     assert {each["behavior"] for each in of_kind(records, "task", function="say")} == {"[free speech, 2 words]"}
     assert of_kind(records, "task", function="no such thing")[0]["behavior"] == "[free text, 1 word]"
     assert of_kind(records, "action", act="Greet", action="3")[0]["parameters"] == {"message": "How are you?"}
+
+
+def test_the_language_of_free_speech_is_public() -> None:
+    said = {"kind": "action", "act": "say", "parameters": {"message": "Moin Zo\u00eb", "language": "de"}}
+    told = _without_free_speech(said)
+    assert told["parameters"] == {"message": "[free speech, 2 words]", "language": "de"}
 
 
 def test_no_time_of_day(made: Made) -> None:
