@@ -24,7 +24,7 @@ from rise_engine.kernel.behaviors import (
 )
 from rise_engine.kernel.records import ControlRecord, CueRecord, Mark, MistakeRecord, TaskRecord
 from rise_engine.results.analysis.causes import actor_of
-from rise_engine.results.analysis.model import SessionData, SessionFacts
+from rise_engine.results.analysis.model import InterruptionKind, SessionData, SessionFacts
 from rise_engine.results.analysis.outages import interruption_between
 from rise_engine.scenario.model import Scenario, normal_topic
 from rise_engine.session.folder import read_info
@@ -54,6 +54,7 @@ _WORDS = {
     "repeatAct": "repeat the failed act",
     "stopRuleOfAct": "stop the rule of the failed act",
 }
+_WHY_INTERRUPTED: dict[InterruptionKind, str] = {"outage": "no engine", "standstill": "standstill", "stop": "stopped"}
 _WITHOUT_NAME = frozenset({"cancelTask", "stopAll", "goOn", "repeatAct", "stopRuleOfAct"})
 """Functions whose behaviour is the number of a task, or empty."""
 
@@ -176,6 +177,9 @@ def judge_session(data: SessionData, names: Mapping[str, str] | None = None) -> 
     session.remarks += [each.replace(str(data.folder), data.facts.session) for each in problems]
     if len(live) > 1:
         session.remarks.append(f"{len(live)} wizards ran {data.facts.session}; what they did is counted as one's")
+    if data.facts.speed != 1:
+        told = f"{session.live} ran {data.facts.session} at {data.facts.speed:g} times real time"
+        session.remarks.append(f"{told}: no latencies of that wizard")
     session.undone = sum(window.undone for window in windows)
     judges = _judges(shadows, live, named, session, data.facts.session)
     cues = {window.seq: window.at for window in windows}
@@ -250,9 +254,13 @@ def _windows(data: SessionData, scenario: Scenario | None) -> list[_Window]:
                     label = decision_label(scenario, record.function, record.behavior)
                     latency = round(pressed - windows[-1].at, 6)
                     kind = interruption_between(data.interruptions, windows[-1].at, pressed)
-                    why = {"outage": "no engine", "standstill": "standstill", "stop": "stopped", None: ""}[kind]
+                    why = _WHY_INTERRUPTED[kind] if kind else _why_speed(data.facts.speed)
                     windows[-1].decision = Decision(label, None if why else latency, why)
     return windows
+
+
+def _why_speed(speed: float) -> str:
+    return "" if speed == 1 else "another speed"
 
 
 def _decides(record: TaskRecord, scenario: Scenario | None) -> bool:
@@ -306,7 +314,7 @@ def _shadow_decisions(shadow: Shadow, scenario: Scenario | None, cues: Mapping[i
             case ShadowPause():
                 paused = True
             case ShadowKey() if line.answers and cue is not None and line.cue == cue.cue:
-                why = "paused" if paused else "another speed" if shadow.header.speed != 1 else ""
+                why = "paused" if paused else _why_speed(shadow.header.speed)
                 latency = None if why else round(line.t - cues.get(cue.cue, cue.t), 6)
                 label = decision_label(scenario, line.function, line.behavior)
                 decisions.setdefault(cue.cue, Decision(label, latency, why))

@@ -10,6 +10,7 @@ from typing import Any
 
 import pytest
 from click.testing import CliRunner
+from msgspec.structs import replace
 
 from rise_engine.cli import main
 from rise_engine.results.analysis.agreement import cohen_kappa
@@ -99,6 +100,16 @@ def test_the_last_time_that_a_cue_was_shown_counts(folder: Path) -> None:
     )
     found = [cue.decisions.get("ben") for cue in judged(folder).cues[:3]]
     assert found == [Decision("Hint", 1.52), Decision("Repeat", None, "paused"), None]
+
+
+def test_a_session_at_another_speed_has_no_latencies_of_its_wizard(folder: Path) -> None:
+    add_shadow(folder, "ben", BEN)
+    data = read_session(folder)
+    session = judge_session(replace(data, facts=replace(data.facts, speed=4.0)))
+    live = [cue.decisions["anna"] for cue in session.cues]
+    assert {(each.latency, each.why) for each in live if each.label != NOTHING} == {(None, "another speed")}
+    assert any(cue.decisions["ben"].latency is not None for cue in session.cues)
+    assert session.remarks == [f"anna ran {folder.name} at 4 times real time: no latencies of that wizard"]
 
 
 def test_at_another_speed_there_are_no_latencies(folder: Path) -> None:
