@@ -109,7 +109,7 @@ def _banner(facts: SessionFacts) -> str:
         told.append("DEBUG: the robot was simulated. These are not data of a participant.")
     elif facts.is_simulated:
         told.append("SIMULATED: the mode was real, but no robot moved. These are not data of a participant.")
-    elif facts.purpose in ("pilot", "training"):
+    if facts.purpose in ("pilot", "training"):
         told.append(f"{facts.purpose.upper()}: this session does not count.")
     if not facts.ended:
         told.append("The record has no end: the session runs, or its engine went away.")

@@ -13,7 +13,7 @@ from collections.abc import Iterable, Mapping, Sequence
 from msgspec import Struct
 
 from rise_engine.base.text import clean, pluralize
-from rise_engine.results.analysis.statistics import summarise
+from rise_engine.results.analysis.statistics import Share, summarise
 from rise_engine.results.report.document import (
     actor_shares,
     interval_text,
@@ -123,6 +123,13 @@ def speed_text(figures: StudyFigures) -> str:
     return ", ".join(f"{speed:g} times real time in {count} of {of}" for speed, count in counts.items())
 
 
+def debriefed_text(share: Share) -> str:
+    """Say after how many complete sessions a debriefing is recorded."""
+    if not share.n:
+        return "No session is complete yet, so no debriefing is recorded."
+    return f"A debriefing is recorded after {share_text(share.count, share.n)} complete sessions."
+
+
 def left_out_text(left_out: Mapping[str, int]) -> str:
     """Say how many rehearsals are left out.
 
@@ -183,7 +190,8 @@ def _robots(figures: StudyFigures) -> str:
         f"{row.facts.robot or 'unnamed'}{' (simulated: no robot moved)' if row.facts.is_simulated else ''}"
         for row in figures.complete
     )
-    return ", ".join(f"{robot} in {pluralize(number, 'session')}" for robot, number in robots.items())
+    told = ", ".join(f"{robot} in {pluralize(number, 'session')}" for robot, number in robots.items())
+    return f"{told}." if told else ""
 
 
 def _injected(figures: StudyFigures) -> str:
@@ -239,7 +247,7 @@ def _debriefed(study: Study, figures: StudyFigures) -> list[str]:
     share = figures.debriefed(study.checks)
     if share is None:
         return ["No check asks whether participants were debriefed."]
-    return [f"A debriefing is recorded after {share_text(share.count, share.n)} complete sessions."]
+    return [debriefed_text(share)]
 
 
 def _wizards(wizards: Iterable[WizardCourse]) -> list[str]:

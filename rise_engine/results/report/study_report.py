@@ -35,6 +35,7 @@ from rise_engine.results.report.sheet import (
     STILL_TO_SAY,
     SheetItem,
     begun_text,
+    debriefed_text,
     left_out_text,
     question_of,
     reporting_sheet,
@@ -396,7 +397,7 @@ def _checks(given: StudyReportInput) -> Iterable[Block]:
     counts = given.figures.checks(named)
     debriefed = given.figures.debriefed(given.study.checks)
     if debriefed is not None:
-        yield Paragraph(f"A debriefing is recorded after {share_text(debriefed.count, debriefed.n)} complete sessions.")
+        yield Paragraph(debriefed_text(debriefed))
     if counts:
         yield ReportTable(
             caption=f"Results of each check in {pluralize(len(given.figures.complete), 'complete session')}",

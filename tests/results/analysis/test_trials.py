@@ -341,6 +341,18 @@ def test_nothing_is_measured_from_speech_whose_end_nobody_knows(tmp_path: Path) 
     compared(folder, BY_STATE)
 
 
+def test_a_trial_that_begins_while_everything_is_stopped_has_no_length(tmp_path: Path) -> None:
+    script = [
+        *((1.0, task("stopAll")), (2.0, task("assignValue", "noise = 1")), (4.0, task("releaseStop"))),
+        (6.0, task("assignValue", "noise = 2")),
+    ]
+    folder = play_session(tmp_path / "sessions", script, until=10.0)
+    data = read(folder)
+    assert data.scenario is not None
+    first = trials_of(replace(data, scenario=replace(data.scenario, trials=BY_KEY)))[0]
+    assert (first.start, first.stops, first.why_no_number("duration_s")) == (2.0, 0, "stop")
+
+
 def test_nothing_is_measured_from_a_question_that_was_cut_off(tmp_path: Path) -> None:
     script = [
         (1.0, task("startInteractionRule", "Visit")),

@@ -238,6 +238,8 @@ def test_shared_and_public_tell_no_names(folder):
 def test_debug_and_rehearsals_have_a_banner():
     assert "DEBUG" in session_report(empty(mode="debug", ended=True)).banner
     assert "PILOT" in session_report(empty(purpose="pilot", mode="real", ended=True)).banner
+    simulated = session_report(empty(purpose="pilot", mode="real", driver="simulated", ended=True)).banner
+    assert simulated.startswith("SIMULATED") and simulated.endswith("PILOT: this session does not count.")
     assert session_report(empty(mode="real", ended=True)).banner == ""
     assert "no end" in session_report(empty(mode="real")).banner
 

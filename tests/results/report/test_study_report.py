@@ -14,13 +14,14 @@ from msgspec.structs import replace
 
 from rise_engine.results.analysis.model import SessionFacts
 from rise_engine.results.analysis.reading import read_sessions
+from rise_engine.results.analysis.statistics import Share
 from rise_engine.results.export.format import load_format
 from rise_engine.results.export.writing import export_context, export_sessions
 from rise_engine.results.report.document import Facts, Paragraph
 from rise_engine.results.report.making import MadeReport, make_study_report
 from rise_engine.results.report.page import page_text
 from rise_engine.results.report.plain_text import cells_wide, text_lines
-from rise_engine.results.report.sheet import _hashes_text
+from rise_engine.results.report.sheet import _hashes_text, debriefed_text
 from rise_engine.results.report.study_facts import SessionRow, StudyFigures, WizardPart, study_figures
 from rise_engine.results.report.study_report import StudyReportInput, _assignment, _cells, study_report
 from rise_engine.study.publishing import ITEM_NAMES, REPORT_ITEMS
@@ -245,6 +246,18 @@ def test_withdrawn_people_are_counted_and_not_named(study):
     flow = next(block for block in blocks if isinstance(block, Facts))
     assert ("Withdrawn", "2") in flow.rows
     assert "2 withdrawn" in " ".join(sentence for item in given.sheet for sentence in item.known)
+
+
+def test_the_sheet_is_in_whole_sentences(study, made):
+    assert debriefed_text(Share(0, 0)) == "No session is complete yet, so no debriefing is recorded."
+    assert debriefed_text(Share(1, 2)).endswith(" complete sessions.")
+    told = [sentence for item in StudyReportInput(*figures_of(study)).sheet for sentence in item.known]
+    assert told and all(each.endswith(".") for each in told)
+
+
+def figures_of(study):
+    state = read_state(study)
+    return state.study, state.standing, study_figures(read_sessions(sessions_of(study)))
 
 
 def test_hashes_of_a_scenario_in_several_languages_say_which_is_which():
