@@ -61,8 +61,8 @@ def latency_figure(facts: LatencyFacts) -> Figure:
         left, top = (at % 3) * (cell + gap), tall + 84 + (at // 3) * (small + 36)
         _draw_histogram(drawing, part, left, top, cell, small - 16, names=False)
     return Figure(
-        caption=f"Each bar counts acts within {BIN:g} s; the last one all from {LAST_BIN:g} s on. The line is the "
-        "median. Shades are the reference bands; their limits are above.",
+        caption=f"Each bar counts acts within {BIN:g} s. The last bar counts all from {LAST_BIN:g} s on. The line "
+        "is the median. The shades are the reference bands, with their limits above.",
         svg=(drawing.whole(),),
         text=lambda width: _histogram_lines(shown, width),
     )

@@ -181,8 +181,8 @@ def course_figure(data: SessionData) -> Figure | None:
     left_out = left_out_rules(data.phases)
     more = f" Rules without a lane: {', '.join(left_out)}." if left_out else ""
     return Figure(
-        caption="A cue lasts until its answer; acts from their turn to their end; what the robot did from when it "
-        f"confirmed. Point at something to read what it is.{more}",
+        caption="A cue lasts until its answer. An act lasts from its turn to its end. An action of the robot begins "
+        f"when the robot confirms it. Point at something to read what it is.{more}",
         svg=_draw(lanes, data.facts.duration),
         text=lambda width: _lines(lanes, data.facts.duration, width),
     )

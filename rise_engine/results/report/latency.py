@@ -39,27 +39,30 @@ BANDS = (
         0.25,
         "up to 0.25 s",
         "0.25",
-        "between people: gaps between turns are of the order of 0.2 s in every language that was looked at",
+        "between people, the gap between turns is about 0.2 s in every language studied",
     ),
     Band(
         1.0,
         "up to 1 s",
         "1",
-        "liked best of a communication robot, and unchanged within it; between people, from about 0.6 s on an answer "
-        "is heard as less willing",
+        "people like answers of a robot best up to 1 s, without a difference below it; between people, an answer after "
+        "about 0.6 s sounds less willing",
     ),
     Band(
-        2.0, "up to 2 s", "2", "a robot should react by then; above it people like the wait less, unless it is filled"
+        2.0,
+        "up to 2 s",
+        "2",
+        "a robot should react within 2 s; people like a longer wait less, unless a filler fills it",
     ),
     Band(4.0, "up to 4 s", "4", "a wait that people notice; a filler makes it seem shorter"),
-    Band(float("inf"), "above 4 s", "", "perceived as less fluent, as far as few people could tell"),
+    Band(float("inf"), "above 4 s", "", "one small study found it less fluent, not significantly"),
 )
 
 SOURCES = (
     Source(
         "Stivers et al. 2009, PNAS 106(26), 10587–10592",
         "10.1073/pnas.0903616106",
-        "ten languages; each one's mean lies within 0.25 s of the mean of all",
+        "in ten languages, each mean gap is within 0.25 s of the overall mean",
     ),
     Source(
         "Levinson & Torreira 2015, Frontiers in Psychology 6:731",
@@ -79,7 +82,7 @@ SOURCES = (
     Source(
         "Kendrick & Torreira 2015, Discourse Processes 52(4), 255–289",
         "10.1080/0163853X.2014.955997",
-        "among late answers, those that are not wished for prevail",
+        "most late answers are not the hoped-for ones",
     ),
     Source(
         "Shiwa et al. 2008, HRI, 153–160; 2009, International Journal of Social Robotics 1, 141–155",
@@ -99,10 +102,11 @@ SOURCES = (
 )
 
 CAVEATS = (
-    "A cue is marked by a person's key, whose own delay is not measured: it is part of every latency.",
-    "The robot confirms an action before it is heard or seen: the first sound comes later. Measure it in a recording.",
+    "A person marks each cue with a key. Their own delay is unknown and part of every latency.",
+    "The robot confirms an action before people hear or see it. The first sound comes later.",
+    "Measure it in a recording.",
     "The bands come from speech, between people and with few robots, in Japanese, English and other European samples.",
-    "They are orientation, and no test of anything.",
+    "They give orientation and test nothing.",
 )
 
 

@@ -89,7 +89,7 @@ def colophon(what: str, level: str) -> str:
     """Return the text at the end of every report."""
     return (
         f"Made by rise-tui {__version__} from the record of {what}, at the level {level}. Quartiles and percentiles "
-        "are of definition 7 of Hyndman and Fan (1996), as R and numpy give them; intervals of shares are Wilson's, "
+        "follow definition 7 of Hyndman and Fan (1996), as in R and NumPy. Intervals of shares are Wilson's, "
         "95\u00a0%. This file fetches nothing and runs no script."
     )
 
@@ -118,39 +118,24 @@ def _banner(facts: SessionFacts) -> str:
 
 def _summary(facts: SessionFacts, figures: SessionFigures) -> str:
     sentences = [f"{length_text(facts.duration).capitalize()}, in which {pluralize(_begun(figures), 'act')} began."]
-    summary = figures.latency.response.summary
-    if summary is not None:
-        sentences.append(
-            f"{figures.answered} of {pluralize(figures.cues, 'cue')} {'was' if figures.answered == 1 else 'were'} "
-            f"answered, half of {_timed_answers(figures)} within {seconds_text(summary.median)} "
-            f"(middle half {number_text(summary.lower)}\u2013{seconds_text(summary.upper)})."
-        )
-    elif figures.answered:
-        were = "was" if figures.answered == 1 else "were"
-        sentences.append(
-            f"{figures.answered} of {pluralize(figures.cues, 'cue')} {were} answered, none with a time that counts."
-        )
+    response = figures.latency.response
+    if figures.answered:
+        told = "but no answer has a time that counts"
+        if (summary := response.summary) is not None:
+            timed = len(response.values)
+            which = "them" if timed == figures.answered else f"the {timed} with a time that counts"
+            middle = f"{number_text(summary.lower)}\u2013{seconds_text(summary.upper)}"
+            told = f"half of {which} within {seconds_text(summary.median)} (middle half {middle})"
+        sentences.append(f"The robot answered {figures.answered} of {pluralize(figures.cues, 'cue')}, {told}.")
     elif figures.cues:
-        sentences.append(f"None of {pluralize(figures.cues, 'cue')} was answered.")
+        sentences.append(f"The robot answered none of {pluralize(figures.cues, 'cue')}.")
     mistakes = figures.mistakes
     if marks := sum(mistakes.marks.values()):
-        sentences.append(f"{pluralize(marks, 'mistake')} {'was' if marks == 1 else 'were'} marked.")
+        sentences.append(f"Wizards marked {pluralize(marks, 'mistake')}.")
     if mistakes.stops:
         times = "once" if mistakes.stops == 1 else f"{mistakes.stops} times"
-        sentences.append(f"Everything was stopped {times}.")
+        sentences.append(f"Somebody stopped everything {times}.")
     return " ".join(sentences)
-
-
-def _timed_answers(figures: SessionFigures) -> str:
-    """Name the answers that the median covers."""
-    facts = figures.latency
-    which = [
-        *(["were asked for after their cue"] if facts.before_cue else []),
-        *(["had no outage of the engine in their wait"] if "outage" in facts.interrupted else []),
-        *(["had no standstill of the engine in their wait"] if "standstill" in facts.interrupted else []),
-        *(["were not waited for while everything was stopped"] if "stop" in facts.interrupted else []),
-    ]
-    return f"the {len(facts.response.values)} that {' and '.join(which)}" if which else "them"
 
 
 def _begun(figures: SessionFigures) -> int:
@@ -204,8 +189,8 @@ def _checks(data: SessionData) -> Iterable[Block]:
     yield from problem_paragraphs(data.problems, data.level)
     if data.checks:
         yield ReportTable(
-            caption="What was looked at before and after the session",
-            head=("check", "result", "what was looked at", "found", "reason", "by"),
+            caption="Checks before and after the session",
+            head=("check", "result", "what it checks", "found", "reason", "by"),
             rows=tuple(
                 (check.id, check.result, check.text, check.value, check.reason, source_name(check.source))
                 for check in data.checks
@@ -231,8 +216,8 @@ def _acts(figures: SessionFigures) -> Iterable[Block]:
     shares = actor_shares(figures.actors)
     if shares:
         spoken = figures.said_freely
-        freely = f" Of what the robot said, {share_text(spoken.count, spoken.n)} was typed freely." if spoken.n else ""
-        yield Paragraph(f"Who caused the acts that began: {', '.join(shares)}.{freely}")
+        freely = f" Wizards typed {share_text(spoken.count, spoken.n)} spoken acts freely." if spoken.n else ""
+        yield Paragraph(f"These caused the acts that began: {', '.join(shares)}.{freely}")
     rows = []
     for act in figures.acts:
         ended = ", ".join(f"{number} {status}" for status, number in act.statuses.items() if status != "SUCCEEDED")
@@ -251,8 +236,8 @@ def _acts(figures: SessionFigures) -> Iterable[Block]:
             )
         )
     yield ReportTable(
-        caption="Acts, most frequent first. Times in seconds, medians; the response is that of acts that answered a "
-        "cue",
+        caption="Acts, the most frequent first. Times are medians in seconds. Only acts that answered a cue have a "
+        "response",
         head=("act", "begun", "caused by", "length", "response", "n", "marked", "not succeeded"),
         rows=tuple(rows),
         numbers=frozenset({1, 3, 4, 5}),
@@ -281,9 +266,9 @@ def _rules(data: SessionData, figures: SessionFigures) -> Iterable[Block]:
         )
         before = state.rule
     yield ReportTable(
-        caption="Phases: how often each rule was in a state, for how long in all, what part of the session that is, "
-        "and the median of one visit in seconds. All in session time; the median leaves out visits with an "
-        "outage, a standstill or a stop",
+        caption="Phases: the visits of each rule to a state, their total time, its share of the session, and the "
+        "median visit in seconds. Times are session time. The median leaves out visits with an outage, a standstill "
+        "or a stop",
         head=("rule", "state", "visits", "in all", "%", "median", "note"),
         rows=tuple(rows),
         numbers=frozenset({2, 3, 4, 5}),
@@ -327,7 +312,7 @@ def _mistakes(data: SessionData, figures: SessionFigures) -> Iterable[Block]:
     if moments:
         yield ReportTable(
             caption="When",
-            head=("at", "what", "about", "told", "by"),
+            head=("at", "what", "about", "details", "by"),
             rows=tuple(
                 (
                     clock_text(each.at),
@@ -375,7 +360,7 @@ def _notes(data: SessionData) -> Iterable[Block]:
     notes = [point for point in data.points if point.kind == "note"]
     if notes:
         yield ReportTable(
-            caption=f"{pluralize(len(notes), 'note')}, as the level tells them",
+            caption=f"{pluralize(len(notes), 'note')}, as the level shows them",
             head=("at", "note", "by"),
             rows=tuple((clock_text(each.at), each.value, source_name(each.source)) for each in notes),
             numbers=frozenset({0}),
@@ -455,8 +440,8 @@ def _in_order(data: SessionData) -> Iterable[Block]:
     rows.sort(key=lambda each: each[0])
     if rows:
         yield ReportTable(
-            caption=f"Everything in its order: {len(rows)} acts, cues, phases and recoveries",
-            head=("at", "what", "by", "status", "response", "told"),
+            caption=f"Everything in order: {len(rows)} acts, cues, phases and recoveries",
+            head=("at", "what", "by", "status", "response", "details"),
             rows=tuple((clock_text(at), *row) for at, row in rows),
             numbers=frozenset({0, 4}),
             folded=True,

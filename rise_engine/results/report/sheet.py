@@ -31,9 +31,9 @@ from rise_engine.study.publishing import REPORT_ITEMS
 from rise_engine.study.withdrawn import Withdrawn
 
 ORIGIN = (
-    "Items paraphrased from the reporting guidelines in Riek 2012, Journal of Human-Robot Interaction 1(1), "
-    "119\u2013136, doi 10.5898/JHRI.1.1.Riek: compare them with the paper's own table. What the record knows is "
-    "filled in; the rest comes from [report] of study.toml."
+    "The items paraphrase the reporting guidelines in Riek 2012, Journal of Human-Robot Interaction 1(1), "
+    "119\u2013136, doi 10.5898/JHRI.1.1.Riek. Compare them with the paper's own table. The record fills in what it "
+    "knows. The rest comes from [report] of study.toml."
 )
 STILL_TO_SAY = "still to say"
 NOBODY = Withdrawn()
@@ -263,7 +263,7 @@ def _knew(study: Study) -> list[str]:
 
 def _production(figures: StudyFigures) -> list[str]:
     spoken = figures.said_freely
-    known = [f"Typed freely, of what the robot said: {share_text(spoken.count, spoken.n)}."] if spoken.n else []
+    known = [f"Wizards typed {share_text(spoken.count, spoken.n)} spoken acts freely."] if spoken.n else []
     fillers = sum(act.fillers for row in figures.complete for act in row.figures.acts)
     summary = figures.latency.response.summary
     known += [f"{pluralize(fillers, 'filler')} bridged a wait."] if fillers else []
@@ -285,8 +285,8 @@ def _errors(figures: StudyFigures) -> list[str]:
     stops = sum(row.figures.mistakes.stops for row in rows)
     kinds = f" ({marks_text(figures.marks)})" if figures.marks else ""
     return [
-        f"Marked by wizards as mistakes: {share_text(marked.count, marked.n)} of their keys{kinds}; per 100 keys "
-        f"{per_hundred(marked)} {interval_text(marked)}.",
+        f"Wizards marked {share_text(marked.count, marked.n)} of their keys as mistakes{kinds}.",
+        f"Mistakes per 100 keys: {per_hundred(marked)} {interval_text(marked)}.",
         f"Found in the record: {pluralize(refused, 'act')} refused, {pluralize(stops, 'stop')}.",
     ]
 

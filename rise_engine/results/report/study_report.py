@@ -56,8 +56,8 @@ from rise_engine.study.withdrawn import Withdrawn
 
 NO_CONDITION = "no condition"
 HIDDEN = (
-    "This study hides its conditions and is not complete. How the cells are filled, and their results, would show what "
-    "comes next. They are left out here; rise-engine report --conditions shows them."
+    "This study hides its conditions and is not complete. The cells and their results would show which condition comes "
+    "next, so the report leaves them out. rise-engine report --conditions shows them."
 )
 
 
@@ -128,8 +128,8 @@ def _summary(given: StudyReportInput) -> str:
     if over is not None:
         middle = f"{number_text(over.lower)}\u2013{seconds_text(over.upper)}"
         told += (
-            f" In half of the {pluralize(len(medians), 'session')} with timed answers, half of the answers came within "
-            f"{seconds_text(over.median)} (middle half of the sessions {middle})."
+            f" The median response of a session is {seconds_text(over.median)} "
+            f"(median of {pluralize(len(medians), 'session')}, middle half {middle})."
         )
     told = f"{trials_summary(given.trials)} {told}".lstrip()
     if missing := len(still_to_say(given.sheet)):
@@ -246,7 +246,7 @@ def _reason(why: str, level: ExportLevel) -> str:
 def _cells(standing: StudyStanding) -> ReportTable:
     strata = list(dict.fromkeys(column for cell in standing.cells for column in cell.strata))
     return ReportTable(
-        caption="The plan against what happened: participants in each cell of the between factors",
+        caption="The plan and what happened: participants in each cell of the between factors",
         head=(*strata, "cell", "complete", "open", "planned"),
         rows=tuple(
             (
@@ -259,7 +259,7 @@ def _cells(standing: StudyStanding) -> ReportTable:
             for cell in standing.cells
         ),
         numbers=frozenset(range(len(strata) + 1, len(strata) + 4)),
-        note=f"Planned: the first {standing.wanted} rows of the plan; empty where cells are drawn."
+        note=f"Planned: the first {standing.wanted} rows of the plan. It is empty where cells are drawn."
         if any(cell.planned for cell in standing.cells)
         else "",
     )
@@ -284,8 +284,8 @@ def _conditions(given: StudyReportInput) -> Iterable[Block]:
     yield dot_plot(
         "Response by condition",
         rows,
-        "Each dot is the median response of one complete session. The line is the median of these, the bar their "
-        "middle half. Shades are the reference bands of the section Latency.",
+        "Each dot is the median response of one complete session. The line is the median of these. The bar is their "
+        "middle half. The shades are the reference bands in the section Latency.",
     )
     table = []
     for name, sessions in found.items():
@@ -308,7 +308,7 @@ def _conditions(given: StudyReportInput) -> Iterable[Block]:
         head=("condition", "sessions", "people", "answers", "median", "middle half", "length", "keys marked"),
         rows=tuple(table),
         numbers=frozenset({1, 2, 3, 4, 5, 6}),
-        note="Sessions of one participant are not independent of one another: this is a description and not a test.",
+        note="Sessions of one participant are not independent. So this is a description and not a test.",
     )
 
 
@@ -348,12 +348,12 @@ def _wizards(given: StudyReportInput) -> Iterable[Block]:
         yield drift_figure(
             "From cue to key, session by session",
             [_course(course) for course in courses],
-            "From cue to key in each wizard's complete sessions, in their order: the median of a session, and its "
-            "middle half. If a line climbs or falls, the wizard may have changed, or the conditions.",
+            "Each dot is the median time from cue to key in one complete session, with its middle half. Sessions are "
+            "in their order. If a line rises or falls, the wizard or the conditions may have changed.",
         )
     yield ReportTable(
-        caption="Wizards in complete sessions. From cue to key in seconds; marks as mistakes per 100 keys with their "
-        "95\u00a0% interval; rehearsals are sessions of theirs before the first that counted",
+        caption="Wizards in complete sessions. Cue to key is in seconds. Per 100: mistakes marked per 100 keys, with "
+        "the 95\u00a0% interval. Rehearsals: their sessions before the first one that counted",
         head=("wizard", "sessions", "keys", "cue to key", "middle half", "first, last", "per 100", "rehearsals"),
         rows=tuple(_wizard_row(course, "left out" if given.left_out else "none") for course in courses),
         numbers=frozenset({1, 2, 3, 4}),
@@ -407,7 +407,7 @@ def _checks(given: StudyReportInput) -> Iterable[Block]:
             ),
             numbers=frozenset({1, 2, 3, 4}),
             marked=frozenset(at for at, each in enumerate(counts) if each.skipped or each.failed),
-            note="No record: nobody answered it in that session, for example because an earlier answer still held.",
+            note="No record: nobody answered it in that session. For example, an earlier answer was still valid.",
         )
     else:
         yield Paragraph("The study has no checks.")
@@ -443,7 +443,7 @@ def _sessions(given: StudyReportInput) -> Iterable[Block]:
             )
         )
     yield ReportTable(
-        caption="Every session, in the order in which they began; the response is the session's median, in seconds",
+        caption="Every session, in the order in which they began. The response is the session's median, in seconds",
         head=(
             "who",
             "run",

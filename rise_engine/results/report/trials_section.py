@@ -30,19 +30,19 @@ UNDECLARED = (
     "trials.csv has a row for each trial."
 )
 _LEFT_OUT: dict[NoNumber, str] = {
-    "outage": "The engine was away in {names}; no time across an outage is measured.",
-    "standstill": "The engine stood still in {names}; no time across a standstill is measured.",
-    "stop": "Everything was stopped in {names}; no time across a stop is measured.",
-    "back": "A wizard stepped back in {names}, before there was a {measure}.",
-    "silent": "The robot said nothing in {names}.",
-    "cut": "The robot did not speak to the end in {names}.",
-    "end": "Nobody knows when the robot fell silent in {names}.",
-    "cue": "There was no cue in {names}.",
-    "key": "The wizard pressed no key in {names}.",
-    "unset": "There is no {measure} in {names}.",
-    "value": "Left out, because {measure} is not a number there: {names}.",
+    "outage": "because the engine was away",
+    "standstill": "because the engine stood still",
+    "stop": "because everything was stopped",
+    "back": "because a wizard stepped back before there was a {measure}",
+    "silent": "because the robot said nothing",
+    "cut": "because the robot did not speak to the end",
+    "end": "because we cannot tell when the robot fell silent",
+    "cue": "because there was no cue",
+    "key": "because the wizard pressed no key",
+    "unset": "because {measure} has no value",
+    "value": "because {measure} is not a number",
 }
-_INTERVAL = "95 % interval of the median by order statistics (at least 95 %, exact; none of fewer than 6 trials)"
+_INTERVAL = "95 % interval of the median by order statistics (at least 95 %, exact; none for fewer than 6 trials)"
 
 
 class TrialRow(Struct, frozen=True):
@@ -152,16 +152,16 @@ def _table(measure: str, rows: Sequence[TrialRow]) -> ReportTable:
         )
     left_out = [each for row in rows for each in row.left_out]
     notes = ""
-    for why, sentence in _LEFT_OUT.items():
+    for why, words in _LEFT_OUT.items():
         if names := "; ".join(name for name, reason in left_out if reason == why):
-            notes += " " + sentence.format(measure=measure, names=names)
+            notes += f" Not measured {words.format(measure=measure)}: {names}."
     return ReportTable(
         caption=f"Trials of complete sessions by condition: {measure}{' in seconds' if _unit(measure) else ''}",
         head=("condition", "people", "trials", "measured", "median", "95 % interval", "middle half"),
         rows=tuple(table),
         numbers=frozenset({1, 2, 3, 4, 5, 6}),
-        note=f"{_INTERVAL}. It takes the trials as independent, which those of one participant are not: this "
-        f"describes, and tests nothing.{notes}",
+        note=f"{_INTERVAL}. It assumes independent trials, but trials of one participant are not independent. So "
+        f"this is a description and not a test.{notes}",
     )
 
 
@@ -198,7 +198,7 @@ def _figure(measure: str, rows: Sequence[TrialRow]) -> Figure:
         value = low + (high - low) * part / 4
         drawing.text(label + room * part / 4, bottom + 14, f"{number_text(value)}{_unit(measure)}", "axis", "middle")
     return Figure(
-        caption=f"Each dot is one trial of a complete session. The line is their median, the bar the {_INTERVAL}.",
+        caption=f"Each dot is one trial of a complete session. The line is their median. The bar is the {_INTERVAL}.",
         svg=(drawing.whole(),),
         text=lambda width: _lines(measure, rows, width),
     )
@@ -255,14 +255,13 @@ def latency_section(facts: LatencyFacts, by_source: Sequence[LatencyPart]) -> Se
 def _blocks(facts: LatencyFacts, by_source: Sequence[LatencyPart]) -> Iterable[Block]:
     if facts.response.summary is None:
         if not left_out_answers(facts):
-            yield Paragraph("No act answered a cue, so it is not known how long the participant waited.")
+            yield Paragraph("No act answered a cue, so nobody knows how long the participant waited.")
     else:
         yield latency_figure(facts)
         yield ReportTable(
-            caption="From a cue to the robot's answer, in seconds. The parts of each act add up to its response: the "
-            "wizard presses a key, the key reaches the engine, rules request the act (at once, or after what they do "
-            "and wait for; without a key, from the cue on), the act waits for its turn, the robot confirms its first "
-            "action, and, where it speaks, its speech",
+            caption="From a cue to the robot's answer, in seconds. The parts of an act add up to its response. The "
+            "part rules includes what rules did and waited for, and attempts that failed. Only acts that speak have "
+            "the part voice",
             head=_HEAD,
             rows=tuple(_row(part) for part in (*facts.parts, facts.response) if part.values),
             numbers=_NUMBERS,
@@ -278,8 +277,7 @@ def _blocks(facts: LatencyFacts, by_source: Sequence[LatencyPart]) -> Iterable[B
         yield Paragraph(left_out, "note")
     if facts.to_filler.values:
         yield ReportTable(
-            caption="Fillers, apart: from the cue until the first filler, and until the answer of cues with and "
-            "without one",
+            caption="Fillers: from the cue to the first filler, and to the answer of cues with and without a filler",
             head=_HEAD,
             rows=tuple(map(_row, (facts.to_filler, facts.after_filler, facts.without_filler))),
             numbers=_NUMBERS,
@@ -326,7 +324,7 @@ def _row(part: LatencyPart) -> tuple[str, ...]:
 def _bands(facts: LatencyFacts) -> ReportTable:
     n = len(facts.response.values)
     return ReportTable(
-        caption="Responses in the reference bands, and what is known of these",
+        caption="Responses in the reference bands, and what is known about the bands",
         head=("band", "n", "share", "what is known"),
         rows=tuple(
             (band.name, str(count), percent_text(count / n), band.known)

@@ -183,7 +183,7 @@ def test_what_happened_to_whom(study: Path, told: str) -> None:
     assert "run 1, attempt 1 aborted the robot stood still" in told
     assert "recovered 1 time, 20.00 s without engine" in told
     assert f"A debriefing is recorded after 0 of {len(finished)} (0 %) complete sessions." in told
-    assert "The engine was away in P05, trial 2; no time across an outage is measured." in told
+    assert "Not measured because the engine was away: P05, trial 2." in told
 
 
 def test_who_did_what(study: Path, told: str) -> None:

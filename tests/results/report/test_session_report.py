@@ -130,7 +130,7 @@ def test_parts_of_every_answer_add_up_to_its_response(data):
 
 def test_fillers_stand_apart(data, page):
     filled = [record for record in data.records if isinstance(record, CueRecord) and record.status == "filled"]
-    table = page.table("Fillers, apart")
+    table = page.table("Fillers: from the cue")
     assert table["filler (cue to filler)"]["n"] == str(len(filled)) == "2"
     assert table["with a filler (cue to answer)"]["n"] == "2"
     assert table["without (cue to answer)"]["n"] == "1"
@@ -149,7 +149,7 @@ def test_bands_count_every_response_once(data, page):
 
 
 def test_acts_are_those_of_the_tasks(data, page):
-    table = page.table("Acts, most frequent first")
+    table = page.table("Acts, the most frequent first")
     begun = {
         record.id: "say" if record.function == "say" else record.behavior
         for record in data.records
@@ -194,7 +194,7 @@ def test_mistakes_with_their_interval(data, page):
 
 
 def test_checks_skips_notes_and_marks_are_told(page):
-    assert page.table("What was looked at")["disk"]["reason"] == "in a hurry"
+    assert page.table("Checks before and after")["disk"]["reason"] == "in a hurry"
     assert "Skipped: disk." in page.text
     assert page.table("1 note")["0:54"]["note"] == "Zelda looks away"
     assert page.table("Recorders")["camera"]["status"] == "stopped"
@@ -293,8 +293,8 @@ def test_the_first_sentences_are_so(tmp_path):
     late = replace(data.acts[0], cue_at=8.0, response_outage_s=9.0, response_interrupted="outage")
     cue = replace(data.cues[0], answered_at=9.5, answer_s=None, task=late.task)
     document = session_report(replace(data, acts=(late,), cues=(cue,)))
-    assert "1 of 1 cue was answered, none with a time that counts." in document.summary
-    assert "None of 1 cue was answered." in session_report(replace(data, acts=(), cues=(data.cues[0],))).summary
+    assert "The robot answered 1 of 1 cue, but no answer has a time that counts." in document.summary
+    assert "The robot answered none of 1 cue." in session_report(replace(data, acts=(), cues=(data.cues[0],))).summary
     assert dict(document.facts)["Wizards"] == "anna, ben"
 
 
@@ -303,7 +303,7 @@ def test_acts_in_order_are_of_who_caused_them(folder):
     data = read_session(folder)
     via = next(each for each in data.acts if each.via and each.actor == "wizard")
     told = " ".join(assert_harmless(page_text(session_report(data))).text.split()).replace("\u00a0", " ")
-    in_order = told.partition("Everything in its order")[2]
+    in_order = told.partition("Everything in order")[2]
     assert f"{via.act} {via.by.removeprefix('wizard:')}, through {' > '.join(via.via)}" in in_order
 
 

@@ -157,13 +157,13 @@ def test_only_the_assignment_that_there_is_is_told(between, within, words):
 def test_participants_and_cells(page):
     text = page.text
     assert "3 of 3 wanted" in text and "1 pilot" in text
-    cells = page.table("The plan against what happened")
+    cells = page.table("The plan and what happened")
     assert Counter({name: int(row["complete"]) for name, row in cells.items()}).total() == 3
     assert page.table("Results of each check")["disk"]["skipped"] == "6"
 
 
 def test_the_reporting_sheet_says_what_is_known_and_lists_what_is_missing(study, made, tmp_path):
-    assert "paraphrased" in made.sheet and "10.5898/JHRI.1.1.Riek" in made.sheet
+    assert "paraphrase the" in made.sheet and "10.5898/JHRI.1.1.Riek" in made.sheet
     assert f"{len(ITEM_NAMES)} items still to say" in made.sheet
     assert all(f"`{item.name}`: {item.question}" in made.sheet for item in REPORT_ITEMS)
     assert "anna in 6 sessions" in made.sheet

@@ -40,14 +40,14 @@ def test_each_trial_is_a_dot_and_its_numbers_are_text() -> None:
 def test_a_trial_in_which_the_engine_was_away_is_named() -> None:
     rows = trial_rows([("yes", [replace(FAST, left_out=((2, "outage"),))]), ("no", [SLOW])])
     table = trials_section(rows, declared=True).blocks[1]
-    assert isinstance(table, ReportTable) and "away in P01, trial 2; no time across" in table.note
+    assert isinstance(table, ReportTable) and "the engine was away: P01, trial 2." in table.note
 
 
 def test_a_trial_of_several_runs_is_named_with_its_run() -> None:
     second = replace(SLOW, facts=replace(SLOW.facts, participant="P01", run=2), left_out=((2, "outage"),))
     rows = trial_rows([("yes", [replace(FAST, facts=replace(FAST.facts, run=1))]), ("no", [second])])
     figure, table = trials_section(rows, declared=True).blocks
-    assert isinstance(table, ReportTable) and "away in P01, run 2, trial 2; no" in table.note
+    assert isinstance(table, ReportTable) and "the engine was away: P01, run 2, trial 2." in table.note
     assert isinstance(figure, Figure) and "P01, run 1, trial 4: 1.40" in figure.svg[0]
 
 
@@ -55,8 +55,8 @@ def test_a_value_that_is_no_number_is_named_where_it_is_left_out() -> None:
     rows = trial_rows([("yes", [replace(FAST, measure="score", left_out=((3, "value"), (4, "stop")))])])
     table = trials_section(rows, declared=True).blocks[1]
     assert isinstance(table, ReportTable) and table.note.endswith(
-        " Everything was stopped in P01, trial 4; no time across a stop is measured."
-        " Left out, because score is not a number there: P01, trial 3."
+        " Not measured because everything was stopped: P01, trial 4."
+        " Not measured because score is not a number: P01, trial 3."
     )
 
 
@@ -67,7 +67,7 @@ def test_every_trial_that_was_not_measured_is_named_with_a_reason() -> None:
     assert rows[0].trials == len(rows[0].values) + len(rows[0].left_out)
     table = trials_section(rows, declared=True).blocks[1]
     assert isinstance(table, ReportTable)
-    for number, said in ((3, "back in P01, trial 3"), (5, "to the end in P01"), (6, "silent in P01"), (7, "no cue in")):
+    for number, said in ((3, "stepped back"), (5, "to the end: P01"), (6, "silent: P01"), (7, "no cue: P01")):
         assert said in table.note and table.note.count(f"trial {number}") == 1
 
 
