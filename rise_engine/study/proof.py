@@ -17,6 +17,7 @@ from rise_engine.study.plan_file import PLAN_FILE
 from rise_engine.study.sessions import MOVED_AWAY, StudySession
 from rise_engine.study.state import StudyStatus
 from rise_engine.study.study_log import LOG_FILE, StudyLogError, read_log
+from rise_engine.study.traces import returned_sessions
 
 
 class ProvedSession(Struct, frozen=True):
@@ -53,14 +54,15 @@ def prove_sessions(
     :param absent: for a bundle: the logged sessions that it leaves out on purpose; all others must be there.
     """
     known = {each.name: each for each in state.sessions} if state is not None else {}
-    copies = copied_sessions(folder, state.log if state is not None else ())
+    log = state.log if state is not None else ()
+    doubtful = {**copied_sessions(folder, log), **returned_sessions(folder, log)}
     there = {path.name: path for path in session_folders(folder) if has_begun(path)}
     named = _named_in_log(folder)
     repeated = state.repeated if state is not None else {}
     for name in sorted({*known, *there, *(named if absent is not None else ())}):
         session = known.get(name)
-        if name in copies:
-            yield ProvedSession(name, None, (copies[name],))
+        if name in doubtful:
+            yield ProvedSession(name, None, (doubtful[name],))
             continue
         if session is not None and session.entry.status == "running":
             continue

@@ -26,7 +26,7 @@ from rise_engine.study.session_kinds import check_languages
 from rise_engine.study.sessions import MOVED_AWAY, StudySession, read_sessions
 from rise_engine.study.study_log import LOG_FILE, LogEntry, StudyLogError, read_log
 from rise_engine.study.study_toml import STUDY_FILE, StudyLoad, load_study
-from rise_engine.study.traces import WORK_FOLDER, interrupted_withdrawals
+from rise_engine.study.traces import WORK_FOLDER, interrupted_withdrawals, returned_sessions
 from rise_engine.study.withdrawn import is_withdrawn
 
 _OF_PARTICIPANTS = frozenset({"strata", "consent", "participants"})
@@ -159,6 +159,8 @@ def _review_log(
         _check_holders(entries, people.participants, plan.slots, diagnostics)
     for name, sentence in copied_sessions(folder, entries).items():
         diagnostics.error("copied-session", SourceLocation(f"{SESSIONS}/{name}"), sentence)
+    for name, sentence in returned_sessions(folder, entries).items():
+        diagnostics.error("returned-session", SourceLocation(f"{SESSIONS}/{name}"), sentence)
     sessions = _check_sessions(study, entries, diagnostics)
     review_entries(study, entries, sessions, people.participants, diagnostics)
     return entries, diagnostics.sorted()

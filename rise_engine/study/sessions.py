@@ -27,6 +27,7 @@ from rise_engine.study.copies import copied_sessions, session_folders
 from rise_engine.study.labels import Reassignment, reassignments, session_differences
 from rise_engine.study.model import SessionEntry
 from rise_engine.study.study_log import EntryKind, LogEntry
+from rise_engine.study.traces import returned_sessions
 from rise_engine.study.verdict import read_checks, read_verdict
 
 GIVEN_UP = "its engine had gone, and it was given up"
@@ -80,8 +81,8 @@ class MissingEntry(NamedTuple):
 def read_sessions(folder: Path, study_id: str, log: Sequence[LogEntry]) -> list[StudySession]:
     """Return every session of the study, in the order in which they began. Some may only be in the log.
 
-    Folders without any input, whose engines were killed at once, are not sessions. A journal that was lost later does
-    not make a session vanish: it is `missing`.
+    Folders without any input, whose engines were killed at once, are not sessions, and neither are copies and sessions
+    of participants who have withdrawn. A journal that was lost later does not make a session vanish: it is `missing`.
 
     :param folder: the study's folder.
     :param study_id: folders of other studies are left out, unless the log names them.
@@ -96,7 +97,7 @@ def read_sessions(folder: Path, study_id: str, log: Sequence[LogEntry]) -> list[
         about.setdefault(_text(each, "folder") or _text(each, "session"), []).append(each)
     logged = {_text(each, "folder") for each in log if each.kind == "session"}
     found: dict[str, StudySession] = {}
-    passed_over = {*copied_sessions(folder, log)}
+    passed_over = {*copied_sessions(folder, log), *returned_sessions(folder, log)}
     unreadable: dict[str, str] = {}
     for path in session_folders(folder):
         if path.name in passed_over:

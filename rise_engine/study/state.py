@@ -29,7 +29,7 @@ from rise_engine.study.sessions import MissingEntry, StudySession, missing_entri
 from rise_engine.study.standing import Places, places_of, study_standing
 from rise_engine.study.study_log import LockedLog, LogEntry, read_log_and_damage
 from rise_engine.study.study_toml import is_study, load_study
-from rise_engine.study.traces import interrupted_withdrawals, registered_recordings
+from rise_engine.study.traces import interrupted_withdrawals, registered_recordings, returned_sessions
 from rise_engine.study.withdrawn import is_withdrawn
 
 NAMED = 3
@@ -99,6 +99,12 @@ class StudyStatus(Struct, frozen=True):
     """Sentences on lines of the log that cannot be read, so that everything here may be wrong."""
 
     @property
+    def returned(self) -> dict[str, str]:
+        """Sentences on sessions of participants who have withdrawn, which are there again, by folder. They are not in
+        `sessions`."""
+        return returned_sessions(Path(self.study.folder), self.log)
+
+    @property
     def repeated(self) -> dict[str, str]:
         """Sentences on sessions that another one precedes with the same participant, run and attempt, by folder."""
         return repeated_sessions(each.entry for each in self.sessions if not each.missing)
@@ -165,7 +171,7 @@ def read_state(folder: Path) -> StudyStatus:
         standing = replace(state.standing, due=(*damaged, *state.standing.due))
         state = replace(state, standing=standing, damaged=tuple(damaged))
     due = due_retention(state.study, state.sessions, datetime.now().astimezone().date())
-    doubtful = {**copied_sessions(folder, state.log), **state.repeated}
+    doubtful = {**copied_sessions(folder, state.log), **state.repeated, **state.returned}
     due += [f"{name}: {sentence}" for name, sentence in doubtful.items()]
     return replace(state, standing=replace(state.standing, due=(*state.standing.due, *due))) if due else state
 

@@ -6,7 +6,7 @@ from __future__ import annotations
 import os
 import re
 import tomllib
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable, Iterator, Sequence
 from functools import lru_cache
 from pathlib import Path
 
@@ -21,9 +21,10 @@ from rise_engine.session.folder import JOURNAL, read_info
 from rise_engine.session.journal_format import InputLine, JournalLine, LineError, read_line
 from rise_engine.session.labels import read_labels
 from rise_engine.session.media import MEDIA_FILE, MediaFile, media_path, read_media
+from rise_engine.study.copies import SESSIONS, session_folders
 from rise_engine.study.labels import reassignment_of
-from rise_engine.study.sessions import SESSIONS
-from rise_engine.study.study_log import LOG_FILE
+from rise_engine.study.study_log import LOG_FILE, LogEntry
+from rise_engine.study.withdrawn import is_withdrawn
 
 WORK_FOLDER = ".withdrawing"
 """A folder in the study's folder, while data are being erased."""
@@ -100,6 +101,25 @@ def owner_of(folder: Path) -> str:
             return said.participant
     parts = folder.name.split("_")
     return parts[2] if len(parts) >= 5 else ""
+
+
+def returned_sessions(study: Path, log: Sequence[LogEntry]) -> dict[str, str]:
+    """Find sessions of participants who have withdrawn, which a backup, a synchronised copy or a link brings back.
+
+    :param study: the study's folder.
+    :param log: the study's log.
+    :return: a sentence for each on what to do, by the folder's name.
+    """
+    withdrawn = [each for each in log if each.kind == "withdrawn"]
+    if not withdrawn:
+        return {}
+    found: dict[str, str] = {}
+    for folder in session_folders(study):
+        if is_withdrawn(owner_of(folder), withdrawn):
+            linked = f"erase their data in {folder.resolve()}, and this link" if folder.is_symlink() else ""
+            erase = "`rise-engine study withdraw STUDY PSEUDONYM`, with theirs, erases it"
+            found[folder.name] = f"it is of a participant who has withdrawn, and is there again: {linked or erase}"
+    return found
 
 
 def registered_recordings(folder: Path, *, inside: bool = False) -> list[str]:

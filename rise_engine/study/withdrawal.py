@@ -21,8 +21,8 @@ from rise_engine.base.files import Disk, error_message, is_locked
 from rise_engine.base.nearest_name import did_you_mean
 from rise_engine.session.folder import JOURNAL, sessions_folder
 from rise_engine.session.lock import read_holder, running_message
+from rise_engine.study.copies import SESSIONS, session_folders
 from rise_engine.study.labels import reassignments
-from rise_engine.study.sessions import SESSIONS
 from rise_engine.study.study_log import LOG_FILE, SET_ASIDE_FILE, LockedLog, LogEntry, read_log
 from rise_engine.study.traces import (
     PARTICIPANTS_FILE,
@@ -97,11 +97,12 @@ def withdraw(
     :raises rise_engine.study.study_log.StudyLogError: the log cannot be read or written.
     """
     disk = disk or Disk()
-    plan_withdrawal(study, participant)
+    plan = plan_withdrawal(study, participant)
     try:
         with LockedLog(study, disk=disk) as log:
             work = _take_out(study, participant, log, disk, keep)
-        report = Erasing(study, work, disk).run() if work is not None else WithdrawalReport()
+        nothing = WithdrawalReport(unreached=plan.unreachable)
+        report = Erasing(study, work, disk).run() if work is not None else nothing
         erase_leftovers(study, report)
     except OSError as error:
         raise StudyError(
@@ -302,12 +303,14 @@ def _note_missing(plan: WithdrawalPlan, study: Path, log: Sequence[LogEntry]) ->
         for each in log
         if each.kind == "session" and each.get("participant") == plan.participant
     ]
+    links = (each for each in session_folders(study) if each.is_symlink())
+    names += [each.name for each in links if owner_of(each) == plan.participant]
     for name in dict.fromkeys(names):
         if name in plan.sessions:
             continue
         folder = study / SESSIONS / name
         if folder.is_symlink():
-            plan.unreachable.append(f"{folder} is a link to {folder.resolve()}: erase their data there")
+            plan.unreachable.append(f"{folder} is a link to {folder.resolve()}: erase their data there, and the link")
         elif not folder.exists():
             plan.unreachable.append(f"session {name} is not in {SESSIONS} any more: erase it where it is now")
 

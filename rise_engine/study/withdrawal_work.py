@@ -16,8 +16,8 @@ from rise_engine.base.files import Disk, error_message, tree_hash
 from rise_engine.scenario.files.file_names import SCENARIO_FILE
 from rise_engine.session.folder import INFO, JOURNAL, read_info
 from rise_engine.session.unfinished_files import erase_all_unfinished, erase_folder, find_leftovers, has_other_names
+from rise_engine.study.copies import SESSIONS
 from rise_engine.study.plan_file import PLAN_FILE
-from rise_engine.study.sessions import SESSIONS
 from rise_engine.study.study_log import LOG_FILE, SET_ASIDE_FILE
 from rise_engine.study.traces import (
     LIST_FILE,

@@ -23,6 +23,8 @@ from rise_engine.results.export.writing import new_export
 from rise_engine.session.lock import JournalLock
 from rise_engine.session.media import MEDIA_FILE, MediaFile, register_media
 from rise_engine.session.unfinished_files import private_folder
+from rise_engine.study.proof import prove_sessions
+from rise_engine.study.review import review_study
 from rise_engine.study.state import OpenStudy, due_retention, read_state
 from rise_engine.study.study_log import LOG_FILE, SET_ASIDE_FILE, LockedLog, StudyLogError, read_log
 from rise_engine.study.traces import WORK_FOLDER, find_names, owner_of
@@ -180,6 +182,32 @@ def test_a_second_time_there_is_nothing_to_do(made: Folder) -> None:
     before = (made.study / LOG_FILE).read_bytes()
     report = withdraw(made.study, "P01")
     assert report.erased == [] and (made.study / LOG_FILE).read_bytes() == before
+
+
+@pytest.mark.parametrize("as_link", [False, True])
+def test_a_session_that_comes_back_is_told_and_counts_nowhere(made: Folder, tmp_path: Path, as_link: bool) -> None:
+    theirs = made.sessions[0]
+    shutil.copytree(theirs, tmp_path / "backup")
+    withdraw(made.study, "P01")
+    if as_link:
+        theirs.symlink_to(tmp_path / "backup")
+    else:
+        shutil.copytree(tmp_path / "backup", theirs)
+    told = "it is of a participant who has withdrawn, and is there again: "
+    told += f"erase their data in {tmp_path / 'backup'}, and this link" if as_link else "`rise-engine study withdraw"
+    state = read_state(made.study)
+    assert any(each.startswith(f"{theirs.name}: {told}") for each in state.standing.due)
+    assert theirs.name not in {each.name for each in state.sessions}
+    (found,) = (each for each in review_study(made.study).diagnostics if each.code == "returned-session")
+    assert (found.severity, found.location.file) == ("error", f"sessions/{theirs.name}")
+    assert found.message.startswith(told)
+    proofs = {each.name: each for each in prove_sessions(made.study, state)}
+    assert proofs[theirs.name].problems[0].startswith(told)
+    with OpenStudy(made.study):
+        assert "P01" not in (made.study / LOG_FILE).read_text("utf-8").replace("P011", "")
+    report = withdraw(made.study, "P01")
+    assert [each for each in report.unreached if f"{theirs} is a link to" in each] != [] or not as_link
+    assert theirs.exists() == as_link
 
 
 def test_somebody_without_a_session(made: Folder) -> None:

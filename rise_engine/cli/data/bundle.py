@@ -8,7 +8,7 @@ from pathlib import Path
 import click
 
 from rise_engine.base.text import pluralize
-from rise_engine.cli.data.export import ended_by_signals, level_option, select_sessions
+from rise_engine.cli.data.export import ended_by_signals, level_option, select_sessions, uncounted_text
 from rise_engine.cli.options import PRIVATE, STUDY_OR_HERE
 from rise_engine.cli.terminal import print_lines
 from rise_engine.privacy.levels import ExportLevel
@@ -42,8 +42,14 @@ def bundle(
     selection = select_sessions([str(study)], all=all_sessions)
     options = BundleOptions(level, private, license.strip())
     with ended_by_signals():
-        left_out = [*selection.remarks, *selection.unread]
-        report = make_bundle(read_state(study.absolute()), selection.folders, Path(output), options, left_out)
+        report = make_bundle(
+            read_state(study.absolute()),
+            selection.folders,
+            Path(output),
+            options,
+            left_out=selection.left_out,
+            remarks=[uncounted_text(each) for each in selection.uncounted.values()],
+        )
     print_lines(
         f"{output}: a bundle of {pluralize(report.sessions, 'session')}, level {options.level}",
         "",

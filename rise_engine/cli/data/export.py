@@ -20,7 +20,14 @@ from rise_engine.base.text import pluralize
 from rise_engine.cli.options import ALL_SESSIONS, PRIVATE, STUDIES_OR_SESSIONS, without_file
 from rise_engine.cli.terminal import print_notes, refusing, standard_output
 from rise_engine.privacy.levels import LEVELS, ExportLevel
-from rise_engine.results.export.format import ExportError, ExportFormat, format_names, load_format
+from rise_engine.results.export.format import (
+    HAS_WITHDRAWN,
+    ExportError,
+    ExportFormat,
+    LeftOut,
+    format_names,
+    load_format,
+)
 from rise_engine.results.export.records import RecordFormat, SessionExport
 from rise_engine.results.export.writing import export_context, export_sessions, new_export
 from rise_engine.session.folder import find_session
@@ -64,14 +71,25 @@ class Selection(Struct):
     """The state of the study, if only a study was named."""
     several: bool = False
     """Whether a study, or more than one session, was named."""
-    remarks: list[str] = field(default_factory=list)
-    """What is left out, in sentences."""
-    unread: list[str] = field(default_factory=list)
-    """What is left out because it cannot be read, in sentences."""
+    left_out: list[LeftOut] = field(default_factory=list)
+    """Sessions that are in no export."""
+    uncounted: dict[Path, Counter[str]] = field(default_factory=dict)
+    """How many sessions of each study are left out because they are not data, by the reason in a word."""
     notes: list[str] = field(default_factory=list)
     """What to know of selected sessions, in sentences."""
     problems: list[str] = field(default_factory=list)
     """What is wrong in their studies, in sentences."""
+
+    @property
+    def remarks(self) -> list[str]:
+        """What is left out, in sentences."""
+        uncounted = [uncounted_text(counts, f" of {path}") for path, counts in self.uncounted.items()]
+        return [*(str(each) for each in self.left_out if not each.unread), *uncounted]
+
+    @property
+    def unread(self) -> list[str]:
+        """What is left out because it cannot be read, in sentences."""
+        return [str(each) for each in self.left_out if each.unread]
 
 
 def level_option(default: ExportLevel, about: str) -> Callable[[Command], Command]:
@@ -199,25 +217,35 @@ def _select_study(selection: Selection, path: Path, *, all: bool, alone: bool) -
     if alone:
         selection.standing = state.standing
     copies = copied_sessions(path, state.log)
-    selection.remarks += [f"{name} is not in the export: {each}" for name, each in copies.items()]
+    selection.left_out += [LeftOut(name, "it is a copy of another session", each) for name, each in copies.items()]
+    selection.left_out += [LeftOut(name, HAS_WITHDRAWN) for name in state.returned]
     left_out: Counter[str] = Counter()
     for session in state.sessions:
         why = _why_left_out(session)
         if session.info is None:
-            told = selection.remarks if session.missing == MOVED_AWAY else selection.unread
-            told.append(f"{session.name} is not in the export: it {session.missing}")
-        elif session.entry.participant in state.places.withdrawn:
-            selection.remarks.append(f"{session.name} is not in the export: its participant has withdrawn")
+            missing, unread = f"it {session.missing}", session.missing != MOVED_AWAY
+            selection.left_out.append(LeftOut(session.name, missing.partition(":")[0], missing, unread))
         elif why and not all:
             left_out[why] += 1
         else:
             selection.folders.append(session.path)
             selection.notes += [f"{session.name} {session.without_end}"] if session.without_end else []
     if left_out:
-        counts = ", ".join(f"{count} {why}" for why, count in left_out.items())
-        sessions = pluralize(left_out.total(), "session")
-        verb = "is" if left_out.total() == 1 else "are"
-        selection.remarks.append(f"{sessions} of {path} {verb} not in the export ({counts}): --all takes them in")
+        selection.uncounted[path] = left_out
+
+
+def uncounted_text(left_out: Counter[str], of: str = "") -> str:
+    """Say how many sessions are left out because they are not data.
+
+    >>> uncounted_text(Counter(pilot=2))
+    '2 sessions are not in the export (2 pilot): --all takes them in'
+
+    :param left_out: their number by the reason in a word.
+    :param of: whose sessions they are, with a space before it.
+    """
+    counts = ", ".join(f"{count} {why}" for why, count in left_out.items())
+    verb = "is" if left_out.total() == 1 else "are"
+    return f"{pluralize(left_out.total(), 'session')}{of} {verb} not in the export ({counts}): --all takes them in"
 
 
 def _why_left_out(session: StudySession) -> str:

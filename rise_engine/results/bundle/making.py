@@ -32,7 +32,7 @@ from rise_engine.results.bundle.inputs import check_inputs
 from rise_engine.results.bundle.look_at import LookAt
 from rise_engine.results.bundle.manifest import fingerprint, manifest_text, write_zip
 from rise_engine.results.bundle.study_files import copy_scenarios, log_text, participants_text, study_text, told_name
-from rise_engine.results.export.format import ExportError, load_format
+from rise_engine.results.export.format import HAS_WITHDRAWN, ExportError, LeftOut, load_format
 from rise_engine.results.export.questionnaire_tables import answers_text, told_answers
 from rise_engine.results.export.writing import export_context, new_export
 from rise_engine.session.coded import coded_paths
@@ -67,7 +67,13 @@ class BundleReport(Struct):
 
 
 def make_bundle(
-    state: StudyStatus, folders: Sequence[Path], out: Path, options: BundleOptions, remarks: Sequence[str] = ()
+    state: StudyStatus,
+    folders: Sequence[Path],
+    out: Path,
+    options: BundleOptions,
+    *,
+    left_out: Sequence[LeftOut] = (),
+    remarks: Sequence[str] = (),
 ) -> BundleReport:
     """Make the bundle of a study.
 
@@ -75,23 +81,24 @@ def make_bundle(
     :param folders: its sessions, in the order in which they began.
     :param out: a new folder, or a new file whose name ends in `.zip`.
     :param options: how much it shows.
-    :param remarks: sentences on sessions of the study that are not in `folders`.
+    :param left_out: sessions of the study that are not in `folders`.
+    :param remarks: sentences on others that are not, without names and paths.
     :raises ExportError: it cannot be made; nothing of it is left.
     """
     if state.interrupted or state.damaged:
         raise ExportError("no bundle was made", *state.interrupted, *state.damaged)
     if not folders:
-        raise ExportError("there is no session to put into a bundle", *remarks)
+        raise ExportError("there is no session to put into a bundle", *map(str, left_out), *remarks)
     study, is_folder = Path(state.study.folder).resolve(), out.suffix != ".zip"
     people = {study: state.pseudonyms}
     try:
         with new_export(out, folders, "bundle", options.level, folder=is_folder, people=people) as export:
             bundle = _Bundle(read_state(study), folders, options)  # again: from now on, changes are noticed
-            bundle.report.left_out += [*remarks, *export.problems]
+            bundle.report.look_at += [*map(str, left_out), *export.problems]
             here = export.here
             root = here if out.suffix != ".zip" else here.with_name("bundle")
             root.mkdir(0o700)
-            bundle.write(root)
+            bundle.write(root, left_out, remarks)
             if root != here:
                 write_zip(root, here)
     except (ExportError, SessionError) as error:
@@ -113,6 +120,7 @@ class _Bundle:
         self._sessions: list[CrateSession] = []
         self._names: dict[str, str] = {}
         """The name of each session in the bundle, by its folder's name."""
+        self._unread: list[LeftOut] = []
         self._absent: dict[str, str] = {}
         """Why logged sessions are not in the bundle, by their names in its log."""
         self._versions: dict[str, set[str]] = {}
@@ -121,9 +129,11 @@ class _Bundle:
         self._look_at = LookAt(state.study, options.level)
         self.report = BundleReport()
 
-    def write(self, root: Path) -> None:
+    def write(self, root: Path, left_out: Sequence[LeftOut], remarks: Sequence[str]) -> None:
         """Write everything; metadata and checksums come last. Raises SessionError, ExportError, OSError."""
         self._write_sessions(root / SESSIONS)
+        self._tell_left_out([*left_out, *self._unread])
+        self.report.left_out += remarks
         inputs = self._write_study(root)
         about = AboutBundle(self._options, rehearsals=self._rehearsals(), absent=self._absent)
         write_about(root, about)
@@ -159,9 +169,21 @@ class _Bundle:
         )
 
     def _note_unreadable(self, folder: Path, error: SessionError) -> None:
-        sentence = f"{folder.name} cannot be read: {error}"
-        if sentence not in self.report.left_out:
-            self.report.left_out.append(sentence)
+        why = LeftOut(folder.name, "it cannot be read", f"it cannot be read: {error}", unread=True)
+        if why not in self._unread:
+            self._unread.append(why)
+            self.report.look_at.append(str(why))
+
+    def _tell_left_out(self, left_out: Sequence[LeftOut]) -> None:
+        """Tell others what is left out, with the names that the level shows. Nobody who has withdrawn is named."""
+        gone = [each for each in left_out if each.why == HAS_WITHDRAWN]
+        if gone:
+            self.report.left_out.append(f"{pluralize(len(gone), 'session')}, because the participant has withdrawn")
+        known = {each.name for each in self._state.sessions}
+        for each in left_out:
+            if each not in gone:
+                name = f"session {told_name(each.name, self._names, self._level)}"
+                self.report.left_out.append(f"{name if each.name in known else 'a folder'}, because {each.why}")
 
     def _write_sessions(self, target: Path) -> None:
         target.mkdir(0o700)
@@ -176,8 +198,9 @@ class _Bundle:
                 self._write_session(data, target / name)
                 self.report.sessions += 1
             except SessionError as error:
+                why = str(error).replace(str(data.folder), name)
                 self.report.left_out.append(
-                    f"session {name} itself, because {error}. Its exports at this level are in {UNPROVED}/"
+                    f"session {name} itself, because {why}. Its exports at this level are in {UNPROVED}/"
                 )
                 where = ""
                 self._absent[name] = f"it could not be shared; its exports at this level are in {UNPROVED}/"
@@ -191,7 +214,7 @@ class _Bundle:
                 recordings = pluralize(len(data.media), "recording")
                 self.report.left_out.append(f"{recordings} of {name}: add the files yourself, if people agreed to that")
         if not self._sessions:
-            raise ExportError("no session could be read", *self.report.left_out)
+            raise ExportError("no session could be read", *map(str, self._unread))
 
     def _write_session(self, data: SessionData, target: Path) -> None:
         if self._level == "full":

@@ -42,6 +42,25 @@ class ExportContext(Struct):
     """Sentences for the person who exports; formats append to it."""
 
 
+class LeftOut(Struct, frozen=True):
+    """A session's folder that is not in an export or a bundle."""
+
+    name: str
+    why: str
+    """A sentence about it without names of folders, paths and dates."""
+    detail: str = ""
+    """The same for the people of the study, with these. Empty: there are none."""
+    unread: bool = False
+    """Whether it could not be read."""
+
+    def __str__(self) -> str:
+        return f"{self.name} is not in the export: {self.detail or self.why}"
+
+
+HAS_WITHDRAWN = "its participant has withdrawn"
+"""Why nothing names a session to others, whatever the level."""
+
+
 class ExportError(RiseError):
     """An export or a bundle cannot be made or read; a sentence, or several lines."""
 

@@ -22,7 +22,7 @@ from rise_engine.results.bundle.manifest import opened_bundle
 from rise_engine.results.bundle.study_files import log_text, participants_text, study_text
 from rise_engine.results.export.format import ExportError
 from rise_engine.study.proof import prove_sessions
-from rise_engine.study.state import read_state
+from rise_engine.study.state import OpenStudy, read_state
 from rise_engine.study.study_log import LogEntry, read_log
 from rise_engine.study.study_toml import load_study
 from rise_engine.study.withdrawal import withdraw
@@ -191,6 +191,47 @@ def test_a_withdrawal_erases_the_bundle(tmp_path: Path) -> None:
     assert report.make_again == [f"{study / 'bundle'} (with P02, P03)"]
     assert (tmp_path / "elsewhere").exists()
     assert any(f"{tmp_path / 'elsewhere'} was exported with their data" in sentence for sentence in report.unreached)
+
+
+@pytest.mark.parametrize("level", ["public", "full"])
+def test_no_bundle_names_a_session_of_somebody_who_has_withdrawn_and_whose_session_came_back(
+    tmp_path: Path, level: ExportLevel
+) -> None:
+    study = make_study(tmp_path / "study")
+    theirs = sessions_of(study)[1]
+    shutil.copytree(theirs, tmp_path / "backup")
+    withdraw(study, "P01")
+    shutil.copytree(tmp_path / "backup", theirs)
+    kept = (study / "study.jsonl").read_bytes()
+    status, said, _ = run("study", "bundle", study, "-o", tmp_path / "bundle", "--level", level)
+    assert status == 0
+    assert "1 session, because the participant has withdrawn" in (tmp_path / "bundle" / "README.md").read_text("utf-8")
+    assert "p01" not in texts_in(tmp_path / "bundle")
+    assert list((tmp_path / "bundle").rglob("*P01*")) == []
+    assert f"{theirs.name} is not in the export: its participant has withdrawn" in said.partition("look at this")[2]
+    with OpenStudy(study):
+        assert kept in (study / "study.jsonl").read_bytes()
+    assert "P01" not in (study / "study.jsonl").read_text("utf-8"), "the next session writes nothing of them"
+
+
+@pytest.mark.parametrize("level", ["shared", "full"])
+def test_sessions_that_are_left_out_have_the_names_of_the_level(tmp_path: Path, level: ExportLevel) -> None:
+    study = make_study(tmp_path / "study")
+    _, unreadable, moved, copied, gone, *_ = sessions_of(study)
+    (unreadable / "session.toml").write_text("")
+    moved.rename(tmp_path / "moved")
+    shutil.copytree(copied, study / "sessions" / "2024-12-24 P02 again")
+    shutil.rmtree(gone / "scenario")
+    status, said, _ = run("study", "bundle", study, "-o", tmp_path / "bundle", "--level", level)
+    readme = (tmp_path / "bundle" / "README.md").read_text("utf-8")
+    assert status == 0
+    cut = (lambda name: name) if level == "full" else (lambda name: name[18:])
+    assert f"- session {cut(unreadable.name)}, because it cannot be read\n" in readme
+    assert f"- session {cut(moved.name)}, because it is not in the study's sessions any more\n" in readme
+    assert "- a folder, because it is a copy of another session\n" in readme
+    assert str(tmp_path) not in readme
+    assert ("2024-1" in readme) == (level == "full")
+    assert f"{unreadable.name} is not in the export: it cannot be read: {unreadable}" in said, "for the study's people"
 
 
 def test_the_plan_is_left_out_while_somebody_is_to_come(tmp_path: Path) -> None:
