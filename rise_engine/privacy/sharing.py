@@ -84,24 +84,29 @@ def share_session(
     level: ExportLevel,
     private: Iterable[str] = (),
     wizards: Mapping[str, str] | None = None,
+    run_as: str = "",
 ) -> SharedSession:
     """Write the session in `folder` to the new folder `target`, at an export level.
 
     :param level: `shared` or `public`.
     :param private: private memory keys in addition to the scenario's.
     :param wizards: the code of each wizard, by name.
+    :param run_as: replaces the participant under whom it was run; empty: they may be named.
     :raises SessionError: the session is damaged, does not replay, or would go differently without what is private.
         Nothing is left at `target` then.
     :raises OSError: it cannot be written.
     """
-    return _Sharing(folder, level, tuple(private), wizards or {}).write(target)
+    return _Sharing(folder, level, tuple(private), wizards or {}, run_as).write(target)
 
 
 class _Sharing:
     """The work of sharing one session."""
 
-    def __init__(self, folder: Path, level: ExportLevel, private: tuple[str, ...], wizards: Mapping[str, str]) -> None:
+    def __init__(
+        self, folder: Path, level: ExportLevel, private: tuple[str, ...], wizards: Mapping[str, str], run_as: str
+    ) -> None:
         self._folder = folder
+        self._run_as = run_as
         try:
             self._info = read_info(folder)
             self._contents = read_journal(folder / JOURNAL)
@@ -169,7 +174,7 @@ class _Sharing:
 
     def _without_private(self, input: AnyInput, body: dict[str, Any]) -> dict[str, Any]:
         if isinstance(input, SessionStarted):
-            return {**body, "memory": self._stand_ins.replace_memory(body["memory"])}
+            return {**self._without_person(body), "memory": self._stand_ins.replace_memory(body["memory"])}
         if isinstance(input, Submit):
             if self._is_name(input):
                 return body
@@ -183,6 +188,10 @@ class _Sharing:
             name: self._stand_ins.replace(each) if name in fields and isinstance(each, str | list) else each
             for name, each in body.items()
         }
+
+    def _without_person(self, body: dict[str, Any]) -> dict[str, Any]:
+        """Replace the participant in an input or a record, if they must not be named."""
+        return {**body, "participant": self._run_as} if self._run_as and body.get("participant") else body
 
     def _is_name(self, task: Submit) -> bool:
         """Whether a task's behaviour is a name from the scenario or a number, not a text."""
@@ -217,7 +226,11 @@ class _Sharing:
 
     def _shared_lines(self, new: LevelFilter) -> Iterator[bytes]:
         """Give the lines of the new journal. Raises SessionError if its records differ from the old at the level."""
-        for _, _, line in self._changed().lines(self._old.apply, new.apply):
+
+        def old(values: dict[str, Any]) -> dict[str, Any]:
+            return self._without_person(self._old.apply(values))
+
+        for _, _, line in self._changed().lines(old, new.apply):
             if isinstance(line, JournalHeader):
                 line = JournalHeader(FORMAT, f"rise-tui {self._info.versions.get('rise-tui', '')}".strip())
             elif not isinstance(line, InputLine):
@@ -249,6 +262,7 @@ class _Sharing:
         return replace(
             info,
             format=FORMAT,  # this version has written its journal
+            participant=self._run_as or info.participant,
             scenario_folder="",
             started="",
             ros_args=(),

@@ -37,6 +37,10 @@ _ABOUT_SESSIONS = frozenset({"session", "outcome", "reassigned"})
 """Kinds of entries with a session's labels."""
 
 
+RUN_BY_WITHDRAWN = "withdrawn"
+"""Stands for a participant who has withdrawn, where a session was run under their pseudonym."""
+
+
 class Reassignment(Struct, frozen=True):
     """The change of a session's participant after it was run."""
 
@@ -52,8 +56,8 @@ class Reassignment(Struct, frozen=True):
 
     @property
     def run_as(self) -> str:
-        """The participant under whom it was run. `withdrawn`: they have withdrawn."""
-        return "withdrawn" if self.was.startswith(PREFIX) else self.was
+        """The participant under whom it was run. `RUN_BY_WITHDRAWN`: they have withdrawn."""
+        return RUN_BY_WITHDRAWN if self.was.startswith(PREFIX) else self.was
 
     @property
     def sentence(self) -> str:

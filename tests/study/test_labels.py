@@ -16,7 +16,7 @@ from click.testing import CliRunner
 from rise_engine.checks.child_main import look_at_last_session
 from rise_engine.cli.program import main
 from rise_engine.kernel.inputs import SessionStarted
-from rise_engine.privacy.levels import LEVELS
+from rise_engine.privacy.levels import LEVELS, ExportLevel
 from rise_engine.results.analysis.reading import read_session
 from rise_engine.results.bundle.making import BundleOptions, make_bundle
 from rise_engine.results.export.format import ExportError
@@ -725,6 +725,22 @@ def test_a_bundle_keeps_it(moved: Path, study: Path, tmp_path: Path) -> None:
     make_bundle(read_state(study), sessions_of(study), tmp_path / "bundle", BundleOptions("shared"))
     folder = next(each for each in sessions_of(tmp_path / "bundle") if read_session(each).facts.outcome == "aborted")
     assert read_session(folder).facts.participant == "P04"
+
+
+@pytest.mark.parametrize("level", ["shared", "public"])
+def test_a_bundle_does_not_name_the_former_participant_who_has_withdrawn(
+    moved: Path, study: Path, tmp_path: Path, level: ExportLevel
+) -> None:
+    run("study", "withdraw", study, "P02", "--yes")
+    edit(study / "participants.csv", "^P02.*\n", "")
+    report = make_bundle(read_state(study), [moved, sessions_of(study)[1]], tmp_path / "bundle", BundleOptions(level))
+    assert report.sessions == 2
+    files = [each for each in (tmp_path / "bundle").rglob("*") if each.is_file() and each.suffix != ".whl"]
+    assert [each for each in files if b"P02" in each.read_bytes() or "P02" in each.name] == []
+    folder = next(each for each in sessions_of(tmp_path / "bundle") if "P04" in each.name)
+    facts = read_session(folder).facts
+    assert (facts.participant, facts.run_as, facts.outcome) == ("P04", "withdrawn", "aborted")
+    assert not [each for each in report.look_at if "reproduce" in each]
 
 
 def test_a_session_that_is_reassigned_and_back_is_told_so(moved: Path, study: Path) -> None:

@@ -40,6 +40,7 @@ from rise_engine.session.folder import INFO, JOURNAL
 from rise_engine.session.media import MEDIA_FILE
 from rise_engine.session.scenario_copies import copy_folders
 from rise_engine.session.shadow import shadow_files
+from rise_engine.study.labels import RUN_BY_WITHDRAWN
 from rise_engine.study.plan_file import PLAN_FILE
 from rise_engine.study.proof import prove_sessions
 from rise_engine.study.publishing import authors_of
@@ -220,8 +221,14 @@ class _Bundle:
         if self._level == "full":
             _copy_session(data.folder, target)
             return
+        run_as = data.facts.run_as if data.facts.run_as == RUN_BY_WITHDRAWN else ""
         shared = share_session(
-            data.folder, target, level=self._level, private=self._options.private, wizards=self._people
+            data.folder,
+            target,
+            level=self._level,
+            private=self._options.private,
+            wizards=self._people,
+            run_as=run_as,
         )
         self._people.update(shared.people)
         self._look_at.add_shared(target, shared)
