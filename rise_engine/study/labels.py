@@ -56,7 +56,9 @@ class Reassignment(Struct, frozen=True):
 
     @property
     def run_as(self) -> str:
-        """The participant under whom it was run. `RUN_BY_WITHDRAWN`: they have withdrawn."""
+        """The participant under whom it was run. `RUN_BY_WITHDRAWN`: they have withdrawn. Empty: it is theirs again."""
+        if self.participant == self.was:
+            return ""
         return RUN_BY_WITHDRAWN if self.was.startswith(PREFIX) else self.was
 
     @property

@@ -749,3 +749,4 @@ def test_a_session_that_is_reassigned_and_back_is_told_so(moved: Path, study: Pa
     status, lines = check_sessions(study)
     assert status == 0
     assert f"{moved.name}: run as P02, and reassigned and back: it was P02 after all" in "\n".join(lines)
+    assert read_session(moved).facts.run_as == ""

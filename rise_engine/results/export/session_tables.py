@@ -329,7 +329,7 @@ def _level_text(level: Level) -> str:
 _LEFT_OUT = frozenset(
     {
         *("session", "participant", "study", "study_hash", "slot", "attempt", "outcome_reason", "title", "seed"),
-        *("started", "program", "speed", "scenario_hash", "purpose", "unreadable"),
+        *("started", "program", "speed", "scenario_hash", "purpose", "unreadable", "run_as"),
     }
 )
 """Columns of the table of sessions that reveal the person or the date, or that would match a copy of the record."""

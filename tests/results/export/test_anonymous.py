@@ -67,6 +67,16 @@ def test_of_several_people_the_order_says_nothing(study: Path) -> None:
     assert first < {row["id"] for row in rows}
 
 
+def test_a_reassigned_session_says_nothing_of_whom_it_was_run_under(study: Path) -> None:
+    session = next(path.name for path in sorted((study / "sessions").iterdir()) if "P02" in path.name)
+    for participant in ("P04", "P02"):
+        arguments = ["study", "reassign", str(study), session, participant, "--reason", "they sat there"]
+        assert CliRunner().invoke(main, arguments).exit_code == 0
+    run(study, "P02", "--yes", "--keep-anonymous")
+    text = (study / FILE).read_text("utf-8")
+    assert len(rows_of(study)) == 3 and "run_as" not in text and "P0" not in text
+
+
 def test_who_has_not_agreed_is_not_kept_and_nothing_is_erased(study: Path) -> None:
     before = sorted(path.name for path in (study / "sessions").iterdir())
     status, _, errors = run(study, "P03", "--yes", "--keep-anonymous")
