@@ -8,7 +8,7 @@ erases everything on the list, which can take long, and finally the list. The ne
 from __future__ import annotations
 
 import os
-from collections.abc import Sequence
+from collections.abc import Collection, Sequence
 from contextlib import suppress
 from functools import partial
 from pathlib import Path
@@ -39,12 +39,14 @@ from rise_engine.study.traces import (
     why_media_unknown,
 )
 from rise_engine.study.withdrawal_work import (
+    EXPORTED,
     Erasing,
     KnownBy,
     WithdrawalPlan,
     WithdrawalReport,
     erase_leftovers,
     erase_unlisted,
+    is_there,
     join_plans,
     left_work,
     new_work,
@@ -134,7 +136,8 @@ def _take_out(
     own = set(plan.sessions)
     _clear_set_aside(study / SET_ASIDE_FILE, participant, own)
     known = any(_concerns(each, participant, own) for each in entries)
-    if work is None and not plan.sessions and not known and is_withdrawn(participant, entries):
+    nothing = not (plan.sessions or plan.exports or known)
+    if work is None and nothing and is_withdrawn(participant, entries):
         with suppress(OSError):
             (study / WORK_FOLDER).rmdir()
         return None
@@ -163,12 +166,14 @@ def _move_out(folder: Path, target: Path) -> None:
 def _rewrite_log(log: LockedLog, entries: list[LogEntry], participant: str, own: set[str]) -> None:
     """Rewrite the log without the participant and with the entry of the withdrawal, in one step.
 
-    Their entries are removed, except those that their slot was taken, which get the hash, and of the moment the day.
+    Their entries are removed. The hash replaces the pseudonym in two kinds: that their slot was taken, with the day
+    instead of the moment, and exports, which may have others in them too. `Erasing` removes exports that it erases.
     """
     salt = new_salt()
     digest = hash_pseudonym(participant, salt)
     slots = [each.get("slot") for each in entries if each.kind == "taken" and each.get("participant") == participant]
     kept: list[LogEntry] = []
+    moved = reassignments(entries).keys() - own
     moved_to_them: dict[str, Any] = {}
     for entry in entries:
         session = str(entry.get("session"))
@@ -178,6 +183,8 @@ def _rewrite_log(log: LockedLog, entries: list[LogEntry], participant: str, own:
             entry = replace(entry, fields={**entry.fields, "was": moved_to_them.pop(session)})
         if not _concerns(entry, participant, own):
             kept.append(entry)
+        elif entry.kind in EXPORTED:
+            kept += _export_without(entry, participant, own, PREFIX + digest, moved)
         elif entry.kind == "taken" or not _is_about(entry, participant, own):
             named = participant in (entry.get(field) for field in _NAMING)
             at = entry.at[:_DAY] if named else entry.at  # a calendar would tell whose moment it is
@@ -185,6 +192,24 @@ def _rewrite_log(log: LockedLog, entries: list[LogEntry], participant: str, own:
     withdrawn = {"slot": slots[-1] if slots else None, "salt": salt, "hash": digest}
     log.rewrite([*kept, LogEntry("withdrawn", log.now_text(), withdrawn, 0)])
     _clear_set_aside(log.path.with_name(SET_ASIDE_FILE), participant, own)
+
+
+def _export_without(
+    entry: LogEntry, participant: str, own: set[str], name: str, moved: Collection[str]
+) -> list[LogEntry]:
+    """Return the entry of an export with another name instead of theirs, and without their sessions. Empty: its path
+    names them.
+
+    :param moved: sessions that may have been run under their pseudonym, and are others'.
+    """
+    path = str(entry.get("path"))
+    if own & {*Path(path).parts} or has_name(path, participant):
+        return []
+    sessions = [str(each) for each in entry.get("sessions") or ()]
+    theirs = own | {each for each in sessions if has_name(each, participant) and each not in moved}
+    people = [name if each == participant else each for each in _named(entry)]
+    fields = {"participants": people, "sessions": [each for each in sessions if each not in theirs]}
+    return [replace(entry, fields={**entry.fields, **fields})]
 
 
 def _by_owner(entries: Sequence[LogEntry], participant: str) -> list[LogEntry]:
@@ -273,15 +298,20 @@ def _recording_facts(folders: Sequence[Path], path: str) -> KnownBy:
 
 def _plan_exports(plan: WithdrawalPlan, study: Path, log: Sequence[LogEntry]) -> None:
     """Plan which of their exports to erase. Whether each is unchanged is checked later."""
+    withdrawn = [each for each in log if each.kind == "withdrawn"]
+    again = is_withdrawn(plan.participant, withdrawn)
+    own = {plan.participant, *(PREFIX + hash_pseudonym(plan.participant, str(each.get("salt"))) for each in withdrawn)}
     for entry in log:
         path, names = entry.get("path"), _named(entry)
-        if not isinstance(path, str) or plan.participant not in names:
+        if not isinstance(path, str) or own.isdisjoint(names):
             continue
         if entry.kind == "exported":
+            if again and not is_there(study, path):
+                continue  # the first time, people were told to erase it
             if sentence := why_not_export(study, path):
                 plan.unreachable += [sentence] if sentence not in plan.unreachable else []
                 continue
-            others = [each for each in names if each != plan.participant]
+            others = [each for each in names if each not in own and not each.startswith(PREFIX)]
             plan.exports[path] = list(dict.fromkeys([*plan.exports.get(path, []), *others]))
             if entry.get("folder") is True and path not in plan.export_folders:
                 plan.export_folders.append(path)

@@ -18,7 +18,7 @@ from rise_engine.session.folder import INFO, JOURNAL, read_info
 from rise_engine.session.unfinished_files import erase_all_unfinished, erase_folder, find_leftovers, has_other_names
 from rise_engine.study.copies import SESSIONS
 from rise_engine.study.plan_file import PLAN_FILE
-from rise_engine.study.study_log import LOG_FILE, SET_ASIDE_FILE
+from rise_engine.study.study_log import LOG_FILE, SET_ASIDE_FILE, LockedLog
 from rise_engine.study.traces import (
     LIST_FILE,
     MANIFEST_FILE,
@@ -29,12 +29,16 @@ from rise_engine.study.traces import (
     questionnaire_files,
 )
 from rise_engine.study.withdrawn import FILE as KEPT_FILE
-from rise_engine.study.withdrawn import add_rows
+from rise_engine.study.withdrawn import add_rows, is_withdrawn
 
 _STUDYS_OWN = frozenset({SESSIONS, STUDY_FILE, PARTICIPANTS_FILE, PLAN_FILE, LOG_FILE, SET_ASIDE_FILE, KEPT_FILE})
 _OF_SOMEBODY = (INFO, JOURNAL, STUDY_FILE, LOG_FILE)
 _OF_EXPORTS = (MANIFEST_FILE, "dataset_description.json")
 """The files at the top of a bundle and of a BIDS export. Both contain copies of scenarios."""
+
+
+EXPORTED = frozenset({"exported", "written"})
+"""Kinds of entries of the log about an export."""
 
 
 class KnownBy(Struct):
@@ -68,6 +72,12 @@ def why_not_export(study: Path, export: str) -> str:
     if own or path.is_symlink() or _is_of_scenario(real, root):
         return f"{path} is named as an export of their data, and is a part of the study: check what it is"
     return ""
+
+
+def is_there(study: Path, export: str) -> bool:
+    """Whether an export, or what a killed program has left of it, is still in its place."""
+    path = study / export
+    return os.path.lexists(path) or bool(find_leftovers(_real_place(path)))
 
 
 def why_not_recording(study: Path, session: Path, path: Path, facts: KnownBy) -> str:
@@ -278,12 +288,31 @@ class Erasing:
                 for each in _linked_files(self._work / name)
             ]
             self._erase(self._work / name, f"{SESSIONS}/{name}")
+        self._forget_exports()
         if not self._failed:
             erase_folder(self._work)  # with the list: nothing is left to do
             with suppress(OSError):  # another participant's data are being erased too
                 (self._study / WORK_FOLDER).rmdir()
         self._disk.sync_folder(self._study)
         return report
+
+    def _forget_exports(self) -> None:
+        """Remove the erased exports from the log. Exports made after the withdrawal may have the same names.
+
+        :raises rise_engine.study.study_log.StudyLogError: the log cannot be read or written.
+        """
+        plan = self._plan
+        gone = {each for each in plan.exports if each in plan.begun and not os.path.lexists(self._study / each)}
+        if not gone:
+            return
+        with LockedLog(self._study, disk=self._disk) as log:
+            entries = log.entries()
+            end = max((each.line for each in entries if is_withdrawn(plan.participant, [each])), default=0)
+            kept = [
+                each for each in entries if not (each.kind in EXPORTED and each.get("path") in gone and each.line < end)
+            ]
+            if len(kept) < len(entries):
+                log.rewrite(kept)
 
     def _erase_if_same(self, text: str, why: str, *, proved: bool = True) -> bool:
         path, plan = self._study / text, self._plan

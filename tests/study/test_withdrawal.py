@@ -368,6 +368,37 @@ def run(*arguments: object, typed: str | None = None) -> Result:
     return CliRunner().invoke(main, [str(each) for each in arguments], input=typed)
 
 
+def test_the_next_who_withdraws_is_told_of_the_exports_that_are_still_somewhere(made: Folder, tmp_path: Path) -> None:
+    (tmp_path / "tables").write_text("rows of P01 and P02")
+    who = {"participants": ["P01", "P02"], "sessions": [each.name for each in made.sessions[:3]]}
+    with LockedLog(made.study) as log:
+        log.append("exported", path=str(tmp_path / "tables"), **who)
+        for name in ("changed", "moved"):
+            (made.study / name).write_text("rows")
+            log.append("exported", path=name, **who)
+            log.append("written", path=name, sha256=tree_hash(made.study / name), **who)
+    (made.study / "changed").write_text("other rows")
+    (made.study / "moved").rename(tmp_path / "moved")
+    outside = (
+        f"{tmp_path / 'tables'} was exported with their data, and is outside the study's folder: erase it yourself"
+    )
+    changed = f"{made.study / 'changed'} was changed since it was written: erase their data in it"
+    moved = f"{made.study / 'moved'} was exported with their data and is not there: erase it where it is now"
+    assert set(withdraw(made.study, "P01").unreached) >= {outside, changed, moved}
+    assert_gone(made)
+    kept = [each for each in read_log(made.study) if each.kind in ("exported", "written")]
+    assert {str(each.get("path")) for each in kept} == {str(tmp_path / "tables"), "changed", "moved", "p02.csv"}
+    assert {name for each in kept for name in each.get("sessions")} == {made.sessions[2].name}
+    again = withdraw(made.study, "P01")
+    assert set(again.unreached) == {outside, changed} and not again.erased, "moved ones were told once"
+    redacted = redact_in_study(made.sessions[2], RedactionReport(lines=1), Words([parse_replacement("xx=yy")]))
+    assert len(redacted) == 2
+    assert set(withdraw(made.study, "P02").unreached) >= {outside, changed, moved}
+    (tmp_path / "tables").unlink()
+    (made.study / "changed").unlink()
+    assert withdraw(made.study, "P02").unreached == withdraw(made.study, "P01").unreached == []
+
+
 def test_the_command(made: Folder) -> None:
     result = run("study", "withdraw", made.study, "P01")
     assert result.exit_code == 2 and "without a terminal, use --yes" in result.output

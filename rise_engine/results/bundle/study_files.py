@@ -19,6 +19,7 @@ from rise_engine.study.check_tables import AUTOMATIC
 from rise_engine.study.model import Participant, Study
 from rise_engine.study.study_log import LogEntry
 from rise_engine.study.study_scenarios import scenario_folder
+from rise_engine.study.withdrawal_work import EXPORTED
 from rise_engine.study.withdrawn import without_salts
 
 GIVEN = "1900-01-01"
@@ -104,7 +105,7 @@ def log_text(log: Iterable[LogEntry], names: Mapping[str, str], people: Mapping[
     }
     for each in entries:
         about = {str(each.get("folder")), str(each.get("session"))}
-        if each.kind == "exported" or about & not_counted:
+        if each.kind in EXPORTED or about & not_counted:
             continue
         fields = _told_fields(each.fields, each.kind == "checked", people, count)
         for name in ("folder", "session"):

@@ -406,6 +406,12 @@ def test_the_log_has_no_salts_dates_names_and_no_words_of_people() -> None:
 # --- zip files ------------------------------------------------------------------------------------------------------
 
 
+def test_the_log_has_nothing_of_exports() -> None:
+    who = {"path": "tables", "sessions": [FOLDER], "participants": ["P01"]}
+    log = [LogEntry(kind, "2024-11-23T10:00:00", who, 1) for kind in ("exported", "written")]
+    assert log_text(log, {}, {}, "shared") == ""
+
+
 def test_a_zip_file_is_the_same_bundle(study: Path, tmp_path: Path) -> None:
     folders = sessions_of(study)[1:2]
     bundle_of(study, tmp_path / "bundle", folders=folders)
