@@ -14,7 +14,7 @@ from rise_engine.session.folder import JOURNAL
 from rise_engine.session.journal_format import InputLine, JournalHeader, LineError, read_line
 from rise_engine.session.labels import seconds_away
 
-_BLOCK = 1 << 20
+_BLOCK = 1 << 16
 _OUTCOME, _CHECK, _RECOVERED = b'"input":"outcome"', b'"input":"check"', b'"input":"session_recovered"'
 _BEFORE = 1 << 16
 """The number of bytes before a recovery in which the last record before it is looked for."""
