@@ -52,6 +52,8 @@ class SessionReports:
         self.socket, self.name = socket, name
         self.session: Session | None = None
         """The session, while this program is attached."""
+        self.last_mark = 0
+        """The number of the last mark that was begun here, even if it was interrupted: its record may still come."""
         self.attached, self.over = asyncio.Event(), asyncio.Event()
         """Set when the session was reached for the first time; and when it has ended, or its engine has gone."""
         self._waiting: deque[tuple[str, RecordingState] | str] = deque()
@@ -244,7 +246,8 @@ async def _mark(reports: SessionReports, sync: SyncSettings, seconds: float, mar
     session = reports.session
     if session is None:
         return False
-    number = (session.view.sync.number if session.view.sync is not None else 0) + 1
+    number = max(session.view.sync.number if session.view.sync is not None else 0, reports.last_mark) + 1
+    reports.last_mark = number
     try:
         return await call_within(seconds, _give(mark, session, number, sync), f"for mark {number}")
     except RecorderError as error:
