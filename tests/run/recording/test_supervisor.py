@@ -38,6 +38,7 @@ class Supervision:
         session.hub.subscribe(lambda update: self.records.append(update))  # type: ignore[arg-type]
         self.finish = asyncio.Event()
         self.marks: list[int] = []
+        self.hanging_mark = 0
         self.request = CompanionRequest(
             kind="recorders",
             socket=str(session.path),
@@ -53,6 +54,8 @@ class Supervision:
 
     async def mark(self, session: Session, number: int, sync: SyncSettings) -> GivenMark:
         self.marks.append(number)
+        if number == self.hanging_mark:
+            await asyncio.Event().wait()
         await session.mark_sync(number, sync.medium)
         return GivenMark(number)
 
@@ -114,6 +117,19 @@ async def test_each_is_started_and_stopped_with_marks_and_is_registered(scratch:
     files = {each.name: each for each in read_media(it.session.folder)}
     assert set(files) == {"camera", "bag"} and files["camera"].aligned_by == "start"
     assert files["camera"].path == f"recordings/{it.session.folder.name}_camera.mkv"
+
+
+async def test_the_mark_at_the_end_has_another_number_than_one_that_the_end_interrupts(
+    scratch: Path, does: dict[str, Any]
+) -> None:
+    """Its record may come later."""
+    async with supervision(scratch, sync=SyncSettings(medium="flash")) as it:
+        it.hanging_mark = 1
+        async with asyncio.timeout(PATIENCE):
+            while not it.marks:  # noqa: ASYNC110  # another process, or the session
+                await asyncio.sleep(0.01)
+        await it.end()
+    assert it.marks == [1, 2]
 
 
 @pytest.mark.parametrize("call", ["prepare", "start", "status", "stop", "close"])
