@@ -13,7 +13,7 @@ from rise_engine.scenario.model import Json
 from rise_engine.study.chance import SEEDS, Chance, make_orders, session_seed
 from rise_engine.study.design import cells, condition_name, factors_of, runs, strata_of, stratum_name
 from rise_engine.study.model import Factor, PlannedRun, Slot, Study
-from rise_engine.study.study_scenarios import scenario_folder
+from rise_engine.study.study_scenarios import scenario_folder, scenario_of
 
 
 def slot_seed(study: Study, number: int) -> int:
@@ -136,18 +136,16 @@ def planned_run(study: Study, levels: Mapping[str, str], *, slot: int = 0, run: 
     """
     factors = {factor.name: levels[factor.name] for factor in study.factors}
     memory: dict[str, Json] = {}
-    scenario = ""
     for factor in study.factors:
         level = next(level for level in factor.levels if level.name == factors[factor.name])
         memory.update(level.memory)
-        scenario = level.scenario or scenario
     return PlannedRun(
         slot=slot,
         run=run,
         factors=factors,
         condition=condition_name(factors),
         memory=memory,
-        scenario=scenario_folder(study, scenario),
+        scenario=scenario_folder(study, scenario_of(study, factors)),
         seed=session_seed(study.seed, slot, run),
     )
 

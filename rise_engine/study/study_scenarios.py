@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+from collections.abc import Mapping
 from pathlib import Path
 
 from msgspec.structs import replace
@@ -20,6 +21,19 @@ from rise_engine.study.model import Study
 def scenario_folder(study: Study, named: str = "") -> str:
     """Return the absolute folder of a scenario that the study names. Default: its own scenario."""
     return os.path.normpath(Path(study.folder) / (named or study.scenario))
+
+
+def scenario_of(study: Study, levels: Mapping[str, str]) -> str:
+    """Return the scenario that a session runs, as study.toml names it.
+
+    :param study: the study.
+    :param levels: the session's levels by factor. Unknown ones are ignored.
+    """
+    named = study.scenario
+    for factor in study.factors:
+        level = next((each for each in factor.levels if each.name == levels.get(factor.name)), None)
+        named = level.scenario if level is not None and level.scenario else named
+    return named
 
 
 def load_scenarios(study: Study, table: TomlTable) -> tuple[dict[str, Scenario], list[Diagnostic]]:

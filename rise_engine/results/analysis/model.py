@@ -49,6 +49,8 @@ class SessionFacts(SessionIdentity, frozen=True, kw_only=True):
     outcome_reason: str = ""
     title: str = ""
     scenario_hash: str = ""
+    changed_to: tuple[str, ...] = ()
+    """The hashes of changed files with which it went on (`rise-engine take-over`), in their order."""
     language: str = ""
     """The language of everything that was said (BCP 47). Empty: the scenario does not name one."""
     robot: str = ""
@@ -324,7 +326,18 @@ class Phase(Struct, frozen=True, kw_only=True):
 
 
 PointKind: TypeAlias = Literal[
-    "note", "mistake", "stop", "sync", "event", "memory", "control", "robot", "fault", "check", "recovery"
+    "note",
+    "mistake",
+    "stop",
+    "sync",
+    "event",
+    "memory",
+    "control",
+    "robot",
+    "fault",
+    "check",
+    "recovery",
+    "scenario",
 ]
 
 

@@ -26,6 +26,7 @@ from rise_engine.kernel.records import (
     NoteRecord,
     RobotRecord,
     RuleRecord,
+    ScenarioRecord,
     SessionRecord,
     StopRecord,
     SyncRecord,
@@ -171,6 +172,8 @@ def _point_of(record: AnyRecord) -> Point | None:
             return point("robot", record.status, record.detail)
         case SessionRecord(status="recovered"):
             return point("recovery", "recovered", record.reason)
+        case ScenarioRecord():
+            return point("scenario", "changed files", "; ".join(record.changes), record.source)
         case CheckRecord():
             return point("check", record.id, record.result, record.source)
         case RuleRecord() if record.status == "faulted":

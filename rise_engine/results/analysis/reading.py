@@ -24,6 +24,7 @@ from rise_engine.kernel.records import (
     OutcomeRecord,
     OutcomeStatus,
     RecordingRecord,
+    ScenarioRecord,
     SessionRecord,
     StopRecord,
     SyncRecord,
@@ -113,6 +114,7 @@ def _excluded(study: Path, log: list[LogEntry]) -> dict[str, str]:
 _FEW = (
     *(CheckRecord, RecordingRecord, SyncRecord, OutcomeRecord, SessionRecord),
     *(FailureRecord, CueRecord, StopRecord),  # for `count_repairs`
+    ScenarioRecord,
 )
 """Kinds of records of which even a long session has few."""
 UnreadableCallback = Callable[[Path, SessionError], object]
@@ -265,6 +267,7 @@ def _facts(
         outcome_reason=judgement.reason if judgement is not None else "",
         title=said("scenario", "title"),
         scenario_hash=said("scenario_hash"),
+        changed_to=tuple(each.hash for each in few if isinstance(each, ScenarioRecord)),
         language=said("language"),
         robot=said("robot"),
         driver=begun.driver or (SIMULATED if source.mode == "debug" else ""),

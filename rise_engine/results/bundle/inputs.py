@@ -21,7 +21,7 @@ from rise_engine.study.model import Study
 from rise_engine.study.plan_file import PLAN_FILE
 from rise_engine.study.planning import last_planned, plan_problem
 from rise_engine.study.state import StudyStatus
-from rise_engine.study.study_scenarios import scenario_folder
+from rise_engine.study.study_scenarios import scenario_folder, scenario_of
 from rise_engine.study.study_toml import STUDY_FILE
 from rise_engine.study.traces import PARTICIPANTS_FILE
 
@@ -106,9 +106,7 @@ def _check_participants(found: InputsCheck, state: StudyStatus, folders: Sequenc
 
 def _scenario_of(study: Study, run: _Run) -> str:
     """Return the folder of the session's scenario, relative to the study."""
-    factors = run.labels.get("factors") or {}
-    levels = [level for factor in study.factors for level in factor.levels if factors.get(factor.name) == level.name]
-    named = next((level.scenario for level in levels if level.scenario), "") or study.scenario
+    named = scenario_of(study, run.labels.get("factors") or {})
     folder = Path(scenario_folder(study, named))
     return folder.relative_to(study.folder).as_posix() if folder.is_relative_to(study.folder) else named
 

@@ -51,6 +51,7 @@ _TRIAL_TYPES = {
     "fault": "Something went wrong.",
     "check": "A check before or after the session.",
     "coded": "An annotation by a person; name: its tier; value: the annotation.",
+    "scenario": "The session went on with changed files of its scenario; value: what changed.",
     "recovery": "Another engine continued the session; outage_s says how long there was none.",
 }
 """The kinds of rows in `_events.tsv`."""
@@ -140,7 +141,8 @@ def session_columns(factors: Iterable[Column], *, dated: bool) -> Columns:
         **{column.name: column for column in factors},
         **_picked(
             SESSIONS,
-            "rise_run=run attempt purpose mode outcome robot driver injected_faults scenario_hash speed "
+            "rise_run=run attempt purpose mode outcome robot driver injected_faults scenario_hash scenario_changed_to "
+            "speed "
             "session_duration=duration_s downtime=downtime_s",
         ),
     }

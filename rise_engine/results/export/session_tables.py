@@ -127,6 +127,12 @@ SESSIONS = TableSchema(
         Column("outcome_reason", "The written reason why it is aborted or excluded."),
         Column("title", "The scenario's title."),
         Column("scenario_hash", "SHA-256 of the whole scenario and the language.", pattern=_HASH),
+        Column(
+            "scenario_changed_to",
+            "The same of changed files with which the session went on (kind scenario in events.csv), joined by ` ; `; "
+            "empty: none.",
+            lambda row: " ; ".join(row.of.changed_to),
+        ),
         Column("language", "The language in which the robot spoke (BCP 47); empty: the scenario names none."),
         Column("robot", "The robot's profile."),
         Column("driver", "The driver of the robot; simulated: no robot moved, in any mode. Empty: not known."),
@@ -329,7 +335,7 @@ def _level_text(level: Level) -> str:
 _LEFT_OUT = frozenset(
     {
         *("session", "participant", "study", "study_hash", "slot", "attempt", "outcome_reason", "title", "seed"),
-        *("started", "program", "speed", "scenario_hash", "purpose", "unreadable", "run_as"),
+        *("started", "program", "speed", "scenario_hash", "scenario_changed_to", "purpose", "unreadable", "run_as"),
     }
 )
 """Columns of the table of sessions that reveal the person or the date, or that would match a copy of the record."""

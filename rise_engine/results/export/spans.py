@@ -37,6 +37,7 @@ MOMENTS: dict[str, tuple[str, Doer]] = {
     "fault": ("fault", "session"),
     "sync": ("sync", "session"),
     "recovery": ("recovery", "session"),
+    "scenario": ("scenario", "session"),
 }
 """The tier of each kind of point, and who acts in it."""
 _ENDINGS = {

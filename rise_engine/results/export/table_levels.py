@@ -110,5 +110,6 @@ EVENT_KINDS = {
     "robot": "the link to the robot; name: its state",
     "fault": "an act, a rule or an expression failed; name: which; value: why",
     "check": "a check; name: its id; value: the result",
+    "scenario": "the session went on with changed files of its scenario; value: what changed",
     "recovery": "another engine continued the session; outage_s: how long there was none",
 }

@@ -30,6 +30,7 @@ _MARKS: dict[str, MarkKind] = {
     "fault": "fault",
     "robot": "fault",
     "recovery": "fault",
+    "scenario": "note",
 }
 
 

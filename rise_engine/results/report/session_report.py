@@ -169,12 +169,20 @@ def _head(data: SessionData, replay: str) -> Iterable[tuple[str, str]]:
         ("Replay", replay),
         ("Seed", str(facts.seed)),
         ("Versions", versions),
-        ("Scenario, SHA-256", facts.scenario_hash[:16]),
+        ("Scenario, SHA-256", ", then ".join(each[:16] for each in (facts.scenario_hash, *facts.changed_to))),
+        ("Changed files", "; ".join(_changed_files(data))),
         ("Study, SHA-256", facts.study_hash[:16]),
         ("Session", facts.session),
         ("Level", LEVEL_WORDS[data.level]),
     ]
     return ((name, value) for name, value in rows if value)
+
+
+def _changed_files(data: SessionData) -> Iterable[str]:
+    """Say when the session went on with changed files, who did this, and what was changed."""
+    for point in data.points:
+        if point.kind == "scenario":
+            yield f"{clock_text(point.at)} by {source_name(point.source)}: {point.value}"
 
 
 # --- checks ---------------------------------------------------------------------------------------------------------

@@ -102,7 +102,7 @@ def reporting_sheet(
         item("General", "Where", (), "place"),
         item("General", "The environment and its control", [*_checks(study, figures), *_speed(figures)], "environment"),
         item("General", "The scenario", _scenario(figures), "story"),
-        item("General", "Whether it was made in several steps", _steps(figures, left_out), "iterations"),
+        item("General", "Whether it was made in several steps", _steps(study, figures, left_out), "iterations"),
         item("General", "What the wizard means for the conclusions", (), "limits"),
     ]
 
@@ -348,9 +348,9 @@ def _speed(figures: StudyFigures) -> list[str]:
     return [f"Speed of session time, in which all durations are: {told}."] if told else []
 
 
-def _steps(figures: StudyFigures, left_out: Mapping[str, int]) -> list[str]:
+def _steps(study: Study, figures: StudyFigures, left_out: Mapping[str, int]) -> list[str]:
     pilots = sum(row.facts.purpose == "pilot" for row in figures.rows) + left_out.get("pilot", 0)
-    versions = figures.scenario_versions()
+    versions = figures.scenario_versions(study)
     if not versions:
         return []
     return [

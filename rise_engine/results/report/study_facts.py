@@ -14,7 +14,8 @@ from rise_engine.results.analysis.trials import NoNumber, trials_of
 from rise_engine.results.report.latency import BANDS, LatencyFacts, LatencyPart
 from rise_engine.results.report.session_facts import SessionFigures, session_figures
 from rise_engine.study.checked import asks_debriefing, check_text
-from rise_engine.study.model import StudyCheck
+from rise_engine.study.model import Study, StudyCheck
+from rise_engine.study.study_scenarios import scenario_of
 
 
 class WizardPart(Struct, frozen=True):
@@ -187,14 +188,24 @@ class StudyFigures(Struct, frozen=True):
 
     def scenario_hashes(self) -> dict[str, str]:
         """Return the hashes of the scenarios in complete sessions, in their order, each with its language."""
-        return {row.facts.scenario_hash: row.facts.language for row in self.complete}
+        return {each: row.facts.language for row in self.complete for each in hashes_of(row.facts)}
 
-    def scenario_versions(self) -> int:
-        """Count the versions of the scenarios in complete sessions. Versions in several languages count once."""
-        by_language: dict[str, set[str]] = {}
+    def scenario_versions(self, study: Study) -> int:
+        """Count the versions in complete sessions of the scenario that has most. A scenario in several languages is one
+        version, and so are the scenarios of two levels.
+
+        :param study: says which scenario is of which level.
+        """
+        versions: dict[tuple[str, str], set[str]] = {}
         for row in self.complete:
-            by_language.setdefault(row.facts.language, set()).add(row.facts.scenario_hash)
-        return max(map(len, by_language.values()), default=0)
+            facts = row.facts
+            versions.setdefault((facts.language, scenario_of(study, facts.factors)), set()).update(hashes_of(facts))
+        return max(map(len, versions.values()), default=0)
+
+
+def hashes_of(facts: SessionFacts) -> tuple[str, ...]:
+    """Return the hashes of the scenario that a session ran, one for each version of its files."""
+    return (facts.scenario_hash, *facts.changed_to)
 
 
 def session_row(data: SessionData, checked: Mapping[str, str] | None = None) -> SessionRow:

@@ -418,7 +418,7 @@ def _sessions(given: StudyReportInput) -> Iterable[Block]:
     if not rows:
         yield Paragraph("No session has been recorded.")
         return
-    versions = given.figures.scenario_versions()
+    versions = given.figures.scenario_versions(given.study)
     if versions > 1:
         yield Paragraph(f"Complete sessions ran {versions} different versions of the scenario.", "warning")
     table = []
@@ -478,6 +478,7 @@ def _went_wrong(row: SessionRow) -> str:
         if facts.recoveries
         else "",
         f"faults injected: {'; '.join(facts.injected_faults)}" if facts.injected_faults else "",
+        f"went on with changed files {pluralize(len(facts.changed_to), 'time')}" if facts.changed_to else "",
     ]
     return ", ".join(filter(None, told))
 

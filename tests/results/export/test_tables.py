@@ -213,7 +213,7 @@ def test_events_are_the_course_of_the_session(tables: Path) -> None:
     events = [each for each in rows(tables, "events") if each["session"].startswith("2024-11-23_103000")]
     onsets = [float(each["onset"]) for each in events]
     assert onsets == sorted(onsets) and [each["event"] for each in events] == [str(n + 1) for n in range(len(events))]
-    assert {each["kind"] for each in events} == {*get_args(PointKind), "act", "phase", "cue"} - {"recovery"}
+    assert {each["kind"] for each in events} == {*get_args(PointKind), "act", "phase", "cue"} - {"recovery", "scenario"}
     assert all(float(each["onset"]) + float(each["duration"]) <= 120 for each in events)
 
 
@@ -336,7 +336,7 @@ def test_every_column_is_described_and_filled(tables: Path) -> None:
         *("outcome_reason", "injected_faults", "wizard_key"),
         *("outage_s", "wall_s", "response_outage_s", "response_wall_s"),  # of sessions that were recovered
         *("interrupted", "response_interrupted", "participant_interrupted", "wizard_interrupted"),
-        "run_as",  # of sessions that were reassigned
+        *("run_as", "scenario_changed_to"),  # of reassigned sessions, and of those that went on with changed files
     }
     for schema in TABLES:
         found = rows(tables, schema.name)

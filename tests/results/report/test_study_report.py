@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import csv
 import io
+import re
 import statistics as python
 from collections import Counter, defaultdict
 from pathlib import Path
@@ -12,6 +13,7 @@ from types import SimpleNamespace
 import pytest
 from msgspec.structs import replace
 
+from rise_engine.kernel.records import ScenarioRecord
 from rise_engine.results.analysis.model import SessionFacts
 from rise_engine.results.analysis.reading import read_sessions
 from rise_engine.results.analysis.statistics import Share
@@ -21,9 +23,13 @@ from rise_engine.results.report.document import Facts, Paragraph
 from rise_engine.results.report.making import MadeReport, make_study_report
 from rise_engine.results.report.page import page_text
 from rise_engine.results.report.plain_text import cells_wide, text_lines
+from rise_engine.results.report.session_report import session_report
 from rise_engine.results.report.sheet import _hashes_text, debriefed_text
 from rise_engine.results.report.study_facts import SessionRow, StudyFigures, WizardPart, study_figures
 from rise_engine.results.report.study_report import StudyReportInput, _assignment, _cells, study_report
+from rise_engine.session.folder import JOURNAL
+from rise_engine.session.journal_format import encode_line
+from rise_engine.session.journal_reader import read_journal
 from rise_engine.study.publishing import ITEM_NAMES, REPORT_ITEMS
 from rise_engine.study.state import read_state
 from rise_engine.study.withdrawn import Withdrawn
@@ -72,6 +78,45 @@ def responses(tables: dict[str, list[dict[str, str]]]) -> dict[str, list[float]]
         if row["session"] in counted and row["filler"] == "false" and row["response_s"]:
             found[row["session"]].append(float(row["response_s"]))
     return found
+
+
+def test_a_session_that_went_on_with_changed_files_says_so_everywhere(tmp_path: Path) -> None:
+    study = make_study(tmp_path / "study")
+    folder = sessions_of(study)[1]
+    last = list(read_journal(folder / JOURNAL).read_records())[-1]
+    record = ScenarioRecord(last.seq + 1, last.t, last.wall, "ab" * 32, "cd" * 32, ("act Greet changed",), "node:root")
+    with (folder / JOURNAL).open("ab") as file:
+        file.write(encode_line(record))
+    out = tmp_path / "out"
+    export_sessions(load_format("tables"), out, [folder], export_context([folder], "full"))
+    (session,) = csv.DictReader(io.StringIO((out / "sessions.csv").read_text("utf-8")))
+    assert session["scenario_changed_to"] == "ab" * 32
+    events = csv.DictReader(io.StringIO((out / "events.csv").read_text("utf-8")))
+    assert [(each["value"], each["by"]) for each in events if each["kind"] == "scenario"] == [
+        ("act Greet changed", "node:root")
+    ]
+    text = "\n".join(text_lines(make_study_report(study).document, 200))
+    assert "!! Complete sessions ran 2 different versions of the scenario." in text
+    assert "went on with changed files 1 time" in text
+    (data,) = read_sessions([folder])
+    text = "\n".join(text_lines(session_report(data), 200))
+    assert re.search(r"Changed files +2:00 by node root: act Greet changed", text)
+
+
+def test_the_scenarios_of_two_levels_are_not_two_versions(tmp_path: Path) -> None:
+    loaded = read_state(make_study(tmp_path / "study")).study
+    (first, second), *_ = (each.levels for each in loaded.factors)
+    levels = (replace(first, scenario="one"), replace(second, scenario="two"))
+    study = replace(loaded, factors=(replace(loaded.factors[0], levels=levels), *loaded.factors[1:]))
+
+    def figures(*ran: tuple[str, str]) -> StudyFigures:
+        facts = SessionFacts(session="s", purpose="counted", outcome="complete")
+        name = study.factors[0].name
+        told = [replace(facts, factors={name: level}, scenario_hash=hash) for level, hash in ran]
+        return StudyFigures(tuple(SimpleNamespace(facts=each, is_complete=True) for each in told))  # type: ignore[arg-type]
+
+    assert figures((first.name, "a"), (second.name, "b")).scenario_versions(study) == 1
+    assert figures((first.name, "a"), (first.name, "b")).scenario_versions(study) == 2
 
 
 def two(value: float) -> str:
