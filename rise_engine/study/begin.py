@@ -82,14 +82,20 @@ class SessionPlan(Struct, frozen=True):
     """The between levels, if they are drawn when the row is taken."""
     language: str = ""
     """The language that the study gives the session, used if the scenario has translations."""
+    is_assigned: bool = False
+    """Whether a factor or a stratum gives it, so that the scenario must have it."""
 
     def spoken_in(self, asked: str, scenario: LoadResult) -> str:
         """Return the session's language. Empty: as the acts of its scenario have it.
 
         :param asked: the language that somebody requests, or empty.
         :param scenario: its scenario, loaded without a language.
-        :raises CannotBegin: the session counts, and the study gives another language.
+        :raises CannotBegin: the session counts, and the study gives another language, or one without a translation.
         """
+        own = scenario.scenario.language if scenario.scenario is not None else ""
+        is_missing = own and not scenario.translations and self.language not in ("", own)
+        if is_missing and self.is_assigned and self.purpose == "counted":
+            raise CannotBegin(f"this study is not in the language `{self.language}`; it is in `{own}`")
         given = self.language if scenario.translations else ""
         if asked and given and asked != given and self.purpose == "counted":
             raise CannotBegin(
@@ -126,7 +132,8 @@ def plan_session(state: StudyStatus, request: BeginRequest) -> SessionPlan:
     request = replace(request, mode=mode, purpose=purpose)
     plan = _plan_counted(state, request) if purpose == "counted" else _plan_rehearsal(state, request)
     participant = next((each for each in state.participants if each.participant == request.participant), None)
-    return replace(plan, language=_language(plan.run, participant))
+    is_assigned = LANGUAGE in plan.run.factors or LANGUAGE in study.strata
+    return replace(plan, language=_language(plan.run, participant), is_assigned=is_assigned)
 
 
 def _language(run: PlannedRun, participant: Participant | None) -> str:

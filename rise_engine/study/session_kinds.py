@@ -27,7 +27,10 @@ from rise_engine.study.study_toml import STUDY_FILE
 def check_languages(
     study: Study, people: Iterable[Participant], scenarios: Mapping[str, Scenario], diagnostics: Diagnostics
 ) -> None:
-    """Report languages that a scenario with translations lacks, and translations that are incomplete.
+    """Report languages that a scenario lacks, and translations that are incomplete.
+
+    A scenario without any translation that does not say its own language has each. A column `language` may then be one
+    like any other, but not a factor or a stratum.
 
     :param people: the rows of participants.csv.
     :param scenarios: by absolute folder.
@@ -35,7 +38,9 @@ def check_languages(
     wanted = languages_of(study, people)
     for folder, scenario in scenarios.items():
         known = [*filter(None, (scenario.language, *scenario.languages))]
-        for language, location in wanted.items() if scenario.languages else ():
+        for language, location in wanted.items():
+            if not scenario.languages and (not scenario.language or location.file != STUDY_FILE):
+                continue
             if language not in known:
                 near = did_you_mean(language, known, limit=0) or f"; it is in {in_backquotes(known)}"
                 message = f"the scenario {Path(folder).name} is not in the language `{language}`{near}"

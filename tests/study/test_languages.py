@@ -84,6 +84,22 @@ def test_a_language_that_there_is_not_refuses_the_session(tmp_path: Path) -> Non
     assert "this study is not in the language `fr`; it is in `en`, `de`" in refused.value.report.lines[0]
 
 
+@pytest.mark.parametrize(("design", "is_error"), [(STRATUM, True), (FACTOR, True), (COLUMN, False)])
+def test_a_translation_that_is_missing_as_a_whole(tmp_path: Path, design: str, is_error: bool) -> None:
+    folder = tmp_path / "study"
+    write_study(folder, design, HEAD + PEOPLE if design == FACTOR else people(everybody=True))
+    translate(folder)
+    assert review_study(folder).errors == []
+    (folder / "scenario/texts/de.toml").unlink()
+    told = "unknown-language: the scenario scenario is not in the language `de`; it is in `en`"
+    assert [told in str(each) for each in review_study(folder).errors] == [True] * is_error
+    if design == STRATUM:
+        with pytest.raises(ServeRefused, match="this study is not in the language `de`; it is in `en`"):
+            language_of(folder, "P02")
+    if design != FACTOR:
+        assert language_of(folder, "P01") == language_of(folder, "P02", purpose="pilot") == ""
+
+
 def test_the_study_is_checked_before_the_first_session(tmp_path: Path) -> None:
     folder = tmp_path / "study"
     write_study(folder, COLUMN, people().replace("P05,2026-11-06,,,de", "P05,2026-11-06,,,fr"))

@@ -50,6 +50,7 @@ from rise_engine.results.report.trials_section import (
     trials_section,
     trials_summary,
 )
+from rise_engine.study.begin import LANGUAGE
 from rise_engine.study.design import factors_of
 from rise_engine.study.model import Study, StudyStanding
 from rise_engine.study.withdrawn import Withdrawn
@@ -421,6 +422,8 @@ def _sessions(given: StudyReportInput) -> Iterable[Block]:
     versions = given.figures.scenario_versions(given.study)
     if versions > 1:
         yield Paragraph(f"Complete sessions ran {versions} different versions of the scenario.", "warning")
+    if heard := list(_other_languages(given)):
+        yield Paragraph(f"Complete sessions in another language than the study says: {'; '.join(heard)}.", "warning")
     table = []
     for row in rows:
         facts, found = row.facts, row.figures
@@ -461,6 +464,18 @@ def _sessions(given: StudyReportInput) -> Iterable[Block]:
         numbers=frozenset({4, 5, 6, 8}),
         marked=frozenset(at for at, row in enumerate(rows) if row.facts.outcome in ("aborted", "excluded")),
     )
+
+
+def _other_languages(given: StudyReportInput) -> Iterable[str]:
+    """Name complete sessions whose robot did not speak the language of their factor or stratum."""
+    strata = {each.participant: each.strata for each in given.standing.participants}
+    for row in given.figures.complete:
+        facts = row.facts
+        factors = facts.factors if given.shows_conditions else {}
+        wanted = {**strata.get(facts.participant, {}), **factors}.get(LANGUAGE, "")
+        if wanted and facts.language and wanted != facts.language:
+            run = f" run {facts.run}" if facts.run else ""
+            yield f"{facts.participant}{run} ({wanted}) heard {facts.language}"
 
 
 def _went_wrong(row: SessionRow) -> str:

@@ -310,6 +310,20 @@ def test_hashes_of_a_scenario_in_several_languages_say_which_is_which():
     assert _hashes_text({"a" * 64: "en"}) == "a" * 16
 
 
+def test_whose_robot_did_not_speak_their_language_is_named(study):
+    state = read_state(study)
+    figures = study_figures(read_sessions(sessions_of(study)))
+    assert {row.facts.language for row in figures.rows} == {"en"}
+    strata = {"P01": "en", "P02": "de"}
+    people = [
+        replace(each, strata={"language": strata.get(each.participant, "")}) for each in state.standing.participants
+    ]
+    given = StudyReportInput(state.study, replace(state.standing, participants=tuple(people)), figures)
+    text = "\n".join(text_lines(study_report(given), 200))
+    told = "P02 run 1 (de) heard en; P02 run 2 (de) heard en."
+    assert f"!! Complete sessions in another language than the study says: {told}" in text
+
+
 def test_sessions_at_another_speed_say_so(study):
     state = read_state(study)
     figures = study_figures(read_sessions(sessions_of(study)))
