@@ -153,14 +153,22 @@ def _name_differences(name: str, labels: Mapping[str, Any]) -> Iterator[str]:
 
 def _study_differences(study: Path, labels: Mapping[str, Any]) -> Iterator[str]:
     """Say whether the study has another id than when the session ran."""
-    id, recorded = _study_id(study, file_stamp(study)), labels.get("study")
+    id, recorded = read_study_id(study), labels.get("study")
     if id and recorded and id != recorded:
         yield f'{STUDY_FILE} says id = "{id}", but {JOURNAL} says study = "{recorded}"'
 
 
+def read_study_id(study: Path) -> str:
+    """Return the id in study.toml, even if other parts have errors. Empty: unknown.
+
+    :param study: the path of study.toml.
+    """
+    return _read_study_id(study, file_stamp(study))
+
+
 @lru_cache(maxsize=4)
-def _study_id(study: Path, changed: tuple[int, int]) -> str:
-    """Return the id in study.toml, even if other parts have errors. Empty: unknown. Cached while it is unchanged."""
+def _read_study_id(study: Path, changed: tuple[int, int]) -> str:
+    """Do the same, cached while the file is unchanged."""
     try:
         return str(tomllib.loads(study.read_text("utf-8")).get("id") or "")
     except (OSError, ValueError):

@@ -22,7 +22,7 @@ from rise_engine.session.journal_format import InputLine, JournalLine, LineError
 from rise_engine.session.labels import read_labels
 from rise_engine.session.media import MEDIA_FILE, MediaFile, media_path, read_media
 from rise_engine.study.copies import SESSIONS, session_folders
-from rise_engine.study.labels import reassignment_of
+from rise_engine.study.labels import read_study_id, reassignment_of
 from rise_engine.study.study_log import LOG_FILE, LogEntry
 from rise_engine.study.withdrawn import is_withdrawn
 
@@ -103,6 +103,22 @@ def owner_of(folder: Path) -> str:
     return parts[2] if len(parts) >= 5 else ""
 
 
+def other_study_of(study: Path, folder: Path, log: Iterable[LogEntry]) -> str:
+    """Return the id of the other study to which a session's folder belongs. Empty: it is this study's, or nobody knows.
+
+    :param study: the study's folder.
+    :param folder: the session's folder.
+    :param log: the study's log; what it names is the study's own, also when its id was changed.
+    """
+    try:
+        recorded = read_info(folder, compare=False).study
+    except SessionError:
+        return ""
+    id = read_study_id(study / STUDY_FILE)
+    is_named = any(folder.name == each.get("folder") for each in log)
+    return "" if is_named or not id or recorded == id else recorded
+
+
 def returned_sessions(study: Path, log: Sequence[LogEntry]) -> dict[str, str]:
     """Find sessions of participants who have withdrawn, which a backup, a synchronised copy or a link brings back.
 
@@ -115,7 +131,7 @@ def returned_sessions(study: Path, log: Sequence[LogEntry]) -> dict[str, str]:
         return {}
     found: dict[str, str] = {}
     for folder in session_folders(study):
-        if is_withdrawn(owner_of(folder), withdrawn):
+        if is_withdrawn(owner_of(folder), withdrawn) and not other_study_of(study, folder, log):
             linked = f"erase their data in {folder.resolve()}, and this link" if folder.is_symlink() else ""
             erase = "`rise-engine study withdraw STUDY PSEUDONYM`, with theirs, erases it"
             found[folder.name] = f"it is of a participant who has withdrawn, and is there again: {linked or erase}"

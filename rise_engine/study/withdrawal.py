@@ -33,6 +33,7 @@ from rise_engine.study.traces import (
     interrupted_withdrawals,
     lines_naming,
     name_pattern,
+    other_study_of,
     owner_of,
     recording_facts,
     registered_recordings,
@@ -266,7 +267,12 @@ def _make_plan(study: Path, participant: str, log: Sequence[LogEntry]) -> Withdr
     recorded: dict[str, list[Path]] = {}
     for folder in folders_in(study / SESSIONS):
         owner = owner_of(folder)
-        if owner == participant:
+        if owner == participant and (other := other_study_of(study, folder, log)):
+            plan.unreachable.append(
+                f"session {folder.name} is of the study {other}, where this pseudonym may be somebody else: put it "
+                "where it belongs, or erase it yourself"
+            )
+        elif owner == participant:
             _refuse_running(folder)
             plan.sessions.append(folder.name)
             if problem := why_media_unknown(folder):

@@ -10,6 +10,7 @@ from pathlib import Path
 import msgspec
 import pytest
 from click.testing import CliRunner, Result
+from msgspec.structs import replace
 
 from rise_engine.base.errors import StudyError
 from rise_engine.base.files import tree_hash
@@ -208,6 +209,15 @@ def test_a_session_that_comes_back_is_told_and_counts_nowhere(made: Folder, tmp_
     report = withdraw(made.study, "P01")
     assert [each for each in report.unreached if f"{theirs} is a link to" in each] != [] or not as_link
     assert theirs.exists() == as_link
+
+
+def test_a_session_of_another_study_is_not_erased(made: Folder, tmp_path: Path) -> None:
+    path = session_folder(made.study, replace(began("P01", 1), study="other"))
+    write_journal(path, replace(began("P01", 1), study="other"), ENDED)
+    (unreached,) = (each for each in withdraw(made.study, "P01").unreached if path.name in each)
+    assert unreached.startswith(f"session {path.name} is of the study other, where this pseudonym may be somebody else")
+    assert path.is_dir()
+    assert not read_state(made.study).returned
 
 
 def test_somebody_without_a_session(made: Folder) -> None:
