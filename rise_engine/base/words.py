@@ -24,6 +24,7 @@ _BEFORE = r"(?:(?<![\w])|(?<=\\[nrt]))"
 """Where a word can begin: not within another word. The `n` of an escaped line end is not a letter of it."""
 _NO_QUOTES = str.maketrans("", "", "'\"\\")
 _AFTER = rf"(?![\w{_MARKS}])"
+_HALF_ESCAPE = re.compile(r"\\(?:u[0-9a-fA-F]{0,3})?$")
 
 
 class WordError(RiseError):
@@ -96,6 +97,12 @@ class Words:
     def may_find(self, text: str) -> bool:
         """Like `find`, also within longer words. Fast enough to decide which lines of JSON need to be parsed."""
         return self._anywhere.search(text) is not None
+
+    def is_cut_off(self, text: str) -> bool:
+        """Whether a text may end within one of the words, as a line that was written half."""
+        end = unicodedata.normalize("NFC", _HALF_ESCAPE.sub("", text)).casefold()
+        words = [each.word.casefold() for each in self.replacements]
+        return any(end.endswith(word[:length]) for word in words for length in range(LEAST_CHARACTERS, len(word)))
 
     def mask(self, value: Any) -> Any:
         """Prepare a JSON value for comparison with one in which the words were replaced. Replaces the words everywhere,

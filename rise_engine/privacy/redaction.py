@@ -313,7 +313,7 @@ class _Redaction:
             )
 
     def _erase_kept_files(self) -> None:
-        """Erase what a recovery kept of the old journal, if it contains the words."""
+        """Erase what a recovery kept of the old journal, if it contains the words, or ends within one."""
         for path in sorted(self._folder.iterdir()):
             if _KEPT_BY_RECOVERY.fullmatch(path.name) and path.is_file() and self._stands_in(path):
                 path.unlink()
@@ -322,7 +322,8 @@ class _Redaction:
     # --- what remains ---
 
     def _stands_in(self, path: Path) -> bool:
-        return any(self._words.find(line) for line in path.read_bytes().decode("utf-8", "replace").splitlines())
+        text = path.read_bytes().decode("utf-8", "ignore")
+        return self._words.is_cut_off(text) or any(self._words.find(line) for line in text.splitlines())
 
 
 def find_words(folder: Path, words: Words) -> list[str]:

@@ -233,8 +233,9 @@ def test_what_a_recovery_kept_is_erased(made: Made) -> None:
     for name in ("journal.torn-1", "journal.damaged-2.jsonl"):
         (made.folder / name).write_text("half a line with Zo\\u00eb")
     (made.folder / "journal.torn-2").write_text("nothing of that kind")
+    (made.folder / "journal.torn-3").write_text('"text":"P05 aka Zo\\u00')
     report = redact(made.folder, words("Zoë=NAME1"))
-    assert report.erased == ["journal.damaged-2.jsonl", "journal.torn-1"]
+    assert report.erased == ["journal.damaged-2.jsonl", "journal.torn-1", "journal.torn-3"]
     assert (made.folder / "journal.torn-2").exists()
 
 

@@ -209,6 +209,7 @@ def test_a_session_that_comes_back_is_told_and_counts_nowhere(made: Folder, tmp_
     report = withdraw(made.study, "P01")
     assert [each for each in report.unreached if f"{theirs} is a link to" in each] != [] or not as_link
     assert theirs.exists() == as_link
+    assert (f"the name of sessions/{theirs.name}: erase it, or give it another name" in report.remains) == as_link
 
 
 def test_a_session_of_another_study_is_not_erased(made: Folder, tmp_path: Path) -> None:
@@ -565,6 +566,9 @@ def test_redacting_a_session_takes_the_words_out_of_the_studys_log(made: Folder)
         log.append("excluded", participant="P99", slot=None, reason="as Zelda before")
     words = Words([parse_replacement("Zelda=NAME1")])
 
+    people = made.study / "participants.csv"
+    people.write_text(people.read_text("utf-8").replace("P02,2026-11-03,,", "P02,2026-11-03,,zelda came late"), "utf-8")
+
     report = RedactionReport(lines=3)
     exports = redact_in_study(path, report, words)
 
@@ -573,7 +577,10 @@ def test_redacting_a_session_takes_the_words_out_of_the_studys_log(made: Folder)
     assert entries[-1].fields == {"session": path.name, "lines": 3} and entries[-1].kind == "redacted"
     text = (made.study / LOG_FILE).read_text()
     assert text.count("NAME1") == 3 and text.count("Zelda") == 1
-    assert report.remains == [f"{LOG_FILE}, line {len(entries) - 1}: what somebody wrote, not about this session"]
+    assert report.remains == [
+        "participants.csv, line 3: take them out yourself",
+        f"{LOG_FILE}, line {len(entries) - 1}: what somebody wrote, not about this session",
+    ]
 
 
 # --- what media.json names ---

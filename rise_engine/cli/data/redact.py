@@ -4,19 +4,21 @@ from __future__ import annotations
 
 import os
 from collections.abc import Sequence
+from contextlib import suppress
 from pathlib import Path
 
 import click
 
 from rise_engine.base.exit_status import OK, PARTIAL, USAGE
-from rise_engine.base.text import pluralize
+from rise_engine.base.files import lines_with
+from rise_engine.base.text import name_some, pluralize
 from rise_engine.base.words import Words, parse_replacement
 from rise_engine.cli.options import HERE, JSON, SESSION
 from rise_engine.cli.terminal import print_lines, refusing, show
 from rise_engine.privacy.redaction import RedactionReport, redact
 from rise_engine.privacy.suggestions import NameSuggestion, suggest_words
 from rise_engine.study.study_log import LOG_FILE, LockedLog, LogEntry, StudyLogError
-from rise_engine.study.traces import owner_of, study_of_session
+from rise_engine.study.traces import PARTICIPANTS_FILE, owner_of, questionnaire_files, study_of_session
 
 
 @click.command("redact")
@@ -136,6 +138,7 @@ def redact_in_study(folder: Path, report: RedactionReport, words: Words, *, try_
             after = [each.with_written(words.replace) if is_about(each) else each for each in before]
             report.log_lines = sum(one != other for one, other in zip(before, after, strict=True))
             others = [each for each in after if each.with_written(words.replace) != each]
+            report.remains += _of_people(study, words)
             report.remains += [
                 f"{LOG_FILE}, line {each.line}: what somebody wrote, not about this session" for each in others
             ]
@@ -149,6 +152,16 @@ def redact_in_study(folder: Path, report: RedactionReport, words: Words, *, try_
     except (StudyLogError, OSError) as error:
         report.remains.append(f"{LOG_FILE}, which could not be changed: {error}")
         return []
+
+
+def _of_people(study: Path, words: Words) -> list[str]:
+    """List where the words are in files of the study that only people write."""
+    found = []
+    for name in (PARTICIPANTS_FILE, *sorted(questionnaire_files(study))):
+        with suppress(OSError):
+            if lines := lines_with(study / name, words.find):
+                found.append(f"{name}, line{'s' if len(lines) > 1 else ''} {name_some(lines)}: take them out yourself")
+    return found
 
 
 def _older_exports(study: Path, session: str, log: Sequence[LogEntry]) -> list[str]:
