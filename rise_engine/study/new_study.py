@@ -229,6 +229,8 @@ def _check_lines(checks: Iterable[StudyCheck]) -> Iterable[str]:
         yield ""
 
 
+EXAMPLE = "X00"
+"""A pseudonym that nobody is likely to have, so that a withdrawal does not find it in these lines."""
 _RECORDING_LINES = (
     "# What records each session, begun and ended with it; take away the # of what you have.",
     "# Only participants with a date in the column consent_recording of participants.csv are recorded.",
@@ -253,7 +255,7 @@ def _report_lines() -> Iterable[str]:
 def _participants_lines(study: Study) -> Iterable[str]:
     yield f"# {PARTICIPANTS_FILE} has a line for each participant. You write it, with an editor or a"
     yield "# spreadsheet; the program only reads it. Its columns:"
-    yield "#   participant    a pseudonym of letters and digits, as P01; who that is, is written elsewhere"
+    yield f"#   participant    a pseudonym of letters and digits, as {EXAMPLE}; who that is, is written elsewhere"
     for column, values in study.strata.items():
         yield f"#   {column:<14} {' or '.join(values)}"
     for name in study.consent:
@@ -262,7 +264,7 @@ def _participants_lines(study: Study) -> Iterable[str]:
     yield "#   comment        what you want; no names, no mail addresses"
     yield "# Further columns: [participants]"
     yield '#                  columns = ["age"]'
-    example = {"participant": "P01", **{column: values[0] for column, values in study.strata.items()}}
+    example = {"participant": EXAMPLE, **{column: values[0] for column, values in study.strata.items()}}
     example |= {f"consent_{name}": "2026-11-21" for name in study.consent}
     columns = header_line(study).split(",")
     yield f"# So that a line is: {','.join(example.get(column, '') for column in columns)}"

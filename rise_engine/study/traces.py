@@ -252,11 +252,12 @@ def _advice(study: Path, name: Path, participant: str) -> str:
 
 
 def _was_run_under(study: Path, name: Path, participant: str) -> bool:
-    """Whether a path is of a session that was run under this participant."""
+    """Whether a path is of a session that was run under this participant and reassigned."""
     if name.parts[0] != SESSIONS or len(name.parts) < 2:
         return False
-    labels = read_labels(study / SESSIONS / name.parts[1] / JOURNAL) or {}
-    return labels.get("participant") == participant
+    folder = study / SESSIONS / name.parts[1]
+    labels = read_labels(folder / JOURNAL) or {}
+    return reassignment_of(folder) is not None and labels.get("participant") == participant
 
 
 def _without(line: str, folders: Iterable[str]) -> str:

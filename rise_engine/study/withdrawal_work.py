@@ -13,6 +13,7 @@ from msgspec import Struct, field
 
 from rise_engine.base.errors import SessionError, StudyError
 from rise_engine.base.files import Disk, error_message, tree_hash
+from rise_engine.base.text import name_some
 from rise_engine.scenario.files.file_names import SCENARIO_FILE
 from rise_engine.session.folder import INFO, JOURNAL, read_info
 from rise_engine.session.unfinished_files import erase_all_unfinished, erase_folder, find_leftovers, has_other_names
@@ -283,10 +284,6 @@ class Erasing:
             if self._erase_if_same(text, why_not_export(self._study, text)) and others:
                 report.make_again.append(f"{self._study / text} (with {', '.join(others)})")
         for name in plan.sessions:
-            report.unreached += [
-                f"{each} had another name on this disk (a hard link, as backups make them): it is there still"
-                for each in _linked_files(self._work / name)
-            ]
             self._erase(self._work / name, f"{SESSIONS}/{name}")
         self._forget_exports()
         if not self._failed:
@@ -333,6 +330,7 @@ class Erasing:
 
     def _erase(self, path: Path, name: str) -> bool:
         try:
+            linked = _linked_files(path)
             if path.is_dir() and not path.is_symlink():
                 erase_folder(path)
             else:
@@ -340,6 +338,11 @@ class Erasing:
         except OSError as error:
             return self._fail(path, error)
         self.report.erased.append(name)
+        if linked:
+            what = name if linked == [Path()] else f"{name}: {name_some(list(map(str, linked)), 3)}"
+            self.report.unreached.append(
+                f"{what} had another name on this disk (a hard link, as backups make them): it is there still"
+            )
         return True
 
     def _fail(self, path: Path, error: OSError) -> bool:
@@ -351,8 +354,12 @@ class Erasing:
         return False
 
 
-def _linked_files(folder: Path) -> list[Path]:
-    return [each for each in sorted(folder.rglob("*")) if not each.is_dir() and has_other_names(each)]
+def _linked_files(path: Path) -> list[Path]:
+    """Return the files of a folder, or the file itself, that have further names. They are relative to it."""
+    if not path.is_dir() or path.is_symlink():
+        return [Path()] if os.path.lexists(path) and has_other_names(path) else []
+    files = (each for each in sorted(path.rglob("*")) if not each.is_dir())
+    return [each.relative_to(path) for each in files if has_other_names(each)]
 
 
 def erase_leftovers(study: Path, report: WithdrawalReport) -> None:

@@ -142,9 +142,18 @@ def test_sessions_that_lie_elsewhere_are_told(made: Folder) -> None:
 
 
 def test_a_file_with_another_name_is_told(made: Folder) -> None:
+    name = made.sessions[0].name
     os.link(made.sessions[0] / "journal.jsonl", made.root / "backup.jsonl")
+    os.link(made.sessions[0] / "scenario" / "note.txt", made.root / "note.txt")
+    os.link(made.videos / "one", made.root / "second.mkv")
+    os.link(made.study / "all.csv", made.root / "all.csv")
+    told = "had another name on this disk (a hard link, as backups make them): it is there still"
     report = withdraw(made.study, "P01")
-    assert any("journal.jsonl had another name on this disk" in each for each in report.unreached)
+    assert [each for each in report.unreached if told in each] == [
+        f"{made.videos / 'one'} {told}",
+        f"{made.study / 'all.csv'} {told}",
+        f"sessions/{name}: journal.jsonl, scenario/note.txt {told}",
+    ]
     assert (made.root / "backup.jsonl").exists()
 
 
