@@ -35,7 +35,7 @@ from rise_engine.kernel.inputs import SessionStarted
 from rise_engine.kernel.records import OpenGoal, Purpose, SessionRecord, identity_of
 from rise_engine.ports.bridge import RosConnection, RosTransport
 from rise_engine.scenario.files.file_names import DEFAULT_PATHS
-from rise_engine.scenario.loader import load
+from rise_engine.scenario.loader import LoadResult, load
 from rise_engine.scenario.model import Scenario
 from rise_engine.session.journal_format import FORMAT, LineError, read_line
 from rise_engine.session.journal_format import JOURNAL as JOURNAL
@@ -246,6 +246,14 @@ def spoken_as(info: SessionInfo) -> dict[str, Any]:
     return {"language": info.language or None, "allow_untranslated": info.allow_untranslated}
 
 
+def load_copy(copy: Path, **how: Any) -> LoadResult:
+    """Load a copy of a scenario, which has the files that the session used.
+
+    :param how: as for `rise_engine.scenario.loader.load`.
+    """
+    return load(copy, paths={kind: path for kind, path in DEFAULT_PATHS.items() if (copy / path).exists()}, **how)
+
+
 def load_scenario_copy(folder: Path, info: SessionInfo) -> Scenario:
     """Load the scenario as the session ran it. Raises SessionError when the copy is missing or was changed."""
     copy = folder / SCENARIO_COPY
@@ -253,8 +261,7 @@ def load_scenario_copy(folder: Path, info: SessionInfo) -> Scenario:
         raise SessionError(
             f"the copy of the scenario is missing ({copy}); put one there with the hash {info.scenario_hash[:12]}..."
         )
-    paths = {kind: path for kind, path in DEFAULT_PATHS.items() if (copy / path).exists()}
-    loaded = load(copy, robot=info.robot, mode=info.mode, paths=paths, **spoken_as(info))
+    loaded = load_copy(copy, robot=info.robot, mode=info.mode, **spoken_as(info))
     if loaded.scenario is None:
         raise SessionError(f"the session's scenario does not load: {loaded.errors[0]}")
     if loaded.scenario.hash != info.scenario_hash:

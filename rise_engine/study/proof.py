@@ -8,7 +8,7 @@ from pathlib import Path
 from msgspec import Struct
 
 from rise_engine.base.errors import SessionError
-from rise_engine.session.folder import INFO, JOURNAL, has_begun
+from rise_engine.session.folder import INFO, JOURNAL, SCENARIO_COPY, has_begun, load_copy
 from rise_engine.session.replay import ReplayComparison, compare_replay
 from rise_engine.study.copies import copied_sessions, session_folders
 from rise_engine.study.labels import outage_differences
@@ -17,6 +17,8 @@ from rise_engine.study.plan_file import PLAN_FILE
 from rise_engine.study.sessions import MOVED_AWAY, StudySession
 from rise_engine.study.state import StudyStatus
 from rise_engine.study.study_log import LOG_FILE, StudyLogError, read_log
+from rise_engine.study.study_scenarios import scenario_of
+from rise_engine.study.study_toml import STUDY_FILE
 from rise_engine.study.traces import returned_sessions
 
 
@@ -82,6 +84,7 @@ def prove_sessions(
             problems += [] if name in named else [f"{LOG_FILE} does not name this session"]
             problems += [repeated[name]] if name in repeated else []
             problems += _plan_differences(state, session)
+            problems += _scenario_differences(state, session)
             problems += [f"{LOG_FILE} cannot be read whole, so what it says of it is not certain"] * bool(state.damaged)
         moved = session.reassigned if session is not None else None
         note = moved.sentence if moved is not None else ""
@@ -111,6 +114,28 @@ def _named_in_log(folder: Path) -> set[str]:
         return {str(each.get("folder") or each.get("session")) for each in entries}
     except StudyLogError:
         return set()
+
+
+def _scenario_differences(state: StudyStatus, session: StudySession) -> list[str]:
+    """Say whether a counted session ran the scenario that was planned for another level, as after folders were
+    exchanged. Changes of its own scenario are no difference."""
+    study, info = state.study, session.info
+    planned: dict[str, set[str]] = {}
+    for each in state.log:
+        for name, digest in (each.get("scenarios") or {}).items() if each.kind == "planned" else ():
+            planned.setdefault(name, set()).add(digest)
+    if info is None or session.entry.purpose != "counted" or len(planned) < 2:
+        return []
+    own = scenario_of(study, info.factors)
+    ran = load_copy(session.path / SCENARIO_COPY, robot=study.robot or None, mode=study.mode).scenario
+    if ran is None or ran.hash in planned.get(own, ()):
+        return []
+    return [
+        f'{STUDY_FILE} gives the condition "{session.entry.condition}" the scenario {own}, but the session ran {name}, '
+        f"as {LOG_FILE} says in `planned`"
+        for name, hashes in planned.items()
+        if ran.hash in hashes
+    ]
 
 
 def _plan_differences(state: StudyStatus, session: StudySession) -> list[str]:

@@ -6,12 +6,14 @@ import csv
 import json
 import re
 import shutil
+from collections import Counter
 from collections.abc import Callable
 from datetime import datetime, timedelta
 from pathlib import Path
 
 import pytest
 from click.testing import CliRunner
+from msgspec.structs import replace
 
 from rise_engine.checks.child_main import look_at_last_session
 from rise_engine.cli.program import main
@@ -24,6 +26,7 @@ from rise_engine.session.folder import INFO, read_info
 from rise_engine.session.journal_format import with_checksum
 from rise_engine.session.labels import RelabelledError, label_differences
 from rise_engine.study.labels import outage_differences
+from rise_engine.study.proof import prove_sessions
 from rise_engine.study.sessions import SESSIONS
 from rise_engine.study.state import OpenStudy, read_state
 from rise_engine.study.study_log import LOG_FILE, read_log
@@ -344,6 +347,24 @@ def test_what_is_not_proved_is_named(study: Path, damage: Callable[[Path, Path],
     about = [line for line in lines if line.startswith((f"{folder.name}: ", f"{folder.name[:17]}_P03_"))]
     assert any(told in line for line in about), lines
     assert any(re.match(r"\d of 8 sessions proved", line) for line in lines)
+
+
+def test_a_session_that_ran_the_scenario_of_another_level_is_not_proved(study: Path) -> None:
+    state = read_state(study)
+    (planned,) = (each for each in state.log if each.kind == "planned")
+    (ran,) = planned.get("scenarios").values()
+    factor, *others = state.study.factors
+
+    def proofs(*scenarios: str) -> dict[bool, int]:
+        levels = tuple(replace(level, scenario=name) for level, name in zip(factor.levels, scenarios, strict=True))
+        changed = replace(state.study, factors=(replace(factor, levels=levels), *others))
+        log = (*state.log[1:], replace(planned, fields={**planned.fields, "scenarios": {"one": ran, "two": "00"}}))
+        found = list(prove_sessions(study, replace(state, study=changed, log=log)))
+        told = "the scenario two, but the session ran one, as study.jsonl says in `planned`"
+        return Counter(any(told in problem for problem in each.problems) for each in found)
+
+    assert proofs("one", "one") == {False: 8}
+    assert proofs("one", "two") == {False: 5, True: 3}
 
 
 def test_the_proof_names_only_the_files_that_it_compared(study: Path) -> None:
