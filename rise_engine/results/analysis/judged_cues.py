@@ -31,6 +31,7 @@ from rise_engine.session.folder import read_info
 from rise_engine.session.replay import load_session_scenario
 from rise_engine.session.shadow import (
     NO_ANSWERS,
+    SHADOW_FOLDER,
     Shadow,
     ShadowCue,
     ShadowEnd,
@@ -41,6 +42,8 @@ from rise_engine.session.shadow import (
     read_shadows,
 )
 
+_ROUNDED = 0.001
+"""Seconds by which the times of one cue can differ."""
 NOTHING = "(nothing)"
 """The decision of a wizard who did nothing until the cue was over."""
 ACT, SAY, EVENT, SET = "startCommunicationRobotAct", "say", "raiseEventTopic", "assignValue"
@@ -109,6 +112,8 @@ class _Window(Struct):
     seq: int
     at: float
     number: int
+    shown: float
+    """The time of its record, at which a second wizard sees it."""
     decision: Decision | None = None
     undone: bool = False
 
@@ -180,6 +185,10 @@ def judge_session(data: SessionData, names: Mapping[str, str] | None = None) -> 
     if data.facts.speed != 1:
         told = f"{session.live} ran {data.facts.session} at {data.facts.speed:g} times real time"
         session.remarks.append(f"{told}: no latencies of that wizard")
+    shown = {window.seq: window.shown for window in windows}
+    foreign = {each.path: why for each in shadows if (why := _why_of_another(each, shown))}
+    shadows = [each for each in shadows if each.path not in foreign]
+    session.remarks += [f"{data.facts.session}: {why}" for why in foreign.values()]
     session.undone = sum(window.undone for window in windows)
     judges = _judges(shadows, live, named, session, data.facts.session)
     cues = {window.seq: window.at for window in windows}
@@ -239,7 +248,7 @@ def _windows(data: SessionData, scenario: Scenario | None) -> list[_Window]:
     windows: list[_Window] = []
     for record in data.records:
         if isinstance(record, CueRecord) and record.status == "marked":
-            window = _Window(record.seq, record.at, len(windows) + 1)
+            window = _Window(record.seq, record.at, len(windows) + 1, record.t)
             if (before := asked.get(early.get(window.number) or 0)) is not None and _decides(before, scenario):
                 label = decision_label(scenario, before.function, before.behavior)
                 window.decision = Decision(label, why="before the cue")
@@ -273,6 +282,21 @@ def _decides(record: TaskRecord, scenario: Scenario | None) -> bool:
 
 
 # --- who judged it ----------------------------------------------------------------------------------------------------
+
+
+def _why_of_another(shadow: Shadow, shown: Mapping[int, float]) -> str:
+    """Say why a shadow is of another session: it was shown another cue. Empty: it was not.
+
+    :param shown: the session time of each cue's record, by its `seq`.
+    """
+    for line in shadow.lines:
+        if isinstance(line, ShadowCue) and abs(shown.get(line.cue, -1.0) - line.t) > _ROUNDED:
+            has = f"has it at {shown[line.cue]:.3f} s" if line.cue in shown else "has no such cue"
+            return (
+                f"{SHADOW_FOLDER}/{shadow.path.name} shows cue {line.cue} at {line.t:.3f} s, and the journal {has}: it "
+                "is of another session, and left out"
+            )
+    return ""
 
 
 def _judges(

@@ -17,7 +17,15 @@ from rise_engine.results.analysis.agreement import cohen_kappa
 from rise_engine.results.analysis.judged_cues import NOTHING, Decision, JudgedSession, decision_label, judge_session
 from rise_engine.results.analysis.reading import read_session
 from rise_engine.results.analysis.wizard_agreement import compare_wizards
-from rise_engine.session.shadow import ShadowCue, ShadowKey, ShadowPause, ShadowPlay, ShadowWriter, read_shadows
+from rise_engine.session.shadow import (
+    ShadowCue,
+    ShadowEnd,
+    ShadowKey,
+    ShadowPause,
+    ShadowPlay,
+    ShadowWriter,
+    read_shadows,
+)
 from tests.results.analysis.cues import ACT, add_shadow, cue_numbers, make_session
 from tests.results.analysis.samples import make_study, sessions_of
 
@@ -110,6 +118,17 @@ def test_a_session_at_another_speed_has_no_latencies_of_its_wizard(folder: Path)
     assert {(each.latency, each.why) for each in live if each.label != NOTHING} == {(None, "another speed")}
     assert any(cue.decisions["ben"].latency is not None for cue in session.cues)
     assert session.remarks == [f"anna ran {folder.name} at 4 times real time: no latencies of that wizard"]
+
+
+def test_the_shadow_of_another_session_is_left_out(folder: Path) -> None:
+    one, two, *_ = cue_numbers(folder)
+    write_lines(folder, ShadowPlay(0.0), ShadowCue(1.0, one), ShadowCue(12.5, two), ShadowEnd(50.0))
+    session = judged(folder)
+    assert all("ben" not in cue.decisions for cue in session.cues)
+    assert session.remarks == [
+        f"{folder.name}: shadow/1.jsonl shows cue {two} at 12.500 s, and the journal has it at 10.000 s: it is of "
+        "another session, and left out"
+    ]
 
 
 def test_at_another_speed_there_are_no_latencies(folder: Path) -> None:
