@@ -51,6 +51,8 @@ class SessionFacts(SessionIdentity, frozen=True, kw_only=True):
     scenario_hash: str = ""
     changed_to: tuple[str, ...] = ()
     """The hashes of changed files with which it went on (`rise-engine take-over`), in their order."""
+    changed_keys: dict[str, float] = field(default_factory=dict)
+    """Memory keys of its condition that a wizard set to another value, with the session times of the first change."""
     language: str = ""
     """The language of everything that was said (BCP 47). Empty: the scenario does not name one."""
     robot: str = ""

@@ -6,6 +6,7 @@ import re
 from collections import Counter
 from collections.abc import Collection, Iterable, Mapping
 from sys import intern
+from typing import Any
 
 from msgspec import Struct
 from msgspec.structs import replace
@@ -40,6 +41,10 @@ STEPPED_BACK = "stepped back"
 _INTERRUPTED = "interrupted by "
 _BY_WIZARD = re.compile(r"^(?!stop-all ).*\bby (wizard:[^,]*)")
 """Excludes stops of everything, which do not repair an act."""
+
+
+_OF_CONDITION = frozenset({"study", "condition"})
+"""Sources of the memory values with which the condition begins the session."""
 
 
 class _Open(Struct):
@@ -143,6 +148,30 @@ class PointCollector:
         """Return all points in the order of the record, without removed and replaced marks. A sync mark has the time
         when it began, which is before its record."""
         return tuple(point for point in self._points if point.kind != "mistake" or point.name)
+
+
+class ConditionCollector:
+    """A collector of the memory keys of a session's condition that a wizard sets to another value. Give it the records
+    in their order."""
+
+    def __init__(self) -> None:
+        self._given: dict[str, Any] = {}
+        self._changed: dict[str, float] = {}
+
+    def add(self, record: AnyRecord) -> None:
+        if not isinstance(record, MemoryRecord):
+            return
+        key = record.key.partition(".")[0].partition("[")[0]
+        if record.source in _OF_CONDITION:
+            self._given[record.key] = record.value
+        elif key in self._given and actor_of(record.source) == "wizard":
+            is_same = key == record.key and not record.deleted and record.value == self._given[key]
+            if not is_same:
+                self._changed.setdefault(key, record.t)
+
+    def keys(self) -> dict[str, float]:
+        """Return the keys with the session times at which they were first changed."""
+        return dict(self._changed)
 
 
 def _point_of(record: AnyRecord) -> Point | None:

@@ -35,7 +35,7 @@ from rise_engine.results.analysis.acts import ActCollector
 from rise_engine.results.analysis.coded import read_annotations
 from rise_engine.results.analysis.model import Outage, SessionData, SessionFacts
 from rise_engine.results.analysis.outages import OutageCollector
-from rise_engine.results.analysis.phases import PhaseCollector, PointCollector, count_repairs
+from rise_engine.results.analysis.phases import ConditionCollector, PhaseCollector, PointCollector, count_repairs
 from rise_engine.results.analysis.session_records import SessionRecords
 from rise_engine.scenario.model import SIMULATED, Scenario
 from rise_engine.session.folder import is_abandoned
@@ -202,12 +202,14 @@ def _read(
             f"its trials are not known, and it is not certain which parts of the robot its actions used: {error}"
         )
     acts, phases, points = ActCollector(scenario), PhaseCollector(), PointCollector()
+    condition = ConditionCollector()
     away = OutageCollector(_speed_of(source))
     few: list[AnyRecord] = []
     end = 0.0
     for record in source.read():
         acts.add(record)
         phases.add(record)
+        condition.add(record)
         points.add(record, away.add(record))
         if isinstance(record, _FEW):
             few.append(record)
@@ -216,7 +218,9 @@ def _read(
     played = acts.acts(away.outages, interruptions)
     media = _media(folder, problems) if level == "full" else ()
     data = SessionData(
-        facts=_facts(source, few, end, away.outages, _judgement(source, study, few)),
+        facts=replace(
+            _facts(source, few, end, away.outages, _judgement(source, study, few)), changed_keys=condition.keys()
+        ),
         level=level,
         folder=folder,
         records=source,

@@ -142,7 +142,7 @@ def session_columns(factors: Iterable[Column], *, dated: bool) -> Columns:
         **_picked(
             SESSIONS,
             "rise_run=run attempt purpose mode outcome robot driver injected_faults scenario_hash scenario_changed_to "
-            "speed "
+            "changed_keys speed "
             "session_duration=duration_s downtime=downtime_s",
         ),
     }

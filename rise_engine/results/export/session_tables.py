@@ -133,6 +133,12 @@ SESSIONS = TableSchema(
             "empty: none.",
             lambda row: " ; ".join(row.of.changed_to),
         ),
+        Column(
+            "changed_keys",
+            "Memory keys of the condition that a wizard set to another value (kind memory in events.csv), joined by "
+            "` ; `; empty: none.",
+            lambda row: " ; ".join(row.of.changed_keys),
+        ),
         Column("language", "The language in which the robot spoke (BCP 47); empty: the scenario names none."),
         Column("robot", "The robot's profile."),
         Column("driver", "The driver of the robot; simulated: no robot moved, in any mode. Empty: not known."),

@@ -195,6 +195,9 @@ def _checks(data: SessionData) -> Iterable[Block]:
         told = [f"Skipped: {', '.join(skipped)}."] * bool(skipped) + [f"Failed: {', '.join(failed)}."] * bool(failed)
         yield Paragraph(" ".join(told), "warning")
     yield from problem_paragraphs(data.problems, data.level)
+    if changed := data.facts.changed_keys:
+        keys = ", ".join(f"{key} from {clock_text(at)} on" for key, at in changed.items())
+        yield Paragraph(f"A wizard changed what the condition had set: {keys}.", "warning")
     if data.checks:
         yield ReportTable(
             caption="Checks before and after the session",

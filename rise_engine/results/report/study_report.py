@@ -422,6 +422,9 @@ def _sessions(given: StudyReportInput) -> Iterable[Block]:
     versions = given.figures.scenario_versions(given.study)
     if versions > 1:
         yield Paragraph(f"Complete sessions ran {versions} different versions of the scenario.", "warning")
+    if changed := [row for row in given.figures.complete if row.facts.changed_keys]:
+        sessions = pluralize(len(changed), "complete session")
+        yield Paragraph(f"A wizard changed what the condition had set in {sessions}: see *went wrong*.", "warning")
     if heard := list(_other_languages(given)):
         yield Paragraph(f"Complete sessions in another language than the study says: {'; '.join(heard)}.", "warning")
     table = []
@@ -493,6 +496,7 @@ def _went_wrong(row: SessionRow) -> str:
         if facts.recoveries
         else "",
         f"faults injected: {'; '.join(facts.injected_faults)}" if facts.injected_faults else "",
+        f"condition changed by hand: {', '.join(facts.changed_keys)}" if facts.changed_keys else "",
         f"went on with changed files {pluralize(len(facts.changed_to), 'time')}" if facts.changed_to else "",
     ]
     return ", ".join(filter(None, told))

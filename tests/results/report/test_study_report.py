@@ -13,6 +13,7 @@ from types import SimpleNamespace
 import pytest
 from msgspec.structs import replace
 
+from rise_engine.kernel.inputs import SessionStarted
 from rise_engine.kernel.records import ScenarioRecord
 from rise_engine.results.analysis.model import SessionFacts
 from rise_engine.results.analysis.reading import read_sessions
@@ -33,7 +34,7 @@ from rise_engine.session.journal_reader import read_journal
 from rise_engine.study.publishing import ITEM_NAMES, REPORT_ITEMS
 from rise_engine.study.state import read_state
 from rise_engine.study.withdrawn import Withdrawn
-from tests.results.analysis.samples import DESIGN, make_study, sessions_of
+from tests.results.analysis.samples import DESIGN, make_study, play_session, sessions_of, task
 from tests.results.report.pages import PageReader
 from tests.results.report.test_page import assert_harmless
 from tests.study.designs import make_study as design
@@ -101,6 +102,27 @@ def test_a_session_that_went_on_with_changed_files_says_so_everywhere(tmp_path: 
     (data,) = read_sessions([folder])
     text = "\n".join(text_lines(session_report(data), 200))
     assert re.search(r"Changed files +2:00 by node root: act Greet changed", text)
+
+
+def test_a_condition_that_a_wizard_changed_by_hand_is_told(tmp_path: Path) -> None:
+    began = SessionStarted(participant="P01", condition="yes", study="tea", memory={"hesitation": True, "noise": 3})
+    script = [
+        (1.0, task("assignValue", "hesitation = true")),
+        (2.0, task("assignValue", "noise = 4", source="rule:Visit")),
+        (62.0, task("assignValue", "hesitation = false")),
+        (63.0, task("assignValue", "visits = 7")),
+    ]
+    folder = play_session(tmp_path / "sessions", script, started=began, until=70.0)
+    (data,) = read_sessions([folder])
+    assert data.facts.changed_keys == {"hesitation": 62.0}
+    text = "\n".join(text_lines(session_report(data), 200))
+    assert "!! A wizard changed what the condition had set: hesitation from 1:02 on." in text
+    facts = replace(data.facts, purpose="counted", outcome="complete")
+    figures = study_figures([replace(data, facts=facts)])
+    study = read_state(make_study(tmp_path / "study"))
+    text = "\n".join(text_lines(study_report(StudyReportInput(study.study, study.standing, figures)), 200))
+    assert "!! A wizard changed what the condition had set in 1 complete session" in text
+    assert "condition changed by hand: hesitation" in text
 
 
 def test_the_scenarios_of_two_levels_are_not_two_versions(tmp_path: Path) -> None:
