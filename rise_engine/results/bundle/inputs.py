@@ -14,13 +14,15 @@ from msgspec import Struct, field
 from rise_engine.base.errors import SessionError
 from rise_engine.base.text import pluralize
 from rise_engine.scenario.loader import load
-from rise_engine.session.folder import JOURNAL, SCENARIO_COPY, SessionInfo, read_info, spoken_as
+from rise_engine.session.folder import JOURNAL, SCENARIO_COPY, read_info, spoken_as
 from rise_engine.session.labels import read_labels
+from rise_engine.session.scenario_copies import copy_folders
 from rise_engine.session.unfinished_files import private_folder
 from rise_engine.study.model import Study
 from rise_engine.study.plan_file import PLAN_FILE
 from rise_engine.study.planning import last_planned, plan_problem
 from rise_engine.study.state import StudyStatus
+from rise_engine.study.study_log import LOG_FILE
 from rise_engine.study.study_scenarios import scenario_folder, scenario_of
 from rise_engine.study.study_toml import STUDY_FILE
 from rise_engine.study.traces import PARTICIPANTS_FILE
@@ -57,21 +59,27 @@ def check_inputs(root: Path, state: StudyStatus, folders: Sequence[Path]) -> Inp
     found = InputsCheck()
     runs = [_Run(each, read_labels(each / JOURNAL) or {}) for each in folders]
     own = [each for each in runs if each.labels.get("study") == state.study.id]
-    _check_study(found, state.study, own)
+    _check_study(found, state, own)
     _check_plan(found, root, state)
     _check_participants(found, state, folders)
     for name in dict.fromkeys(_scenario_of(state.study, each) for each in own):
         theirs = [each for each in own if _scenario_of(state.study, each) == name]
         if (root / name).is_dir():
-            _check_scenario(found, root, state.study, name, theirs)
+            _check_scenario(found, root, state, name, theirs)
     return found
 
 
-def _check_study(found: InputsCheck, study: Study, runs: Sequence[_Run]) -> None:
+def _check_study(found: InputsCheck, state: StudyStatus, runs: Sequence[_Run]) -> None:
+    study, planned = state.study, last_planned(state.log)
     told = [each for each in runs if each.labels.get("study_hash")]
     same = [each for each in told if each.labels["study_hash"] == study.hash]
     if not told:
         found.open.append(f"{STUDY_FILE}: no session says with which one it was run")
+    elif not same and planned is not None and planned.get("design_hash") == study.design_hash:
+        found.open.append(
+            f"{STUDY_FILE}: no session was run with it; what the plan fixes is as {LOG_FILE} says, and the rest "
+            "(title, checks, robot, recording, ...) was changed after the last session, or in the bundle"
+        )
     elif not same:
         found.problems.append(
             f"{STUDY_FILE}: no session was run with it: they say {told[-1].labels['study_hash'][:16]}..., and it is "
@@ -111,7 +119,7 @@ def _scenario_of(study: Study, run: _Run) -> str:
     return folder.relative_to(study.folder).as_posix() if folder.is_relative_to(study.folder) else named
 
 
-def _check_scenario(found: InputsCheck, root: Path, study: Study, name: str, runs: Sequence[_Run]) -> None:
+def _check_scenario(found: InputsCheck, root: Path, state: StudyStatus, name: str, runs: Sequence[_Run]) -> None:
     hashes: dict[str, str] = {}
     same = []
     for run in runs:
@@ -121,11 +129,19 @@ def _check_scenario(found: InputsCheck, root: Path, study: Study, name: str, run
             continue
         key = str((info.robot, info.mode, info.language, info.allow_untranslated))
         if key not in hashes:
-            hashes[key] = _scenario_hash(root / name, run.folder / SCENARIO_COPY, info)
-        if hashes[key] == run.labels.get("scenario_hash"):
+            how = {"robot": info.robot, "mode": info.mode, **spoken_as(info)}
+            hashes[key] = _scenario_hash(root / name, run.folder / SCENARIO_COPY, how)
+        taken_over = (not _first_difference(root / name, copy) for copy in copy_folders(run.folder)[1:])
+        if hashes[key] == run.labels.get("scenario_hash") or any(taken_over):
             same.append(run)
     if same:
         found.proved.append(f"{name}/ is the scenario of {_of(same, runs)} (scenario_hash)")
+        return
+    planned, study = last_planned(state.log), state.study
+    how = {"robot": study.robot or None, "mode": study.mode}
+    digest = _scenario_hash(root / name, runs[-1].folder / SCENARIO_COPY, how)
+    if planned is not None and digest and digest in (planned.get("scenarios") or {}).values():
+        found.open.append(f"{name}/: no session ran this scenario; it is the one of the last plan in {LOG_FILE}")
         return
     file = _first_difference(root / name, runs[-1].folder / SCENARIO_COPY)
     found.problems.append(
@@ -134,8 +150,11 @@ def _check_scenario(found: InputsCheck, root: Path, study: Study, name: str, run
     )
 
 
-def _scenario_hash(folder: Path, copy: Path, info: SessionInfo) -> str:
-    """Return the hash of the scenario together with the robots of the session's copy. Empty: it does not load."""
+def _scenario_hash(folder: Path, copy: Path, how: Mapping[str, Any]) -> str:
+    """Return the hash of the scenario together with the robots of the session's copy. Empty: it does not load.
+
+    :param how: how it is loaded.
+    """
     with private_folder(Path(tempfile.gettempdir(), "rise-scenario")) as work:
         whole = work / "scenario"
         shutil.copytree(folder, whole)
@@ -143,7 +162,7 @@ def _scenario_hash(folder: Path, copy: Path, info: SessionInfo) -> str:
             if not (whole / ROBOTS / robot.name).exists():
                 (whole / ROBOTS).mkdir(exist_ok=True)
                 shutil.copyfile(robot, whole / ROBOTS / robot.name)
-        loaded = load(whole, robot=info.robot, mode=info.mode, **spoken_as(info))
+        loaded = load(whole, **how)
     return loaded.scenario.hash if loaded.scenario is not None else ""
 
 

@@ -23,6 +23,7 @@ from rise_engine.results.bundle.inputs import InputsCheck, check_inputs
 from rise_engine.results.bundle.making import make_bundle
 from rise_engine.results.bundle.manifest import fingerprint, manifest_text
 from rise_engine.results.export.format import ExportError
+from rise_engine.scenario.loader import load
 from rise_engine.session.journal_format import encode_record, read_line, with_checksum
 from rise_engine.study.proof import prove_sessions
 from rise_engine.study.state import read_state
@@ -206,6 +207,33 @@ def test_what_sessions_were_run_from_is_what_they_say(bundle: Path, case: str) -
     change(bundle)
     (problem,) = inputs(bundle).problems
     assert told in problem
+
+
+LATER = {
+    "the title": (
+        _replace("study.toml", 'title = "Hesitation"', 'title = "Tea"'),
+        "study.toml: no session was run with",
+    ),
+    "a corrected word": (_replace("scenario/acts/all.xml", "Hello", "Hullo"), "scenario/: no session ran"),
+    "files that a session took over": (_replace("scenario/acts/all.xml", "Hello", "Hullo"), ""),
+}
+
+
+@pytest.mark.parametrize("case", LATER)
+def test_what_may_be_changed_after_the_last_session_is_no_difference(bundle: Path, case: str) -> None:
+    change, told = LATER[case]
+    change(bundle)
+    if case == "a corrected word":  # as `rise-engine study plan --again` writes it
+        state = read_state(bundle)
+        loaded = load(bundle / "scenario", robot=state.study.robot or None, mode=state.study.mode)
+        (planned,) = (each for each in state.log if each.kind == "planned")
+        assert loaded.scenario is not None
+        _replace("study.jsonl", planned.get("scenarios")["scenario"], loaded.scenario.hash)(bundle)
+    elif case.startswith("files"):
+        shutil.copytree(bundle / "scenario", first_session(bundle) / "scenario.2")
+    found = inputs(bundle)
+    assert found.problems == []
+    assert any(each.startswith(told) for each in found.open) if told else "1 of 2 sessions" in str(found.proved)
 
 
 def test_the_plan_is_the_one_that_the_log_names(whole: Path, tmp_path: Path) -> None:
