@@ -114,7 +114,8 @@ def block_problems(study: Study, slots: Sequence[Slot]) -> list[str]:
             where = f" for {stratum_name(values)}" if len(every) > 1 else ""
             found.append(
                 f"with {within} and {len(names)} cells, blocks of {blocks} do not come out even{where}: among the "
-                f"first {expected} rows {most} comes {_times(counts[most])}, and {least} {_times(counts[least])}"
+                f"first {expected} rows {most} comes {_times(counts[most])}, and {least} {_times(counts[least])}. "
+                "With block = [1] they do"
             )
     return found
 

@@ -10,9 +10,11 @@ from pathlib import Path
 import pytest
 from click.testing import CliRunner, Result
 
+from rise_engine.author.explore.situation_graph import FindingLevel
 from rise_engine.checks import kinds
-from rise_engine.checks.kinds import KindFinding, merge
+from rise_engine.checks.kinds import KindFinding, MergedFinding, StudyLook, merge
 from rise_engine.cli import main
+from rise_engine.cli.study.planning import look_lines
 from rise_engine.study.model import PlannedRun
 from rise_engine.study.session_kinds import SessionKind, session_kinds
 from rise_engine.study.study_log import read_log
@@ -69,6 +71,19 @@ def test_what_fails_in_one_condition_and_language_only_is_found(folder: Path) ->
     assert "explored and played 8 kinds of session (4 conditions, in de and en): " in result.output
     assert "2 of 2 acts began; 1 problem, " in result.output
     assert "next: " not in result.output
+
+
+def test_a_key_that_can_be_lost_is_shown_and_other_remarks_are_not() -> None:
+    def found(level: FindingLevel, kind: str) -> MergedFinding:
+        return MergedFinding(KindFinding(level, kind, f"what {kind} is", "scenario/rules/r.xml:3:1"), ("",), 1, (0, 0))
+
+    findings = (found("warning", "lost-cue"), found("remark", "lost-key"), found("remark", "round"))
+    look = StudyLook((), (), findings, 0)
+    assert list(look_lines(look)) == [
+        "scenario/rules/r.xml:3:1: warning lost-cue: what lost-cue is",
+        "scenario/rules/r.xml:3:1: remark lost-key: what lost-key is",
+        look.sentence,
+    ]
 
 
 def test_nothing_is_planned_then_unless_somebody_says_why(folder: Path) -> None:

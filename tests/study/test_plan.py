@@ -361,6 +361,7 @@ def test_the_proof_counts_what_is_there() -> None:
             make_study([2, 2], n=4, block=(2,)),
             "NOTE: with n = 4 and 4 cells, blocks of 8 do not come out even: among the first 4 rows",
         ),
+        (make_study([2, 2], n=4, block=(2,)), ". With block = [1] they do."),
         (
             make_study([2, 2], n=8, block=(2,), strata=[2]),
             "NOTE: with 4 in each of the 2 strata and 4 cells, blocks of 8 do not come out even for ",

@@ -47,12 +47,15 @@ def look_at_study(review: StudyReview) -> StudyLook | None:
 
 
 def look_lines(look: StudyLook | None) -> Iterator[str]:
-    """Yield problems and warnings, a line each, and a summary; nothing for a study with errors."""
+    """Yield problems, warnings and keys that can be lost, a line each, and a summary; nothing for a study with errors.
+
+    What a wizard's key says of the participant is often the datum itself.
+    """
     if look is None:
         return
     for each in look.findings:
         finding = each.finding
-        if finding.level != "remark":
+        if finding.level != "remark" or finding.kind == "lost-key":
             place = f"{finding.place}: " if finding.place else ""
             yield f"{place}{finding.level} {finding.kind}: {finding.text} {each.where}".rstrip()
     yield look.sentence
