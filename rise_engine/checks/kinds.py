@@ -242,9 +242,8 @@ def findings_of(
     for failure in played.failures:
         place = f"{prefix / str(failure.location)}"
         if place not in told:
-            text = f"{failure.act} failed at action {failure.action} when it was played: {failure.reason}"
             level: FindingLevel = "warning" if failure.by_hand else "problem"
-            found.append(KindFinding(level, "play-failed", text, place))
+            found.append(KindFinding(level, "play-failed", failure.sentence, place))
     return tuple(found)
 
 

@@ -73,6 +73,16 @@ def test_what_fails_in_one_condition_and_language_only_is_found(folder: Path) ->
     assert "next: " not in result.output
 
 
+def test_an_assignment_that_fails_is_found_with_its_line_and_the_reason(right: Path) -> None:
+    changed(right / "scenario/rules/objects.xml", ('"i = i + 1"', '"i = column + i"'))
+    result = run("study", "check", str(right))
+    assert result.exit_code == 1
+    found = [line for line in result.output.splitlines() if "play-failed" in line]
+    place = "scenario/rules/objects.xml:17:7: problem play-failed: "
+    told = "the assignment `i = column + i` of Objects failed when it was played: "
+    assert found and all(line.startswith(f"{place}{told}`+` joins texts or adds numbers") for line in found)
+
+
 def test_a_key_that_can_be_lost_is_shown_and_other_remarks_are_not() -> None:
     def found(level: FindingLevel, kind: str) -> MergedFinding:
         return MergedFinding(KindFinding(level, kind, f"what {kind} is", "scenario/rules/r.xml:3:1"), ("",), 1, (0, 0))

@@ -11,6 +11,7 @@ from collections.abc import Callable, Iterator
 
 from msgspec import Struct
 
+from rise_engine.author.drawing.rule_text import functions_of_rule
 from rise_engine.author.explore.moves import topics_from_outside
 from rise_engine.author.trial.trial import SOURCE, Trial
 from rise_engine.author.trial.trial_state import key_choices, standing_rules
@@ -27,14 +28,18 @@ MOST_STEPS = 300
 
 
 class PlayedFailure(Struct, frozen=True):
-    """An action that failed although the robot did everything that it was asked."""
+    """An action, or an assignment of a rule, that failed although the robot did everything that it was asked."""
 
-    act: str
-    action: str
+    what: str
+    """The beginning of a sentence: `R_Ask failed at action 1`."""
     reason: str
     location: SourceLocation
-    by_hand: bool
+    by_hand: bool = False
     """Whether the act was started by its own key, which nobody need press at that moment."""
+
+    @property
+    def sentence(self) -> str:
+        return f"{self.what} when it was played: {self.reason}"
 
 
 class PlayedThrough(Struct, frozen=True):
@@ -84,7 +89,7 @@ class _Player:
         self._pressed: set[str] = set()
         """The keys that were pressed: a key that starts an act is pressed once."""
         self.acts: set[str] = set()
-        self.failures: dict[tuple[str, str, str], PlayedFailure] = {}
+        self.failures: dict[tuple[str, ...], PlayedFailure] = {}
         self.ended = False
 
     def play(self, seed: int) -> None:
@@ -142,6 +147,7 @@ class _Player:
         by_hand: set[int] = set()
         for record in trial.records:
             if isinstance(record, TaskRecord):
+                self._note_assignment(record)
                 if record.function == "startCommunicationRobotAct" and record.status == "ACTIVE":
                     self.acts.add(record.behavior)
                     by_hand |= {record.id} if record.source == SOURCE else set()
@@ -149,7 +155,19 @@ class _Player:
                 key = (record.act, record.action, record.reason)
                 actions = self._scenario.acts[record.act].actions
                 place = next(action.location for action in actions if action.id == record.action)
-                self.failures.setdefault(key, PlayedFailure(*key, place, record.task in by_hand))
+                what = f"{record.act} failed at action {record.action}"
+                failure = PlayedFailure(what, record.reason, place, record.task in by_hand)
+                self.failures.setdefault(key, failure)
+
+    def _note_assignment(self, record: TaskRecord) -> None:
+        """Note an assignment of a rule that failed, so that what follows in the rule did not happen."""
+        kind, _, name = record.source.partition(":")
+        if kind != "rule" or record.function != "assignValue" or record.status != "ABORTED":
+            return
+        same = (each for each in functions_of_rule(self._scenario.rules[name]) if each.behavior == record.behavior)
+        place = next((each.location for each in same), self._scenario.rules[name].location)
+        failure = PlayedFailure(f"the assignment `{record.behavior}` of {name} failed", record.reason, place)
+        self.failures.setdefault((name, record.behavior), failure)
 
 
 def _go_on_without(task: int) -> Submit:
