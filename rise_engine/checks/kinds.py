@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import re
 import time
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from contextlib import suppress
 from functools import cache, partial
 from hashlib import sha256
@@ -181,7 +181,7 @@ def look_at_kinds(
     if kept.keys() - before.keys():
         newest = dict([*kept.items(), *((key, look) for key, look in before.items() if key not in kept)][:_MOST_KEPT])
         with suppress(OSError):  # results that cannot be stored are computed again
-            write_whole(folder / KEPT, encode(newest))
+            write_whole(folder / KEPT, encode(_Kept(newest, _sum(newest))))
     found = merge([(kind, look.is_complete, look.findings) for kind, look in looked])
     return StudyLook(tuple(kind for kind, _ in looked), tuple(look for _, look in looked), tuple(found), len(acts))
 
@@ -293,8 +293,21 @@ def _digest(study: Study, kind: SessionKind, scenario: Scenario) -> str:
     return sha256(encode([*parts, kind.run.factors if scenario.reads_session else None])).hexdigest()
 
 
+class _Kept(Struct, frozen=True):
+    """The contents of `.kinds.json`."""
+
+    looks: dict[str, KindLook]
+    sum: str
+    """Their check sum, because a result that somebody has changed is none."""
+
+
+def _sum(looks: Mapping[str, KindLook]) -> str:
+    return sha256(encode(looks)).hexdigest()
+
+
 def _read_kept(folder: Path) -> dict[str, KindLook]:
     try:
-        return msgspec.json.decode((folder / KEPT).read_bytes(), type=dict[str, KindLook])
+        kept = msgspec.json.decode((folder / KEPT).read_bytes(), type=_Kept)
     except (OSError, msgspec.DecodeError):
         return {}
+    return kept.looks if _sum(kept.looks) == kept.sum else {}
